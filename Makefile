@@ -10,8 +10,8 @@ DISTRIBUTIONS := shared $(addprefix services/,order_service edge_agent status_ag
 SOURCES := $(DISTRIBUTIONS:%=%/src)
 # Processes that run tests in parallel; each test has its own ROS domain, broker and ports.
 WORKERS ?= 2
-# Tests of whole sites wait for robots about half of the time: three keep two cores busy.
-test test-all: WORKERS = 3
+# Tests of whole sites wait for robots about half of the time: four keep two cores busy.
+test test-all: WORKERS = 4
 # Tests of whole sites come first in the list; workstealing then spreads them over the workers.
 SHARED_OUT = -n $(WORKERS) --dist worksteal
 COVERED := --cov --cov-report=xml --cov-fail-under=85
@@ -72,10 +72,10 @@ lint: $(STAMP) ## check style, types, import rules and known vulnerabilities
 test-unit: $(STAMP) ## unit tests only: no broker, ROS or browser; a few minutes
 	$(BIN)/pytest tests/unit $(SHARED_OUT) -m "not broker and not postgres and not ros and not e2e"
 
-test: $(STAMP) action-types broker browser ## all tests but the long ones, with branch coverage; TESTS=path runs a part of them
-	$(BIN)/pytest $(SHARED_OUT) $(or $(TESTS),$(COVERED))
+test: $(STAMP) action-types broker browser ## all tests but the long ones; TESTS=path runs a part of them
+	$(BIN)/pytest $(SHARED_OUT) $(TESTS)
 
-test-all: $(STAMP) action-types broker browser ## all tests, with long and quarantined ones, then soak-cores, fuzz and faults: several hours
+test-all: $(STAMP) action-types broker browser ## all tests, with long and quarantined ones and branch coverage, then soak-cores, fuzz and faults: several hours
 	$(BIN)/pytest $(SHARED_OUT) $(COVERED) --long
 	$(MAKE) soak-cores fuzz faults
 

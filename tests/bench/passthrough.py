@@ -16,6 +16,7 @@ from rclpy.node import Node
 from bench.bare_ros import run_node
 from bench.nav2_stand_in import LATCHED, STATUS_TOPIC
 from bench.wire import Wire
+from support.waiting import wait_until
 
 
 def main() -> None:
@@ -38,6 +39,8 @@ def main() -> None:
         node.create_subscription(
             GoalStatusArray, STATUS_TOPIC, lambda _statuses: wire.publish(answer_topic, answer), LATCHED
         )
+        # each side discovers the other for itself: what is published before this one has is lost
+        wait_until(publisher.get_subscription_count, what="the far end is discovered")
 
     run_node("bench_passthrough", domain_id=int(domain_id), namespace=namespace, prepare=connect)
 

@@ -39,7 +39,7 @@ def running_demo(tmp_path: Path, domain_id: int) -> Iterator[subprocess.Popen[st
         process.wait()
 
 
-@pytest.mark.parametrize("broker", ["mosquitto", "amqtt"])
+@pytest.mark.parametrize("broker", [pytest.param("mosquitto", marks=pytest.mark.long), "amqtt"])  # make smoke
 def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(
     tmp_path: Path, domain_id: int, broker: str
 ) -> None:

@@ -35,7 +35,7 @@ def test_a_steady_run_has_not_drifted() -> None:
     assert drift(run()) == []
 
 
-def test_what_goes_up_and_down_has_not_drifted() -> None:
+def test_fluctuating_values_are_not_drift() -> None:
     assert (
         drift(
             run(
@@ -47,7 +47,7 @@ def test_what_goes_up_and_down_has_not_drifted() -> None:
     )
 
 
-def test_the_first_window_is_for_warming_up() -> None:
+def test_the_first_window_is_warm_up() -> None:
     assert drift(run(megabytes=lambda number: 20 if number == 0 else 100.0)) == []
 
 
@@ -61,13 +61,13 @@ def test_the_first_window_is_for_warming_up() -> None:
         (run(order=lambda number: 5.0 * (1 + number)), "orders"),
     ],
 )
-def test_what_grows_and_grows_is_told(found: list[Window], word: str) -> None:
+def test_steady_growth_is_reported(found: list[Window], word: str) -> None:
     (said,) = drift(found)
 
     assert word in said
 
 
-def test_growth_until_the_order_service_has_all_orders_that_it_keeps_is_none() -> None:
+def test_growth_while_the_order_cache_fills_does_not_count() -> None:
     def windows(orders: int) -> list[Window]:
         found = run(megabytes=lambda number: 100.0 + 10 * min(number, 5))
         return [replace(each, orders=[8.0] * orders) for each in found]
@@ -76,7 +76,7 @@ def test_growth_until_the_order_service_has_all_orders_that_it_keeps_is_none() -
     assert drift(windows(WARM_UP_ORDERS // 5)) == []
 
 
-def test_growth_after_that_is_told() -> None:
+def test_later_growth_is_reported() -> None:
     found = [
         replace(each, orders=[8.0] * WARM_UP_ORDERS)
         for each in run(megabytes=lambda number: 100 + 5 * number)
@@ -84,7 +84,7 @@ def test_growth_after_that_is_told() -> None:
     assert len(drift(found)) == 1
 
 
-def test_a_run_that_is_too_short_is_no_run() -> None:
+def test_a_run_that_is_too_short_does_not_count() -> None:
     with pytest.raises(ValueError, match="at least 4 windows"):
         drift(run()[:3])
 
@@ -93,7 +93,7 @@ def report(windows: list[Window], fault: str = "") -> str:
     return document(Soaked(windows, 10, fault), minutes=10, load=2.0)
 
 
-def test_the_report_has_a_line_for_each_window_and_says_what_has_drifted() -> None:
+def test_the_report_has_a_line_per_window_and_names_drift() -> None:
     text = report(run(threads=lambda number: 5 + number))
 
     assert text.count("| 10 ms | 10 ms |") == COUNT
@@ -101,8 +101,8 @@ def test_the_report_has_a_line_for_each_window_and_says_what_has_drifted() -> No
     assert "No drift" in report(run())
 
 
-def test_the_report_says_what_the_checker_has_found() -> None:
-    text = report(run(), fault="{'T-7': 'the robot cannot continue it'}")
+def test_the_report_contains_the_checkers_findings() -> None:
+    text = report(run(), fault="{'T-7': 'the robot cannot continue the order'}")
 
-    assert "**{'T-7': 'the robot cannot continue it'}**" in text
+    assert "**{'T-7': 'the robot cannot continue the order'}**" in text
     assert "None lost" not in text

@@ -53,6 +53,7 @@ async def test_aggregator_killed(trial: Callable[..., Any]) -> None:
                 await awaited(seen, serials.issubset, seconds=60, what="the aggregator knows every robot")
 
 
+@pytest.mark.long
 async def test_agents_on_ros_killed(trial: Callable[..., Any]) -> None:
     """Kill the agents of ten robots, two of them on ROS, while they drive: they continue their goals."""
     async with trial(on_ros=True, seed=5) as running:

@@ -180,6 +180,10 @@ _matches = lru_cache(maxsize=10_000)(topic_matches_sub)
 """Tests look through the same topics again and again."""
 
 
+CATCH_UP = "catch-up/"
+"""Below here a peer writes to itself; no peer records it."""
+
+
 class MqttPeer:
     """A plain MQTT client for tests, in its own thread: publishes, and records by topic.
 
@@ -202,9 +206,10 @@ class MqttPeer:
         self._lock = threading.Lock()
         self._subscribed = threading.Event()
         self._topic_filters = topic_filters
-        self._client = Client(
-            CallbackAPIVersion.VERSION2, client_id=f"peer-{next(_client_numbers)}-{os.getpid()}"
-        )
+        client_id = f"peer-{next(_client_numbers)}-{os.getpid()}"
+        self._own_topic = f"{CATCH_UP}{client_id}"
+        self._caught_up = threading.Event()
+        self._client = Client(CallbackAPIVersion.VERSION2, client_id=client_id)
         self._client.on_socket_open = self._no_delay
         self._client.on_connect = self._subscribe
         self._client.on_subscribe = lambda *_: self._subscribed.set()
@@ -227,6 +232,15 @@ class MqttPeer:
     def send(self, topic: str, payload: bytes | str, *, retain: bool = False) -> None:
         """Publish without waiting, from any thread."""
         self._client.publish(topic, payload, 1, retain)
+
+    def catch_up(self) -> None:
+        """Wait until everything that the broker has had so far is recorded.
+
+        Another client of the broker may have a message, and act on it, before this one has it.
+        """
+        self._caught_up.clear()
+        self.publish(self._own_topic, b"")
+        assert self._caught_up.wait(PATIENCE), "the broker delivered nothing"
 
     def received(self, topic_filter: str = "#") -> list[Inbound]:
         """Return what came under ``topic_filter`` so far, in the order of arrival."""
@@ -261,12 +275,16 @@ class MqttPeer:
 
     def _subscribe(self, client: Client, *_: Any) -> None:
         if self._topic_filters:
-            client.subscribe([(each, 1) for each in self._topic_filters])
+            client.subscribe([(each, 1) for each in (*self._topic_filters, self._own_topic)])
         else:
             self._subscribed.set()
         self._on_connected()
 
     def _record(self, _client: Client, _userdata: Any, message: MQTTMessage) -> None:
+        if message.topic.startswith(CATCH_UP):
+            if message.topic == self._own_topic:
+                self._caught_up.set()
+            return
         inbound = Inbound(message.topic, bytes(message.payload), message.retain)
         with self._lock:
             self._order.append(inbound)

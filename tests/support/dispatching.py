@@ -18,14 +18,14 @@ class Told:
     """Knowledge with given costs by vehicle, or by order and vehicle; without a cost there is no route."""
 
     costs: Mapping[Any, float] = field(default_factory=dict)
-    misfits: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    unsuitable: Mapping[tuple[str, str], str] = field(default_factory=dict)
     """Why vehicles must not do orders of a type, by type and vehicle."""
 
     crowds: Mapping[str, int] = field(default_factory=dict)
     """How many vehicles are to come to the destinations of orders, by name."""
 
-    def misfit(self, order: TransportOrder, vehicle: str) -> str:
-        return self.misfits.get((order.status.type, vehicle), "")
+    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
+        return self.unsuitable.get((order.status.type, vehicle), "")
 
     def recharges(self, order: TransportOrder) -> bool:
         return order.current.destination.operation == "Charge"
@@ -40,7 +40,7 @@ class Told:
     def crowd(self, order: TransportOrder) -> int:
         return self.crowds.get(order.name, 0)
 
-    def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
+    def why_no_route(self, order: TransportOrder, vehicle: str) -> str:
         return f"No route for {order.name} and {vehicle}."
 
 

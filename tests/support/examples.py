@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "300"))
+EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "200"))
 """Random histories of the robot's core, over all versions; machines of one part take a share of it."""
 
 MESSAGES = int(os.environ.get("NENA_MESSAGES", "10"))

@@ -253,5 +253,6 @@ async def every_order_ended(client: httpx.AsyncClient, seconds: float = 200) -> 
 
 def actions_done(wire: MqttPeer, fleet: Fleet) -> Counter[str]:
     """Count, over the whole conversation, how often a load was taken up or set down for each drive order."""
+    wire.catch_up()
     states = wire.received(f"{fleet.interface}/v2/+/+/state")
     return Counter(each.drive_order for each in executions(states))

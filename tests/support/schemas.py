@@ -35,6 +35,9 @@ def _corrected(folder: Path, version: str, message: str) -> dict[str, Any]:
     corrections = json.loads((folder / "fixups.json").read_text(encoding="utf-8"))
     fixups = corrections.get(version, {"base": version, "files": {}})
     name = f"{message}.schema"
+    if not (folder / fixups["base"]).is_dir():
+        problem = f"no official schemas of VDA 5050 {version} in {folder}: add them, or a base to fixups.json"
+        raise FileNotFoundError(problem)
     text = (folder / fixups["base"] / name).read_text(encoding="utf-8")
     schema: dict[str, Any] = json.loads(re.sub(r",(\s*[}\]])", r"\1", text))
     for operation in fixups["files"].get(name, []):

@@ -290,7 +290,7 @@ def make_context(
 ) -> Context:
     """Make what flows work with, over ``plant``; no robot is connected."""
     settings = settings or EngineSettings(default_map_id="map")
-    finder = RouteFinder(plant, Router(plant), any_day=Router(plant))
+    finder = RouteFinder(plant, Router(plant), without_host_locks=Router(plant))
     finder.set_locks(locks or {})
     planner = OrderPlanner(plant, finder, OperationMap(), speed_limits=settings.speed_limits)
     registry = VehicleRegistry(plant, default_map_id=settings.default_map_id, adopt_unknown=False)

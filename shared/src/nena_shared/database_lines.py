@@ -1,4 +1,4 @@
-"""The lines of a program to its database's server, to be ended where the server hangs without being gone."""
+"""A program's connections to its database server, which can be closed at the end if the server hangs."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 from weakref import WeakKeyDictionary, WeakSet
 
 _lines: WeakKeyDictionary[Any, WeakSet[Any]] = WeakKeyDictionary()
-"""By SQLAlchemy's engine, the driver's own connections; weak references."""
+"""The driver's connections by SQLAlchemy engine, as weak references."""
 
 
 def remember(engine: Any, connection: Any) -> None:  # noqa: ANN401 - SQLAlchemy's and its driver's, without either
-    """Handle a connection with a ``fileno()``, for :func:`hang_up`."""
+    """Register a connection with a ``fileno()`` for :func:`hang_up`."""
     _lines.setdefault(engine, WeakSet()).add(connection)
 
 
 def hang_up(engine: Any) -> None:  # noqa: ANN401 - the same
-    """Close the connections of an engine from any thread, at the end of the program.
+    """Close the connections of an engine at the end of the program. Thread-safe.
 
-    A server that hangs, as on a stalled disk, would block a thread that waits for its answer forever, and
-    the program with it.
+    Otherwise a server that hangs, e.g. on a stalled disk, would block the thread that waits for it, and thus
+    the end of the program.
     """
     for connection in tuple(_lines.get(engine, ())):
         closed_meanwhile = suppress(OSError, engine.dialect.loaded_dbapi.Error)

@@ -1,4 +1,4 @@
-"""Findings of pydantic in words, a line each with the path of the field."""
+"""Format pydantic's errors, one line each with the path of the field."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 WORDS = {"extra_forbidden": "unknown field", "missing": "is missing"}
-"""Texts by kind of finding, where pydantic uses programmers' terms: inputs and extras."""
+"""Texts by error type, where pydantic's own use programming terms ("inputs", "extra")."""
 PREFIX = "Value error, "
-"""What pydantic puts before words of our own."""
+"""Prefix that pydantic adds to our own messages."""
 SHOWN = 300
-"""Length to which a name or a value in a text is cut: both may contain foreign input of any length."""
+"""Maximum length of a path or message, characters; both may contain untrusted input of any length."""
 FINDINGS_SHOWN = 10
-"""Maximum findings in one answer."""
+"""Maximum number of errors in a response."""
 
 
 def in_words(findings: Sequence[Any], *, whole: str, root: str = "", most: int | None = None) -> list[str]:
-    """Return a line for each of pydantic's findings.
+    """Return a line for each of pydantic's errors.
 
     Args:
         findings: as returned by ``ValidationError.errors()``.
-        whole: replaces the path for a finding about the whole value.
-        root: the first part of paths that is left out.
-        most: maximum number of findings; one more line counts the rest.
+        whole: replaces the path of errors about the whole value.
+        root: first part of paths, to be omitted.
+        most: maximum number of errors; an additional line counts the rest.
     """
     lines = [f"{path_of(each['loc'], root) or whole}: {words_of(each)}" for each in findings[:most]]
     more = len(findings) - len(lines)
@@ -30,16 +30,16 @@ def in_words(findings: Sequence[Any], *, whole: str, root: str = "", most: int |
 
 
 def path_of(location: Iterable[str | int], root: str = "") -> str:
-    """Write where a field is: names and places in lists, with dots between them."""
+    """Return the path of a field: names and list indices, separated by dots."""
     parts = list(map(str, location))
     return shortened(".".join(parts[1:] if parts[:1] == [root] else parts))
 
 
 def words_of(finding: Any) -> str:  # noqa: ANN401 - pydantic and FastAPI have types of their own for the same
-    """Return the problem of a field."""
+    """Return the message of an error."""
     return WORDS.get(finding["type"]) or shortened(str(finding["msg"]).removeprefix(PREFIX))
 
 
 def shortened(text: str) -> str:
-    """Return the beginning of a long text."""
+    """Shorten a text to SHOWN characters."""
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."

@@ -1,4 +1,4 @@
-"""Durations by bucket, counted where they happen; metrics read them at a scrape."""
+"""Histogram of durations, counted as they occur and read by each scrape."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from contextlib import contextmanager
 from math import inf
 
 SHORT = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
-"""Upper bounds of buckets for work of the program, seconds."""
+"""Upper bounds of buckets for the program's own work, seconds."""
 
 ANSWERS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-"""For what a robot or a broker has to answer, seconds."""
+"""Upper bounds of buckets for responses of robots and brokers, seconds."""
 
 LONG = (1.0, 5.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0, 7200.0, 14400.0)
-"""For what robots do, seconds."""
+"""Upper bounds of buckets for actions and orders of robots, seconds."""
 
 
 class Histogram:
-    """Durations by bucket."""
+    """Counts durations by bucket."""
 
     __slots__ = ("bounds", "counts", "total")
 
     def __init__(self, bounds: Sequence[float]) -> None:
-        """Count nothing yet; ``bounds`` are the upper bounds of the buckets, the last one is infinite."""
+        """Create an empty histogram; ``bounds``: upper bounds of the buckets, s. An infinite one is added."""
         self.bounds = bounds
         self.counts = [0] * (len(bounds) + 1)
         self.total = 0.0
@@ -44,7 +44,7 @@ class Histogram:
             self.observe(time.perf_counter() - begun)
 
     def buckets(self) -> list[tuple[str, float]]:
-        """Return the cumulative buckets, as the text format has them."""
+        """Return the cumulative buckets as in Prometheus's text format."""
         running, found = 0, []
         for bound, count in zip((*self.bounds, inf), self.counts, strict=True):
             running += count

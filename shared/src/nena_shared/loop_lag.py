@@ -1,4 +1,4 @@
-"""Event loop lag: what blocks the loop delays every request and every robot."""
+"""Measure the lag of the event loop, which delays every request and every robot."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from collections import deque
 from nena_shared.clock import Clock
 
 INTERVAL = 0.1
-"""Seconds between two measurements: a shorter hold may go unnoticed."""
+"""Interval between measurements, seconds; shorter blocks may go unnoticed."""
 
 WINDOW = 60.0
-"""Seconds that a measurement counts."""
+"""Period covered by the maximum, seconds."""
 
 
 class LoopLag:
-    """Measures by how much a task that is due runs late."""
+    """Measures how late a scheduled task runs."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._longest: deque[tuple[float, float]] = deque()
-        """Moments and delays of the measurements that no later one exceeds, the longest first."""
+        """Times and delays of measurements not exceeded by a later one, longest first."""
 
     @property
     def longest(self) -> float:
-        """The longest delay of the last minute, seconds; 0 before the first measurement."""
+        """Longest delay of the last minute, seconds; 0 before the first measurement."""
         self._forget(self._clock.monotonic())
         return self._longest[0][1] if self._longest else 0.0
 
     def note(self, delay: float) -> None:
-        """Count a measurement, seconds."""
+        """Add a measured delay, seconds."""
         now = self._clock.monotonic()
         self._forget(now)
         while self._longest and self._longest[-1][1] <= delay:

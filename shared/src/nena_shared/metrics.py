@@ -1,7 +1,7 @@
-"""Metrics of a program as a table: each is defined once, with its help, its labels, and how it is read.
+"""Metrics of a program as a table that defines the name, help, labels and source of each metric once.
 
-Values are read from the state at a scrape if it has them; only durations are counted where they happen, in
-a :class:`Histogram`.
+Values are read from the program's state on each scrape; only durations are counted as they occur, in a
+:class:`Histogram`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ S = TypeVar("S")
 
 
 class MetricKind(StrEnum):
-    """Types of Prometheus."""
+    """Prometheus metric types."""
 
     GAUGE = "gauge"
     COUNTER = "counter"
@@ -34,26 +34,26 @@ class MetricKind(StrEnum):
 
 
 LabelValues = str | tuple[str, ...]
-"""Of one label, or of several in their order."""
+"""The value of one label, or of several in order."""
 
 Reading = float | Histogram | Mapping[Any, float] | Mapping[Any, Histogram] | None
-"""The value of a metric without labels, or the values by :data:`LabelValues`; None: currently none."""
+"""Value of a metric without labels, or values by :data:`LabelValues`; None: no value at present."""
 
 
 @dataclass(frozen=True, slots=True)
 class Metric(Generic[S]):
-    """One metric of a program; ``S`` is the type that it is read from."""
+    """A metric; ``S`` is the type of its source."""
 
     name: str
-    """As in a query: counters end with ``_total``."""
+    """Name as used in queries; counters end with ``_total``."""
     kind: MetricKind
     text: str
-    """A sentence."""
+    """Help text, one sentence."""
     labels: tuple[str, ...]
     read: Callable[[S], Reading]
 
     def family(self, source: S) -> Family:
-        """Read the metric."""
+        """Read the metric from its source."""
         reading = self.read(source)
         if reading is None:
             samples: Iterable[tuple[LabelValues, float | Histogram]] = ()
@@ -83,28 +83,28 @@ class Metric(Generic[S]):
 
 
 def gauge(name: str, text: str, read: Callable[[S], Reading], *labels: str) -> Metric[S]:
-    """Describe a value that rises and falls."""
+    """Define a gauge."""
     return Metric(name, MetricKind.GAUGE, text, labels, read)
 
 
 def counter(name: str, text: str, read: Callable[[S], Reading], *labels: str) -> Metric[S]:
-    """Describe a count since the start of the program; its name ends with ``_total``."""
+    """Define a counter, which starts at 0 with the program; its name ends with ``_total``."""
     return Metric(name, MetricKind.COUNTER, text, labels, read)
 
 
 def histogram(name: str, text: str, read: Callable[[S], Reading], *labels: str) -> Metric[S]:
-    """Describe durations in seconds."""
+    """Define a histogram of durations in seconds."""
     return Metric(name, MetricKind.HISTOGRAM, text, labels, read)
 
 
 @dataclass(frozen=True, slots=True)
 class Section(Generic[S]):
-    """Metrics that belong together, as ``docs/metrics.md`` shows them."""
+    """A section of ``docs/metrics.md``."""
 
     title: str
     metrics: tuple[Metric[S], ...]
     text: str = ""
-    """What holds for all of them, such as the values of a label."""
+    """Text about all of its metrics, such as the values of a label."""
 
 
 class _Table(Collector):
@@ -121,15 +121,15 @@ class _Table(Collector):
         for each in self._metrics:
             try:
                 yield each.family(self._source)
-            except Exception:  # the others are shown: they help to find the fault
+            except Exception:  # still show the others, which help to find the fault
                 log.exception("a metric could not be read", metric=each.name)
 
 
 class Exposition:
-    """Writes a table of metrics, and those of the process."""
+    """Writes the metrics of a table and of the process in Prometheus's text format."""
 
     def __init__(self, source: object, sections: Sequence[Section[Any]], *, process: bool = True) -> None:
-        """Read the metrics of ``sections`` from ``source``; without ``process``, only those."""
+        """Prepare to read ``sections`` from ``source``, and the metrics of the process unless disabled."""
         self._registry = CollectorRegistry()
         self._registry.register(_Table(source, sections))
         if process:

@@ -1,4 +1,4 @@
-"""Start and end a NeNa program: settings, log, signals, and heartbeats for its supervisor."""
+"""Run a NeNa program: settings, logging, signals, and heartbeats for its supervisor."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from nena_shared.tasks import TaskFailedError, end, set_within, stop_on_signals
 log = get_logger(__name__)
 
 BEAT = 5.0
-"""Seconds between two signs unless systemd wants them more often."""
+"""Maximum interval between heartbeats, seconds; shorter if systemd requires it."""
 
 HEARTBEAT_FILE = "NENA_HEARTBEAT_FILE"
-"""Environment variable that names the file; its time of change is the newest sign."""
+"""Environment variable with the path of the heartbeat file; its modification time is the last heartbeat."""
 
 
 @dataclass(frozen=True, slots=True)
 class Supervision:
-    """The supervisor that expects heartbeats, and how often (``period`` in seconds)."""
+    """The supervisor that expects a heartbeat every ``period`` seconds."""
 
     notify_socket: str | None
     file: Path | None
@@ -34,17 +34,17 @@ class Supervision:
 
     @classmethod
     def of(cls, environment: Mapping[str, str]) -> Supervision:
-        """Read the variables of systemd (sd_notify(3), sd_watchdog_enabled(3)) and our own."""
+        """Read the environment variables of systemd (sd_notify(3), sd_watchdog_enabled(3)) and NeNa."""
         file = environment.get(HEARTBEAT_FILE)
         watchdog = environment.get("WATCHDOG_USEC", "")
         seconds = int(watchdog) / 1e6 if watchdog.isdecimal() and int(watchdog) else 2 * BEAT
         return cls(environment.get("NOTIFY_SOCKET"), Path(file) if file else None, min(BEAT, seconds / 2))
 
     def notify(self, text: str) -> None:
-        """Send ``text`` to systemd, in the form of sd_notify(3).
+        """Send ``text`` to systemd as in sd_notify(3).
 
         Raises:
-            OSError: the socket is gone.
+            OSError: the socket no longer exists.
 
         """
         if self.notify_socket is None:
@@ -54,7 +54,7 @@ class Supervision:
             sender.sendto(text.encode(), "\0" + address[1:] if address.startswith("@") else address)
 
     def beat(self) -> None:
-        """Send one heartbeat; raises as :meth:`notify`."""
+        """Send a heartbeat; raises like :meth:`notify`."""
         self.notify("WATCHDOG=1")
         if self.file:
             self.file.touch()
@@ -75,7 +75,7 @@ async def heartbeats(stop: asyncio.Event, environment: Mapping[str, str] = os.en
 
 
 async def _send_heartbeats(supervision: Supervision, stop: asyncio.Event) -> None:
-    """Send heartbeats until cancelled, also while the program shuts down, which may take long."""
+    """Send heartbeats until cancelled, including during a long shutdown."""
     message, well = "READY=1", True
     while True:
         try:
@@ -103,7 +103,7 @@ EXIT_MISCONFIGURED = 2
 
 
 class StartError(Exception):
-    """The program cannot start; the text says why, and what to do."""
+    """The program cannot start; the message explains why and what to do."""
 
 
 def run(
@@ -114,9 +114,9 @@ def run(
     description: str,
     argv: Sequence[str] | None = None,
 ) -> int:
-    """Read the settings, serve until SIGINT or SIGTERM, and return the exit status.
+    """Read the settings, run ``serve`` until SIGINT or SIGTERM, and return the exit status.
 
-    ``serve`` gets the settings and an event that is set when the program has to end.
+    ``serve`` receives the settings and an event that is set when the program must end.
     """
     try:
         chosen = load(
@@ -126,14 +126,19 @@ def run(
         asyncio.run(_serve(chosen, serve))
         get_logger(__name__).info("program ended", program=program)
     except ConfigurationError as error:
-        for problem in error.problems:
-            sys.stderr.write(f"{program}: setting {problem}\n")
-        return EXIT_MISCONFIGURED
+        return report_misconfigured(program, error)
     except (StartError, TaskFailedError) as error:
         text = f"{error}: {error.__cause__}" if isinstance(error.__cause__, StartError) else str(error)
         sys.stderr.write(f"{program}: {text}\n")
         return EXIT_FAILED
     return 0
+
+
+def report_misconfigured(program: str, error: ConfigurationError) -> int:
+    """Write the problems of the settings to standard error; return the exit status."""
+    for problem in error.problems:
+        sys.stderr.write(f"{program}: setting {problem}\n")
+    return EXIT_MISCONFIGURED
 
 
 async def _serve(settings: S, serve: Callable[[S, asyncio.Event], Awaitable[None]]) -> None:

@@ -1,4 +1,4 @@
-"""ROS 2 as the edge agent and the simulator of its robot both need it; without ROS this can be imported."""
+"""ROS 2 basics for edge agent and robot simulator. Can be imported without ROS."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rclpy.context import Context
 
 NORM_TOLERANCE = 0.01
-"""How far the length of a unit quaternion may be off."""
+"""Tolerance for the length of a unit quaternion."""
 
 
 class GoalStatus(IntEnum):
@@ -29,7 +29,7 @@ class GoalStatus(IntEnum):
 
     @classmethod
     def of(cls, number: int) -> GoalStatus:
-        """Return the status of a number on the wire; UNKNOWN for a number without a definition."""
+        """Return the status for a number on the wire; UNKNOWN for undefined numbers."""
         try:
             return cls(number)
         except ValueError:
@@ -42,7 +42,7 @@ class GoalStatus(IntEnum):
 
 
 def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
-    """Return the type of a name such as ``nav2_msgs/msg/SpeedLimit``; None if it is not installed."""
+    """Return the type named, for example, ``nav2_msgs/msg/SpeedLimit``; None if it is not installed."""
     package, kind, type_name = name.split("/")
     try:
         return getattr(import_module(f"{package}.{kind}"), type_name, None)
@@ -52,7 +52,7 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
 
 @contextmanager
 def joined_domain(domain_id: int) -> Iterator[Context]:
-    """Join a ROS domain with a participant of its own; its nodes must have been destroyed before the end."""
+    """Join a ROS domain with a separate context; destroy its nodes before the end of the block."""
     import rclpy  # noqa: PLC0415 - see the module's docstring
     from rclpy.context import Context  # noqa: PLC0415
     from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
@@ -71,7 +71,7 @@ def wrap(angle: float) -> float:
 
 
 def yaw_of(x: float, y: float, z: float, w: float) -> float | None:
-    """Return the heading (rad) of a unit quaternion of either sign; None if it is no unit quaternion."""
+    """Return the yaw (rad) of a unit quaternion of either sign; None if it is not a unit quaternion."""
     norm = math.hypot(x, y, z, w)
     if not math.isfinite(norm) or abs(norm - 1.0) > NORM_TOLERANCE:
         return None

@@ -1,9 +1,9 @@
-"""Settings of every NeNa program: command line over environment over TOML file over defaults.
+"""Settings of NeNa's programs. Precedence: command line, environment, TOML file, defaults.
 
-Each program has one settings model, a subclass of :class:`ProgramSettings`. Environment variables are
-called ``NENA_<FIELD>``, with two underscores between the levels (``NENA_MQTT__HOST``); options are called
-like the fields (``--mqtt.host``). Unknown settings are errors, so that spelling mistakes are found at the
-start; only environment variables, which programs share, may be unknown at the first level.
+Each program has a settings model, a subclass of :class:`ProgramSettings`. Environment variables are named
+``NENA_<FIELD>`` with two underscores between levels (``NENA_MQTT__HOST``), options like the fields
+(``--mqtt.host``). Unknown settings are errors, except for first-level environment variables, which programs
+share.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from nena_shared.findings import path_of, shortened, words_of
 S = TypeVar("S", bound="ProgramSettings")
 
 _FIELD = re.compile(r'(?:field "|encountered for )([\w.]+)')
-"""Field name in the library's error about an unreadable text."""
+"""Field name in pydantic-settings' error about an invalid text."""
 
 
 class ConfigurationError(Exception):
-    """The settings are invalid; ``problems`` says what to change, one line each."""
+    """The settings are invalid; ``problems`` has a line for each with what to change."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__("; ".join(problems))
@@ -228,11 +228,11 @@ def _read_file(path: Path) -> dict[str, Any]:
 
 
 class TomlError(ValueError):
-    """A text is not valid TOML; the message says why."""
+    """The text is not valid TOML; the message explains why."""
 
 
 def parse_toml(text: bytes) -> dict[str, Any]:
-    """Parse TOML from outside, with one error for everything that can be wrong with it.
+    """Parse untrusted TOML, with a single exception type for all errors.
 
     Raises:
         TomlError: the text is invalid.
@@ -256,7 +256,7 @@ def _build(model: type[S], command_line: PydanticBaseSettingsSource, from_file: 
 
 
 def _defaults_of_groups(model: type[S]) -> dict[str, Any]:
-    """Return the programs' own defaults of groups, so that setting one value keeps the others."""
+    """Return the program's defaults of setting groups, so that setting one value keeps the others."""
     defaults = {
         name: field.get_default(call_default_factory=True, validated_data={})
         for name, field in model.model_fields.items()
@@ -278,9 +278,9 @@ def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 def _unread(error: SettingsError) -> str:
-    """Name the option or variable whose text is not the required list or table.
+    """Return an error that names the option or variable whose text is not the required list or table.
 
-    The library names only the outermost table of a variable; its cause has the text.
+    pydantic-settings names only the outermost table of a variable; its cause contains the text.
     """
     text = getattr(error.__cause__, "doc", None)
     variables = [name for name, value in os.environ.items() if name.startswith("NENA_") and value == text]

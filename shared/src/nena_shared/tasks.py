@@ -1,4 +1,4 @@
-"""Supervised tasks: each has a name, and none of them ends unseen."""
+"""Supervised tasks: named, and never ending unnoticed."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from nena_shared.log import get_logger
 log = get_logger(__name__)
 
 AGAIN_AFTER = 5.0
-"""Seconds that a task has to end in order before it is cancelled again."""
+"""Time for a task to end after its cancellation, before it is cancelled again, seconds."""
 
 
 class TaskFailedError(Exception):
-    """A task that the program cannot do without has ended."""
+    """A vital task has ended."""
 
     def __init__(self, name: str) -> None:
         super().__init__(f"task '{name}' has ended")
@@ -27,8 +27,8 @@ class TaskFailedError(Exception):
 class Supervisor:
     """Runs the tasks of one program and ends them together.
 
-    A *vital* task that fails or ends ends the program: :meth:`wait` then raises :class:`TaskFailedError`.
-    A task that is started again after a failure is the caller's choice, see :func:`forever`.
+    If a *vital* task ends or fails, the program ends: :meth:`wait` raises :class:`TaskFailedError`. Callers
+    restart failed tasks with :func:`forever`, if required.
     """
 
     def __init__(self) -> None:
@@ -36,18 +36,18 @@ class Supervisor:
         self._failed: asyncio.Future[TaskFailedError] | None = None
 
     async def __aenter__(self) -> Self:
-        """Begin; tasks may be started now."""
+        """Allow tasks to be started."""
         self._failed = asyncio.get_running_loop().create_future()
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Cancel what still runs and wait for its end."""
+        """Cancel the running tasks and wait until they have ended."""
         await end(*self._tasks)
 
     def start(self, name: str, work: Coroutine[Any, Any, None], *, vital: bool = True) -> asyncio.Task[None]:
-        """Run ``work`` under ``name``."""
+        """Start ``work`` as a task."""
         task = asyncio.create_task(work, name=name)
         self._tasks.add(task)
         task.add_done_callback(lambda ended: self._ended(ended, vital=vital))
@@ -69,7 +69,7 @@ class Supervisor:
         """Wait until ``stop`` is set.
 
         Raises:
-            TaskFailedError: a vital task ended before that; its cause is what that task raised.
+            TaskFailedError: a vital task ended first; its exception is the cause.
 
         """
         failed = self._failed
@@ -89,9 +89,8 @@ class Supervisor:
 async def end(*tasks: asyncio.Task[Any], again_after: float = AGAIN_AFTER) -> None:
     """Cancel tasks and wait until all have ended, regardless of their results.
 
-    ``asyncio.wait_for`` of Python 3.11 loses a cancellation that arrives together with the awaited result. A
-    task that has not ended after ``again_after`` seconds, the time for an orderly end, is therefore cancelled
-    again.
+    Tasks that have not ended after ``again_after`` seconds are cancelled again, because
+    ``asyncio.wait_for`` of Python 3.11 loses a cancellation that arrives together with the awaited result.
     """
     left = set(tasks)
     while left:
@@ -108,14 +107,14 @@ def _name(task: asyncio.Task[Any]) -> str:
 
 
 def end_if_cancelled() -> None:
-    """End the current task if its cancellation was lost on the way here, see :func:`end`."""
+    """End the current task if its cancellation was lost, see :func:`end`."""
     task = asyncio.current_task()
     if task is not None and task.cancelling():
         raise asyncio.CancelledError
 
 
 async def set_within(event: asyncio.Event, seconds: float) -> bool:
-    """Wait until an event is set, but at most this long; return whether it is."""
+    """Wait up to ``seconds`` for an event; return whether it is set."""
     try:
         async with asyncio.timeout(seconds):
             await event.wait()
@@ -125,7 +124,7 @@ async def set_within(event: asyncio.Event, seconds: float) -> bool:
 
 
 async def forever(name: str, work: Callable[[], Awaitable[None]], *, pause: float = 1.0) -> None:
-    """Do ``work`` again and again; a failure is logged and answered with a pause, in seconds."""
+    """Repeat ``work`` forever; after a failure, log it and wait ``pause`` seconds."""
     while True:
         try:
             await work()
@@ -135,7 +134,7 @@ async def forever(name: str, work: Callable[[], Awaitable[None]], *, pause: floa
 
 
 def stop_on_signals(stop: asyncio.Event) -> None:
-    """Set ``stop`` on SIGINT and SIGTERM, so that the program shuts down in order."""
+    """Set ``stop`` on SIGINT and SIGTERM, so that the program shuts down gracefully."""
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)

@@ -40,7 +40,7 @@ def sheet() -> Factsheet:
     return Factsheet.model_validate({**content, "protocolFeatures": features}, strict=False)
 
 
-async def test_the_form_is_made_from_the_factsheet(hall: Hall, browser: Browser) -> None:
+async def test_form_is_generated_from_the_factsheet(hall: Hall, browser: Browser) -> None:
     sent: list[Any] = []
 
     async def order_service(route: Route) -> None:
@@ -77,7 +77,7 @@ async def test_the_form_is_made_from_the_factsheet(hall: Hall, browser: Browser)
             await form.get_by_label("Action").select_option("shutdown")
             await send.click()  # not confirmed
             assert len(sent) == 1
-            await form.get_by_label("Vehicle-1 has to be switched on by hand").check()
+            await form.get_by_label("Vehicle-1 must be switched on by hand").check()
             await send.click()
             await expect(form).to_contain_text("shutdown failed on Vehicle-1")
     parameters = {each["key"]: each["value"] for each in sent[0]["parameters"]}

@@ -136,7 +136,7 @@ async def test_a_circle_is_named(hall: Hall, browser: Browser) -> None:
         async with opened(browser, hall.url) as page:
             header = page.locator("nena-fleet-summary")
             await expect(header).to_contain_text("Jam in a circle (AMR-01, AMR-02, AMR-03): 3")
-            await expect(row(page, 2)).to_contain_text("Wait in a circle: AMR-01, AMR-02, AMR-03")
+            await expect(row(page, 2)).to_contain_text("Waiting in a circle: AMR-01, AMR-02, AMR-03")
             await row(page, 2).get_by_role("link", name="AMR-02").click()
             causes = page.locator("nena-robot-page .causes")
             await expect(causes).to_contain_text("AMR-03: Waits for AMR-01")
@@ -199,7 +199,7 @@ async def test_an_emergency_stop_among_many_robots_is_seen_at_once(
             await becomes(page, LABELS, None, lambda shown: set(shown) != set(labels))
 
 
-async def test_a_dead_order_service_and_one_that_hangs_are_told_by_a_red_banner(
+async def test_red_banner_for_a_stopped_or_hanging_order_service(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     fleet, port = Fleet(broker, interface_name, tmp_path), free_port()
@@ -260,7 +260,9 @@ async def test_a_robot_that_waits_for_a_paused_one_is_not_idle(
             await expect(waiting).not_to_contain_text("Head of queue")
 
 
-async def test_reasons_of_a_dead_order_service_are_shown_as_old(hall: Hall, browser: Browser) -> None:
+async def test_reasons_of_a_stopped_order_service_are_marked_as_outdated(
+    hall: Hall, browser: Browser
+) -> None:
     async with hall.connected():
         jam(hall)
         dead = ServiceStatus(online=False, timestamp=START, store_ready=False)
@@ -291,7 +293,7 @@ async def test_reasons_of_a_dead_order_service_are_shown_as_old(hall: Hall, brow
         ("nl-NL", ("File achter AMR-17: 5", "Noodstop", "Wacht", "Vooraan: AMR-17 (Noodstop)")),
     ],
 )
-async def test_a_jam_is_told_in_the_users_language(
+async def test_jam_is_shown_in_the_users_language(
     hall: Hall, browser: Browser, language: str, words: tuple[str, ...]
 ) -> None:
     async with hall.connected(*JAM):
@@ -313,7 +315,7 @@ async def test_a_jam_is_told_in_the_users_language(
         ("nl-NL", "Wacht met order T-9."),
     ],
 )
-async def test_a_robot_that_waits_for_no_robot_says_why_in_one_language(
+async def test_reason_of_a_waiting_robot_is_in_one_language(
     hall: Hall, browser: Browser, language: str, words: str
 ) -> None:
     async with hall.connected():

@@ -62,7 +62,7 @@ async def names(page: Page) -> list[str]:
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize(("width", "height"), WINDOW)
-async def test_the_lists_are_sorted_and_filtered_and_the_address_keeps_it(
+async def test_sorting_and_filters_are_stored_in_the_address(
     hall: Hall, browser: Browser, width: int, height: int, *, dark: bool
 ) -> None:
     async with hall.connected():
@@ -189,7 +189,7 @@ async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -
                 await page.get_by_role("checkbox", name=f"Select {name}").check()
             await expect(page.get_by_text("3 robots selected")).to_be_visible()
             await page.get_by_role("searchbox").fill("AMR-01")
-            await expect(page.get_by_text("not shown by the filter: AMR-02, AMR-04")).to_be_visible()
+            await expect(page.get_by_text("hidden by the filter: AMR-02, AMR-04")).to_be_visible()
             await page.get_by_role("searchbox").fill("")
             await page.get_by_role("button", name="Pause").dblclick()
             told = page.locator("nena-fleet-commands .result")
@@ -229,7 +229,7 @@ async def test_a_thousand_robots_stay_usable(hall: Hall, browser: Browser) -> No
 
 
 @pytest.mark.parametrize(("language", "title"), [("en-GB", "Needs attention"), ("de-DE", "Eingriff nötig")])
-async def test_a_telephone_shows_who_needs_a_person_and_then_the_search(
+async def test_phone_shows_robots_that_need_attention_then_the_search(
     hall: Hall, browser: Browser, language: str, title: str
 ) -> None:
     async with hall.connected():

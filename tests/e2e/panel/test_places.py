@@ -60,7 +60,7 @@ async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
                     await picture(page, "path")
                     await expect(page.get_by_role("button", name="Lock", exact=True)).to_be_disabled()
                     await page.get_by_role("button", name="Unlock", exact=True).click()
-                    await expect(page.get_by_text("Robots may drive over it again")).to_be_focused()
+                    await expect(page.get_by_text("Robots may use this path again")).to_be_focused()
                     await page.get_by_role("button", name="Unlock now").click()
                     await expect(shown.locator(".chip")).to_have_text("Path")
                     await awaited(locked, lambda still: not still, seconds=PATIENCE, what="it is unlocked")

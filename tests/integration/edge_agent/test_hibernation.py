@@ -222,7 +222,7 @@ async def test_a_wake_command_that_hangs_is_ended(
 
         state = await there.fleet.state(shows("w", "FAILED"))
         (shown,) = (each for each in state["instantActionStates"] if each["actionId"] == "w")
-        assert shown["actionResult"] == "sleep has not ended in 0.2 s"
+        assert shown["actionResult"] == "sleep did not end within 0.2 s"
         assert there.fleet.connections[-1] == "ONLINE"
 
 

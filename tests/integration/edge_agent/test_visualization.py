@@ -36,6 +36,7 @@ async def test_it_shows_the_robot_on_its_way(
         topic = fleet.topic(Topic.VISUALIZATION)
         async with running_agent(settings):
             await fleet.state()
+            await until(lambda: peer.payloads(topic))
             fleet.send(order("n0", "n1"))
             await fleet.state(ended("o1"))
             shown = len(peer.payloads(topic))

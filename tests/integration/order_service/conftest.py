@@ -34,7 +34,7 @@ async def service(fleet: Fleet) -> AsyncIterator[Callable[..., Awaitable[httpx.A
         yield start
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=[pytest.param("sqlite", marks=pytest.mark.long), "postgresql"])
 def keeper(request: pytest.FixtureRequest, fleet: Fleet, tmp_path: Path) -> Iterator[Keeper]:
     """Yield the fleet's store."""
     if request.param == "sqlite":

@@ -56,7 +56,7 @@ def codes(order: dict[str, Any]) -> list[str]:
     [("2.1.0", {"T-0", "T-0~1"}, set()), ("3.0.0", {"T-0"}, {"retry"})],
 )
 @pytest.mark.clause("6.2.3/retryAsked")
-async def test_an_action_that_fails_once_is_tried_again(
+async def test_an_action_that_fails_once_is_retried(
     fleet: Fleet, service: Start, version: str, orders: set[str], asked: set[str]
 ) -> None:
     wire = fleet.peer()
@@ -72,7 +72,7 @@ async def test_an_action_that_fails_once_is_tried_again(
 
 
 @pytest.mark.parametrize("version", ["2.1.0", "3.0.0"])
-async def test_an_action_that_always_fails_is_left_out(fleet: Fleet, service: Start, version: str) -> None:
+async def test_an_action_that_always_fails_is_skipped(fleet: Fleet, service: Start, version: str) -> None:
     client = await service(kernel=FAILING)
     rehearsing(fleet, version)
     await vehicle_idle(client)
@@ -99,7 +99,7 @@ async def test_a_late_order_is_cancelled_at_the_robot(fleet: Fleet, service: Sta
 
 
 @pytest.mark.e2e
-async def test_a_held_order_waits_over_a_kill_and_goes_on_when_it_is_resumed(fleet: Fleet) -> None:
+async def test_a_held_order_survives_a_kill_and_continues_when_resumed(fleet: Fleet) -> None:
     program = fleet.order_service()
     client = await program.client()
     fleet.agent(speed=1.0)  # the hold comes while it drives, on a slow machine too
@@ -128,7 +128,7 @@ async def test_a_held_order_waits_over_a_kill_and_goes_on_when_it_is_resumed(fle
 
 
 @pytest.mark.e2e
-async def test_killed_between_two_tries_it_tries_on(fleet: Fleet) -> None:
+async def test_killed_between_two_attempts_it_retries(fleet: Fleet) -> None:
     wire = fleet.peer()
     mapped = ("--kernel.action_types", json.dumps(FAILING["action_types"]))
     program = fleet.order_service(*mapped)
@@ -142,7 +142,7 @@ async def test_killed_between_two_tries_it_tries_on(fleet: Fleet) -> None:
         return found
 
     waiting = await awaited(order, lambda told: bool(told.get("nextTry")), seconds=30, what="it waits")
-    assert "its next try is at" in waiting["reason"]
+    assert "it retries at" in waiting["reason"]
     program.kill()
 
     client = await fleet.order_service(*mapped).client()

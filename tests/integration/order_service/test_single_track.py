@@ -67,8 +67,9 @@ def single_track() -> PlantModel:
     )
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
-async def test_sixty_orders_over_a_single_track_are_done_without_two_robots_in_one_place(
+async def test_sixty_orders_over_a_single_track_finish_without_conflicts(
     fleet: Fleet, tmp_path: File
 ) -> None:
     plant = single_track()

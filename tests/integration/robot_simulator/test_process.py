@@ -103,6 +103,7 @@ def test_it_goes_on_after_it_was_frozen(tmp_path: Path, domain_id: int, peer: Ro
         statuses.wait_for(lambda array: array.status_list[0].status == 4)
 
 
+@pytest.mark.long
 def test_twenty_robots_drive_in_one_process(tmp_path: Path, domain_id: int, peer: RosPeer) -> None:
     options = ("--time_factor", "5", "--copies", "20")
     robots = f'[{{"name": "agv", "domain_id": {domain_id}, "start": {{"y": -10.0}}}}]'

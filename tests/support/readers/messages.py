@@ -156,11 +156,16 @@ def _json(made: BaseModel) -> bytes:
     return made.model_dump_json(by_alias=True).encode()
 
 
+def _body(command: str) -> dict[str, Any]:
+    assert command in BODIES, f"BODIES has no example of the command {command}"
+    return BODIES[command]
+
+
 TOPICS = FleetTopics()
 MESSAGES: dict[str, Make] = {
     "creation": partial(_request, TransportOrderRequest, ORDER),
     **{
-        f"command {name}": partial(_request, model, {"requestId": "17", **BODIES[name]})
+        f"command {name}": partial(_request, model, {"requestId": "17", **_body(name)})
         for name, model in COMMANDS.items()
     },
     "control of a loopback robot": loopback_control,

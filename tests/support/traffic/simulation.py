@@ -83,7 +83,7 @@ class Simulation:
         while True:
             self._dispatch()
             self._decide()
-            self._drive_on()
+            self._resume_driving()
             if not self._events or self.now > self.finished_at + PATIENCE:
                 break
             self.now, _, name, kind = heappop(self._events)
@@ -157,7 +157,7 @@ class Simulation:
         self.traffic.shorten(name)
         self._came_to_end(self.vehicles[name])
 
-    def _drive_on(self) -> None:
+    def _resume_driving(self) -> None:
         for name, _ in self.traffic.extending():
             self.traffic.allocate(name, 2)
         for each in self.vehicles.values():

@@ -1,11 +1,20 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
+from pathlib import Path
 from weakref import ref
 
 import pytest
 
-from nena_edge_agent.agent import spare_what_is_loaded
+from nena_edge_agent.agent import freeze_loaded_objects
+from nena_edge_agent.journal import Recorder, Version
+from nena_edge_agent.messages import RobotMessages
+from nena_edge_agent.protocol.memory import Memory
+from nena_shared.mqtt import Outbound
+from nena_shared.vda5050.state import State
+from support.restarts.life import live
+from support.restarts.scenarios import SCENARIOS
 
 
 class Ring:
@@ -13,14 +22,14 @@ class Ring:
         self.me = self
 
 
-def test_what_is_loaded_is_spared_and_what_comes_later_is_collected() -> None:
-    spare_what_is_loaded()
+def test_loaded_objects_are_frozen_and_later_ones_collected() -> None:
+    freeze_loaded_objects()
     assert gc.get_freeze_count() > 0
 
     ring = Ring()
     later = ref(ring)
     del ring
-    spare_what_is_loaded()
+    freeze_loaded_objects()
     gc.collect()
 
     assert later() is None
@@ -31,9 +40,38 @@ def test_a_thousand_robots_of_one_process_freeze_once(monkeypatch: pytest.Monkey
     calls: list[str] = []
     monkeypatch.setattr(gc, "freeze", lambda: calls.append("freeze"))
     monkeypatch.setattr(gc, "get_freeze_count", lambda: calls.append("count"))
-    spare_what_is_loaded.cache_clear()
+    freeze_loaded_objects.cache_clear()
 
     for _ in range(1000):
-        spare_what_is_loaded()
+        freeze_loaded_objects()
 
     assert calls == ["freeze"]
+
+
+def test_a_state_is_encoded_while_the_disk_writes_what_it_reports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps: list[str] = []
+    encode, write, sync = RobotMessages.state, Recorder.write, Recorder.sync
+
+    def encoded(messages: RobotMessages, state: State, *, keep: bool) -> Outbound:
+        steps.append("encode")
+        return encode(messages, state, keep=keep)
+
+    async def written(recorder: Recorder, version: Version, memory: Callable[[], Memory]) -> None:
+        await write(recorder, version, memory)
+        steps.append("write")
+
+    async def synced(recorder: Recorder) -> None:
+        steps.append("sync")
+        await sync(recorder)
+
+    monkeypatch.setattr(RobotMessages, "state", encoded)
+    monkeypatch.setattr(Recorder, "write", written)
+    monkeypatch.setattr(Recorder, "sync", synced)
+    history = live(next(iter(SCENARIOS.values())), tmp_path)
+
+    assert "write encode sync" in " ".join(steps)
+    assert steps.count("encode") <= len(history.fleet.states) + 1  # none is encoded in vain
+    ids = [each.header_id for each in history.fleet.states]
+    assert ids == list(range(ids[0], ids[0] + len(ids)))

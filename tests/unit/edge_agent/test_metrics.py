@@ -27,7 +27,7 @@ def program(journal: Path | None) -> Program:
     return Program({}, clock, LoopLag(clock), journal)
 
 
-async def test_a_disk_that_hangs_is_asked_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+async def test_a_hanging_disk_is_queried_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Check that only one thread waits: each query takes one, which is not free before the disk answers."""
     answer, asked = threading.Event(), list[Path]()
 
@@ -37,7 +37,7 @@ async def test_a_disk_that_hangs_is_asked_once(monkeypatch: pytest.MonkeyPatch, 
         return SimpleNamespace(free=7)
 
     monkeypatch.setattr(shutil, "disk_usage", usage)
-    monkeypatch.setattr(metrics, "PATIENCE", 0.01)
+    monkeypatch.setattr(metrics, "REQUEST_TIMEOUT", 0.01)
     shown = program(tmp_path)
     try:
         for _ in range(3):
@@ -47,13 +47,13 @@ async def test_a_disk_that_hangs_is_asked_once(monkeypatch: pytest.MonkeyPatch, 
     finally:
         answer.set()
     await until(lambda: shown._asked is not None and shown._asked.done(), what="the disk")
-    monkeypatch.setattr(metrics, "PATIENCE", 5.0)
+    monkeypatch.setattr(metrics, "REQUEST_TIMEOUT", 5.0)
     await shown.look()
     assert shown.disk_free == 7
     assert len(asked) == 2
 
 
-async def test_a_disk_that_fails_has_no_room_to_show(tmp_path: Path) -> None:
+async def test_a_failing_disk_shows_no_free_space(tmp_path: Path) -> None:
     shown = program(tmp_path / "gone")
     await shown.look()
     assert shown.disk_free is None
@@ -63,7 +63,7 @@ async def test_a_disk_that_fails_has_no_room_to_show(tmp_path: Path) -> None:
     ("journal", "problem", "works"),
     [(Path("journal"), "", True), (Path("journal"), "disk full", False), (None, "", None)],
 )
-def test_a_robot_without_a_journal_has_none_that_works(
+def test_a_robot_without_a_journal_has_no_journal_metric(
     *, journal: Path | None, problem: str, works: bool | None
 ) -> None:
     shown = program(journal)
@@ -72,7 +72,7 @@ def test_a_robot_without_a_journal_has_none_that_works(
     assert metric.read(shown) == ({} if works is None else {("ACME", "r1"): works})
 
 
-async def test_a_port_that_is_taken_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_port_in_use_is_retried(monkeypatch: pytest.MonkeyPatch) -> None:
     served, tries = asyncio.Event(), list[str]()
 
     async def run(_: MetricsServer) -> None:

@@ -40,14 +40,14 @@ def power(*command: str, timeout: float = 60.0) -> PowerSettings:
         (("/etc/passwd",), "/etc/passwd cannot be started: Permission denied"),
     ],
 )
-async def test_the_end_of_a_command_is_told(command: tuple[str, ...], problem: str) -> None:
+async def test_the_end_of_a_command_is_reported(command: tuple[str, ...], problem: str) -> None:
     assert await run_command(power(*command), PowerCommand.SHUT_DOWN) == problem
 
 
 async def test_a_command_that_hangs_is_killed() -> None:
     problem = await run_command(power("sleep", "3600", timeout=0.05), PowerCommand.SHUT_DOWN)
 
-    assert problem == "sleep has not ended in 0.05 s"
+    assert problem == "sleep did not end within 0.05 s"
 
 
 async def test_the_robot_wakes_although_no_file_can_hold_the_output(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +79,7 @@ async def test_the_robot_wakes_although_its_command_cannot_be_killed(
         (group,) = left
         os.killpg(group, signal.SIGKILL)
 
-    assert problem == "sleep has not ended in 0.05 s and cannot be killed"
+    assert problem == "sleep did not end within 0.05 s and cannot be killed"
     await until(lambda: not _runs(Path(f"/proc/{group}/stat")), what="the command has ended")
 
 
@@ -106,7 +106,7 @@ def _runs(stat: Path) -> bool:
         return False
 
 
-async def test_a_child_that_goes_on_does_not_delay_the_end() -> None:
+async def test_a_child_process_that_continues_does_not_delay_the_end() -> None:
     leaving = power("sh", "-c", "sleep 40 &", timeout=20.0)
 
     assert await run_command(leaving, PowerCommand.SHUT_DOWN) == ""
@@ -133,7 +133,7 @@ async def test_a_failure_is_logged_with_the_end_of_the_output() -> None:
         ({}, True, POWER_ACTIONS),
     ],
 )
-def test_what_is_offered_follows_from_the_commands(
+def test_the_offered_actions_follow_from_the_commands(
     commands: dict[str, Any],
     *,
     rehearsed: bool,
@@ -163,11 +163,11 @@ def test_only_a_loopback_robot_offers_them_without_commands(driver: str) -> None
         ("3.0.1", ("sh",), LinkVerdict.OK, "offers shutdown"),
         ("3.0.0", ("/bin/sh", "-c", "x"), LinkVerdict.OK, "offers shutdown"),
         ("2.1.0", ("sh",), LinkVerdict.DOUBTFUL, "has no hibernation"),
-        ("3.0.1", ("/no/such",), LinkVerdict.MISSING, "power.shutdown_command: there is no program /no/such"),
+        ("3.0.1", ("/no/such",), LinkVerdict.MISSING, "power.shutdown_command: program /no/such not found"),
         ("3.0.1", ("/etc/passwd",), LinkVerdict.MISSING, "/etc/passwd is not an executable program"),
     ],
 )
-def test_the_doctor_looks_for_the_programs(
+def test_the_doctor_checks_for_the_programs(
     version: str, command: tuple[str, ...], verdict: LinkVerdict, text: str
 ) -> None:
     settings = EdgeAgentSettings.model_validate({"version": version, "power": {"shutdown_command": command}})

@@ -7,6 +7,7 @@ import logging
 import os
 
 import pytest
+import structlog
 
 from nena_shared import log
 from nena_shared.settings import LogSettings
@@ -33,7 +34,7 @@ def test_json_lines_hold_event_level_module_time_and_keys() -> None:
     }
 
 
-def test_loggers_made_before_follow_the_configuration() -> None:
+def test_earlier_loggers_follow_the_configuration() -> None:
     early = log.get_logger("early")
     out = io.StringIO()
     log.configure(LogSettings(form="json"), out)
@@ -81,8 +82,25 @@ def test_failures_are_logged_with_their_trace(form: str, source: str) -> None:
         assert "ValueError: " in lines(out)[0]["exception"]
 
 
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"robot": "NeNa/r1", "n": 3, "empty": "", "none": None, "list": ["a b"]},
+        {"reason": "two words", "quotes": "it's", "equals": "a=b", "lines": "one\ntwo"},
+        {"exception": "Traceback\n  ValueError: why"},
+    ],
+)
+@pytest.mark.parametrize("event", ["short", "an event whose text is longer than its column is wide"])
+def test_plain_text_is_that_of_structlog(event: str, values: dict[str, object]) -> None:
+    line = {"timestamp": "2026-11-23T12:00:00Z", "level": "info", "event": event, **values}
+    renderer = structlog.dev.ConsoleRenderer(colors=False)
+
+    assert log.in_plain_text(None, "info", dict(line)) == renderer(None, "info", dict(line))
+
+
 @pytest.mark.parametrize("source", ["own", "library"])
-def test_what_others_say_steers_no_terminal(source: str) -> None:
+def test_control_characters_are_escaped(source: str) -> None:
     out = io.StringIO()
     log.configure(LogSettings(), out)
     if source == "own":
@@ -96,7 +114,7 @@ def test_what_others_say_steers_no_terminal(source: str) -> None:
     assert out.getvalue().count("\n") == (1 if source == "own" else 2)
 
 
-def test_the_newest_lines_are_remembered() -> None:
+def test_recent_lines_are_kept() -> None:
     log.configure(LogSettings(form="json"), io.StringIO())
 
     log.get_logger("example").info("one", robot="r1")

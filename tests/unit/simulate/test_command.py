@@ -24,6 +24,7 @@ def plant(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.long
 def test_fleet_sizes_side_by_side_in_every_form(plant: Path, tmp_path: Path) -> None:
     files = ("--json", tmp_path / "r.json", "--markdown", tmp_path / "r.md", "--heat-maps", tmp_path / "maps")
 

@@ -34,6 +34,7 @@ def test_the_same_seed_gives_the_same_result(seed: int, loss: float) -> None:
     assert simulate(case) == simulate(case)
 
 
+@pytest.mark.long
 def test_processes_of_their_own_give_the_same_result_as_each_other() -> None:
     one, same, other = simulate_all([CASE, CASE, replace(CASE, seed=2)], jobs=2)
 

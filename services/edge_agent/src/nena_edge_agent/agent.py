@@ -136,7 +136,7 @@ COMMANDS_WAITING = 2
 TIMEOUT_INTERVAL = 1.0
 """Seconds between two checks of running timeouts."""
 LONGEST_COLLECTING = 0.2
-"""Seconds that a state waits for further events that are already queued."""
+"""Maximum time that a due state waits for events that are already queued, seconds."""
 TO_DRIVER = (Drive, Halt, LimitSpeed, KeepOut, SetPosition)
 """Effects that a power failure would end as well, so they need not wait for the disk."""
 
@@ -178,6 +178,8 @@ class RobotAgent:
 
     _logged_ends: frozenset[str] = frozenset()
     """Actions of the current order whose end has been logged."""
+    _prepared: tuple[State, Outbound] | None = None
+    """The next state, encoded while the disk wrote what it reports; only the same turn may publish it."""
     _shuts_down = False
     """Whether fleet control shuts the robot down."""
 
@@ -252,7 +254,7 @@ class RobotAgent:
         await self._write_record()  # the headerIds of the first messages
         await self._recorder.sync()
         await self._driver.start()
-        spare_what_is_loaded()
+        freeze_loaded_objects()
         try:
             async with Supervisor() as supervisor:
                 supervisor.start(f"link {self.robot}", self._link.run())
@@ -299,10 +301,23 @@ class RobotAgent:
             to_driver = (each for each in effects if isinstance(each, TO_DRIVER))
             written = self._recorder.has_written(self._core.durable_version)
             self._perform_all(self._drives.sift(to_driver, recorded=written))
+            self._encode_ahead(effects)
             await self._recorder.sync()
             others = (each for each in effects if not isinstance(each, TO_DRIVER))
             self._perform_all(self._others.sift(others, recorded=self._recorded))
             self._isolated(self._publish_due)
+
+    def _encode_ahead(self, effects: Iterable[Effect]) -> None:
+        """Encode the next state while the disk writes what it reports."""
+        self._prepared = None
+        requested = any(isinstance(each, ReportState) for each in effects)
+        sends = self._link.state.connected and not (self._greeting or self._core.power.silent)
+        if requested and sends and self._recorder.syncing and self._states.allows(self._clock.monotonic()):
+            self._isolated(self._prepare_state)
+
+    def _prepare_state(self) -> None:
+        state = self._core.state(self._messages.headers.next(Topic.STATE))
+        self._prepared = (state, self._messages.state(state, keep=False))
 
     def _begin_power(self, supervisor: Supervisor, stop: asyncio.Event) -> asyncio.Event:
         """Serve hibernation and shutdown if the robot offers them; return what ends the agent."""
@@ -375,7 +390,7 @@ class RobotAgent:
 
     @property
     def _recorded(self) -> bool:
-        """Whether everything that must survive a power failure is on the disk."""
+        """Return whether everything that must survive a power failure is on disk."""
         return self._recorder.has_synced(self._core.durable_version)
 
     async def _write_record(self) -> None:
@@ -383,7 +398,7 @@ class RobotAgent:
         await self._recorder.write(self._core.durable_version, self._core.memory)
 
     def _on_journal_record(self, problem: str) -> None:
-        """Report in the state whether the journal works, once for each change."""
+        """Report each change in whether the journal works."""
         if problem != self._core.robot.journal_problem:
             self._log.warning("journal", works=not problem, problem=problem)
             self._mailbox.put(JournalReport(problem))
@@ -483,18 +498,23 @@ class RobotAgent:
 
     def _publish_state(self) -> None:
         """Publish the state; the first one after a connect is kept until the link sends it."""
-        if self._greeting or self._link.state.connected:
-            state = self._core.state(self._messages.header(Topic.STATE))
+        if not (self._greeting or self._link.state.connected):
+            return
+        header = self._messages.header(Topic.STATE)
+        if self._prepared and self._recorded and not self._greeting:
+            state, message = self._prepared
+        else:
+            state = self._core.state(header)
             if not self._recorded:
                 ends = self._core.power is PowerPhase.SHUTTING_DOWN
                 state = as_recorded(state, self._shown, last=ends)
-            self._shown = state
-            self._log_ended_actions(state)
-            self._link.publish(self._messages.state(state, keep=self._greeting))
-            self._greeting = False
+            message = self._messages.state(state, keep=self._greeting)
+        self._link.publish(message)
+        self._prepared, self._shown, self._greeting = None, state, False
+        self._log_ended_actions(state)
 
     def _log_ended_actions(self, state: State) -> None:
-        """Log the end of each action once; after a restart, those that the journal has are logged again."""
+        """Log the end of each action once; after a restart, those in the journal are logged again."""
         ended = {each.action_id: each for each in state.action_states if each.action_status.ended}
         for action_id in ended.keys() - self._logged_ends:
             self._log.info(
@@ -546,10 +566,10 @@ class RobotAgent:
 
 
 @cache
-def spare_what_is_loaded() -> None:
+def freeze_loaded_objects() -> None:
     """Exclude all objects loaded so far from garbage collection; a full pass would block a robot for 30 ms.
 
-    Freezes once per process: a second freeze would keep what is left of a failed robot permanently, and
+    This is done once per process: a second freeze would permanently keep the remains of a failed robot, and
     ``gc.get_freeze_count()`` walks all frozen objects.
     """
     gc.freeze()

@@ -1,4 +1,4 @@
-"""Files that fleet control has the robot fetch: maps and zone sets."""
+"""Download of maps and zone sets that fleet control requests."""
 
 from __future__ import annotations
 
@@ -48,8 +48,7 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
     """Fetch the file at ``link``, whose SHA-256 is ``digest`` (hexadecimal, None: not checked).
 
     Raises:
-        DownloadError: it is not there, too large, too slow, or another one.
-
+        DownloadError: it is missing, too large or too slow, or its hash differs.
     """
     if link.partition(":")[0].lower() not in ("http", "https"):
         message = f"only http and https links are allowed, not '{link}'"
@@ -67,7 +66,7 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
         message = f"{link} was not downloaded: {error}"
         raise DownloadError(message) from error
     if digest is not None and sha256(content).hexdigest() != digest.lower():
-        message = f"{link} has another hash than expected"
+        message = f"the hash of {link} does not match"
         raise DownloadError(message)
     return content
 
@@ -104,7 +103,7 @@ def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None
 
 
 class _Reach(StrEnum):
-    """The network range of an address: a server must not use the robot to reach what it cannot reach."""
+    """The network range of an address: a server must not reach other hosts through the robot."""
 
     NETWORK = "the network"
     ROBOT = "the robot itself"
@@ -131,15 +130,14 @@ class _Journey:
         self._first: _Reach | None = None
 
     def begin_behind_proxy(self) -> None:
-        """Note that a proxy connects first: it reaches the network, and not what only the robot reaches."""
+        """Record that a proxy connects first, which reaches only what the network reaches."""
         self._first = self._first or _Reach.NETWORK
 
     def check(self, address: str) -> None:
-        """Refuse an address that was connected to, before anything is sent: a name may change in between.
+        """Refuse a connected address before anything is sent: a name may resolve differently a moment later.
 
         Raises:
             DownloadError: it must not be reached.
-
         """
         reach = _Reach.of(address)
         if reach in (_Reach.LINK, _Reach.MULTICAST):
@@ -171,7 +169,7 @@ class _Https(HTTPSHandler):
 
 
 def _checked(kind: type[HTTPConnection], journey: _Journey, request: Request) -> type[HTTPConnection]:
-    """Return connections whose address is checked; a proxy has an address that the site chose."""
+    """Return a connection class that checks its address; the address of a proxy is the site's choice."""
     if request.has_proxy() or getattr(request, "_tunnel_host", None):
         journey.begin_behind_proxy()
         return kind
@@ -200,7 +198,7 @@ class _Redirects(HTTPRedirectHandler):
 
 
 def _opener() -> OpenerDirector:
-    """Return what opens http and https, and nothing else that a server may send the robot to."""
+    """Return an opener for http and https only: a server may redirect the robot to other schemes."""
     opener = OpenerDirector()
     journey = _Journey()
     for handler in (

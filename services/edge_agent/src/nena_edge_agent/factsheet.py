@@ -1,4 +1,4 @@
-"""What the robot can do: capabilities from its settings and plug-ins, and its factsheet (section 7.10)."""
+"""A robot's capabilities, from its settings and plug-ins, and its factsheet (section 7.10)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from nena_shared.vda5050.versions import RULES
 
 
 def frame_of(settings: EdgeAgentSettings) -> str:
-    """Name the frame of all coordinates; two names differ where the transforms do."""
+    """Return a name for the frame of all coordinates; it changes with the transforms."""
     if settings.driver != "nav2":
         return ""
     return "; ".join(f"{map_id}: {text}" for map_id, text in sorted(settings.map_transforms.items()))
@@ -51,13 +51,13 @@ def braking_distance(description: DescriptionSettings) -> float:
 
 
 SEVERAL_SLOWER = 3.0
-"""How much longer than that to one pose Nav2's replanning period through several poses is."""
+"""Factor by which Nav2's replanning period is longer through several poses than to one."""
 ANSWER_TIME = 0.5
-"""Seconds in which fleet control extends a base on request."""
+"""Assumed time for fleet control to extend a base on request, seconds."""
 
 
 def _base_request_time(settings: EdgeAgentSettings) -> float:
-    """Return the maximum seconds from the request of a base until Nav2 follows it: it plans periodically."""
+    """Return the maximum time from the request of a base until Nav2 replans for it, seconds."""
     slower = SEVERAL_SLOWER if settings.drives_ahead else 1.0
     return settings.ros.goals.replan_period * slower + ANSWER_TIME
 
@@ -65,7 +65,7 @@ def _base_request_time(settings: EdgeAgentSettings) -> float:
 def make_capabilities(
     settings: EdgeAgentSettings, registry: ActionRegistry, offers: Nav2Offers = NO_OFFERS
 ) -> Capabilities:
-    """Return what the core needs to know about the settings and Nav2's features."""
+    """Return the robot's capabilities, from its settings, plug-ins and Nav2's features."""
     drive, goals = settings.drive, settings.ros.goals
     by_nav2 = settings.driver == "nav2"
     return Capabilities(
@@ -104,7 +104,7 @@ def make_factsheet(
     capabilities: Capabilities,
     limits: DriveLimits | None = None,
 ) -> Factsheet:
-    """Make the factsheet (section 7.10) under ``header``; ``limits`` are navigation's, None: not reported."""
+    """Return the factsheet (section 7.10); ``limits`` are navigation's, None: not reported."""
     return Factsheet(
         **header,
         type_specification=_type(settings, capabilities),
@@ -206,7 +206,7 @@ def _parameter(parameter: Parameter, key: str) -> ActionParameterDescription:
 
 
 def _geometry(settings: EdgeAgentSettings, contour: tuple[tuple[float, float], ...]) -> MobileRobotGeometry:
-    """Return the robot's outline as navigation has it, else the rectangle of the settings."""
+    """Return the robot's outline from navigation, else the rectangle from the settings."""
     x, y = settings.description.length / 2, settings.description.width / 2
     corners = contour or ((x, y), (-x, y), (-x, -y), (x, -y))
     vertices = tuple(Envelope2dPoint(x=x, y=y) for x, y in corners)

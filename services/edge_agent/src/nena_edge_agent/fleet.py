@@ -1,4 +1,4 @@
-"""Several robots in one program: each fails alone, and is started again."""
+"""Several robots in one program: each fails and restarts on its own."""
 
 from __future__ import annotations
 
@@ -13,28 +13,27 @@ from nena_shared.tasks import Supervisor, TaskFailedError, set_within
 log = get_logger(__name__)
 
 LONGEST_PAUSE = 60.0
-"""Seconds between two starts of a robot at most."""
+"""Maximum interval between two starts of a robot, seconds."""
 
 
 class Robot(Protocol):
-    """What serves one robot."""
+    """The agent of one robot."""
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Serve until ``stop`` is set."""
+        """Run until ``stop`` is set."""
         ...
 
 
 async def run_fleet(
     makers: Mapping[str, Callable[[], Robot]], stop: asyncio.Event, *, restarts: int, pause: float
 ) -> None:
-    """Run the robots by their names until ``stop`` is set; each start makes a new one.
+    """Run the robots until ``stop`` is set; ``makers`` create their agents, by robot name.
 
-    A robot that fails is started again up to ``restarts`` times, the first time after ``pause`` s, then after
-    twice as long, and so on. One that has been shut down stays so.
+    A robot that fails is restarted up to ``restarts`` times, the first time after ``pause`` s, then after
+    twice as long, and so on. A robot that was shut down is not restarted.
 
     Raises:
-        StartError: none of them works any more, and at least one has failed.
-
+        StartError: none of them is running any more, and at least one has failed.
     """
     abandoned: list[str] = []
 
@@ -56,7 +55,7 @@ async def run_fleet(
 async def _keep_up(
     name: str, make: Callable[[], Robot], stop: asyncio.Event, restarts: int, pause: float
 ) -> bool:
-    """Run the robot until it ends; return whether it has ended in order."""
+    """Run the robot until it ends; return whether it ended normally."""
     for attempt in range(restarts + 1):
         if await _run(name, make, stop):
             return True
@@ -70,7 +69,7 @@ async def _keep_up(
 
 
 async def _run(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> bool:
-    """Run the robot once; return whether it has ended in order."""
+    """Run the robot once; return whether it ended normally."""
     try:
         await make().run(stop)
     except (StartError, TaskFailedError) as error:

@@ -23,7 +23,7 @@ from nena_shared.vda5050.topics import RobotKey
 LEAST_ROOM = 16 * 1024
 """Minimum space for one record, bytes."""
 BLOCK = 512
-"""Bytes that a disk writes entirely or not at all."""
+"""Bytes that a disk writes atomically."""
 LABEL = 23
 """Bytes at the start of each block: checksum (8 digits) and record number (13), each followed by a space."""
 CHECKSUM = 9
@@ -44,7 +44,7 @@ def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
             file = stack.enter_context(path.open("wb"))
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            message = f"another edge agent runs for robot {robot}: stop it first ({path} is locked)"
+            message = f"another edge agent is running for robot {robot}: stop it first ({path} is locked)"
             raise StartError(message) from error
         except OSError as error:
             full = error.errno in (errno.ENOSPC, errno.EDQUOT)
@@ -77,12 +77,11 @@ class Journal:
         self._made = False
 
     def read(self) -> Memory | None:
-        """Return the last record, None if there is none; to be called before the first :meth:`write`.
+        """Return the last record, None if there is none; call it before the first :meth:`write`.
 
         Raises:
-            StartError: the folder cannot be used, with what to do.
+            StartError: the folder cannot be used; the message says what to do.
             UnreadableJournalError: the file cannot be read, is damaged, or comes from another version.
-
         """
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -138,7 +137,7 @@ class Journal:
         self._number = self._begun
 
     def _next(self) -> int:
-        """Return a number that no block has and whose half does not hold the newest record.
+        """Return a number that no block has, for the half without the newest record.
 
         Otherwise, blocks of a failed record and of the next one would look like one record.
         """
@@ -181,7 +180,7 @@ def read_journal(journal: Journal | None) -> tuple[Memory | None, str]:
 
 
 def _framed(number: int, record: bytes, size: int) -> bytes:
-    """Return a record in blocks of ``size`` bytes in all, each with its checksum and the record's number."""
+    """Return a record as blocks, ``size`` bytes in total, each with its checksum and the record's number."""
     room, count = BLOCK - LABEL, size // BLOCK
     parts = (record[start : start + room].ljust(room) for start in range(0, count * room, room))
     bodies = (b"%013d %b" % (number, part) for part in parts)
@@ -262,7 +261,7 @@ def _is_of_an_earlier_release(half: bytes) -> bool:
 
 
 def _file_name(robot: RobotKey) -> str:
-    """Return the robot's unique file name: manufacturer, full stop, serial number.
+    """Return the robot's unique file name: manufacturer, dot, serial number.
 
     Characters of the standard stay unchanged; all others are percent-encoded as in a URL.
     """
@@ -303,8 +302,8 @@ def check_frame(memory: Memory | None, frame: str) -> None:
 
 
 AT_ONCE = 0.01
-"""Seconds that the event loop itself waits: the kernel usually accepts a record in 0.1 ms, less time than
-switching to another task and back."""
+"""Time that the event loop itself waits, seconds: the kernel usually accepts a record in 0.1 ms, faster than
+a switch to another task and back."""
 WRITE_TIMEOUT = 2.0
 """Timeout for writing a record, seconds; a robot that must stop cannot wait longer."""
 
@@ -386,6 +385,11 @@ class Recorder:
     def has_synced(self, version: Version) -> bool:
         """Return whether the changes in ``version`` survive a power failure; True without a journal."""
         return self._journal is None or version == self._durable
+
+    @property
+    def syncing(self) -> bool:
+        """Whether a record is not on the disk yet, as far as is known."""
+        return self._begun is not None
 
     @property
     def _hangs(self) -> bool:

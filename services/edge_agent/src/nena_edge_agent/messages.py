@@ -1,4 +1,4 @@
-"""MQTT messages of one robot: what it sends, with headers and topics, and what it receives (section 6)."""
+"""The MQTT messages of one robot: outgoing, with headers and topics, and incoming (section 6)."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import Action, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.command_reader import read_command
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
 from nena_shared.vda5050.malformed import MalformedMessageError, quoted
-from nena_shared.vda5050.message_reader import read_command
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair, RepairKind
 from nena_shared.vda5050.responses import Responses
@@ -48,19 +48,19 @@ from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
 WRAP = 2**32
 RESERVE = 100
-"""IDs of a topic that are reserved at once: the most that a restart skips."""
+"""Number of headerIds that are reserved at once; a restart skips at most as many."""
 TOPICS = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
 """Topics that a robot publishes."""
 
 Reserved = tuple[tuple[Topic, int], ...]
-"""For each topic the first id that is not reserved."""
+"""For each topic, the first headerId that is not reserved."""
 
 
 class HeaderMaker:
     """Counts the messages of each topic, from 0 or from where an earlier run may have been (section 7.2).
 
-    Ids are reserved on disk before they are used, so that none is used twice. A robot whose disk fails
-    continues to count: fleet control must accept a counter that starts again.
+    IDs are reserved on disk before they are used, so that none is used twice. A robot whose disk fails
+    continues to count, since fleet control must accept a counter that restarts.
     """
 
     def __init__(self, robot: RobotKey, *, version: str, clock: Clock, reserved: Reserved = ()) -> None:
@@ -73,7 +73,7 @@ class HeaderMaker:
     def reserve(self) -> Reserved:
         """Return the first unreserved headerId of each topic (VDA 5050 3.0 section 7.2).
 
-        Reserve more at half use.
+        More are reserved once half of them are used.
         """
         for topic in TOPICS:
             left = (self._reserved.get(topic, 0) - self._counts[topic]) % WRAP
@@ -100,23 +100,26 @@ class HeaderMaker:
             "serial_number": self._robot.serial_number,
         }
 
+    def next(self, topic: Topic) -> dict[str, Any]:
+        """Return the header that :meth:`make` returns next, without counting it."""
+        return self.form(self._counts[topic])
+
     def last_id(self, topic: Topic) -> int:
         """Return the headerId of the last message under ``topic``; 0 before the first."""
         return max(0, self._counts[topic] - 1)
 
 
 def client_id_of(robot: RobotKey, settings: MqttSettings) -> str:
-    """Return the robot's MQTT client id, where the settings name none.
+    """Return the robot's MQTT client ID, unless the settings name one.
 
     Raises:
         ConfigurationError: a file with the robot's secret cannot be read.
-
     """
     return private_client_id(f"nena-edge-agent-{robot.manufacturer}-{robot.serial_number}", settings)
 
 
 class RobotMessages:
-    """Makes the messages of one robot, ready for the link; each gets the next headerId of its topic."""
+    """Builds the robot's outgoing messages; each gets the next headerId of its topic."""
 
     def __init__(
         self,
@@ -135,7 +138,7 @@ class RobotMessages:
         self.headers = HeaderMaker(robot, version=settings.version, clock=clock, reserved=reserved)
 
     def inbox(self, put: Callable[[Event], None], clock: Clock) -> Inbox:
-        """Return what reads the messages to the robot."""
+        """Return the reader of the robot's incoming messages."""
         return Inbox(
             self.codec,
             self._robot,
@@ -154,30 +157,30 @@ class RobotMessages:
         return self.headers.make(topic)
 
     def connection(self, state: ConnectionState) -> Outbound:
-        """Make the connection message (section 6.5), retained.
+        """Return the connection message (section 6.5), retained.
 
-        It waits for a link that is being connected: an agent may be stopped between its ONLINE and the end
-        of the connect, and must not stay ONLINE then.
+        It is kept while the link connects: an agent that is stopped between its ONLINE message and the end of
+        the connect must not stay ONLINE.
         """
         message = Connection(**self.header(Topic.CONNECTION), connection_state=state)
         return self._outbound(Topic.CONNECTION, message, qos=1, retain=True, keep=True)
 
     def factsheet(self, limits: DriveLimits | None = None) -> Outbound:
-        """Make the factsheet message (section 6.10), retained; ``limits`` are those of navigation."""
+        """Return the factsheet message (section 6.10), retained; ``limits`` are those of navigation."""
         header = self.header(Topic.FACTSHEET)
         message = make_factsheet(header, self._settings, self._capabilities, limits)
         return self._outbound(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
 
     def state(self, message: State, *, keep: bool) -> Outbound:
-        """Make the state message (section 6.6); ``keep``: until the link can send it."""
+        """Return the state message (section 6.6); ``keep``: keep it until the link can send it."""
         return self._outbound(Topic.STATE, message, qos=self._settings.qos, keep=keep)
 
     def visualization(self, message: Visualization) -> Outbound:
-        """Make the visualization message (section 6.7), dropped when it is late."""
+        """Return the visualization message (section 6.7), which is dropped if the link is down."""
         return self._outbound(Topic.VISUALIZATION, message, qos=0)
 
     def map(self, found: MapImage) -> Outbound:
-        """Make the message with the robot's map, retained."""
+        """Return the message with the robot's map, retained."""
         payload = found.model_dump_json(by_alias=True).encode()
         topic = FleetTopics(self._settings.topic_prefix).robot_map(self._robot)
         return Outbound(topic, payload, retain=True, keep=False)
@@ -196,17 +199,17 @@ _UNTIL = {
     Topic.INSTANT_ACTIONS: Until.INSTANT_ACTION_ACCEPTED,
     Topic.ZONE_SET: Until.ZONE_SET_ACCEPTED,
 }
-"""What ends the report of a refused message, where it is not the next order."""
+"""What ends the report of a refused message, unless it is the next order."""
 
 
 @dataclass(slots=True)
 class InboxCounts:
-    """Messages received so far."""
+    """Numbers of messages received so far."""
 
     taken: int = 0
     malformed: int = 0
     repaired: int = 0
-    """Messages that broke the standard, but whose meaning was certain."""
+    """Messages that violated the standard, but whose meaning was clear."""
     misdirected: int = 0
     retained: int = 0
 
@@ -215,7 +218,7 @@ NO_ACTIONS: Final[Mapping[str, ActionDeclaration]] = MappingProxyType({})
 
 
 class Inbox:
-    """Reads the messages of fleet control to one robot, which can do ``actions``."""
+    """Reads fleet control's messages to one robot; ``actions`` are the declarations of its actions."""
 
     def __init__(
         self,
@@ -312,7 +315,7 @@ class Inbox:
         return read
 
     def _with_values(self, message: M) -> tuple[M, tuple[Repair, ...]]:
-        """Return a message whose actions have the values that texts in their parameters stand for."""
+        """Return the message with action parameters that were sent as text converted to their types."""
         found: list[Repair] = []
         changes: dict[str, object] = {}
 

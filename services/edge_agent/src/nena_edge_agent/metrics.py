@@ -1,6 +1,6 @@
 """The metrics of the edge agent, and the port on which Prometheus reads them.
 
-Loaded only where ``metrics.port`` is set: the memory of a robot is small.
+Imported only if ``metrics.port`` is set, to save the robot's memory.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ log = get_logger(__name__)
 DISTRIBUTION = "nena-edge-agent"
 ROBOT: Final = ("manufacturer", "serial_number")
 HEAD_LIMIT = 8192
-"""Bytes that the head of a request may have."""
-PATIENCE = 5.0
+"""Maximum size of a request's head, bytes."""
+REQUEST_TIMEOUT = 5.0
 """Timeout of a client's request, and of the disk's free space, seconds."""
 CLIENTS = 10
-"""Connections at a time; further ones are closed at once."""
+"""Maximum number of simultaneous connections; further ones are closed at once."""
 
 
 @dataclass(slots=True)
@@ -50,10 +50,10 @@ class Program:
     disk_free: float | None = None
     """Bytes left for the journal."""
     _asked: asyncio.Future[float | None] | None = None
-    """The last query of the disk: while it is pending, no other one is started."""
+    """The last query of the disk; no other one is started while it is pending."""
 
     async def look(self) -> None:
-        """Read what one scrape shows. A disk that hangs is waited for in one thread, and not for long."""
+        """Read the values of one scrape; wait for a disk that hangs for ``REQUEST_TIMEOUT`` s at most."""
         self.vitals = {robot: agent.vitals() for robot, agent in self.agents.items()}
         if self.journal is None:
             return
@@ -61,7 +61,7 @@ class Program:
         if asked is None or asked.done():
             asked = asyncio.get_running_loop().run_in_executor(None, _free, self.journal)
             self._asked = asked
-        await asyncio.wait([asked], timeout=PATIENCE)
+        await asyncio.wait([asked], timeout=REQUEST_TIMEOUT)
         self.disk_free = asked.result() if asked.done() else None
 
 
@@ -76,7 +76,7 @@ Read = Callable[[Program, Vitals], Any]
 
 
 def _of_robot(kind: MetricKind, name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
-    """Describe a metric of each robot; ``read`` returns a value, or a mapping by ``labels``."""
+    """Define a metric of each robot; ``read`` returns a value, or a mapping by ``labels``."""
 
     def values(program: Program) -> dict[tuple[str, ...], Any]:
         found: dict[tuple[str, ...], Any] = {}
@@ -222,7 +222,7 @@ SECTIONS: Final = (PROTOCOL, DRIVING, DISK)
 
 
 class MetricsServer:
-    """Answers ``GET /metrics``, and nothing else; HTTP 1.1, one request for each connection."""
+    """Serves ``GET /metrics`` only; HTTP 1.1, one request per connection."""
 
     def __init__(self, settings: MetricsSettings, program: Program) -> None:
         self._settings = settings
@@ -250,7 +250,7 @@ class MetricsServer:
         self._clients += 1
         try:
             if self._clients <= CLIENTS:
-                async with asyncio.timeout(2 * PATIENCE):
+                async with asyncio.timeout(2 * REQUEST_TIMEOUT):
                     head = await reader.readuntil(b"\r\n\r\n")
                     writer.write(await self._answer(head.split(b"\r\n", 1)[0].split(b" ")))
                     await writer.drain()
@@ -266,7 +266,7 @@ class MetricsServer:
                 await self._program.look()
                 return _response("200 OK", self._exposition.text())
             case [b"GET", _, _]:
-                return _response("404 Not Found", b"Only /metrics is here.\n")
+                return _response("404 Not Found", b"Not found; see /metrics.\n")
             case _:
                 return _response("405 Method Not Allowed", b"Only GET is answered.\n")
 

@@ -1,4 +1,4 @@
-"""The robot's maps where Nav2's map_server uses them: one is enabled at a time, and map_server has it."""
+"""The map store for Nav2's map_server: one map is enabled at a time, and map_server loads it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import json
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from nena_edge_agent.map_store import CONTENT, FolderMapStore, MapRefusedError, MapStore, find
-from nena_edge_agent.nav2.map_bundle import BadBundleError, MapBundle
 from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.program import StartError
@@ -18,26 +18,28 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.state import Map, MapStatus
 from nena_shared.vda5050.topics import RobotKey
 
+if TYPE_CHECKING:
+    from nena_edge_agent.nav2.map_bundle import MapBundle
+
 DESCRIPTION = "map.yaml"
 CURRENT = "current"
 UNPLACED = "unplaced"
 
 
 class Nav2MapStore(FolderMapStore):
-    """Unpacks each map, and has map_server load the one that is enabled.
+    """Unpacks each map, and makes map_server load the enabled one.
 
-    The robot's first map has no files here: it is the one of map_server's own settings.
+    The robot's first map has no files here: it is that of map_server's own settings.
 
     Raises:
         StartError: the folder cannot be used.
-
     """
 
     def __init__(self, folder: Path, first: Map, *, maximum: int, server: MapServer) -> None:
         self._server = server
         super().__init__(folder, first, maximum=maximum)
         if self._current is None and find(self.maps, first.map_id, first.map_version):
-            self._mark_first(first)  # the folder is of another store
+            self._mark_first(first)  # the folder is from another store
         server.remember(self._folder / UNPLACED)
         current = next((each for each in self.maps if self._current == (each.map_id, each.map_version)), None)
         if current is not None:
@@ -49,14 +51,11 @@ class Nav2MapStore(FolderMapStore):
         Raises:
             MapRefusedError: it is not a Nav2 map, it already exists, or there is no room.
         """
-        try:
-            await asyncio.to_thread(MapBundle.of, content)
-        except BadBundleError as error:
-            raise MapRefusedError(str(error)) from error
+        await asyncio.to_thread(_unpacked, content)
         await super().install(map_id, map_version, content)
 
     async def enable(self, map_id: str, map_version: str) -> None:
-        """Make map_server use this map, and no other one.
+        """Make map_server use this map.
 
         Raises:
             MapRefusedError: it is not stored, or map_server does not accept it.
@@ -85,7 +84,7 @@ class Nav2MapStore(FolderMapStore):
     def _files(self, content: bytes) -> Mapping[str, bytes]:
         if not content:
             return {CONTENT: b""}
-        bundle = MapBundle.of(content)
+        bundle = _unpacked(content)
         return {DESCRIPTION: bundle.description.encode(), bundle.image_name: bundle.image}
 
     def _mark_first(self, first: Map) -> None:
@@ -97,7 +96,7 @@ class Nav2MapStore(FolderMapStore):
         self.maps = self._read()
 
     def _is_foreign(self, map_id: str, map_version: str) -> bool:
-        """Return whether another store keeps this map, which has a content without a map's description."""
+        """Return whether another store has written this map: it has content but no description."""
         place = self._place(map_id, map_version)
         content = place / CONTENT
         return not (place / DESCRIPTION).exists() and content.exists() and content.stat().st_size > 0
@@ -121,11 +120,26 @@ class Nav2MapStore(FolderMapStore):
         return self._current == (map_id, map_version)
 
 
+def _unpacked(content: bytes) -> MapBundle:
+    """Read an archive; what reads archives is loaded for the first one.
+
+    Raises:
+        MapRefusedError: it is not a Nav2 map.
+
+    """
+    from nena_edge_agent.nav2.map_bundle import BadBundleError, MapBundle  # noqa: PLC0415 - see the docstring
+
+    try:
+        return MapBundle.of(content)
+    except BadBundleError as error:
+        raise MapRefusedError(str(error)) from error
+
+
 GROUP = "nena.maps"
 
 
 def folder_of(settings: EdgeAgentSettings, robot: RobotKey) -> tuple[Path, Map]:
-    """Return the folder of a robot's maps, and its first map."""
+    """Return the folder for a robot's maps, and the robot's first map."""
     first = Map(map_id=settings.map_id, map_version=settings.map_version, map_status=MapStatus.ENABLED)
     return settings.maps.folder / quote(str(robot), safe=" :").replace(".", "%2E"), first
 
@@ -133,15 +147,14 @@ def folder_of(settings: EdgeAgentSettings, robot: RobotKey) -> tuple[Path, Map]:
 def map_store(
     settings: EdgeAgentSettings, robot: RobotKey, server: MapServer | None = None
 ) -> MapStore | None:
-    """Return the store that the settings name; None: the robot has its one map and no other.
+    """Return the configured map store, None if the robot has a single, fixed map.
 
-    ``server`` is Nav2's map_server where the maps go to it. A plug-in is called with the settings and the
+    ``server`` is Nav2's map_server if it is to load the maps. A plug-in is called with the settings and the
     robot, and returns a :class:`MapStore`.
 
     Raises:
         ConfigurationError: no plug-in has that name.
         StartError: the folder cannot be used.
-
     """
     maps = settings.maps
     if maps.store == "fixed":

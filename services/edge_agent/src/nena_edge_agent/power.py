@@ -1,4 +1,4 @@
-"""The commands of the settings that hibernate, wake and shut down the robot."""
+"""The configured commands that hibernate, wake and shut down the robot."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ log = get_logger(__name__)
 WAKE_UP_VARIABLE = "NENA_WAKE_UP_TIME"
 """Environment variable of the hibernate command: its wakeUpTime."""
 OUTPUT_LOGGED = 4000
-"""Bytes at the end of a failed command's output that are logged."""
+"""Maximum bytes of a failed command's output that are logged, from its end."""
 KILL_TIMEOUT = 5.0
-"""Seconds that a killed command has to end: one of another user, or one that waits for a device, may not."""
+"""Timeout for a killed command to end, seconds; a command of another user, or one that waits for a device,
+may not end."""
 
 Command = tuple[Annotated[str, Field(min_length=1, max_length=4096)], ...]
 
@@ -59,19 +60,19 @@ class PowerSettings(SettingsGroup):
         return self
 
     def offered(self, *, rehearsed: bool) -> frozenset[str]:
-        """Return the actions that the robot offers; ``rehearsed``: all, also without commands."""
+        """Return the actions that the robot offers; ``rehearsed``: all, even without commands."""
         if rehearsed:
             return POWER_ACTIONS
         sleeps = HIBERNATION if self.hibernate_command else frozenset()
         return sleeps | (frozenset({SHUTDOWN}) if self.shutdown_command else frozenset())
 
     def command(self, kind: PowerCommand) -> Command:
-        """Return the command of this kind; empty: there is nothing to run."""
+        """Return the command of this kind; empty if none is set."""
         found: Command = getattr(self, kind.value)
         return found
 
     def problems(self) -> dict[PowerCommand, str]:
-        """Return what is wrong with the commands, by their settings: a program that cannot be run."""
+        """Return the problems of the commands, by setting: programs that cannot be run."""
         found = {kind: _problem(self.command(kind)) for kind in PowerCommand}
         return {kind: problem for kind, problem in found.items() if problem}
 
@@ -81,13 +82,13 @@ def _problem(command: Command) -> str:
         return ""
     if Path(command[0]).exists():
         return f"{command[0]} is not an executable program"
-    return f"there is no program {command[0]}"
+    return f"program {command[0]} not found"
 
 
 async def run_command(
     settings: PowerSettings, kind: PowerCommand, environment: Mapping[str, str] | None = None
 ) -> str:
-    """Run a command to its end, if there is one; return what has failed, empty if nothing has.
+    """Run a command, if one is set; return its failure, empty on success.
 
     Its output is logged if it fails. At the timeout, or if the task is cancelled, it is killed. A robot must
     wake in any case: a command that cannot be killed is left behind, and a full disk only costs the output.
@@ -107,7 +108,7 @@ async def run_command(
 
 
 def _output_file() -> AbstractContextManager[IO[bytes] | None]:
-    """Return a file for the output of a command, None if the disk has no room for it."""
+    """Return a file for the output of a command, None if the disk is full."""
     try:
         return TemporaryFile()
     except OSError as error:
@@ -134,7 +135,7 @@ async def _run(
         async with asyncio.timeout(settings.command_timeout):
             code = await process.wait()
     except TimeoutError:
-        problem = f"{command[0]} has not ended in {settings.command_timeout:g} s"
+        problem = f"{command[0]} did not end within {settings.command_timeout:g} s"
         return problem if await _kill(process) else f"{problem} and cannot be killed"
     except asyncio.CancelledError:
         await _kill(process)
@@ -145,7 +146,7 @@ async def _run(
 
 
 async def _kill(process: asyncio.subprocess.Process) -> bool:
-    """End a command and all that it has started; return whether it has ended."""
+    """Kill a command and all its child processes; return whether it has ended."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     with suppress(TimeoutError):
@@ -155,7 +156,7 @@ async def _kill(process: asyncio.subprocess.Process) -> bool:
 
 
 def _tail(output: IO[bytes] | None) -> str:
-    """Return the end of what a command has written."""
+    """Return the end of a command's output."""
     if output is None:
         return ""
     size = output.seek(0, os.SEEK_END)

@@ -1,4 +1,4 @@
-"""Queues and schedules of the agent's task: events, effects that wait for the disk, and due messages."""
+"""Queues and schedules of the agent's task: events, effects that wait for the disk, and message intervals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from nena_edge_agent.protocol.events import (
 from nena_shared.tasks import set_within
 
 MESSAGE_LIMIT = 100
-"""Maximum number of waiting messages of fleet control."""
+"""Maximum number of waiting messages from fleet control."""
 
 _MESSAGES = (OrderReceived, InstantActionsReceived, ZoneSetReceived, ResponsesReceived, MessageRefused)
 _SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport, DriveProgress)
@@ -70,11 +70,11 @@ class Mailbox:
 
     @property
     def empty(self) -> bool:
-        """Whether no event waits."""
+        """Return whether no event waits."""
         return not self._filled.is_set()
 
     def wake(self) -> None:
-        """End a wait, also without an event."""
+        """End :meth:`wait` even without an event."""
         self._filled.set()
 
     async def wait(self, seconds: float) -> None:
@@ -85,7 +85,7 @@ class Mailbox:
         await set_within(self._filled, seconds)
 
     def _keep_order(self, event: Event) -> None:
-        """Queue ``event`` behind the pose that arrived before it: an arrival is judged by that pose."""
+        """Queue ``event`` after the pose that arrived before it, by which an arrival is judged."""
         self._flush_newest()
         self._events.append(event)
 
@@ -95,19 +95,19 @@ class Mailbox:
 
 
 STARTS = (Drive, SetPosition, StartAction)
-"""All other effects end or report something: they never wait."""
+"""All other effects end or report something, and never wait."""
 
 
 class Postponed:
-    """Delays the start of drives and actions while the newest record is not on the disk."""
+    """Delays the start of drives and actions until the newest record is on disk."""
 
     def __init__(self) -> None:
         self._waiting: list[Effect] = []
 
     def sift(self, effects: Iterable[Effect], *, recorded: bool) -> list[Effect]:
-        """Return the effects that may be performed now, in order; ``recorded``: all are on the disk.
+        """Return the effects that may be performed now, in order; ``recorded``: the newest record is on disk.
 
-        A waiting start that is ended meanwhile is dropped.
+        A waiting start is dropped if it is ended meanwhile.
         """
         if recorded:
             waiting, self._waiting = self._waiting, []
@@ -148,11 +148,15 @@ class StateSchedule:
 
     @property
     def due(self) -> float:
-        """When the next state is to be sent."""
+        """Return when the next state is due."""
         return min(max(self._requested, self._last + self._minimum), self._last + self._maximum)
 
+    def allows(self, now: float) -> bool:
+        """Return whether a state requested at ``now`` may be sent immediately."""
+        return now >= self._last + self._minimum
+
     def sent(self, now: float) -> None:
-        """Note that a state was sent."""
+        """Record that a state was sent."""
         self._last, self._requested = now, inf
 
 
@@ -165,9 +169,9 @@ class VisualizationSchedule:
 
     @property
     def due(self) -> float:
-        """When the next visualization message is to be sent."""
+        """Return when the next visualization message is due."""
         return self._next
 
     def sent(self, now: float) -> None:
-        """Note that a message was sent; missed ones are not made up for."""
+        """Record that a message was sent; missed messages are skipped."""
         self._next = max(self._next + self._interval, now)

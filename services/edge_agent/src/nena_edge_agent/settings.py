@@ -49,7 +49,7 @@ def _optional_field(name: str) -> str:
     return name
 
 
-def _spoken(version: str) -> str:
+def _supported_version(version: str) -> str:
     try:
         return codec_for(version).version
     except UnknownVersionError as error:
@@ -62,7 +62,7 @@ def _transform(text: str) -> str:
 
 
 TransformText = Annotated[str, AfterValidator(_transform)]
-SpokenVersion = Annotated[str, AfterValidator(_spoken)]
+SupportedVersion = Annotated[str, AfterValidator(_supported_version)]
 OptionalField = Annotated[str, AfterValidator(_optional_field)]
 TopicLevel = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_topic_level)]
 Metres = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
@@ -168,7 +168,7 @@ class EdgeAgentSettings(ServiceSettings):
 
     manufacturer: TopicLevel = Field("NeNa", description="Manufacturer; a level of the robot's topics.")
     serial_number: TopicLevel = Field("robot1", description="Serial number; a level of the robot's topics.")
-    version: SpokenVersion = Field(
+    version: SupportedVersion = Field(
         "2.1.0", description=f"VDA 5050 version of the robot: {', '.join(CODECS)}."
     )
     interface_name: TopicPrefix | None = Field(
@@ -241,12 +241,12 @@ class EdgeAgentSettings(ServiceSettings):
 
     @property
     def power_actions(self) -> frozenset[str]:
-        """The actions of hibernation and shutdown that the robot offers, if its version has them."""
+        """Return the actions of hibernation and shutdown that the robot offers, if its version has them."""
         return self.power.offered(rehearsed=self.driver == "loopback" and self.loopback.power)
 
     @property
     def serial_numbers(self) -> tuple[str, ...]:
-        """The robots of this program: one, or the numbered ones of a loopback fleet."""
+        """Return the robots of this program: one, or the numbered ones of a loopback fleet."""
         count = self.loopback.count if self.driver == "loopback" else 1
         if count == 1:
             return (self.serial_number,)

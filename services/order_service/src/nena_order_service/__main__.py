@@ -10,8 +10,8 @@ from nena_order_service.settings import OrderServiceSettings
 from nena_shared.program import run
 
 COLLECTED_EACH = 10_000
-"""Number of new objects after which the garbage collector runs. An order creates thousands of objects that
-are freed without it; with the default of 700, the collector took a seventh of the CPU of an order."""
+"""Threshold of the garbage collector. An order creates thousands of objects that reference counting frees;
+with the default of 700, the collector took a seventh of the CPU time of an order."""
 
 
 def main() -> int:

@@ -22,7 +22,7 @@ from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor, end
 
 LOOK = 0.25
-"""Seconds between checks whether the store accepts writes during the start."""
+"""Seconds between checks of the store during the start."""
 
 
 async def has_begun(
@@ -35,11 +35,11 @@ async def has_begun(
 ) -> bool:
     """Wait for ``begin`` to end; return False if the program has to stop first.
 
-    When ``waits`` returns that the store cannot be written, ``show`` is called to make the reason visible;
-    the start continues once the store can be written again.
+    ``show`` is called once, as soon as ``waits`` returns that the store cannot be written; the start
+    continues when it can.
 
     Raises:
-        TaskFailedError: an essential part failed meanwhile.
+        TaskFailedError: an essential part has failed.
     """
     beginning = asyncio.create_task(begin, name="begin")
     ending = asyncio.create_task(supervisor.wait(stop), name="wait for the end")
@@ -127,7 +127,7 @@ async def _begin_and_serve(
     *,
     election: LeaderElection,
 ) -> None:
-    """Serve until ``stop``; while the store cannot be written initially, the server reports that."""
+    """Serve until ``stop``; during the start, the server reports if the store cannot be written."""
 
     async def begin() -> None:
         await runner.begin()
@@ -191,9 +191,9 @@ def _start_election(
 async def _take_over(
     settings: OrderServiceSettings, lead: Lead, supervisor: Supervisor, url: str
 ) -> tuple[Store, LeaderElection]:
-    """Take over from the other order service, which can no longer commit.
+    """Take over from the other order service, which can then no longer commit.
 
-    Return store and leader election.
+    Return the store and the leader election.
     """
     own_url = str(settings.public_url or url).rstrip("/")
     engine, fence = await lead.raise_fence(settings.store.location(), own_url)
@@ -204,7 +204,7 @@ async def _take_over(
 
 
 async def _shut_down(service: OrderService) -> None:
-    """Write and send everything that waits."""
+    """Write and send everything that is pending."""
     await service.end()
     if not await service.store.drain(DRAIN_TIMEOUT):
         log.error(

@@ -1,4 +1,4 @@
-"""Errors that are answers to hosts; each is a refusal in the table of operations."""
+"""Errors with which hosts' requests are refused; each is a refusal in the table of operations."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from nena_shared.fleet_api.operations import Refusal
 
 
 class RefusedError(Exception):
-    """A request is refused; the message contains the reason and what to do."""
+    """A request is refused; the message says why and what to do."""
 
     refusal: ClassVar[Refusal]
 
 
 class NameTakenError(RefusedError):
-    """Another request has already created an order of this name."""
+    """Another request has already created an order or order sequence of this name."""
 
     refusal = Refusal.NAME_TAKEN
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, kind: str = "Transport order") -> None:
         super().__init__(
-            f"Transport order {name!r} already exists, and names are never reused. "
+            f"{kind} {name!r} already exists, and names are never reused. "
             "Choose another name, or set incompleteName to have a suffix added."
         )
 
@@ -54,18 +54,6 @@ class UnknownVehicleError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"Unknown vehicle {name!r}. GET /v1/vehicles lists them.")
-
-
-class SequenceNameTakenError(RefusedError):
-    """Another request has already created an order sequence of this name."""
-
-    refusal = Refusal.NAME_TAKEN
-
-    def __init__(self, name: str) -> None:
-        super().__init__(
-            f"Order sequence {name!r} already exists, and names are never reused. "
-            "Choose another name, or set incompleteName to have a suffix added."
-        )
 
 
 class UnknownSequenceError(RefusedError):
@@ -115,7 +103,7 @@ class OrderAssignedError(Exception):
 
 
 class OrderWithdrawnError(RefusedError):
-    """The order is about to end and cannot be held."""
+    """The order is already withdrawn."""
 
     refusal = Refusal.ORDER_WITHDRAWN
 
@@ -135,7 +123,7 @@ class VehicleNotReachedError(RefusedError):
 
 
 class VehicleBusyError(RefusedError):
-    """The vehicle has an order, which the request would end; if it is empty, it makes room for another."""
+    """The vehicle has an order, or makes room for another vehicle, which the request would interrupt."""
 
     refusal = Refusal.VEHICLE_BUSY
 

@@ -23,7 +23,7 @@ class PlantFile:
 
     model: PlantModel
     digest: str
-    """SHA-256 of the file: the same until the file changes, whichever release reads it."""
+    """SHA-256 of the file's content."""
 
 
 def load_plant(path: Path) -> PlantFile:
@@ -48,7 +48,7 @@ def load_plant(path: Path) -> PlantFile:
 
 
 def read_plant(data: bytes, *, strict: bool) -> ImportReport:
-    """Read a plant model that a fleet can use; ``strict`` refuses LIF that violates its standard.
+    """Read a plant model and check it for fleets; ``strict`` refuses LIF that violates its standard.
 
     Raises:
         InvalidPlantError: ``data`` is not a usable plant model; lists all problems.

@@ -55,10 +55,10 @@ from nena_shared.vda5050.topics import TopicScheme
 log = get_logger(__name__)
 
 PLANT_MODEL = "plantModel"
-"""The kind of the plant model among the documents of the store."""
+"""The kind of the plant model's document in the store."""
 CHANGING = "the plant model is being changed; retry in a moment"
 CHANGE_TIMEOUT = 20.0
-"""Seconds that a host waits for its change; it may still succeed afterwards."""
+"""Timeout of a host's change, seconds; the change may still succeed afterwards."""
 
 
 @dataclass(slots=True)
@@ -78,11 +78,11 @@ class OrderService:
     hosts: HostServices
     loop_lag: LoopLag
     elected: asyncio.Event | None = None
-    """Set once this order service leads the fleet; nothing is sent before. None: there is no other one."""
+    """Set once this order service leads the fleet; nothing is sent before. None: no election."""
 
     @property
     def store(self) -> Store:
-        """The store of the orders."""
+        """The store of orders."""
         return self.engine.store
 
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
@@ -109,7 +109,7 @@ class OrderService:
         self.changes.close()
 
     async def end(self) -> None:
-        """End everything that clients wait for."""
+        """Close streams, and end publishing and all open requests."""
         self.close_streams()
         self.publisher.close()
         self.heartbeat.end(self.mqtt)
@@ -171,7 +171,7 @@ def build(
 def make_fleet(
     settings: OrderServiceSettings, mqtt: MqttLink, engine: Engine, clock: Clock, *, epoch: int = 0
 ) -> FleetLink:
-    """Wire up fleet control over the link ``mqtt``."""
+    """Build fleet control over the link ``mqtt``."""
     return FleetLink(
         mqtt,
         addresses=_make_addresses(settings, engine.registry),
@@ -192,7 +192,7 @@ def _make_host_services(engine: Engine, fleet: FleetLink) -> HostServices:
 
 
 def _no_change(plant: PlantModel) -> Callable[[PlantModel | EditPlant], Awaitable[None]]:
-    """Return a function that refuses all changes of the plant model, except those without effect."""
+    """Return a function that refuses all changes of the plant model except those without effect."""
 
     async def refuse(change: PlantModel | EditPlant) -> None:
         if isinstance(change, PlantModel) or change(plant) is not plant:
@@ -211,7 +211,7 @@ def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
 
 
 def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0) -> Readiness:
-    """Return whether the broker is connected and the store can be written."""
+    """Return whether the broker is connected and the store can be written, and any problems."""
     problems = []
     if not mqtt.state.connected:
         why = mqtt.state.last_error or "not yet"
@@ -231,7 +231,7 @@ def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0) -> Readiness:
 
 
 def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -> RobotAddresses:
-    """Return the robots' topics, as far as they are known from settings and plant model.
+    """Return the robots' versions and topics, as far as settings and plant model define them.
 
     Raises:
         ConfigurationError: the plant model names an unsupported version.
@@ -245,11 +245,13 @@ def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -
 
 
 def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: Clock) -> Engine:
-    """Wire up the engine over ``store``."""
+    """Build the engine over ``store``."""
     router = Router(plant, evaluators(settings.routing.costs, plant))
-    any_day = Router(plant, evaluators(settings.routing.costs, plant))
+    without_host_locks = Router(plant, evaluators(settings.routing.costs, plant))
     operations = OperationMap(settings.kernel.action_types)
-    finder = RouteFinder(plant, router, any_day=any_day, action_type=operations.action_type)
+    finder = RouteFinder(
+        plant, router, without_host_locks=without_host_locks, action_type=operations.action_type
+    )
     planner = OrderPlanner(
         plant,
         finder,
@@ -269,7 +271,7 @@ class StoredPlant(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     file: str
-    """Digest of the file that it replaces."""
+    """SHA-256 of the file that it replaces."""
     model: str
 
 
@@ -284,8 +286,7 @@ class ServiceRunner:
     """Runs an order service with the plant model of the file, or with one that a host uploaded instead.
 
     An uploaded model is used until the file changes. A change is checked and committed between two units of
-    work. Then the service is rebuilt on the same store, as after a restart: robots and orders continue where
-    they are.
+    work; then the service is rebuilt on the same store, as after a restart. Orders and robots continue.
     """
 
     def __init__(
@@ -298,7 +299,7 @@ class ServiceRunner:
     ) -> None:
         """Run the service that ``make`` builds for the model of ``file`` or for its replacement."""
         self.show: Callable[[ASGIApp], None] = lambda _: None
-        """Called with the REST application each time it is built."""
+        """Receives each newly built REST application."""
         self.service: OrderService
         self._file = file
         self._store = store
@@ -322,10 +323,10 @@ class ServiceRunner:
     async def change_plant(self, model: PlantModel | EditPlant, *, check_only: bool = False) -> None:
         """Use another plant model, or only check whether that is possible.
 
-        A function receives the current model when its turn comes, so no change undoes another one.
+        A function receives the model that is current when its turn comes, so no change undoes another.
 
         Raises:
-            InvalidPlantError: this service cannot use it.
+            InvalidPlantError: the model cannot be used.
             PlantInUseError: orders or vehicles use objects that the model lacks.
             StoreNotReadyError: the model cannot be stored, or another change is in progress.
 
@@ -372,9 +373,8 @@ class ServiceRunner:
         self.service = service
         try:
             await service.begin(self._start)
-        except (
-            StoreNotReadyError
-        ) as error:  # not an answer to a host: nothing works any more, so the program exits
+        except StoreNotReadyError as error:
+            # Not an answer to a host: no engine is active any more, so the program must exit.
             message = "the changed plant model cannot be activated: the store is unavailable"
             raise RuntimeError(message) from error
         self.show(service.app)

@@ -18,11 +18,11 @@ from nena_status_aggregator.mqtt import FleetSubscriber
 from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, Share
 
 IDLE_DELAY = 30.0
-"""Seconds for which changes are still published after the last client has left: it may reconnect."""
+"""Time for which changes are still published after the last client has left, as it may reconnect, seconds."""
 
 
 class Aggregator:
-    """Owns the parts that the program runs and the API reads. Belongs to one event loop."""
+    """Owns the parts that the program runs and the API reads. Not thread-safe."""
 
     def __init__(self, settings: AggregatorSettings, clock: Clock) -> None:
         """Create the parts; nothing is connected or opened yet.
@@ -49,7 +49,7 @@ class Aggregator:
         self._interval = settings.events.interval
 
     def now(self) -> Timestamp:
-        """Read the clock."""
+        """Return the current time."""
         return Timestamp.of(self.clock)
 
     def publish_changes(self) -> None:

@@ -41,7 +41,7 @@ from nena_status_aggregator.settings import AggregatorSettings, Share
 log = get_logger(__name__)
 
 PROBLEM_LIMIT = 1000
-"""Topics whose last problem is remembered, so that a repeated problem is logged once."""
+"""Maximum number of topics with a remembered problem; repeated problems are logged once."""
 
 TOPIC_LENGTH = 300
 """Maximum length of a topic in memory and log, characters."""
@@ -53,7 +53,7 @@ RETAINED = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 
 NO_TIME = datetime.min.replace(tzinfo=UTC)
 UNDATED_REMEMBERED = 10_000
-"""Topics whose headerIds are remembered because their timestamps cannot be read."""
+"""Maximum number of topics with unreadable timestamps whose headerIds are remembered."""
 
 KEY_LENGTH = 200
 """Maximum length of manufacturer and serial number together, characters."""
@@ -80,7 +80,7 @@ class FleetSubscriber:
         self._repaired = False
         """Whether the last message had to be repaired."""
         self._undated: dict[tuple[RobotKey, MessageKind], messages.Sequence] = {}
-        """Of topics with timestamps that cannot be read."""
+        """headerIds of topics with unreadable timestamps."""
         self._reader = MessageReader(self._on_repaired, strict=settings.strict)
         self.mqtt = MqttLink(
             settings.mqtt,
@@ -141,7 +141,7 @@ class FleetSubscriber:
             if key is None or not self._share.has(key):
                 return
             if not inbound.payload and kind in RETAINED:
-                return  # it only clears the retained message
+                return  # clears the retained message
             at = Timestamp.of(self._clock)
             if len(str(key)) > KEY_LENGTH:
                 self._malformed(
@@ -172,9 +172,9 @@ class FleetSubscriber:
         self._repaired = True
 
     def _is_next(self, key: RobotKey, kind: MessageKind, header_id: int) -> bool:
-        """Return whether a message whose timestamp cannot be read is new by its headerId.
+        """Return whether a message with an unreadable timestamp is new, judging by its headerId.
 
-        The time of arrival replaces the timestamp, which makes an old message look new.
+        Its time of arrival, which replaces the timestamp, would make an old message look new.
         """
         if len(self._undated) >= UNDATED_REMEMBERED:
             self._undated.clear()

@@ -1,4 +1,4 @@
-"""What the bodies have in common."""
+"""Base classes and common types of request and response bodies."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from nena_shared.clock import in_utc, iso
 
 
 class Role(IntEnum):
-    """Permissions of a user; each role includes those before it."""
+    """Permissions of a user; each role includes the ones before it."""
 
     VIEWER = 1
     """Read everything."""
     OPERATOR = 2
     """Create orders and send commands."""
     ADMIN = 3
-    """Change how the fleet works: plant model and zone sets."""
+    """Change the plant model and zone sets."""
 
 
 class CamelCase(BaseModel):
-    """A JSON object with camelCase names on the wire; immutable."""
+    """An immutable JSON object with camelCase names on the wire."""
 
     model_config = ConfigDict(
         frozen=True,
@@ -42,7 +42,7 @@ class Resource(CamelCase):
 
 
 class Request(CamelCase):
-    """A JSON object that NeNa receives; an unknown field is an error."""
+    """A JSON object that NeNa receives; unknown fields are errors."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -51,10 +51,10 @@ Moment = Annotated[datetime, AfterValidator(in_utc), PlainSerializer(iso, return
 """ISO 8601 in UTC with milliseconds."""
 
 ObjectName = Annotated[str, Field(min_length=1, max_length=200)]
-"""Name of an object of the plant model, kept to the letter."""
+"""Name of an object in the plant model, never changed."""
 
 IdempotencyKey = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
-"""Unique ID of a request among all hosts; no NUL, which PostgreSQL cannot store."""
+"""Request ID, unique among all hosts; without NUL, which PostgreSQL cannot store."""
 
 OrderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_:\-][A-Za-z0-9_.:\-]{0,99}$")]
-"""Name of a transport order; also used in MQTT topics and URLs, where ``..`` has another meaning."""
+"""Name of a transport order. Used in MQTT topics and URLs, so ``..`` is not allowed."""

@@ -1,7 +1,7 @@
-"""The epoch in retained statuses: which of several order services that share a store published them.
+"""The epoch in retained statuses, which identifies the publisher among order services that share a store.
 
-Each takeover by a standby begins a new epoch. What an order service of an older epoch published, or still
-publishes, is outdated.
+Each takeover by a standby starts a new epoch. Statuses of older epochs are outdated, even if they are
+published later.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ class _Stamp(Resource):
 
 
 def with_epoch(body: bytes, epoch: int) -> bytes:
-    """Return the JSON object ``body``, which must not be empty, with one more field: ``epoch``."""
+    """Add the field ``epoch`` to a non-empty JSON object."""
     return b'%s,"epoch":%d}' % (body[:-1], epoch)
 
 
 def epoch_of(body: bytes) -> int:
-    """Return the epoch of a status; 0 where it has none or cannot be read."""
+    """Return the epoch of a status; 0 if it has none or is unreadable."""
     try:
         return _Stamp.model_validate_json(body).epoch
     except ValidationError:
@@ -32,15 +32,15 @@ def epoch_of(body: bytes) -> int:
 
 
 class EpochFilter:
-    """Recognises statuses of an order service that another one has replaced."""
+    """Detects statuses of replaced order services."""
 
     def __init__(self) -> None:
         self._newest = 0
         self.ignored = 0
-        """How many statuses were of an older epoch."""
+        """Number of statuses of older epochs."""
 
     def is_current(self, body: bytes) -> bool:
-        """Return whether ``body`` is of the newest epoch so far; an empty one, which clears, always is."""
+        """Return whether ``body`` has the newest epoch so far; empty ones, which clear a topic, always do."""
         if not body:
             return True
         epoch = epoch_of(body)
@@ -53,5 +53,5 @@ class EpochFilter:
         return False
 
     def reset(self) -> None:
-        """Forget the newest epoch: after a restore from a backup it may be lower than before."""
+        """Forget the newest epoch, as it may decrease when a backup is restored."""
         self._newest = 0

@@ -1,7 +1,7 @@
 """The operations of the order service for hosts, each defined once.
 
-REST routes, MQTT commands, the OpenAPI and AsyncAPI documents, roles, and the client of the ``nena`` command
-are made from this table. A new operation needs an entry here and a method of
+REST routes, MQTT commands, OpenAPI and AsyncAPI documents, roles, and the client of the ``nena`` command are
+generated from this table. A new operation needs an entry here and a method of
 ``nena_order_service.api.operations.HostOperations``; see ``docs/architecture.md``.
 """
 
@@ -65,7 +65,7 @@ MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}
 
 
 class Refusal(Enum):
-    """A reason to refuse a request, with its HTTP status and meaning."""
+    """A reason to reject a request, with its HTTP status and description."""
 
     NAME_TAKEN = HTTPStatus.CONFLICT, "The name is taken."
     KEY_REUSED = HTTPStatus.UNPROCESSABLE_ENTITY, "The idempotency key was used for a different request."
@@ -96,7 +96,7 @@ class Refusal(Enum):
 
 
 def by_status(refusals: Iterable[Refusal]) -> dict[HTTPStatus, str]:
-    """Return the meanings of refusals by the status of their problem."""
+    """Return the descriptions of refusals by HTTP status."""
     found: dict[HTTPStatus, str] = {}
     for each in sorted(refusals, key=lambda each: each.status):
         found[each.status] = f"{found[each.status]} {each.meaning}" if each.status in found else each.meaning
@@ -112,54 +112,54 @@ _ZONE_SET_CHANGE: Final = (Refusal.UNKNOWN_ZONE_SET, Refusal.NOT_SAVED)
 
 @dataclass(frozen=True, slots=True)
 class Operation(Generic[A]):
-    """One request that hosts can make."""
+    """A request that hosts can send."""
 
     name: str
-    """Of the operation in OpenAPI and AsyncAPI, and of the MQTT command."""
+    """Name of the operation in OpenAPI and AsyncAPI, and of the MQTT command."""
     summary: str
     method: Literal["GET", "POST", "PUT", "DELETE"]
     path: str
-    """The REST path; ``{name}`` is the name of the object."""
+    """REST path; ``{name}`` is the name of the object."""
     answer: type[A]
     role: Role
-    """The least role that a caller over REST needs."""
+    """Minimum role of REST clients."""
     request: Any = None
-    """Type of the body; of the query parameters for GET. None: there is none."""
+    """Type of the body, or of the query parameters for GET; None: no body."""
     may_be_empty: bool = False
-    """Whether a request without a body is one with all defaults."""
+    """Whether the body may be omitted to use all defaults."""
     versioned: bool = False
-    """Whether the object has a version: an ETag over REST, ``version`` in an MQTT command."""
+    """Whether the object has a version: ETag over REST, ``version`` in an MQTT command."""
     creates: str = ""
-    """Path of the created object; empty: it creates none, and is answered with 200, not 201."""
+    """Path of the created object (status 201); empty: creates no object (status 200)."""
     also: Mapping[HTTPStatus, str] = field(default_factory=dict)
-    """Further statuses of success, and what they mean."""
+    """Other success statuses with their descriptions."""
     refusals: tuple[Refusal, ...] = ()
-    """Why it may be refused, besides a malformed request and access control."""
+    """Reasons for rejection, in addition to malformed requests and access control."""
     name_type: Any = str
     """Type of ``{name}``."""
     subject: str = ""
-    """The field of the MQTT command that corresponds to ``{name}`` in REST."""
+    """Field of the MQTT command that corresponds to ``{name}`` in REST."""
     result: str = ""
-    """The field of the MQTT answer with the result; empty: not over MQTT, or on a separate topic."""
+    """Field of the MQTT answer with the result; empty: not available over MQTT, or on a separate topic."""
     request_field: str = ""
-    """The field of the MQTT command that holds the request; empty: the command has the request's fields."""
+    """Field of the MQTT command with the request; empty: the request's fields are those of the command."""
     max_body: int | None = None
-    """Longest body, bytes. None: ``max_body`` of the settings."""
+    """Maximum size of the body, bytes; None: ``max_body`` of the settings."""
     opentcs: tuple[str, ...] = ()
-    """Routes of openTCS's web API that do the same, as ``METHOD path`` below ``opentcs_prefix``."""
+    """Equivalent routes of openTCS's web API, as ``METHOD path`` below ``opentcs_prefix``."""
 
     @property
     def tag(self) -> str:
-        """The group that it belongs to in the OpenAPI document."""
+        """Tag in the OpenAPI document."""
         return TAGS[self.prefix.rstrip("/")]
 
     @property
     def prefix(self) -> str:
-        """The part of the path before ``{name}``."""
+        """Part of the path before ``{name}``."""
         return self.path.partition("{")[0]
 
     def path_of(self, name: str = "") -> str:
-        """Return the path of one object."""
+        """Return the path of an object."""
         return self.path.replace("{name:path}", "{name}").replace("{name}", quote(name, safe=""))
 
 
@@ -542,7 +542,7 @@ CHANGE_PLANT = Operation(
     max_body=JSON_LIMITS.size_bytes,
     refusals=(Refusal.INVALID_PLANT, Refusal.PLANT_IN_USE, Refusal.NOT_SAVED),
 )
-"""Its body is a file in one of several forms, so its route is written by hand."""
+"""The body is a file in one of several formats, so this route is written by hand."""
 
 OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     CREATE_ORDER,
@@ -575,7 +575,7 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     SUMMARISE,
     SHOW_TRAFFIC_PLAN,
 )
-"""The operations served alike; a route that could match another one's path is listed after it."""
+"""All operations with generated routes. A route that also matches another one's path comes after it."""
 
 COMMANDS: Final[Mapping[str, Operation[Any]]] = {each.name: each for each in OPERATIONS if each.result}
-"""Those of MQTT commands, by the commands' names."""
+"""Operations of MQTT commands, by name."""

@@ -1,4 +1,4 @@
-"""The plant as hosts see and change it: plant model, paths, zone sets, maps of robots."""
+"""Plant model, paths, zone sets and robots' maps in the API."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from nena_shared.vda5050.zone_set import ZoneSet
 
 
 class PlantModelChange(Resource):
-    """What has become of a plant model that was sent."""
+    """Result of uploading a plant model."""
 
     name: str
     changed: bool
-    """Whether it is in use now; false: it was only checked."""
+    """Whether it is now in use; false: it was only validated."""
     points: int
     paths: int
     locations: int
@@ -27,19 +27,19 @@ class PlantModelChange(Resource):
 
 
 class PathStatus(Resource):
-    """State of one path."""
+    """State of a path."""
 
     name: str
     source_point: str
     destination_point: str
     locked: bool
-    """Whether new routes keep off it."""
+    """Whether new routes avoid it."""
     locked_in_plant_model: bool
-    """The value unless a host has set another one."""
+    """Value in the plant model, used unless a host sets another one."""
 
 
 LONGEST_ID = 200
-"""Characters of a zoneSetId here; the standard has no bound, a store and a path have."""
+"""Maximum length of a zoneSetId, characters; the standard has no limit, but database and URLs have."""
 
 
 def _addressed(zone_set: ZoneSet) -> ZoneSet:
@@ -55,36 +55,36 @@ StoredZoneSet = Annotated[ZoneSet, AfterValidator(_addressed)]
 
 
 class ZoneSetPhase(StrEnum):
-    """State of a zone set at one robot."""
+    """State of a zone set on a robot."""
 
     ENABLED = "ENABLED"
     DISABLED = "DISABLED"
-    """It exists but is not in use."""
+    """Stored, but not in use."""
     MISSING = "MISSING"
-    """It is not there."""
+    """Not stored on the robot."""
     UNKNOWN = "UNKNOWN"
-    """The robot has sent no state."""
+    """No state received from the robot."""
 
 
 class ZoneSetAtVehicle(Resource):
-    """A zone set at one robot."""
+    """A zone set on a robot."""
 
     vehicle: str
     phase: ZoneSetPhase
     note: str = ""
-    """The last attempt and its result, as text."""
+    """Last attempt and its result, as text."""
 
 
 class ZoneSetStatus(Resource):
-    """A zone set that a host has put here."""
+    """A zone set stored by a host."""
 
     zone_set_id: str
     map_id: str
     zones: int
     enabled: bool
-    """Whether robots are to use it."""
+    """Whether robots should use it."""
     deleted: bool
-    """Whether robots are to delete it."""
+    """Whether robots should delete it."""
     vehicles: tuple[ZoneSetAtVehicle, ...]
     """Robots that support zone sets; those of VDA 5050 2.x do not."""
 
@@ -100,14 +100,14 @@ SIDE_LIMIT: Final = 2048
 PNG_LIMIT: Final = 2 * 1024 * 1024
 """Bytes."""
 PAYLOAD_LIMIT: Final = 3 * 1024 * 1024
-"""Bytes of the message."""
+"""Maximum size of the message, bytes."""
 
 _PNG_HEAD: Final = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
 _SIZE: Final = struct.Struct(">II")
 
 
 def png_size(image: bytes) -> tuple[int, int] | None:
-    """Read width and height in pixels from the head of a PNG image; None: it is none."""
+    """Return width and height in pixels of a PNG image; None if it is not one."""
     if not image.startswith(_PNG_HEAD) or len(image) < len(_PNG_HEAD) + _SIZE.size:
         return None
     width, height = _SIZE.unpack_from(image, len(_PNG_HEAD))
@@ -123,14 +123,14 @@ def _png(image: bytes) -> bytes:
 
 
 class MapImage(Resource):
-    """A map and its position: its lower left corner in m and rad in the plant's frame.
+    """A robot's grid map, with the pose of its lower left corner: m and rad in the plant frame.
 
     The image is black; its opacity is the probability of an obstacle. Unknown areas are faint.
     """
 
     map_id: Annotated[str, Field(max_length=1024)]
     digest: Annotated[str, Field(pattern="^[0-9a-f]{16,64}$")]
-    """Differs for each image and position."""
+    """Changes with image and pose."""
     resolution: Annotated[float, Field(gt=0)]
     """m per pixel."""
     x: float

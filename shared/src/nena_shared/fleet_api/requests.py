@@ -1,4 +1,4 @@
-"""What hosts send with their requests, and lists and other answers that belong to one operation."""
+"""Request bodies and queries of hosts, and responses used by a single operation."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from nena_shared.vda5050.zone_set import ZoneSet
 
 PageSize = Annotated[int, Field(ge=1, le=1000)]
 AfterNumber = Annotated[str, Field(pattern=r"^[0-9]{1,18}$")]
-"""What the page before had as ``next``."""
+"""Value of ``next`` of the previous page."""
 
 VEHICLES_EXPLAINED = 100
-"""Default number of vehicles that are explained to a host."""
+"""Default number of vehicles in an assignment response."""
 
 
 class TransportOrdersQuery(Resource):
-    """Which transport orders are listed."""
+    """Filter and page of transport orders."""
 
     state: list[TransportOrderState] | None = None
     intended_vehicle: str | None = None
@@ -46,17 +46,17 @@ class TransportOrdersQuery(Resource):
 
 
 class OrderSequencesQuery(Resource):
-    """Which order sequences are listed."""
+    """Filter and page of order sequences."""
 
     finished: bool | None = None
-    """None: finished or not."""
+    """None: finished and unfinished ones."""
     intended_vehicle: str | None = None
     limit: PageSize = 100
     after: AfterNumber | None = None
 
 
 class VehiclesQuery(Resource):
-    """Which vehicles are listed."""
+    """Filter and page of vehicles."""
 
     state: list[VehicleState] | None = None
     processing_state: list[ProcessingState] | None = None
@@ -65,22 +65,22 @@ class VehiclesQuery(Resource):
 
 
 class AssignmentQuery(Resource):
-    """How many vehicles are explained."""
+    """Number of vehicles in an assignment response."""
 
     limit: PageSize = VEHICLES_EXPLAINED
 
 
 def _zone_set_from_json(value: object) -> ZoneSet:
-    """Read a zone set as it arrives over MQTT: the standard's objects accept JSON's types only."""
+    """Parse a zone set in JSON mode, which the objects of the standard require."""
     return value if isinstance(value, ZoneSet) else ZoneSet.model_validate_json(to_json(value))
 
 
 ZoneSetRequest = Annotated[StoredZoneSet, BeforeValidator(_zone_set_from_json)]
-"""A zone set as a host sends it: the standard's zoneSet object."""
+"""A zone set in a request: the zoneSet object of VDA 5050 (3.0 section 7.6)."""
 
 
 class TransportOrderPage(Resource):
-    """Some of the orders, newest first."""
+    """A page of transport orders, newest first."""
 
     transport_orders: tuple[TransportOrderStatus, ...]
     next: str | None
@@ -88,7 +88,7 @@ class TransportOrderPage(Resource):
 
 
 class OrderSequencePage(Resource):
-    """Some of the order sequences, newest first."""
+    """A page of order sequences, newest first."""
 
     order_sequences: tuple[OrderSequenceStatus, ...]
     next: str | None = None
@@ -96,7 +96,7 @@ class OrderSequencePage(Resource):
 
 
 class VehicleList(Resource):
-    """All vehicles, those of the plant model first."""
+    """A page of vehicles, those of the plant model first."""
 
     vehicles: tuple[VehicleStatus, ...]
     next: str | None = None
@@ -110,7 +110,7 @@ class PathList(Resource):
 
 
 class PathLockRequest(Request):
-    """Locks or unlocks a path."""
+    """Request to lock or unlock a path."""
 
     locked: bool
 
@@ -158,7 +158,7 @@ class OrderTypesRequest(Request):
     """The order types that a vehicle accepts."""
 
     acceptable_order_types: Annotated[tuple[AcceptableOrderType, ...], Field(max_length=100)]
-    """``*`` is any type; none at all: it accepts no orders."""
+    """``*`` accepts any type; an empty list accepts no orders."""
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
@@ -177,7 +177,7 @@ class ReroutingRequest(Request):
 
 
 class DispatchRequest(Request):
-    """Sends a vehicle somewhere: to a point, to a location, or to a coordinate in the plant's frame."""
+    """Request to send a vehicle to a point, location, or coordinate in the plant frame."""
 
     point: ObjectName | None = None
     location_name: ObjectName | None = None
@@ -195,34 +195,34 @@ class DispatchRequest(Request):
         return self
 
     def destination(self) -> Destination:
-        """Return the only stop of the order that is made of this."""
+        """Return the destination of the resulting order."""
         operation = self.operation or ("NOP" if self.location_name else "MOVE")
         name = self.location_name or self.point
         return Destination(location_name=name, coordinate=self.coordinate, operation=operation)
 
 
 class Parameter(Request):
-    """One value of an action's parameter."""
+    """A parameter of an action."""
 
     key: Annotated[str, Field(min_length=1, max_length=200)]
     value: ParameterValue
 
 
 class InitialPose(Request):
-    """Where a robot is: m and rad of the plant's frame."""
+    """Pose of a robot, m and rad in the plant frame."""
 
     x: float
     y: float
     theta: Annotated[float, Field(ge=-pi, le=pi)]
     map_id: ObjectName | None = None
-    """None: the map on which the vehicle drives."""
+    """None: the vehicle's current map."""
 
 
 class InstantActionRequest(Request):
-    """An instant action for a robot.
+    """Request to send an instant action to a robot.
 
-    ``pause`` and ``resume`` become startPause and stopPause; ``initializePosition`` needs a pose; any other
-    type is sent unchanged, with its parameters.
+    ``pause`` and ``resume`` become startPause and stopPause. ``initializePosition`` requires a pose. Other
+    types are sent unchanged with their parameters.
     """
 
     action_type: Annotated[str, Field(min_length=1, max_length=200)]
@@ -239,37 +239,37 @@ class InstantActionRequest(Request):
 
 
 class InstantActionAnswer(Resource):
-    """What became of an instant action."""
+    """Result of an instant action."""
 
     action_id: str
     action_type: str
     status: ActionStatus | Literal["UNKNOWN", "PENDING"]
     """FINISHED or FAILED; PENDING: still running; UNKNOWN: the robot never reported it."""
     reason: str
-    """In words."""
+    """Reason, as text."""
     result: str | None = None
-    """The robot's own."""
+    """Result reported by the robot."""
 
 
 class FleetSummary(Resource):
-    """Numbers of open orders and of vehicles by their state."""
+    """Numbers of open orders and vehicles by state."""
 
     transport_orders: dict[TransportOrderState, int]
-    """Orders that have not ended, by state."""
+    """Number of unfinished orders by state."""
     vehicles: dict[VehicleState, int]
-    """Vehicles by state."""
+    """Number of vehicles by state."""
     oldest_order: str | None
-    """Name of the order that has waited or run for longest; None: no order."""
+    """Name of the oldest unfinished order; None: no order."""
 
 
 class Readiness(Resource):
-    """Whether the order service does its work, and what is missing."""
+    """Whether the order service is ready, and what is missing."""
 
     ready: bool
     role: Literal["active", "standby", "starting"] = "active"
-    """A standby waits until the active one has ended; a starting one until its store accepts changes."""
+    """A standby waits for the active one to end; a starting one waits until its store is writable."""
     broker_connected: bool
     store_ready: bool
     loop_lag: float = 0.0
-    """Longest time in the last minute for which the event loop kept work waiting, s."""
+    """Longest delay of the event loop in the last minute, s."""
     problems: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""The order service's heartbeat over MQTT; the broker reports its end by a last will."""
+"""The order service's heartbeat over MQTT, with a last will."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Final
 from nena_shared.fleet_api.base import Moment, Resource
 
 HEARTBEAT: Final = 2.0
-"""Seconds between two heartbeats."""
+"""Heartbeat interval, seconds."""
 
 LOST_AFTER: Final = 7.0
-"""Seconds without one, after which the order service counts as down: it hangs, or is cut off."""
+"""Time without a heartbeat after which the order service counts as down, seconds."""
 
 
 class ServiceStatus(Resource):
     """The status of the active order service; retained."""
 
     online: bool
-    """False in its last will and at an orderly end."""
+    """False in the last will and after a graceful shutdown."""
     timestamp: Moment
-    """By its own clock; of a last will when it was made."""
+    """Time by the order service's clock; in a last will, the time of connecting."""
     store_ready: bool = False
     """Whether new orders are accepted."""

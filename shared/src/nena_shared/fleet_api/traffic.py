@@ -1,4 +1,4 @@
-"""The plan of traffic control for hosts: where each vehicle drives at which time, and why it waits."""
+"""Traffic control's plan in the API: when each vehicle will be where, and why it waits."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from nena_shared.fleet_api.base import Moment, Resource
 
 
 class WaitCause(StrEnum):
-    """Why a vehicle waits for others."""
+    """Reason why a vehicle waits for others."""
 
     PASSES = "PASSES"
-    """The other one holds the resource, and drives on."""
+    """The other vehicle holds the resource and is moving."""
     STANDS = "STANDS"
-    """The other vehicle is standing there."""
+    """The other vehicle is stationary there."""
     GOES_FIRST = "GOES_FIRST"
-    """The other one has to go first."""
+    """The other vehicle goes first."""
 
 
 class TrafficWait(Resource):
-    """Which vehicles a vehicle waits for, where and why."""
+    """The vehicles that a vehicle waits for, where and why."""
 
     vehicles: tuple[str, ...] = ()
-    """Empty: it does not wait for another vehicle."""
+    """Empty: not waiting for another vehicle."""
     at: str | None = None
-    """The point, path, location or block that they need; None: it waits for something else."""
+    """The contested point, path, location or block; None: waiting for something else."""
     cause: WaitCause | None = None
     turn_back: float | None = None
-    """Distance that the other vehicle would have to turn back if this one went first, m."""
+    """Distance that the other vehicle would have to go back if this one went first, m."""
     reason: str
-    """All of it in words, as in the reason of its order."""
+    """Explanation, as in the reason of its order."""
 
 
 class PlannedPoint(Resource):
@@ -37,34 +37,34 @@ class PlannedPoint(Resource):
 
     point: str
     path: str | None = None
-    """The path to it; None: straight."""
+    """Path to the point; None: straight line."""
     held: bool
-    """Whether it may drive there; false: it is only planned."""
+    """Whether the vehicle may drive there; false: only planned."""
     seconds: float | None = None
-    """From now until it is expected there; None: later than the horizon, or not known."""
+    """Time until the expected arrival, s; None: beyond the horizon, or unknown."""
 
 
 class VehiclePlan(Resource):
-    """What one vehicle occupies, holds, is to drive and waits for."""
+    """Position, resources, route and wait of a vehicle."""
 
     vehicle: str
     transport_order: str | None = None
     at: str
-    """The point that it has reached last."""
+    """Last reached point."""
     holds: tuple[str, ...]
-    """Points, paths, locations and blocks that no other vehicle may use meanwhile."""
+    """Points, paths, locations and blocks reserved for this vehicle."""
     ahead: tuple[PlannedPoint, ...] = ()
-    """The points of its route, as far as it could drive within the horizon."""
+    """Points of the route within the horizon."""
     goal: str | None = None
-    """The end of its route; None: it has no route."""
+    """End of the route; None: no route."""
     wait: TrafficWait | None = None
-    """None: nothing keeps it."""
+    """None: not waiting."""
 
 
 class TrafficPlan(Resource):
-    """The plan of the next minute, of all vehicles that hold resources."""
+    """The plan for the next minute, with all vehicles that hold resources."""
 
     time: Moment
     horizon: float
-    """Seconds that the plan looks ahead."""
+    """Length of the plan, seconds."""
     vehicles: tuple[VehiclePlan, ...]

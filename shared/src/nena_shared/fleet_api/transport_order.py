@@ -1,4 +1,4 @@
-"""Transport orders as hosts see them: orders, sequences, failure policies, assignment, delivery."""
+"""Transport orders in the API: orders, sequences, failure policies, assignment, delivery."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
 
 
 class FailureMeasure(StrEnum):
-    """One thing that can be done about a failure."""
+    """A measure after a failure."""
 
     RETRY = "RETRY"
     """The same vehicle retries the same destination from its position."""
     REPLAN = "REPLAN"
-    """The same vehicle takes another route, which avoids the position of the failure."""
+    """The same vehicle takes another route that avoids the position of the failure."""
     OTHER_VEHICLE = "OTHER_VEHICLE"
-    """The order waits for another vehicle; never while the vehicle carries something for it."""
+    """The order waits for another vehicle; not applicable while the vehicle carries its load."""
     SKIP = "SKIP"
     """The operation is skipped, and the order continues with the next destination."""
     HOLD = "HOLD"
@@ -30,7 +30,7 @@ class FailureMeasure(StrEnum):
 
     @property
     def last(self) -> bool:
-        """Return whether no other measure can follow it."""
+        """Whether no other measure can follow."""
         return self in (FailureMeasure.HOLD, FailureMeasure.FAIL)
 
 
@@ -38,12 +38,12 @@ ONCE = (FailureMeasure.SKIP, FailureMeasure.HOLD, FailureMeasure.FAIL)
 
 
 class FailureStep(Request):
-    """A measure, the number of times to take it, and its delay after the failure in seconds."""
+    """A measure, the number of times to apply it, and its delay after the failure, s."""
 
     do: FailureMeasure
     times: Annotated[int, Field(ge=1, le=100)] = 1
     after: Annotated[float, Field(ge=0, le=86_400)] = 0.0
-    """Only of RETRY and REPLAN."""
+    """Only for RETRY and REPLAN."""
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
@@ -64,22 +64,22 @@ def _ends_once(steps: tuple[FailureStep, ...]) -> tuple[FailureStep, ...]:
 
 
 FailurePolicy = Annotated[tuple[FailureStep, ...], Field(max_length=20), AfterValidator(_ends_once)]
-"""Steps that are tried in turn; one that does not apply to a failure is skipped, and FAIL is the last one."""
+"""Steps tried in turn; steps that do not apply to a failure are skipped. Ends with FAIL implicitly."""
 
 Seconds = Annotated[float, Field(gt=0, le=31_536_000)]
 
 
 class Hold(Resource):
-    """An order that waits until a person resumes it."""
+    """The hold of an order, which lasts until the order is resumed."""
 
     by: str
-    """The holder: a host or a person by name; ``failure policy`` for the order service itself."""
+    """Name of the host or person; ``failure policy`` for the order service itself."""
     reason: str
     since: Moment
 
 
 class TransportOrderState(StrEnum):
-    """Life cycle of a transport order, in openTCS's words."""
+    """State of a transport order, with openTCS's names."""
 
     RAW = "RAW"
     ACTIVE = "ACTIVE"
@@ -92,7 +92,7 @@ class TransportOrderState(StrEnum):
 
     @property
     def final(self) -> bool:
-        """Return whether the order has ended."""
+        """Whether the order has ended."""
         return self in (
             TransportOrderState.FINISHED,
             TransportOrderState.FAILED,
@@ -101,18 +101,18 @@ class TransportOrderState(StrEnum):
 
 
 class DependencyFailure(StrEnum):
-    """What happens to an order when one that it depends on does not end as FINISHED."""
+    """Effect on an order if one of its dependencies ends in another state than FINISHED."""
 
     FAIL = "FAIL"
-    """It fails, too."""
+    """The order fails, too."""
     HOLD = "HOLD"
-    """It waits until a person resumes or withdraws it."""
+    """The order is held until it is resumed or withdrawn."""
     IGNORE = "IGNORE"
-    """It continues as if the other one were FINISHED."""
+    """The order continues as if the dependency were FINISHED."""
 
 
 class DriveOrderState(StrEnum):
-    """State of one destination of a transport order."""
+    """State of a destination of a transport order."""
 
     PRISTINE = "PRISTINE"
     TRAVELLING = "TRAVELLING"
@@ -127,25 +127,25 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 class OperationProperty(Request):
-    """A key and value for the operation at a destination; it becomes a parameter of the robot's action."""
+    """A key and value that becomes a parameter of the robot's action at a destination."""
 
     key: Annotated[str, Field(min_length=1, max_length=200)]
     value: Text | StrictBool | Whole | Number
 
     @property
     def text(self) -> str:
-        """The value as text; numbers and booleans as JSON has them."""
+        """The value as text; numbers and booleans as in JSON."""
         return self.value if isinstance(self.value, str) else json.dumps(self.value)
 
 
 class Property(OperationProperty):
-    """A free key and value."""
+    """A free-form key and value."""
 
     value: Text
 
 
 class Coordinate(Request):
-    """A position off the points: m and rad in the plant's frame; ``theta`` None: any heading."""
+    """A position, m and rad in the plant frame; ``theta`` None: any heading."""
 
     x: float
     y: float
@@ -153,7 +153,7 @@ class Coordinate(Request):
 
 
 class Destination(Request):
-    """One stop of a transport order: a location or point by name, or a coordinate; and what to do there."""
+    """A destination of a transport order: location or point by name, or coordinate; and its operation."""
 
     location_name: ObjectName | None = None
     """A location, or a point (then the operation is MOVE or PARK)."""
@@ -161,7 +161,7 @@ class Destination(Request):
     operation: Annotated[str, Field(min_length=1, max_length=200)] = "MOVE"
     properties: Annotated[tuple[OperationProperty, ...], Field(max_length=100)] = ()
     on_failure: FailurePolicy | None = None
-    """Measures if the vehicle fails here; None: those of the order."""
+    """Failure policy for this destination; None: that of the order."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:
@@ -172,63 +172,63 @@ class Destination(Request):
 
 
 class TransportOrderRequest(Request):
-    """Request for a transport order; the same body over REST and over MQTT."""
+    """Request to create a transport order; same body over REST and MQTT."""
 
     name: OrderName | None = None
     """None: the order service makes one."""
     incomplete_name: bool = False
     """Whether the order service completes ``name`` to a unique one."""
     idempotency_key: IdempotencyKey | None = None
-    """A repeated key returns the order that the first request created, and creates no second one."""
+    """Repeating a key returns the order created by the first request instead of creating another."""
     destinations: Annotated[tuple[Destination, ...], Field(min_length=1, max_length=100)]
     intended_vehicle: ObjectName | None = None
     type: OrderType = "-"
-    """Order type; only vehicles that accept it get the order."""
+    """Order type; the order is only assigned to vehicles that accept it."""
     priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
-    """Greater is more urgent."""
+    """Higher is more urgent."""
     deadline: Moment | None = None
-    """Orders that are due earlier are served first; one that is not finished by then is ``late``."""
+    """Orders with earlier deadlines are served first; an order not finished by then is ``late``."""
     dispensable: bool = False
-    """Whether it may be dropped when its vehicle is needed for another order, like parking."""
+    """Whether the order may be dropped if its vehicle is needed for another one, like parking orders."""
     peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
-    """Kept and shown, as openTCS has it; there are no peripherals that it could reserve."""
+    """Stored and returned for compatibility with openTCS; no effect."""
     dependencies: Annotated[tuple[OrderName, ...], Field(max_length=100)] = ()
-    """Names of orders that must be FINISHED first; until then it is ACTIVE."""
+    """Names of orders that must be FINISHED first; until then, the order is ACTIVE."""
     on_dependency_failure: DependencyFailure = DependencyFailure.FAIL
     wrapping_sequence: OrderName | None = None
     """Name of the order sequence to which it is added."""
     properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
     on_failure: FailurePolicy | None = None
-    """Measures if the vehicle fails; None: those of the order service's setting."""
+    """Failure policy; None: the order service's default."""
     timeout: Seconds | None = None
-    """Seconds from its creation on; if it is not done by then, it is withdrawn and cancelled at the robot."""
+    """Seconds from creation, after which an unfinished order is withdrawn and cancelled at the robot."""
     processing_timeout: Seconds | None = None
-    """The same, from when it was first given to a vehicle."""
+    """The same, from its first assignment to a vehicle."""
 
 
 class DriveOrderStatus(Resource):
-    """State of one destination."""
+    """State of a destination."""
 
     destination: Destination
     state: DriveOrderState
     route: tuple[str, ...] | None = None
-    """Names of the points to pass, the first is where the vehicle starts; None before the assignment."""
+    """Names of the points on the route, starting with the vehicle's; None before the assignment."""
     attempts: int = 0
-    """Number of repetitions; each is another VDA 5050 order."""
+    """Number of retries; each is another VDA 5050 order."""
     measures_taken: int = 0
-    """How far its failure policy is used up."""
+    """Progress in the failure policy."""
     avoided: tuple[str, ...] = ()
-    """Names of paths and points that its route avoids, because the vehicle failed there."""
+    """Names of paths and points that the route avoids because the vehicle failed there."""
 
 
 class HistoryEntry(Resource):
-    """Something that happened to an order, and why."""
+    """An event in the life of an order, and its reason."""
 
     timestamp: Moment
     event_code: str
-    """E.g. ``nena:orderCreated``; documented in the operator guide."""
+    """Event code, e.g. ``nena:orderCreated``; documented in the operator guide."""
     supplements: tuple[str, ...] = ()
-    """In words."""
+    """Explanation, as text."""
 
 
 class TransportOrderStatus(Resource):
@@ -239,7 +239,7 @@ class TransportOrderStatus(Resource):
     """Counts the changes; 1 initially."""
     state: TransportOrderState
     reason: str
-    """Why it is in this state, or what it waits for, in words."""
+    """Reason for the state, or what the order waits for, as text."""
     type: str
     priority: int
     intended_vehicle: str | None = None
@@ -250,10 +250,10 @@ class TransportOrderStatus(Resource):
     properties: tuple[Property, ...] = ()
     deadline: Moment | None = None
     late: bool = False
-    """Whether the deadline had passed before it was at its end."""
+    """Whether the deadline passed before the order ended."""
     dispensable: bool = False
     automatic: bool = False
-    """Whether the order service created it itself, to park a vehicle or to recharge it."""
+    """Whether the order service created the order, to park or recharge a vehicle."""
     peripheral_reservation_token: str | None = None
     dependencies: tuple[str, ...] = ()
     on_dependency_failure: DependencyFailure = DependencyFailure.FAIL
@@ -264,53 +264,53 @@ class TransportOrderStatus(Resource):
     timeout: float | None = None
     processing_timeout: float | None = None
     assigned: Moment | None = None
-    """When it was first given to a vehicle."""
+    """Time of the first assignment to a vehicle."""
     held: Hold | None = None
-    """The hold: by whom and why; None: not held."""
+    """The hold; None: not held."""
     next_try: Moment | None = None
-    """When it is retried after a failure; None: nothing is waited for."""
+    """Time of the next retry after a failure; None: no retry pending."""
     excluded_vehicles: tuple[str, ...] = ()
-    """Vehicles that have failed at it, so that it is not given to them again."""
+    """Vehicles that failed the order, to which it is not assigned again."""
     history: tuple[HistoryEntry, ...] = ()
 
 
 class Problem(Resource):
-    """Why a request failed (RFC 9457), the same over REST and over MQTT."""
+    """Problem details of a failed request (RFC 9457), the same over REST and MQTT."""
 
     type: str = "about:blank"
     title: str
     status: int
     detail: str
-    """The reason, and what to do."""
+    """Reason, and what to do."""
     errors: tuple[str, ...] = ()
 
 
 class CreationAnswer(Resource):
-    """Answer over MQTT to a request for a transport order."""
+    """Answer over MQTT to a request to create a transport order."""
 
     status: int
-    """As in HTTP: 201 made, 200 was there already under the same key, 4xx refused, 5xx failed."""
+    """HTTP status: 201 created, 200 already created with this key, 4xx rejected, 5xx failed."""
     name: str | None = None
-    """Of the request or of the order made."""
+    """Name in the request, or of the created order."""
     idempotency_key: str | None = None
     transport_order: TransportOrderStatus | None = None
     problem: Problem | None = None
 
 
 class OrderSequenceRequest(Request):
-    """Request for an order sequence, initially empty; orders name it as their ``wrappingSequence``."""
+    """Request to create an empty order sequence; orders join it with ``wrappingSequence``."""
 
     name: OrderName | None = None
     """None: the order service makes one."""
     incomplete_name: bool = False
     """Whether the order service completes ``name`` to a unique one."""
     idempotency_key: IdempotencyKey | None = None
-    """A repeated key returns the sequence that the first request created, and creates no second one."""
+    """Repeating a key returns the sequence created by the first request instead of creating another."""
     order_types: Annotated[tuple[OrderType, ...], Field(min_length=1, max_length=100)] = (ANY_TYPE,)
-    """Types of the orders that may be added; ``*``: any."""
+    """Types of orders that may be added; ``*``: any."""
     intended_vehicle: ObjectName | None = None
     failure_fatal: bool = False
-    """Whether all orders behind one that fails, and is not dispensable, fail with it."""
+    """Whether the failure of an order that is not dispensable fails all orders after it."""
     properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
 
 
@@ -321,20 +321,20 @@ class OrderSequenceStatus(Resource):
     version: int
     """Counts the changes; 1 initially."""
     reason: str
-    """What it waits for, or how it has ended, in words."""
+    """What the sequence waits for, or how it ended, as text."""
     order_types: tuple[str, ...]
     orders: tuple[str, ...] = ()
-    """Names of its transport orders, in the order in which they are done."""
+    """Names of its transport orders, in the order of execution."""
     finished_index: int = -1
-    """Index of the last order up to which all are at their end; -1 before the first."""
+    """Index of the last order up to which all have ended; -1: none."""
     complete: bool = False
-    """Whether no more orders are added."""
+    """Whether no more orders can be added."""
     finished: bool = False
-    """Whether it is complete and all of its orders are at their end: its vehicle is free."""
+    """Whether it is complete and all of its orders have ended, so that its vehicle is free."""
     failure_fatal: bool = False
     intended_vehicle: str | None = None
     processing_vehicle: str | None = None
-    """The vehicle that took the first order; it is bound until the sequence is finished."""
+    """Vehicle of the first order; reserved until the sequence is finished."""
     properties: tuple[Property, ...] = ()
     created: Moment
     finished_time: Moment | None = None
@@ -342,55 +342,55 @@ class OrderSequenceStatus(Resource):
 
 
 class VehicleForOrder(Resource):
-    """What is between an order and one vehicle."""
+    """Whether a vehicle can execute an order."""
 
     vehicle: str
     fits: bool
-    """Whether it does the order, or could do it now."""
+    """Whether it executes the order, or could do so now."""
     reason: str
-    """Why not, in words that follow its name."""
+    """Reason why not, as a phrase that follows the vehicle's name."""
     cost: float | None = None
-    """Cost of its route, if feasible; the unit is that of ``routing.costs``, mm by default."""
+    """Cost of the route, if feasible, in the unit of ``routing.costs`` (default: mm)."""
 
 
 class AssignmentStatus(Resource):
-    """How the dispatcher sees one transport order now."""
+    """Current assignment of a transport order, and vehicles that could execute it."""
 
     transport_order: str
     state: TransportOrderState
     reason: str
-    """Why it is in this state, or what it waits for."""
+    """Reason for the state, or what the order waits for."""
     processing_vehicle: str | None = None
     vehicles: tuple[VehicleForOrder, ...] = ()
-    """The vehicles that could execute it first, the cheapest route before others; none for an ended order."""
+    """Vehicles: feasible ones first, by route cost; empty for an ended order."""
     left_out: int = 0
-    """How many vehicles more there are."""
+    """Number of vehicles not listed."""
 
 
 class DeliveryPhase(StrEnum):
-    """Where the VDA 5050 order of a transport order is."""
+    """Delivery state of the VDA 5050 order of a transport order."""
 
     NONE = "NONE"
-    """There is none: no vehicle has the transport order, or it is at its end."""
+    """No VDA 5050 order: the transport order is not assigned, or has ended."""
     WAITING = "WAITING"
-    """It is not sent: the robot cannot be sent anything now."""
+    """Not sent yet, because the robot is unreachable."""
     SENT = "SENT"
-    """It is sent, and resent, until a state of the robot echoes it."""
+    """Sent, and resent until a state of the robot echoes it."""
     DELIVERED = "DELIVERED"
-    """The robot has it."""
+    """Accepted by the robot."""
     CANCELLING = "CANCELLING"
-    """It is to end early, and the robot has not confirmed that yet."""
+    """Being cancelled; not confirmed by the robot yet."""
 
 
 class DeliveryStatus(Resource):
-    """The delivery of one transport order."""
+    """The delivery of a transport order to its robot."""
 
     transport_order: str
     phase: DeliveryPhase
     vehicle: str | None = None
     order_id: str | None = None
-    """orderId of VDA 5050."""
+    """VDA 5050 orderId."""
     echoed_update_id: int | None = None
-    """orderUpdateId that the robot's last state echoes; None: it echoes none of this order."""
+    """orderUpdateId in the robot's last state; None: the state does not contain this order."""
     note: str = ""
-    """What it waits for, in words; empty if it waits for nothing but the robot's driving."""
+    """What it waits for, as text; empty if only for the robot to drive."""

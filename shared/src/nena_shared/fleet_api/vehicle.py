@@ -1,4 +1,4 @@
-"""Vehicles as hosts see and command them: status, integration level, accepted order types, rerouting."""
+"""Vehicles in the API: status, integration level, accepted order types, rerouting."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from nena_shared.fleet_api.base import Moment, Request, Resource
 from nena_shared.fleet_api.traffic import TrafficWait
 
 ANY_TYPE: Final = "*"
-"""Accepted by it, an order may be of any type."""
+"""Wildcard: accepts orders of any type."""
 
 OrderType = Annotated[str, Field(min_length=1, max_length=100)]
-"""Free text; ``Transport``, ``Charge`` and ``Park`` are customary, ``-`` stands for an order without one."""
+"""Order type, free text. Common: ``Transport``, ``Charge``, ``Park``; ``-`` for orders without a type."""
 
 
 class AcceptableOrderType(Request):
-    """A type of orders that a vehicle accepts."""
+    """An order type that a vehicle accepts."""
 
     name: OrderType
     """``*``: any."""
     priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
-    """Smaller is preferred, if the dispatcher uses it."""
+    """Lower is preferred, if the dispatcher uses priorities."""
 
 
 ANY_ORDER_TYPE: Final = (AcceptableOrderType(name=ANY_TYPE),)
-"""Default of vehicles for which nothing else is configured."""
+"""Default of vehicles without their own configuration."""
 
 
 class VehicleState(StrEnum):
-    """What the robot reports, in openTCS's words."""
+    """State of the robot, with openTCS's names."""
 
     UNKNOWN = "UNKNOWN"
     UNAVAILABLE = "UNAVAILABLE"
@@ -42,34 +42,34 @@ class VehicleState(StrEnum):
 
 
 class ProcessingState(StrEnum):
-    """What the order service does with it."""
+    """How the order service uses a vehicle."""
 
     IDLE = "IDLE"
     AWAITING_ORDER = "AWAITING_ORDER"
-    """It is bound to an order sequence, and waits for the next order of it."""
+    """Reserved for an order sequence, waiting for its next order."""
     PROCESSING_ORDER = "PROCESSING_ORDER"
 
 
 class IntegrationLevel(StrEnum):
-    """How much a vehicle counts, in openTCS's words."""
+    """Integration level of a vehicle, with openTCS's names."""
 
     TO_BE_IGNORED = "TO_BE_IGNORED"
-    """As if it were not there."""
+    """Ignored completely."""
     TO_BE_NOTICED = "TO_BE_NOTICED"
-    """It is shown; nothing is kept free for it."""
+    """Shown; reserves no resources."""
     TO_BE_RESPECTED = "TO_BE_RESPECTED"
-    """Its resources are kept free; it gets no orders."""
+    """Reserves its resources, but receives no orders."""
     TO_BE_UTILIZED = "TO_BE_UTILIZED"
-    """It also gets orders."""
+    """Reserves its resources and receives orders."""
 
     @property
     def holds_resources(self) -> bool:
-        """Whether others are kept away from such a vehicle."""
+        """Whether other vehicles avoid the resources of such a vehicle."""
         return self in (IntegrationLevel.TO_BE_RESPECTED, IntegrationLevel.TO_BE_UTILIZED)
 
 
 class PrecisePosition(Resource):
-    """m and rad in the plant's frame."""
+    """Position, m and rad in the plant frame."""
 
     x: float
     y: float
@@ -78,7 +78,7 @@ class PrecisePosition(Resource):
 
 
 class RobotMap(Resource):
-    """A map that a robot has, in one version."""
+    """A version of a map on a robot."""
 
     map_id: str
     map_version: str
@@ -87,7 +87,7 @@ class RobotMap(Resource):
 
 
 class VehicleStatus(Resource):
-    """State of one vehicle."""
+    """State of a vehicle."""
 
     name: str
     manufacturer: str
@@ -96,27 +96,27 @@ class VehicleStatus(Resource):
     processing_state: ProcessingState
     integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
     acceptable_order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
-    """Orders of other types it does not get."""
+    """Accepted order types; other orders are not assigned to it."""
     reason: str
-    """Why it is in this state, or why it is idle, in words."""
+    """Reason for the state, or for being idle, as text."""
     wait: TrafficWait | None = None
-    """For whom it waits, where and why; None: nothing keeps it."""
+    """The vehicles it waits for, where and why; None: not waiting."""
     connection: str
     """ONLINE, OFFLINE, CONNECTION_BROKEN, HIBERNATING; SILENT: no state for too long; UNKNOWN: none ever."""
     operating_mode: str | None = None
     current_position: str | None = None
-    """Name of the point that it is at or was at last."""
+    """Current or last point."""
     precise_position: PrecisePosition | None = None
     maps: tuple[RobotMap, ...] | None = None
-    """The maps on its robot, by its last state; None: not reported."""
+    """Maps on the robot, from its last state; None: not reported."""
     energy_level: float | None = None
     """Percent."""
     transport_order: str | None = None
     order_sequence: str | None = None
-    """The order sequence to which it is bound: it does nothing else until that is finished."""
+    """Order sequence for which the vehicle is reserved until it is finished."""
     errors: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
-    """How its robot's messages deviate from VDA 5050, and how they were read, in words."""
+    """How the robot's messages deviate from VDA 5050, and how they were read, as text."""
     last_state: Moment | None = None
 
 
@@ -124,29 +124,29 @@ class ReroutingType(StrEnum):
     """Start of the new route."""
 
     REGULAR = "REGULAR"
-    """From the end of the base: the robot continues without a stop, by an order update."""
+    """From the end of the base: an order update, without a stop."""
     FORCED = "FORCED"
-    """From the robot's position: its order is cancelled first, and it gets a new one."""
+    """From the robot's position: the order is cancelled and replaced."""
 
 
 class ReroutingOutcome(StrEnum):
-    """What has become of a request for rerouting."""
+    """Result of a rerouting request."""
 
     REROUTED = "REROUTED"
-    """The vehicle rerouted."""
+    """The vehicle has a new route."""
     UNCHANGED = "UNCHANGED"
-    """The route stays; the reason explains it."""
+    """The route is unchanged; the reason explains why."""
     STOPPING = "STOPPING"
-    """The robot stops, at once or at the end of its base, and continues from there."""
+    """The robot stops, immediately or at the end of its base, and continues from there."""
 
 
 class ReroutingAnswer(Resource):
-    """Answer to a request for rerouting."""
+    """Answer to a rerouting request."""
 
     vehicle: str
     transport_order: str
     outcome: ReroutingOutcome
     reason: str
-    """In words."""
+    """Reason, as text."""
     route: tuple[str, ...] = ()
-    """The points from the end of the base to the destination, if the route is known."""
+    """Points from the end of the base to the destination, if the route is known."""

@@ -1,4 +1,4 @@
-"""Follows chains of waiting vehicles to the head of the queue, or to a circle."""
+"""Follow chains of waiting vehicles to the head of the queue, or to a circle."""
 
 from __future__ import annotations
 
@@ -9,30 +9,29 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class WaitChain:
-    """Where the waiting of one vehicle leads."""
+    """The chain of vehicles that a vehicle waits for, directly or indirectly."""
 
     next: str
-    """The vehicle in front of it on the way to the head."""
+    """The next vehicle in the chain."""
     head: str | None
-    """The vehicle that all of them wait for in the end, which waits for no other; None: a circle."""
+    """The vehicle at the head, which waits for no other; None: the chain ends in a circle."""
     circle: tuple[str, ...] = ()
-    """The vehicles that wait for each other, each for the one after it; from the first by name."""
+    """Vehicles that wait for each other, each for the next one, starting with the first by name."""
 
     @property
     def end(self) -> tuple[str, ...]:
-        """The head, or the vehicles of the circle; equal for all vehicles of one queue."""
+        """The head, or the vehicles of the circle; equal for all vehicles in a queue."""
         return (self.head,) if self.head is not None else self.circle
 
 
 def wait_chains(
     waits: Mapping[str, Collection[str]], stuck: Collection[str] = frozenset()
 ) -> dict[str, WaitChain]:
-    """Return the chain of each vehicle; ``waits`` maps each one to the vehicles that it waits for.
+    """Return the chain of each vehicle; ``waits`` maps vehicles to those they wait for.
 
-    A vehicle that waits for several follows the one that leads to what a person has to clear first: a
-    ``stuck`` vehicle (emergency stop, error, away), then a circle, then any other vehicle; of several the
-    nearest. A vehicle that is stuck heads its queue even if it waits, too; so does one that nothing is
-    known of.
+    If a vehicle waits for several, its chain follows the one that leads to a ``stuck`` vehicle (emergency
+    stop, error, offline), else to a circle, else to any other vehicle; the nearest first. A stuck vehicle is
+    the head of its queue even if it waits itself; so is an unknown vehicle.
     """
     asked = {
         name: tuple(other for other in others if other != name)
@@ -53,7 +52,7 @@ def wait_chains(
 
 
 def chain_from(name: str, chains: Mapping[str, WaitChain]) -> tuple[str, ...]:
-    """Return the vehicles from ``name`` to the head, or once around the circle at its end."""
+    """Return the vehicles from ``name`` to the head, or once around the circle."""
     found = [name]
     while (chain := chains.get(found[-1])) and chain.next not in found:
         found.append(chain.next)
@@ -61,7 +60,7 @@ def chain_from(name: str, chains: Mapping[str, WaitChain]) -> tuple[str, ...]:
 
 
 def _line_up(chains: dict[str, WaitChain], behind: Mapping[str, Iterable[str]], heads: Iterable[str]) -> None:
-    """Add the chains of vehicles that wait behind ``heads`` and have none, the nearest first."""
+    """Add chains for the vehicles behind ``heads`` that have none, nearest first."""
     row = deque((head, WaitChain(head, head)) for head in heads)
     _add(chains, behind, row)
 
@@ -80,21 +79,21 @@ def _add(
 def _find_circles(
     chains: dict[str, WaitChain], waits: Mapping[str, Iterable[str]], behind: Mapping[str, Iterable[str]]
 ) -> None:
-    """Add the chains of vehicles that have none and wait in a circle, or behind one."""
+    """Add chains for the vehicles that have none and wait in or behind a circle."""
     open_ways = _endless(waits, behind, chains.keys())
     following = {name: next(each for each in waits[name] if each in open_ways) for name in open_ways}
-    for circle in tuple(_circles(following)):
-        row = deque[tuple[str, WaitChain]]()
+    row = deque[tuple[str, WaitChain]]()
+    for circle in _circles(following):
         for name in circle:
             chains[name] = WaitChain(following[name], None, circle)
             row.append((name, chains[name]))
-        _add(chains, behind, row)
+    _add(chains, behind, row)
 
 
 def _endless(
     waits: Mapping[str, Iterable[str]], behind: Mapping[str, Iterable[str]], known: Collection[str]
 ) -> dict[str, None]:
-    """Return the vehicles from which the waiting leads on and on; ``known`` ones are left out."""
+    """Return the vehicles whose chain never ends; skip ``known`` ones."""
     left = {name: None for name in waits if name not in known}
     count = {name: sum(each in left for each in waits[name]) for name in left}
     ends = deque(name for name, number in count.items() if not number)
@@ -110,7 +109,7 @@ def _endless(
 
 
 def _circles(following: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
-    """Yield the circles to which the steps of ``following`` lead."""
+    """Yield the circles in ``following``."""
     seen: set[str] = set()
     for start in following:
         way: dict[str, int] = {}

@@ -1,10 +1,10 @@
-"""One connection to an MQTT broker (MQTT 3.1.1) by paho-mqtt, in an asyncio event loop.
+"""A connection to an MQTT broker (MQTT 3.1.1), with paho-mqtt in an asyncio event loop.
 
-paho makes the connection, subscribes and keeps it alive, through its documented interface for external event
-loops. Alone it costs half as much again per message (decision 0002 has the figures): it calls the socket four
-times for each packet that it reads and once for each that it writes, and makes objects with locks of each
-message. So paho reads and writes a :class:`_Stream` in place of the socket, which handles plain messages and
-their acknowledgements itself, before paho sees them, and adds messages to the broker.
+paho connects, subscribes and sends keep-alives, through its documented interface for external event loops.
+Used alone, it costs 50 % more per message (figures in decision 0002): it calls the socket four times for each
+packet read and once for each packet written, and creates objects with locks for each message. Therefore it
+uses a :class:`_Stream` instead of the socket, which handles plain messages and their acknowledgements before
+paho sees them.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ from nena_shared.tasks import set_within
 log = get_logger(__name__)
 
 READ_AT_ONCE = 10
-"""Packets that are read before the event loop has its turn again."""
+"""Maximum packets read in one iteration of the event loop."""
 
 WRITE_AT_ONCE = 16
-"""Chunks that are written before the event loop has its turn again."""
+"""Maximum chunks written in one iteration of the event loop."""
 
 DISCONNECT_TIMEOUT = 2.0
-"""Seconds that the broker has to read DISCONNECT, which is sent behind all that it has not read yet."""
+"""Timeout for the broker to read DISCONNECT, which comes after all unread data, seconds."""
 
 KEEP_ALIVE_INTERVAL = 1.0
-"""Seconds between two calls of paho's ``loop_misc``."""
+"""Interval of calls to paho's ``loop_misc``, seconds."""
 
 OWN_PACKET_IDS = range(0x8000, 0x10000)
-"""Identifiers of messages that are published here; paho counts its subscriptions from 1."""
+"""Packet identifiers of published messages; paho uses those from 1 for its subscriptions."""
 
 CLOSED_AT_ONCE = "the broker closed the connection right after it accepted it"
 NOT_ACCEPTED = (
@@ -70,33 +70,33 @@ Confirmed = Callable[[], None]
 
 
 class MqttError(Exception):
-    """A connection could not be made, or has ended; the text says why."""
+    """The connection could not be established, or has ended; the message explains why."""
 
 
 class _Stream:
-    """Replaces the socket for paho: it reads and writes in large pieces.
+    """Replaces paho's socket, to read and write in large pieces.
 
-    paho may only read whole packets that were offered to it. What it writes waits until :meth:`flush`, so it
-    never has to wait for the socket.
+    paho can only read complete packets that were offered to it. Its output is buffered until :meth:`flush`,
+    so it never waits for the socket.
     """
 
     def __init__(self, sock: socket.socket) -> None:
         self.sock = sock
         self.reader = PacketReader(self._receive)
         self.queued = 0
-        """Bytes that were ever added."""
+        """Total number of bytes added."""
         self.ping_sent = False
         """Whether paho waits for PINGRESP."""
         self._outgoing = bytearray()
 
     @property
     def waiting(self) -> int:
-        """Return the number of bytes that the socket has not accepted yet."""
+        """Number of bytes not yet accepted by the socket."""
         return len(self._outgoing)
 
     @property
     def has_more(self) -> bool:
-        """Return whether there is data to read that the socket does not report."""
+        """Whether data is available that the socket does not report."""
         decrypted = self.sock.pending() if isinstance(self.sock, ssl.SSLSocket) else 0
         return self.reader.ready or bool(decrypted)
 
@@ -121,17 +121,17 @@ class _Stream:
             del self._outgoing[:count]
 
     def recv(self, bufsize: int) -> bytes:
-        """Return bytes of the packet that paho was offered."""
+        """Return bytes of the packet offered to paho."""
         return self.reader.read(bufsize)
 
     def send(self, data: bytes | bytearray) -> int:
-        """Queue a packet of paho's."""
+        """Queue a packet of paho."""
         self.ping_sent = self.ping_sent or data[0] == PINGREQ
         self.add(bytes(data))
         return len(data)
 
     def do_handshake(self) -> None:
-        """Agree on encryption, if there is any."""
+        """Perform the TLS handshake, if TLS is used."""
         if isinstance(self.sock, ssl.SSLSocket):
             self.sock.do_handshake()
 
@@ -140,15 +140,15 @@ class _Stream:
         self.sock.settimeout(seconds)
 
     def setblocking(self, flag: bool) -> None:  # noqa: FBT001 - as sockets have it
-        """Set whether calls wait."""
+        """Set whether calls block."""
         self.sock.setblocking(flag)
 
     def fileno(self) -> int:
-        """Return the number of the socket."""
+        """Return the socket's file descriptor."""
         return self.sock.fileno()
 
     def close(self) -> None:
-        """Leave the socket open: :class:`Client` closes it when all is written."""
+        """Leave the socket open; :class:`Client` closes it once everything is written."""
 
     def _receive(self, bufsize: int) -> bytes:
         try:
@@ -161,14 +161,14 @@ class _StreamMaker:
     """Replaces paho's SSL context, which wraps the socket; used without TLS as well."""
 
     check_hostname = True
-    """paho need not check names; an SSL context does."""
+    """paho does not need to check host names, as the SSL context does."""
 
     def __init__(self, tls: ssl.SSLContext | None) -> None:
         self._tls = tls
         self.stream: _Stream | None = None
 
     def wrap_socket(self, sock: socket.socket, server_hostname: str | None = None, **options: Any) -> _Stream:  # noqa: ANN401 - as SSL contexts have it
-        # without it, steady small messages wait up to 44 ms for each other
+        # otherwise small messages are delayed by up to 44 ms
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if self._tls:
             sock = self._tls.wrap_socket(sock, server_hostname=server_hostname, **options)
@@ -177,11 +177,11 @@ class _StreamMaker:
 
 
 class Client:
-    """One connection: an asynchronous context manager that connects and disconnects.
+    """A connection, as an asynchronous context manager that connects and disconnects.
 
-    Messages wait until :meth:`receive`. The socket is always closed, even when the broker does not answer
-    CONNECT or does not read DISCONNECT. If left open, such connections pile up at a broker that hangs; when
-    it resumes, each takes over the client ID of the one before, and the wills of all are published.
+    Messages are queued until :meth:`receive`. The socket is always closed, even if the broker does not answer
+    CONNECT or does not read DISCONNECT. Otherwise connections would pile up at a broker that hangs; when it
+    resumes, each would take over the client ID of the previous one, and all last wills would be published.
     """
 
     def __init__(
@@ -196,14 +196,14 @@ class Client:
         """Prepare the connection.
 
         Args:
-            settings: the broker's address and TLS settings.
-            client_id: unique at the broker.
-            timeout: seconds that the broker has to answer CONNECT or SUBSCRIBE.
+            settings: address and TLS settings of the broker.
+            client_id: MQTT client ID, unique at the broker.
+            timeout: timeout of CONNECT and SUBSCRIBE, seconds.
             will: published by the broker if the connection ends without DISCONNECT.
-            may_write: called before each write to the socket; False ends the connection unwritten.
+            may_write: called before each write to the socket; False ends the connection without writing.
 
         Raises:
-            ConfigurationError: the password file or a file for TLS cannot be read.
+            ConfigurationError: the password file or a TLS file cannot be read.
         """
         self._settings = settings
         self._timeout = timeout
@@ -217,26 +217,26 @@ class Client:
         self._early: deque[Inbound] = deque()
         self._unconfirmed: dict[int, Confirmed] = {}
         self._unwritten: deque[tuple[int, Confirmed]] = deque()
-        """Messages without acknowledgement, with the count of bytes after which they are written."""
+        """Messages without acknowledgement (QoS 0), with the byte count after which they are written."""
         self._packet_id = OWN_PACKET_IDS.stop
         self._keeping_alive: asyncio.Task[None] | None = None
         self._reads_on = False
-        """Whether more is read in the next turn of the event loop, even if the socket reports nothing."""
+        """Whether the next iteration of the event loop continues reading, even if nothing new arrives."""
         self._wrote = False
-        """Whether something was written in this turn of the event loop; the rest is written at its end."""
+        """Whether data was written in this iteration of the event loop; more is written at its end."""
         self._reading = False
-        """Whether messages to send wait for the end of a read."""
+        """Whether outgoing messages wait for the end of a read."""
         self._awaits_socket = False
         self._arriving = False
-        """Whether anything has arrived since the last check of the keep-alive."""
+        """Whether data has arrived since the last keep-alive check."""
         self._maker = _StreamMaker(tls_context(settings.tls))
         self._paho = self._make_paho(client_id, will)
         self.dropped = 0
-        """Messages that arrived before :meth:`receive` beyond ``incoming_limit``."""
+        """Number of messages that were dropped before :meth:`receive`, beyond ``incoming_limit``."""
 
     @property
     def socket(self) -> socket.socket | None:
-        """Return the socket of an open connection."""
+        """The socket of an open connection."""
         stream = self._maker.stream
         return stream.sock if stream and stream.fileno() >= 0 else None
 
@@ -267,7 +267,7 @@ class Client:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Disconnect, in order if the broker reads that within :data:`DISCONNECT_TIMEOUT`."""
+        """Disconnect, gracefully if the broker reads DISCONNECT within :data:`DISCONNECT_TIMEOUT`."""
         self._receive = _ignore
         try:
             if not self._ended.done():
@@ -279,7 +279,7 @@ class Client:
             self._close()
 
     async def subscribe(self, topic_filters: list[tuple[str, int]]) -> list[ReasonCode]:
-        """Subscribe to topic filters with their quality of service; return the broker's answers.
+        """Subscribe to topic filters with their QoS; return the broker's reason codes.
 
         Raises:
             MqttError: the broker did not answer, or the connection has ended.
@@ -301,7 +301,7 @@ class Client:
             self._subscribing.pop(mid, None)
 
     async def receive(self, receive: Receive) -> None:
-        """Call ``receive`` with all messages, first those that have waited, until the connection ends.
+        """Call ``receive`` with all messages, queued ones first, until the connection ends.
 
         It is called from the event loop and must not raise.
 
@@ -315,15 +315,14 @@ class Client:
         await asyncio.shield(self._ended)
 
     def send(self, message: Outbound, confirmed: Confirmed) -> None:
-        """Publish in the order of the calls; ``confirmed`` is called when the broker has the message.
+        """Publish messages in the order of the calls; call ``confirmed`` when the broker acknowledges it.
 
-        With quality of service 0, it is called when the message is written. The first message of a turn of
-        the event loop is written at once, so that it does not wait for what the caller does next; what
-        follows in the same turn, or while messages are received, is written together.
+        With QoS 0, it is called when the message is written. The first message in an iteration of the event
+        loop is written immediately; later ones, and those sent while receiving, are written together.
 
         Raises:
             MqttError: the connection has ended.
-            ValueError: the topic is none to publish to, or the message is too long.
+            ValueError: the topic is invalid for publishing, or the message is too long.
 
         """
         stream = self._maker.stream
@@ -342,7 +341,7 @@ class Client:
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
 
     def cut(self) -> None:
-        """Break the connection without DISCONNECT: the broker publishes the will."""
+        """Break the connection without DISCONNECT, so that the broker publishes the last will."""
         if sock := self.socket:
             with suppress(OSError):  # it is broken already
                 sock.shutdown(socket.SHUT_RDWR)
@@ -363,7 +362,7 @@ class Client:
         return made
 
     def _connect(self) -> None:
-        """Open the connection in a thread; CONNECT is written by the event loop."""
+        """Open the connection; runs in a thread. The event loop writes CONNECT."""
         self._paho.connect(self._settings.host, self._settings.port, self._settings.keep_alive)
 
     def _begin(self) -> None:
@@ -373,10 +372,10 @@ class Client:
         self._flush()
 
     def _discard(self, connecting: asyncio.Future[None]) -> None:
-        """Close the socket, if it is still being opened as soon as it is; CONNECT is never written then."""
+        """Close the socket, as soon as it is open, without writing CONNECT."""
 
         def discard(done: asyncio.Future[None]) -> None:
-            done.exception()  # asyncio logs one that was never retrieved
+            done.exception()  # asyncio logs exceptions that are never retrieved
             self._close()
 
         if connecting.done():
@@ -407,7 +406,7 @@ class Client:
             self._read()
 
     def _read(self) -> None:
-        """Read what has arrived, some packets in each turn of the event loop, and write the answers."""
+        """Read available packets, up to a limit per iteration of the event loop, and write the answers."""
         self._reads_on = False
         stream = self._maker.stream
         if stream is None or self._ended.done():
@@ -415,7 +414,7 @@ class Client:
         self._reading = True
         try:
             self._read_packets(stream)
-        except Exception as error:  # noqa: BLE001 - whatever paho makes of a malformed packet
+        except Exception as error:  # noqa: BLE001 - paho raises various exceptions for malformed packets
             self._end(f"unreadable packet from the broker: {error}")
         finally:
             self._reading = False
@@ -467,12 +466,12 @@ class Client:
             self.dropped += 1
 
     def _write_rest(self) -> None:
-        """Write what was sent behind the first message of a turn of the event loop."""
+        """Write the messages sent after the first one of an iteration of the event loop."""
         self._wrote = False
         self._flush()
 
     def _flush(self) -> None:
-        """Write what waits; what the socket does not accept now is written when it is ready again."""
+        """Write the buffered data; what the socket does not accept is written when it is ready again."""
         stream = self._maker.stream
         if stream is None or self._ended.done():
             return
@@ -492,7 +491,7 @@ class Client:
         self._await_socket(stream)
 
     def _await_socket(self, stream: _Stream) -> None:
-        """Continue writing as soon as the socket accepts more."""
+        """Continue writing when the socket accepts more."""
         if not stream.waiting:
             self._drained.set()
         if bool(stream.waiting) is not self._awaits_socket:
@@ -503,9 +502,9 @@ class Client:
                 self._loop.remove_writer(stream.fileno())
 
     async def _keep_alive(self) -> None:
-        """Make paho send PINGREQ and detect a broker that no longer answers.
+        """Let paho send PINGREQ and detect a broker that no longer answers.
 
-        Not while messages arrive and PINGRESP is awaited: it may be behind them.
+        Not while messages arrive and PINGRESP is awaited, as it may come after them.
         """
         stream = self._maker.stream
         while stream and not self._ended.done():
@@ -520,11 +519,11 @@ class Client:
             confirmed()
 
     def _end(self, why: str) -> None:
-        """End the connection without DISCONNECT, and raise ``why`` in all waiting tasks."""
+        """End the connection without DISCONNECT; raise MqttError(``why``) in all waiting tasks."""
         if self._ended.done():
             return
         self._ended.set_exception(MqttError(why))
-        self._ended.exception()  # asyncio logs one that was never retrieved
+        self._ended.exception()  # asyncio logs exceptions that are never retrieved
         if not self._accepted.done():
             self._accepted.set_exception(MqttError(f"{why} {NOT_ACCEPTED}"))
             self._accepted.exception()
@@ -534,7 +533,7 @@ class Client:
         self._close()
 
     def _close(self) -> None:
-        """Close the socket; what waits for it is never written."""
+        """Close the socket; buffered data is discarded."""
         if not self._ended.done():
             self._ended.set_exception(MqttError(NOT_CONNECTED))
             self._ended.exception()
@@ -576,7 +575,7 @@ class Client:
             answer.set_result(reasons)
 
     def _on_message(self, _client: PahoClient, _userdata: object, message: MQTTMessage) -> None:
-        """Deliver a message that only paho can read, such as one with quality of service 2."""
+        """Deliver a message that only paho can read, e.g. with QoS 2."""
         self._deliver(Inbound(message.topic, bytes(message.payload), message.retain, message.qos))
 
     def _on_publish(self, _client: PahoClient, _userdata: object, mid: int, *_: object) -> None:
@@ -584,4 +583,4 @@ class Client:
 
 
 def _ignore(_message: Inbound) -> None:
-    """Ignore a message that arrives while the connection is closed."""
+    """Ignore a message that arrives while the connection is being closed."""

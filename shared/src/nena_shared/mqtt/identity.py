@@ -1,4 +1,4 @@
-"""How a program identifies itself to the broker: TLS, and client IDs that cannot be guessed."""
+"""A program's identity at the broker: TLS, and client IDs that cannot be guessed."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from nena_shared.settings import ConfigurationError, MqttSettings, MqttTlsSettin
 
 
 def tls_context(settings: MqttTlsSettings) -> ssl.SSLContext | None:
-    """Return the context of a connection; None if the connection is not encrypted.
+    """Return the TLS context of a connection; None without TLS.
 
-    The files are read at each call, so that renewed ones are used from the next connection on. The broker's
-    name is always checked against its certificate.
+    The files are read on each call, so that the next connection uses renewed ones. The broker's host name is
+    always verified.
 
     Raises:
-        ConfigurationError: a file cannot be read, is no PEM, or key and certificate do not belong together.
+        ConfigurationError: a file cannot be read or is not PEM, or key and certificate do not match.
 
     """
     if not settings.wanted:
@@ -37,21 +37,21 @@ def tls_context(settings: MqttTlsSettings) -> ssl.SSLContext | None:
 
 def _reason(error: Exception) -> str:
     if isinstance(error, ssl.SSLError):
-        return f"not a PEM file that fits ({error.reason or error})"
+        return f"not a PEM file, or key and certificate do not match ({error.reason or error})"
     return str(getattr(error, "strerror", None) or error)
 
 
 DIGITS = 16
-"""Hexadecimal digits of the digest: 64 bits."""
+"""Length of the digest in hexadecimal digits: 64 bits."""
 
 
 def private_client_id(name: str, settings: MqttSettings) -> str:
-    """Return ``name`` with a digest of the key or the password in ``settings``.
+    """Return ``name`` with a digest of the key or password in ``settings``.
 
-    It is the same after a restart. Without key and password it is ``name`` alone: clients have no identity.
+    The result is the same after a restart. Without key and password, it is just ``name``.
 
     Raises:
-        ConfigurationError: a file with the secret cannot be read.
+        ConfigurationError: the file with the secret cannot be read.
 
     """
     secret = _secret(settings)
@@ -71,5 +71,5 @@ def _secret(settings: MqttSettings) -> bytes:
 
 @lru_cache(maxsize=1)
 def _hardened(secret: bytes) -> bytes:
-    """Return a slow hash, so that passwords cannot be tried against an ID from a broker's log."""
+    """Return a slow hash, so that passwords cannot be brute-forced from a client ID in a broker's log."""
     return scrypt(secret, salt=b"NeNa client id", n=2**14, r=8, p=1, dklen=32)

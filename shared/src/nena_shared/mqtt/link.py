@@ -1,4 +1,4 @@
-"""A program's link to the broker: it connects, subscribes, reconnects, and never blocks the caller."""
+"""A program's link to the broker: connects, subscribes, reconnects, and never blocks the caller."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ from nena_shared.settings import ConfigurationError, MqttSettings
 from nena_shared.tasks import end_if_cancelled
 
 SUSPICIOUS: Final = 3
-"""Connections in a row that ended right after they were made, after which something must be wrong."""
+"""Number of consecutive short connections after which a client ID conflict is suspected."""
 
 
 class Pauses:
-    """Pauses that double, from ``shortest`` up to ``longest`` seconds.
+    """Delays between connection attempts, doubling from ``shortest`` to ``longest`` seconds.
 
-    They start again at the shortest after a connection that lasted twice the longest pause. One that ended
-    sooner counts as a failed attempt: two programs with one client ID disconnect each other at the broker,
-    and would do so as fast as they can.
+    They restart at the shortest after a connection that lasted twice the longest delay. A shorter connection
+    counts as a failed attempt, because two programs with one client ID disconnect each other repeatedly.
     """
 
     def __init__(self, shortest: float, longest: float) -> None:
@@ -39,11 +38,11 @@ class Pauses:
 
     @property
     def suspicious(self) -> bool:
-        """Whether the last connection makes :data:`SUSPICIOUS` in a row that ended too soon."""
+        """Whether exactly the last :data:`SUSPICIOUS` connections were too short."""
         return self._short_lived == SUSPICIOUS
 
     def after(self, stood: float | None) -> float:
-        """Return the seconds to wait after a connection that lasted ``stood`` s; None if none was made."""
+        """Return the delay (s) after a connection of ``stood`` s; None: the attempt failed."""
         if stood is not None and stood >= 2 * self._longest:
             self._next, self._short_lived = self._shortest, 0
         elif stood is not None:
@@ -56,43 +55,43 @@ log = get_logger(__name__)
 
 Handler = Callable[[Inbound], None]
 Term = Callable[[], int | None]
-"""Returns the number of the term in which the program has the right to publish; None: it has not."""
+"""Returns the number of the current term in which the program may publish; None: it may not."""
 
 
 def always() -> int | None:
-    """Return the one term of a program that always may publish."""
+    """Return the only term of a program that may always publish."""
     return 0
 
 
 CONNECT_TIMEOUT = 10.0
-"""Seconds that a broker has to answer CONNECT or SUBSCRIBE."""
+"""Timeout of CONNECT and SUBSCRIBE, seconds."""
 
 IN_FLIGHT_LIMIT = 200
-"""Messages of QoS 1 that may be without the broker's answer at the same time."""
+"""Maximum number of unacknowledged QoS 1 messages."""
 
 FIRST_AT_ONCE = 50
-"""Messages of those that are published first that are made at once: in large fleets there are thousands."""
+"""Number of first messages created at once; large fleets have thousands."""
 
 TERM_POLL = 0.25
-"""Seconds between two checks whether the program still has the right to publish."""
+"""Interval between checks whether the program may still publish, seconds."""
 
 DROPS_LOGGED_EVERY = 60.0
-"""Minimum seconds between two log lines about messages that the full queue dropped."""
+"""Minimum interval between log lines about messages dropped from a full queue, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkHooks:
-    """What a program does at the changes of its connection."""
+    """A program's callbacks for changes of its connection."""
 
     will: Callable[[], Outbound | None] = lambda: None
-    """Returns the last will, at each connect; None: there is none."""
+    """Returns the last will, on each connect; None: no last will."""
     on_connected: Callable[[], Iterable[Outbound]] = tuple
-    """Returns what is published first, before the subscriptions are made; called on each connection, so its
-    messages are never kept over a break. It is consumed in parts, between which other tasks run."""
+    """Returns the messages to publish before subscribing; called on each connect, so they are not kept after
+    a disconnect. Consumed in parts, between which other tasks run."""
     on_lost: Callable[[], None] = lambda: None
-    """Called when a connection has ended."""
+    """Called when the connection has ended."""
     on_subscribed: Callable[[], None] = lambda: None
-    """Called when the broker has answered the subscriptions; ``state.refused`` has those that it refused."""
+    """Called when the broker has answered the subscriptions; ``state.refused`` lists refused ones."""
 
 
 NO_HOOKS = LinkHooks()
@@ -109,7 +108,7 @@ class LinkState:
     dropped: int = 0
     handler_failures: int = 0
     refused: tuple[str, ...] = ()
-    """Topic filters to which the broker refused a subscription that is needed."""
+    """Topic filters of needed subscriptions that the broker refused."""
     last_error: str = ""
     term: int = 0
     """The term of the connection, see :data:`Term`."""
@@ -125,37 +124,36 @@ class _Subscription:
 
 @dataclass(slots=True)
 class _Session:
-    """What belongs to one connection and ends with it."""
+    """State of one connection."""
 
     client: Client
     first: deque[Outbound] = field(default_factory=deque)
-    """What is published before all else and not kept over a break."""
+    """Messages to publish first; not kept after a disconnect."""
     deliveries: dict[int, Outbound] = field(default_factory=dict)
-    """What the broker has not confirmed yet, in the order in which it was sent."""
+    """Messages not acknowledged by the broker yet, in the order of sending."""
     sent: int = 0
-    """How many messages were sent; each has its number."""
+    """Number of messages sent; numbers the messages."""
     subscribed: int = 0
-    """How many of the link's subscriptions have been sent to the broker."""
+    """Number of the link's subscriptions sent to the broker."""
     subscribing: asyncio.Task[None] | None = None
 
     @property
     def has_room(self) -> bool:
-        """Whether one more message may be in flight."""
+        """Whether another message may be in flight."""
         return len(self.deliveries) < IN_FLIGHT_LIMIT
 
 
 class MqttLink:
-    """Publishes and receives for one program; call it in the thread of the event loop only.
+    """Publishes and receives for one program. Not thread-safe: use it in the event loop only.
 
-    Sessions are clean on purpose: the protocols above recover what was missed while the link was down
-    (retained messages, full states, orders resent until a state echoes them), never a broker's queue of old
-    commands. Messages to publish wait in an :class:`Outbox` while the link is down or the broker is slow: it
-    never loses the last retained message of a topic, and counts and logs what it drops. Messages with
-    ``keep=False`` are not kept over a break.
+    Sessions are clean, so that brokers do not queue old commands; the protocols above recover what was missed
+    (retained messages, complete states, orders resent until a state echoes them). While the link is down or
+    the broker is slow, messages wait in an :class:`Outbox`, which never drops the last retained message of a
+    topic, and counts and logs dropped messages. Messages with ``keep=False`` are dropped on a disconnect.
 
-    A program that may publish for limited terms only, such as one of several order services, passes ``term``,
-    which is called at each write to the socket. At the end of a term the connection is closed unwritten, all
-    that waits is dropped, and the next connection is made in the next term.
+    A program that may only publish in limited terms, such as one of several order services, passes ``term``,
+    which is called before each write to the socket. At the end of a term the connection is closed without
+    writing, and all waiting messages are dropped. The next connection is made in the next term.
     """
 
     def __init__(
@@ -166,16 +164,16 @@ class MqttLink:
         hooks: LinkHooks = NO_HOOKS,
         term: Term = always,
     ) -> None:
-        """Prepare the link; nothing is connected before :meth:`run`.
+        """Create the link; :meth:`run` connects it.
 
         Args:
-            settings: where the broker is, and limits.
-            client_id: MQTT client ID unless the settings have one; unique per program at the broker.
-            hooks: what the program does at the changes of its connection.
-            term: returns the term in which the program may publish at this moment.
+            settings: address of the broker, and limits.
+            client_id: MQTT client ID unless set in ``settings``; unique at the broker.
+            hooks: callbacks for changes of the connection.
+            term: returns the term in which the program may currently publish.
 
         Raises:
-            ConfigurationError: the password file or a file for TLS cannot be read.
+            ConfigurationError: the password file or a TLS file cannot be read.
 
         """
         settings.secret()
@@ -190,7 +188,7 @@ class MqttLink:
         self._drops_logged_at = -DROPS_LOGGED_EVERY
         self._session: _Session | None = None
         self._connecting = False
-        """Whether a session has started but its subscriptions are not confirmed yet."""
+        """Whether a session has started, but its subscriptions are not confirmed yet."""
         self._handlers = lru_cache(maxsize=10_000)(self._matching_handlers)
         self._silence = 0.0
         self._connected_at = 0.0
@@ -198,7 +196,7 @@ class MqttLink:
         self.state = LinkState()
 
     def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
-        """Call ``handler`` with each message under ``topic_filter``, now or from the next connection on.
+        """Subscribe to ``topic_filter``, immediately or on the next connect; ``handler`` gets its messages.
 
         If the broker refuses a filter that is not ``needed``, this is only logged.
         """
@@ -208,7 +206,7 @@ class MqttLink:
             self._subscribe_late(self._session)
 
     def publish(self, message: Outbound) -> None:
-        """Send ``message`` now, or, if it is to be kept, when the link is up again; see :class:`Outbox`."""
+        """Send ``message`` now, or if ``keep`` is set, when the link is up again; see :class:`Outbox`."""
         session = self._session
         if self._term() is None:
             self.state.dropped += 1
@@ -220,7 +218,7 @@ class MqttLink:
             self.state.dropped += 1
 
     async def run(self) -> None:
-        """Keep the link up until cancelled; connect again with growing pauses after each failure."""
+        """Keep the link connected until cancelled; reconnect with increasing delays."""
         pauses = Pauses(self._settings.reconnect_min, self._settings.reconnect_max)
         clock = asyncio.get_running_loop().time
         while True:
@@ -239,16 +237,16 @@ class MqttLink:
             await asyncio.sleep(max(pause, silence))
 
     def cut(self, seconds: float) -> None:
-        """Break the connection for ``seconds``, as if the robot left radio range; for simulations."""
+        """Interrupt the connection for ``seconds``, as out of radio range; for simulations."""
         if self._session:
             self._silence = seconds
             self._session.client.cut()
 
     async def drain(self, seconds: float) -> bool:
-        """Wait at most ``seconds`` until the broker has all that was published; return whether it has.
+        """Wait up to ``seconds`` until all published messages are acknowledged; return whether they are.
 
-        Wait also for a session that is being connected: a program that has published that it is online must
-        be able to publish that it is not.
+        Also waits for a session that is connecting: a program that has published that it is online must be
+        able to publish that it is offline.
         """
         try:
             async with asyncio.timeout(seconds):
@@ -260,7 +258,7 @@ class MqttLink:
         return self._session is not None
 
     async def _begin_term(self) -> None:
-        """Wait until the program may publish; in a new term, all messages that waited before are dropped."""
+        """Wait until the program may publish; in a new term, drop all messages of the old one."""
         while (term := self._term()) is None:  # noqa: ASYNC110 - a lease ends without an event
             await asyncio.sleep(TERM_POLL)
         if term != self.state.term:
@@ -282,7 +280,7 @@ class MqttLink:
                 self._end(session)
 
     async def _watch_term(self, client: Client) -> None:
-        """Close the connection at the end of the term, also when nothing is written."""
+        """Close the connection at the end of the term, even if nothing is written."""
         if self._term is always:
             return
         while self._may_write():  # noqa: ASYNC110 - a lease ends without an event
@@ -304,7 +302,7 @@ class MqttLink:
         )
 
     async def _begin(self, session: _Session) -> None:
-        """Publish the first messages, subscribe, then publish what waits."""
+        """Publish the first messages, subscribe, then publish the waiting messages."""
         for number, first in enumerate(self._hooks.on_connected(), start=1):
             session.first.append(replace(first, keep=False))
             if number % FIRST_AT_ONCE == 0:
@@ -323,7 +321,7 @@ class MqttLink:
         self._settled.set()
 
     async def _subscribe(self, session: _Session) -> None:
-        """Make the subscriptions that were not made yet, also those that are added meanwhile."""
+        """Send all subscriptions not sent yet, including those added meanwhile."""
         while new := self._subscriptions[session.subscribed :]:
             session.subscribed += len(new)
             granted = await session.client.subscribe([(each.topic_filter, each.qos) for each in new])
@@ -345,7 +343,7 @@ class MqttLink:
 
     def _subscribe_late(self, session: _Session) -> None:
         if session.subscribing and not session.subscribing.done():
-            return  # it makes the new ones as well
+            return  # the running one also sends the new subscriptions
         session.subscribing = asyncio.create_task(self._try_to_subscribe(session), name="subscribe")
 
     async def _try_to_subscribe(self, session: _Session) -> None:
@@ -356,7 +354,7 @@ class MqttLink:
             session.client.cut()
 
     def _end(self, session: _Session) -> None:
-        """Requeue unconfirmed messages, in their old order, in front of the waiting ones."""
+        """Requeue unacknowledged messages, in order, before the waiting ones."""
         unsent = [*session.deliveries.values(), *session.first, *self._outbox]
         session.deliveries.clear()
         session.first.clear()
@@ -416,7 +414,7 @@ class MqttLink:
         try:
             session.client.send(message, partial(self._confirmed, session, number))
         except MqttError:
-            return  # the connection is about to end: what stays in `deliveries` is queued again then
+            return  # the connection is about to end, which requeues `deliveries`
         except ValueError as error:
             del session.deliveries[number]
             self.state.dropped += 1
@@ -424,14 +422,14 @@ class MqttLink:
 
     def _confirmed(self, session: _Session, number: int) -> None:
         if session.deliveries.pop(number, None) is None:
-            return  # it was queued again
+            return  # it was requeued
         self.state.published += 1
         self._send_waiting(session)
         if not session.deliveries:
             self._settled.set()
 
     def _send_waiting(self, session: _Session) -> None:
-        """Send what waits, as far as the broker may have it in flight."""
+        """Send waiting messages up to the limit of messages in flight."""
         while session.has_room:
             if session.first:
                 self._send(session, session.first.popleft())

@@ -12,9 +12,9 @@ class Inbound:
     topic: str
     payload: bytes
     retained: bool
-    """True when the broker had kept it from before the subscription."""
+    """Whether the broker had retained it before the subscription."""
     qos: int = field(default=0, compare=False)
-    """Its quality of service: the lower of the sender's and the subscription's."""
+    """Quality of service: the lower of the sender's and the subscription's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,4 +26,4 @@ class Outbound:
     qos: int = 1
     retain: bool = False
     keep: bool = True
-    """Whether it waits for the link and is resent after a break, or is sent only while the link is up."""
+    """Whether to queue it while the link is down and resend it after a disconnect."""

@@ -1,4 +1,4 @@
-"""Messages that wait for the broker: in order, with at most one status per retained topic."""
+"""Queue of messages to the broker, with at most one status per retained topic."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from itertools import count
 from nena_shared.mqtt.message import Outbound
 
 _Key = str | int | tuple[str]
-"""A retained topic, the same in a tuple for what clears it, or the number of any other message."""
+"""A retained topic, the same in a tuple for its clearing message, or the number of any other message."""
 
 
 class Outbox:
     """A queue with a defined overflow rule.
 
-    - A retained message replaces the waiting one of its topic, at the same position in the queue. It is never
-      dropped: the queue holds at most one status, and one message that clears it, per topic.
-    - A message that clears a topic waits behind the last status of that topic, so that subscribers still see
+    - A retained message replaces the queued one of its topic, at the same position. It is never dropped: the
+      queue holds at most one status and one clearing message per topic.
+    - A message that clears a topic comes after the last status of that topic, so that subscribers still see
       how an order ended.
-    - Of all other messages at most ``limit`` wait; a new one replaces the oldest.
+    - At most ``limit`` other messages are queued; beyond, a new one replaces the oldest.
     """
 
     def __init__(self, limit: int) -> None:
@@ -27,7 +27,7 @@ class Outbox:
         self._waiting: OrderedDict[_Key, Outbound] = OrderedDict()
         self._numbers = count()
         self._droppable: deque[int] = deque()
-        """Keys of the messages that are not retained, oldest first."""
+        """Keys of messages that are not retained, oldest first."""
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -36,7 +36,7 @@ class Outbox:
         return iter(self._waiting.values())
 
     def add(self, message: Outbound) -> Outbound | None:
-        """Append a message; return the one that was dropped for it, if any."""
+        """Append a message; return the message dropped for it, if any."""
         if not message.retain:
             return self._add_droppable(message)
         if message.payload:
@@ -47,7 +47,7 @@ class Outbox:
         return None
 
     def pop(self) -> Outbound:
-        """Remove and return the message that has waited longest.
+        """Remove and return the oldest message.
 
         Raises:
             KeyError: the queue is empty.

@@ -1,7 +1,7 @@
-"""MQTT packets (MQTT 3.1.1 sections 2.2 to 3.4): messages and acknowledgements, read and written.
+"""Read and write MQTT packets of messages and acknowledgements (MQTT 3.1.1 sections 2.2 to 3.4).
 
-Bytes from the broker are split into packets. Plain messages and awaited acknowledgements are read here; all
-others, including everything malformed, are left to paho unchanged.
+Only plain messages and awaited acknowledgements are decoded here; all other packets, including malformed
+ones, are passed to paho unchanged.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from nena_shared.mqtt.message import Outbound
 
 CHUNK: Final = 65_536
-"""Bytes that are read or written at once."""
+"""Maximum bytes per read or write."""
 
 PUBLISH: Final = 0x30
 PUBACK: Final = 0x40
@@ -22,17 +22,17 @@ PINGRESP: Final = 0xD0
 ID_BYTES: Final = 2
 _ACKNOWLEDGEMENT: Final = Struct("!BBH")
 MORE: Final = 0x80
-"""In a byte of a packet's length: another one follows."""
+"""Bit in a byte of the remaining length: another byte follows."""
 LENGTH_BYTES: Final = 4
-"""That a packet's length has at most."""
+"""Maximum number of bytes of the remaining length."""
 LONGEST: Final = (1 << 7 * LENGTH_BYTES) - 1
 LONGEST_TOPIC: Final = 65_535
 AT_LEAST_ONCE: Final = 1 << 1
-"""Quality of service 1 in the first byte of a message."""
+"""QoS 1 in the first byte of a PUBLISH packet."""
 
 
 class Published(NamedTuple):
-    """A message; ``packet_id`` is 0 for quality of service 0, which is not acknowledged."""
+    """A received message; ``packet_id`` is 0 for QoS 0, which is not acknowledged."""
 
     topic: str
     payload: bytes
@@ -44,29 +44,29 @@ class Published(NamedTuple):
 class PacketReader:
     """Splits data from a socket into packets.
 
-    ``receive`` reads from the socket: it raises BlockingIOError if no data is available, returns nothing if
-    the connection has ended, and raises other OSErrors if it is broken.
+    ``receive`` reads from the socket: it raises BlockingIOError if no data is available, returns b"" if the
+    connection has ended, and raises other OSErrors if it is broken.
     """
 
     def __init__(self, receive: Callable[[int], bytes]) -> None:
         self._receive = receive
         self._data = bytearray()
         self._at = 0
-        """Where in the data the next packet begins, or the rest of one that paho was offered."""
+        """Start of the next packet, or of the rest of the one offered to paho."""
         self._offered = 0
-        """Where what was offered ends."""
+        """End of the offered packet."""
         self.why_ended = ""
-        """Why no more data follows; empty while it may."""
+        """Reason why no more data follows; empty while the connection is open."""
 
     @property
     def ready(self) -> bool:
-        """Whether there is a packet, or the end."""
+        """Whether a complete packet, or the end of the connection, is available."""
         return self._bounds() is not None or bool(self.why_ended)
 
     def fill(self) -> bool:
         """Read available data; return whether there was any.
 
-        Call it only when no packet is ready, so that no more than needed is buffered here.
+        Call it only when no packet is ready, to limit the buffer.
         """
         try:
             received = self._receive(CHUNK)
@@ -83,7 +83,7 @@ class PacketReader:
         return bool(received)
 
     def next_message(self) -> Published | None:
-        """Remove and return the next packet, if it is complete and a plain message."""
+        """Remove and return the next packet if it is a complete, plain message."""
         bounds = self._bounds()
         if bounds is None or self._data[self._at] & 0xF0 != PUBLISH:
             return None
@@ -93,7 +93,7 @@ class PacketReader:
         return message
 
     def next_acknowledgement(self, awaited: Container[int]) -> int | None:
-        """Remove the next packet and return its identifier, if it acknowledges one of these messages."""
+        """Remove the next packet and return its identifier if it acknowledges an ``awaited`` message."""
         bounds = self._bounds()
         if bounds is None or self._data[self._at] != PUBACK or bounds[1] - bounds[0] != ID_BYTES:
             return None
@@ -104,7 +104,7 @@ class PacketReader:
         return packet_id
 
     def offer(self) -> int:
-        """Make the next packet available to paho; return its first byte, 0 if none is complete."""
+        """Offer the next packet to paho; return its first byte, or 0 if it is incomplete."""
         bounds = self._bounds()
         if bounds is None:
             return 0
@@ -112,10 +112,10 @@ class PacketReader:
         return self._data[self._at]
 
     def read(self, bufsize: int) -> bytes:
-        """Return at most ``bufsize`` bytes of what was offered.
+        """Return at most ``bufsize`` bytes of the offered packet.
 
         Raises:
-            BlockingIOError: all of it was read.
+            BlockingIOError: all of it has been read.
 
         """
         if self._at >= self._offered:
@@ -124,9 +124,9 @@ class PacketReader:
         return bytes(self._data[start : self._at])
 
     def _bounds(self) -> tuple[int, int] | None:
-        """Return where the next packet's content begins and ends; None if not all of it is here.
+        """Return start and end of the next packet's content; None if the packet is incomplete.
 
-        A length without end is offered as it is.
+        A malformed length is passed on unchanged.
         """
         data, at, length = self._data, self._at + 1, 0
         for place in range(LENGTH_BYTES):
@@ -145,10 +145,10 @@ def acknowledgements(packet_ids: Iterable[int]) -> bytes:
 
 
 def publication(message: Outbound, packet_id: int | None = None) -> bytes:
-    """Return a PUBLISH packet (section 3.3): with an identifier of quality of service 1, without it of 0.
+    """Return a PUBLISH packet (section 3.3), with QoS 1 if ``packet_id`` is given, else QoS 0.
 
     Raises:
-        ValueError: the topic is none to publish to, or the message is too long.
+        ValueError: the topic is invalid for publishing, or the message is too long.
 
     """
     name, payload = message.topic.encode(), message.payload
@@ -165,7 +165,7 @@ def publication(message: Outbound, packet_id: int | None = None) -> bytes:
 
 
 def _length(number: int) -> bytes:
-    """Return a packet's remaining length (section 2.2.3)."""
+    """Encode the remaining length of a packet (section 2.2.3)."""
     written = bytearray()
     while number >= MORE:
         written.append(number & ~MORE & 0xFF | MORE)
@@ -175,7 +175,7 @@ def _length(number: int) -> bytes:
 
 
 def _read(data: bytearray, at: int, end: int, *, head: int) -> Published | None:
-    """Read a message; return None if it is malformed or of a kind that is left to paho."""
+    """Decode a message; None if it is malformed or must be handled by paho."""
     qos = head >> 1 & 3
     rest = at + 2 + int.from_bytes(data[at : at + 2])
     payload = rest + 2 if qos else rest

@@ -1,4 +1,4 @@
-"""Find errors and suspicious content (warnings) in a plant model of any format."""
+"""Find errors and suspicious content (warnings) in plant models of any format."""
 
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Container, Iterator, Mapping
@@ -14,11 +14,11 @@ from nena_shared.plant.model import NO_OPERATION, RECHARGE_OPERATION, PlantModel
 from nena_shared.plant.track import BACKWARD_SUFFIX, PointType
 
 LONGEST_NAME: Final = 200
-"""Characters of a name in requests: longer ones can be neither ordered nor commanded."""
+"""Maximum length of a name in requests, characters; objects with longer names cannot be addressed."""
 
 
 def find_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
-    """Return all errors that make the model unusable, such as dangling references."""
+    """Return all errors that make a model unusable, such as dangling references."""
     return (
         *_name_errors(model),
         *_reference_errors(model),
@@ -38,9 +38,9 @@ def find_warnings(model: PlantModel) -> tuple[PlantProblem, ...]:
 
 
 def disconnected_points(model: PlantModel) -> tuple[str, ...]:
-    """Return the points outside the strongly connected component of the best connected point.
+    """Return the points outside the strongly connected component of the point with the most edges.
 
-    Empty if every point can be reached from every other. The best connected point is the one with most edges.
+    Empty if every point is reachable from every other one.
     """
     forward: defaultdict[str, list[str]] = defaultdict(list)
     backward: defaultdict[str, list[str]] = defaultdict(list)
@@ -163,7 +163,7 @@ def _has_dangling_value(model: PlantModel, key: str, value: str) -> bool:
 
 
 def _intended_key(key: str) -> str | None:
-    """Return the key that was probably intended; None for known keys and those of other software."""
+    """Return the key that was probably intended; None for known keys and keys of other software."""
     if key in _KNOWN or key.startswith(_FAMILIES):
         return None
     if key != key.strip():

@@ -1,4 +1,4 @@
-"""What importers and exporters of plant models share: reports, and bounded reading of JSON."""
+"""Common parts of plant model importers and exporters: reports, and bounded JSON parsing."""
 
 import gc
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ JSON_LIMITS: Final = JsonLimits()
 
 
 def parse_json(data: bytes, limits: JsonLimits = JSON_LIMITS) -> Any:  # noqa: ANN401 - anything that JSON holds
-    """Parse JSON within limits; raises PlantModelError with one problem."""
+    """Parse JSON within limits. Raises PlantModelError with one problem."""
     check_size(data, limits)
     try:
         return from_json(data, allow_inf_nan=False)
@@ -35,11 +35,11 @@ def parse_json(data: bytes, limits: JsonLimits = JSON_LIMITS) -> Any:  # noqa: A
 
 
 def check_size(data: bytes, limits: JsonLimits = JSON_LIMITS) -> None:
-    """Raise PlantModelError for a text beyond the limits."""
+    """Raise PlantModelError if the text exceeds the limits."""
     if len(data) > limits.size_bytes:
         raise refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes, more than {limits.size_bytes}")
     if sum(map(data.count, (b",", b"[", b"{"))) > limits.values:
-        raise refusal("LIMIT_EXCEEDED", f"there are more than {limits.values} values")
+        raise refusal("LIMIT_EXCEEDED", f"the file has more than {limits.values} values")
 
 
 def refusal(code: str, text: str) -> PlantModelError:
@@ -51,7 +51,7 @@ def refusal(code: str, text: str) -> PlantModelError:
 def paused_collector() -> Iterator[None]:
     """Disable the cyclic garbage collector while a model is built.
 
-        A large model has several hundred thousand objects without cycles that all stay. Traversing them
+    A large model has several hundred thousand objects without cycles, none of which is freed. Scanning them
     repeatedly takes a third of the load time.
     """
     was_enabled = gc.isenabled()

@@ -25,7 +25,7 @@ class PlantFormat(StrEnum):
 
 
 def format_of(data: bytes) -> PlantFormat:
-    """Return the format of a file; anything but JSON counts as XML. Raises PlantModelError."""
+    """Return the format of a file; anything that is not JSON counts as XML. Raises PlantModelError."""
     if not _json(data).startswith((b"{", b"[")):
         return PlantFormat.OPENTCS
     content = parse_json(_json(data))
@@ -33,7 +33,7 @@ def format_of(data: bytes) -> PlantFormat:
 
 
 _LIF: Final = frozenset({"metaInformation", "layouts", "origins"})
-"""Fields of LIF files, of which NeNa's JSON has none."""
+"""Fields of LIF files; NeNa's JSON has none of them."""
 
 
 def read(data: bytes, *, strict: bool = False) -> ImportReport:

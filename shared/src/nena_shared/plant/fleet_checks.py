@@ -1,4 +1,4 @@
-"""Find what a plant model's format allows and no fleet can work with: the order service refuses it."""
+"""Find content that is valid in a plant model, but that the order service cannot run with."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -12,13 +12,13 @@ from nena_shared.settings import TopicPrefix
 from nena_shared.vda5050.versions import UnknownVersionError, codec_named
 
 KEY_LENGTH: Final = 400
-"""Characters of manufacturer and serial number together, with a sign between, that the store can hold."""
+"""Maximum length of manufacturer and serial number with a separator, characters, in the store."""
 
 _INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
 
 
 def find_fleet_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
-    """Return why an order service does not start with this plant model; empty if it does."""
+    """Return the errors for which the order service refuses to start with this plant model."""
     found = [] if model.points else [PlantProblem("NO_POINTS", ObjectKind.MODEL, model.name, "has no points")]
     owners: dict[str, str] = {}
     for vehicle in model.vehicles:
@@ -32,7 +32,7 @@ def find_fleet_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
 
 
 def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:
-    """Yield why a vehicle can have no topics of VDA 5050."""
+    """Yield the errors that prevent VDA 5050 topics for a vehicle (VDA 5050 3.0 section 4.2)."""
     kind, name = ObjectKind.VEHICLE, vehicle.name
     if len(vehicle.manufacturer or "") + len(serial) >= KEY_LENGTH:
         text = f"manufacturer and serial number have {KEY_LENGTH} characters or more together"

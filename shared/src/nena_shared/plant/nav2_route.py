@@ -12,14 +12,14 @@ from nena_shared.plant.track import DirectedEdge, Point
 
 NOT_EXPORTED: Final = "NOT_EXPORTED"
 DECIMALS: Final = 4
-"""Of a metre."""
+"""Decimals of coordinates in metres."""
 
 
 def write(model: PlantModel, *, map_id: str | None = None, frame: str = "map") -> ExportReport:
-    """Return the graph of the points on a map, with points that name no map; None: the only map.
+    """Return the route graph of a map, including points without a mapId; ``map_id`` None: the only map.
 
-    Ids are numbers, nodes first, in the order of the model; names are in ``metadata``. Raises PlantModelError
-    where ``map_id`` is needed, or no point is on it.
+    IDs are numbers, nodes first, in the order of the model; names are in ``metadata``. Raises PlantModelError
+    if ``map_id`` is required, or has no points.
     """
     chosen = map_id if map_id is not None else _only_map(model)
     points = [each for each in model.points if each.map_id in (None, chosen)]

@@ -1,4 +1,4 @@
-"""Points and paths of a plant model, and what vehicles of each type may do there."""
+"""Points and paths of a plant model, and their rules for each vehicle type."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -88,7 +88,7 @@ MAX_DEGREE: Final = 16
 
 
 class PlantBlockingType(StrEnum):
-    """What may run in parallel to an action, as in VDA 5050."""
+    """Blocking type of an action, as in VDA 5050 (3.0 section 6.2.2)."""
 
     NONE = "NONE"
     SOFT = "SOFT"
@@ -129,7 +129,7 @@ class TypeActionParameter(PlantRecord):
     key: str
     value: str
     is_json: bool = False
-    """Whether the value is not the text itself but the JSON that it holds (since LIF 2.0)."""
+    """Whether the text is JSON that contains the actual value (since LIF 2.0)."""
 
 
 class TypeAction(PlantRecord):
@@ -143,7 +143,7 @@ class TypeAction(PlantRecord):
 
 
 class LoadRestriction(PlantRecord):
-    """Loads with which a point or path may be used; without names: any. Routes do not depend on it."""
+    """Loads with which a point or path may be used; no names: any. Routing ignores it."""
 
     unloaded: bool
     loaded: bool
@@ -171,17 +171,17 @@ HalfAxis = Annotated[float, Field(ge=0, le=MOST)]
 
 
 class DeviationBounds(PlantRecord):
-    """Bounds of the ellipse by which an order may let vehicles deviate from a point (since LIF 2.0)."""
+    """Bounds of the ellipse of allowed deviation at a point, m (since LIF 2.0)."""
 
     a_minimum: HalfAxis | None = None
     a_maximum: HalfAxis | None = None
     b_minimum: HalfAxis | None = None
     b_maximum: HalfAxis | None = None
     theta: float | None = None
-    """From x to the longer axis a, radians in the plant frame."""
+    """Angle from x to the longer axis a, radians in the plant frame."""
 
     def ellipse(self, wanted: float) -> tuple[float, float]:
-        """Return the half axes a and b, m, within the bounds and as near to ``wanted`` as they allow."""
+        """Return the semi-axes a and b, m: the values within the bounds that are closest to ``wanted``."""
         b = _within(wanted, self.b_minimum, self.b_maximum)
         a = _within(max(wanted, b), self.a_minimum, self.a_maximum)
         return a, min(a, b)
@@ -199,7 +199,7 @@ class CorridorReference(StrEnum):
 
 
 class PathCorridor(PlantRecord):
-    """How far an order may let vehicles leave a path, metres to each side (since LIF 2.0)."""
+    """Allowed deviation from a path, metres to each side (since LIF 2.0)."""
 
     maximum_left_width: HalfAxis
     maximum_right_width: HalfAxis
@@ -207,7 +207,7 @@ class PathCorridor(PlantRecord):
 
 
 class LineGuidance(PlantRecord):
-    """What line-guided vehicles need: the direction at a junction, and the path's length (since LIF 2.0)."""
+    """Data for line-guided vehicles: direction at a junction, length of the path (since LIF 2.0)."""
 
     direction: str | None = None
     length: HalfAxis | None = None
@@ -230,10 +230,10 @@ class VehicleTypeOnPath(PlantRecord):
 
     vehicle_type_id: str
     rotation_allowed: bool | None = None
-    """Whether vehicles may turn on the path; None (since LIF 2.0): not stated, so they must not."""
+    """Whether vehicles may turn on the path; None (since LIF 2.0): not specified, treated as not allowed."""
     vehicle_orientation: float | None = None
     other_orientations: tuple[float, ...] = ()
-    """Orientations that fleet control may choose instead (since LIF 2.0)."""
+    """Alternative orientations (since LIF 2.0)."""
     orientation_type: PathOrientationType = PathOrientationType.TANGENTIAL
     rotation_at_start_node_allowed: RotationAllowed = RotationAllowed.BOTH
     rotation_at_end_node_allowed: RotationAllowed = RotationAllowed.BOTH
@@ -258,11 +258,11 @@ class VehicleTypeOnPath(PlantRecord):
 
     @property
     def is_backward(self) -> bool:
-        """Whether vehicles can drive here only backwards."""
+        """Whether vehicles must drive backwards on this path."""
         return bool(self.orientations) and all(map(self.leads_backward, self.orientations))
 
     def leads_backward(self, orientation: float) -> bool:
-        """Return whether vehicles with this orientation drive here backwards."""
+        """Return whether vehicles with this orientation drive backwards on this path."""
         return self.orientation_type is PathOrientationType.TANGENTIAL and cos(orientation) < 0
 
 
@@ -310,7 +310,7 @@ class Point(PlantRecord):
         return None if self.orientation_deg is None else normalized(radians(self.orientation_deg))
 
     def forbids(self, action_type: str, vehicle_types: Collection[str]) -> bool:
-        """Return whether an action is forbidden here to one of the types."""
+        """Return whether an action is forbidden here for one of the vehicle types."""
         uses = (use for use in self.vehicle_types if use.vehicle_type_id in vehicle_types)
         return any(action_type in use.forbidden_action_types for use in uses)
 
@@ -396,7 +396,7 @@ class Path(PlantRecord):
 
     @property
     def length_m(self) -> float:
-        """Length in metres: counts for costs, whatever the drawing shows."""
+        """Length in metres, used for routing costs; independent of the drawing."""
         return self.length_mm / MM_PER_M
 
     def use_by(self, vehicle_type: str) -> VehicleTypeOnPath | None:

@@ -14,7 +14,7 @@ from pydantic_core import to_json
 from nena_shared.vda5050.base import CommandHeader, Identifier, WireObject, finite
 
 LOAD_HANDLING_DEVICE: Final = ("loadHandlingDevice", "lhd")
-"""What 3.0.1 and the versions before call the parameter of pick and drop for the load handling device."""
+"""Parameter of pick and drop for the load handling device: name in 3.0.1, and in earlier versions."""
 
 STATION_ACTIONS: Final = frozenset({"pick", "drop"})
 
@@ -26,7 +26,7 @@ WAKE_UP_TIME: Final = "wakeUpTime"
 
 
 class BlockingType(StrEnum):
-    """What may continue while an action runs (section 6.2.2)."""
+    """Whether the robot may drive or run other actions during an action (section 6.2.2)."""
 
     NONE = "NONE"
     SINGLE = "SINGLE"
@@ -59,11 +59,11 @@ def _sendable(value: JsonValue) -> JsonValue:
 
 
 ParameterValue = Annotated[JsonValue, AfterValidator(_sendable)]
-"""Any JSON but null, and but numbers without an end."""
+"""Any JSON value except null, NaN and infinity."""
 
 
 def text_of(value: JsonValue) -> str:
-    """Return the value of a parameter as text: what is none already, as JSON."""
+    """Return a parameter value as text; values of other types as JSON."""
     return value if isinstance(value, str) else to_json(value).decode()
 
 
@@ -75,7 +75,7 @@ class ActionParameter(WireObject):
 
 
 class Action(WireObject):
-    """Something that a robot does besides driving (section 6.2)."""
+    """An action of the robot, such as picking up a load (section 6.2)."""
 
     action_type: Identifier
     action_id: Identifier
@@ -85,11 +85,11 @@ class Action(WireObject):
     retriable: bool | None = None
 
     def parameter(self, key: str) -> JsonValue:
-        """Return the value under ``key``, or None (section 7.3.1)."""
+        """Return the value of the parameter ``key``, or None (section 7.3.1)."""
         return next((each.value for each in self.action_parameters if each.key == key), None)
 
     def with_values(self, change: Callable[[ActionParameter], JsonValue]) -> Action:
-        """Return the action with the values that ``change`` returns; itself if all stay the same."""
+        """Return a copy with the parameter values from ``change``; ``self`` if none differs."""
         values = tuple(map(change, self.action_parameters))
         if all(new is each.value for new, each in zip(values, self.action_parameters, strict=True)):
             return self
@@ -104,7 +104,7 @@ _UTC: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?Z", re.ASCI
 
 
 def wake_up_time(action: Action) -> datetime | None:
-    """Return when a hibernation is to end; None unless it is a time as 3.0.1 writes it (section 6.2.3)."""
+    """Return the end of a hibernation, UTC; None if missing or not in 3.0.1's format (section 6.2.3)."""
     value = action.parameter(WAKE_UP_TIME)
     if not isinstance(value, str) or not _UTC.fullmatch(value):
         return None
@@ -125,6 +125,6 @@ class ActionState(WireObject):
 
 
 class InstantActions(CommandHeader):
-    """Actions to run at once, beside the order (section 7.4)."""
+    """Actions to execute immediately, in addition to the order (section 7.4)."""
 
     actions: tuple[Action, ...]

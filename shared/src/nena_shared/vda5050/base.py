@@ -1,4 +1,4 @@
-"""What all VDA 5050 objects have in common (VDA 5050 3.0 section 7.1)."""
+"""Base classes and common types of all VDA 5050 messages (VDA 5050 3.0 section 7.1)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ J = TypeVar("J", bound=JsonValue)
 class WireObject(BaseModel):
     """An immutable JSON object (section 7.1).
 
-    Unknown fields are passed over, no value is guessed from another type.
+    Unknown fields are ignored. Values are not converted from other types.
     """
 
     model_config = ConfigDict(
@@ -35,10 +35,10 @@ class WireObject(BaseModel):
 
     @staticmethod
     def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
-        """Return what the form's validators would change in a record of it (see ``records``).
+        """Return the fields that the form's validators would change in a record (see ``records``).
 
         Raises:
-            ValueError: the codec has to read the message.
+            ValueError: only the codec can read the message.
 
         """
         del record
@@ -46,7 +46,7 @@ class WireObject(BaseModel):
 
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
-        """Make this version's form of a version-neutral object."""
+        """Convert a version-neutral object to this version's form."""
         return cls.model_validate(neutral, by_name=True, by_alias=False)
 
 
@@ -56,15 +56,15 @@ Timestamp = Annotated[
     PlainSerializer(iso, return_type=str, when_used="json"),
     WithJsonSchema({"type": "string", "format": "date-time"}),
 ]
-"""ISO 8601 in UTC with milliseconds; read with 0 to 9 decimals, and as UTC where no zone is given."""
+"""ISO 8601 in UTC with milliseconds. Accepts 0 to 9 decimals; a time without a zone is UTC."""
 
 UInt32 = Annotated[int, Field(ge=0, le=2**32 - 1)]
 ANGLE_LIMIT: Final = 3.1416 + 1e-4
-"""Greatest angle that is read, rad: 3.0.1 allows 3.1416, and robots round."""
+"""Largest accepted angle, rad: 3.1416 as in 3.0.1, plus a tolerance for rounding."""
 
 
 def _within_half_turn(angle: float) -> float:
-    """Return the same angle in [-π, π]: the schemas before 3.0.1 allow no more."""
+    """Wrap an angle to [-π, π], the limits of the schemas before 3.0.1."""
     return angle if -pi <= angle <= pi else remainder(angle, 2 * pi)
 
 
@@ -73,21 +73,21 @@ Angle = Annotated[
     Field(ge=-ANGLE_LIMIT, le=ANGLE_LIMIT),
     PlainSerializer(_within_half_turn, return_type=float, when_used="json"),
 ]
-"""Radians in [-π, π]; read up to 3.1416, as 3.0.1 has it, and written within [-π, π]."""
+"""Radians in [-π, π]. Accepts up to ±3.1416 (3.0.1); written within [-π, π]."""
 
 AllowedTurn = Annotated[
     float,
     Field(ge=0, le=ANGLE_LIMIT),
     PlainSerializer(lambda turn: min(turn, pi), return_type=float, when_used="json"),
 ]
-"""Deviation from a heading, rad; one of π allows every heading."""
+"""Allowed deviation from a heading, rad; π allows any heading."""
 
 NotNegative = Annotated[float, Field(ge=0)]
 Percent = Annotated[float, Field(ge=0, le=100)]
 Identifier = Annotated[str, Field(max_length=1024)]
 
 Version = Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$", max_length=32)]
-"""Major, minor and patch number of a version of VDA 5050."""
+"""VDA 5050 version number: major, minor and patch."""
 
 
 def finite(value: J) -> J:
@@ -118,10 +118,10 @@ Epoch = Annotated[int, Field(ge=0, le=2**53 - 1)]
 
 
 class Header(WireObject):
-    """The five fields at the top of each message (section 7.2)."""
+    """The five header fields of every message (section 7.2)."""
 
     header_id: UInt32
-    """Counted per topic, one more for each message sent."""
+    """Incremented per topic with each message sent."""
     timestamp: Timestamp
     version: Version
     manufacturer: Identifier
@@ -137,4 +137,4 @@ class CommandHeader(Header):
     """The header of a command from fleet control to a robot (section 7.2)."""
 
     nena_epoch: Epoch | None = None
-    """NeNa's addition to the standard: an order service that replaces another one sends a greater number."""
+    """NeNa's extension: increases with each order service that takes over from another."""

@@ -1,4 +1,4 @@
-"""Between the version-neutral messages and the bytes of one protocol version."""
+"""Codecs: decode and encode the version-neutral messages in one protocol version."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from nena_shared.vda5050.zone_set import ZoneSetTransfer
 M = TypeVar("M", bound=Header)
 
 MAXIMUM_PAYLOAD = 4 * 1024 * 1024
-"""Bytes; a longer message is malformed."""
+"""Maximum size of a message, bytes."""
 
 KINDS: Final[Mapping[Topic, type[Header]]] = MappingProxyType(
     {
@@ -40,7 +40,7 @@ KINDS: Final[Mapping[Topic, type[Header]]] = MappingProxyType(
         Topic.RESPONSES: Responses,
     }
 )
-"""The neutral message of each topic."""
+"""Neutral message class of each topic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,25 +49,26 @@ class Codec:
 
     version: str
     interface_name: str
-    """The first level of the topics, as the standard suggests it."""
+    """First topic level (interface name) that the standard suggests."""
     forms: Mapping[type[Header], type[Header]]
     rules: Rules
 
     @property
     def major_version(self) -> str:
-        """The topic level of the version (section 4.2), e.g. ``v2``."""
+        """Topic level of the major version (section 4.2), e.g. ``v2``."""
         return "v" + self.version.split(".", 1)[0]
 
     @property
     def kinds(self) -> dict[Topic, type[Header]]:
-        """The topics that the version has, with their neutral messages (section 4.3)."""
+        """Topics of this version with their neutral message classes (section 4.3)."""
         return {topic: kind for topic, kind in KINDS.items() if kind in self.forms}
 
     def decode(self, kind: type[M], payload: bytes) -> M:
-        """Read a message (section 7.1).
+        """Decode a message (section 7.1).
 
         Raises:
-            MalformedMessageError: it breaks the schema or the graph rules, or has another major version.
+            MalformedMessageError: the message violates the schema or the graph rules, or has another major
+                version.
         """
         if len(payload) > MAXIMUM_PAYLOAD:
             raise MalformedMessageError(kind.__name__, [f"longer than {MAXIMUM_PAYLOAD} bytes"])
@@ -86,17 +87,19 @@ class Codec:
         return message
 
     def encode(self, message: Header) -> bytes:
-        """Write a message, checked against this version's form, with this version's number.
+        """Encode a message with this version's number, validated against this version's form.
 
         Raises:
-            MalformedMessageError: an order breaks the graph rules, or this version has no such message.
+            MalformedMessageError: an order violates the graph rules, or this version has no such message.
             ValidationError: this version cannot express the message.
         """
         kind = self._kind_of(message)
         if isinstance(message, Order) and (problems := violations(message)):
             raise MalformedMessageError(kind.__name__, problems)
         form = self.forms[kind]
-        wire = form.from_neutral(message.model_copy(update={"version": self.version}))
+        if message.version != self.version:
+            message = message.model_copy(update={"version": self.version})
+        wire = form.from_neutral(message)
         return form.__pydantic_serializer__.to_json(wire, by_alias=True, exclude_none=True)
 
     def _kind_of(self, message: Header) -> type[Header]:

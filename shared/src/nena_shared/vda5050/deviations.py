@@ -1,4 +1,4 @@
-"""Counts the deviations of a fleet's robots from the standard, and logs them at a limited rate."""
+"""Count how robots deviate from the standard, and log it at a limited rate."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from nena_shared.vda5050.topics import RobotKey
 log = get_logger(__name__)
 
 LOGGED_EACH: Final = 3600.0
-"""Seconds between two log entries about one robot."""
+"""Minimum interval between log entries about one robot, seconds."""
 
 ROBOTS_LIMIT: Final = 10_000
-"""Robots whose deviations are kept; those of further ones are only counted in total."""
+"""Maximum number of robots with stored deviations; those of further robots only count in the totals."""
 
 FIELDS_LIMIT: Final = 50
-"""Fields that are kept of one robot."""
+"""Maximum number of stored deviations per robot."""
 
 LABELS_LIMIT: Final = 200
-"""Pairs of field and kind that are counted apart in total; the rest is counted under ``OTHER``."""
+"""Maximum number of pairs of field and kind in the totals; others count as ``OTHER``."""
 
 OTHER: Final = "other"
 
 
 class Deviations:
-    """What had to be repaired in the messages of each robot."""
+    """The repairs in the messages of each robot."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -38,7 +38,7 @@ class Deviations:
         self._totals: Counter[tuple[str, str]] = Counter()
 
     def note(self, robot: RobotKey, topic: str, repairs: tuple[Repair, ...]) -> bool:
-        """Count the repairs of one message; return whether the robot has not deviated like this before."""
+        """Count the repairs of one message; return whether one of them is new for this robot."""
         for each in repairs:
             label = (f"{topic}.{each.field}", each.kind.value)
             known = label in self._totals or len(self._totals) < LABELS_LIMIT
@@ -48,17 +48,18 @@ class Deviations:
         return new
 
     def note_message(self, topic: str, repairs: tuple[Repair, ...]) -> None:
-        """Count the repairs of one message by its full topic, of which the last levels name the robot."""
+        """Count the repairs of one message; the robot is taken from its topic."""
         *_, manufacturer, serial_number, name = topic.split("/")
         self.note(RobotKey(manufacturer, serial_number), name, repairs)
 
     def of(self, robot: RobotKey) -> tuple[Repair, ...]:
-        """Return how a robot deviates: each field and kind once, with the value that was seen first."""
-        return tuple(self._robots.get(robot, {}).values())
+        """Return a robot's repairs: each field and kind once, with the first received value."""
+        known = self._robots.get(robot)
+        return tuple(known.values()) if known else ()
 
     @property
     def totals(self) -> Mapping[tuple[str, str], int]:
-        """How many repairs there were, by topic with field, and kind."""
+        """Number of repairs by topic with field, and kind."""
         return self._totals
 
     def _keep(self, robot: RobotKey, topic: str, repairs: tuple[Repair, ...]) -> bool:

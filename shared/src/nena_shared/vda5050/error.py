@@ -8,20 +8,20 @@ from nena_shared.vda5050.base import WireObject
 
 
 class ErrorLevel(StrEnum):
-    """How bad an error is (section 6.6.5.1); 2.x has only WARNING and FATAL."""
+    """Severity of an error (section 6.6.5.1); 2.x has only WARNING and FATAL."""
 
     WARNING = "WARNING"
     """The robot continues its order and accepts new ones."""
     URGENT = "URGENT"
-    """As WARNING, but needs attention soon."""
+    """Like WARNING, but needs attention soon."""
     CRITICAL = "CRITICAL"
     """The robot cannot continue its order, but accepts new ones."""
     FATAL = "FATAL"
-    """A person is needed."""
+    """A person has to intervene."""
 
 
 class ErrorType(StrEnum):
-    """The error types of the standard (section 6.6.5), and those that this robot adds to its open list."""
+    """Error types of the standard (section 6.6.5), and NeNa's additions to this open list."""
 
     UNSUPPORTED_PARAMETER = "UNSUPPORTED_PARAMETER"
     NO_ORDER_TO_CANCEL = "NO_ORDER_TO_CANCEL"
@@ -43,7 +43,7 @@ class ErrorType(StrEnum):
     BLOCKED_ZONE_VIOLATION = "BLOCKED_ZONE_VIOLATION"
     RELEASE_LOST = "RELEASE_LOST"
     RELEASE_LOSS_HANDLING = "RELEASE_LOSS_HANDLING"
-    """Named by 3.0.1; 3.0.0 has the warning, but no name for it."""
+    """Since 3.0.1; 3.0.0 describes the warning without naming it."""
     ZONE_ACTION_CONFLICT = "ZONE_ACTION_CONFLICT"
     NODE_UNREACHABLE = "NODE_UNREACHABLE"
     LOCALIZATION_ERROR = "LOCALIZATION_ERROR"
@@ -51,25 +51,25 @@ class ErrorType(StrEnum):
     ZONE_ACTION_STATES_FULL = "ZONE_ACTION_STATES_FULL"
     ACTION_FAILED = "ACTION_FAILED"
     NAVIGATION_NOT_AVAILABLE = "NAVIGATION_NOT_AVAILABLE"
-    """The robot waits for its own navigation. Its order continues without help, hence a WARNING."""
+    """The robot is waiting for its navigation. A WARNING, as the order then continues automatically."""
 
 
 class ErrorReference(WireObject):
-    """What an error is about, e.g. ``orderId`` and its value (section 6.6.5)."""
+    """The subject of an error, e.g. ``orderId`` and its value (section 6.6.5)."""
 
     reference_key: str
     reference_value: str
 
 
 class Translation(WireObject):
-    """The same text in another language, with its ISO 639-1 code (section 6.6.5)."""
+    """A text in another language, with its ISO 639-1 code (section 6.6.5)."""
 
     translation_key: str
     translation_value: str
 
 
 class ErrorEntry(WireObject):
-    """One active error; ``error_type`` is an open list, judge an unknown one by its level (section 6.6.5)."""
+    """An active error; ``error_type`` is an open list: treat unknown types by level (section 6.6.5)."""
 
     error_type: str
     error_level: ErrorLevel
@@ -79,8 +79,12 @@ class ErrorEntry(WireObject):
     error_hint: str | None = None
     error_hint_translations: tuple[Translation, ...] | None = None
 
+    def with_level(self, level: ErrorLevel) -> ErrorEntry:
+        """Return the error with another level."""
+        return self.model_copy(update={"error_level": level})
 
-LEVELS: dict[ErrorType, ErrorLevel] = {
+
+LEVELS: dict[str, ErrorLevel] = {
     ErrorType.UNSUPPORTED_PARAMETER: ErrorLevel.CRITICAL,
     ErrorType.INSUFFICIENT_MEMORY: ErrorLevel.URGENT,
     ErrorType.OUTSIDE_OF_CORRIDOR: ErrorLevel.CRITICAL,
@@ -93,18 +97,23 @@ LEVELS: dict[ErrorType, ErrorLevel] = {
     ErrorType.ZONE_ACTION_STATES_FULL: ErrorLevel.URGENT,
     ErrorType.ACTION_FAILED: ErrorLevel.CRITICAL,
 }
-"""Levels by the table of section 6.6.5.4; every type that is not here is a WARNING."""
+"""Error levels (section 6.6.5.4); all other types are WARNING."""
 
 
 def error(
-    kind: ErrorType, description: str, *, hint: str | None = None, **references: str | int | None
+    kind: ErrorType | str,
+    description: str,
+    *,
+    hint: str | None = None,
+    **references: str | int | None,
 ) -> ErrorEntry:
-    """Make an error with the level of its type; references that are None are left out (section 6.6.5).
+    """Create an error with the level of its type (section 6.6.5).
 
-    The keys are given in snake case and sent in camel case: ``order_id="o1"`` becomes ``orderId``.
+    Reference keys are converted to camel case: ``order_id="o1"`` becomes ``orderId``. References that are
+    None are omitted.
     """
     return ErrorEntry(
-        error_type=kind.value,
+        error_type=str(kind),
         error_level=LEVELS.get(kind, ErrorLevel.WARNING),
         error_description=description,
         error_hint=hint,

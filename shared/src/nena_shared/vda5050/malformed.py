@@ -11,13 +11,13 @@ from nena_shared.findings import in_words
 
 REFERENCE_KEYS = ("headerId", "orderId", "orderUpdateId")
 REFERENCE_LENGTH = 1024
-"""Characters; a longer value refers to nothing that was ever accepted."""
+"""Maximum length of a reference, characters; no longer ID is ever accepted."""
 
 QUOTE = " (received "
 """Separator between a problem and the quoted value."""
 
 QUOTED = 60
-"""Characters of a received value that are quoted."""
+"""Maximum length of a quoted value, characters."""
 
 PROBLEMS_SHOWN = 5
 TOO_MANY = 1000
@@ -26,8 +26,8 @@ TOO_MANY = 1000
 class MalformedMessageError(Exception):
     """The payload is not a message of its topic and version.
 
-    ``problems`` has one sentence per error; ``references`` has what could still be read of headerId, orderId
-    and orderUpdateId, so that the answer can identify the message (section 6.6.5.2).
+    ``problems`` has one sentence per error. ``references`` has headerId, orderId and orderUpdateId as far as
+    they could be read, to identify the message in the error report (section 6.6.5.2).
     """
 
     def __init__(
@@ -35,25 +35,25 @@ class MalformedMessageError(Exception):
     ) -> None:
         self.kind = kind
         self.received = received
-        """The value that the first problem is about, shortened; empty if there is none."""
+        """The value that caused the first problem, shortened; empty if there is none."""
         self.problems = tuple(problems[:PROBLEMS_SHOWN])
         self.references = _readable_references(payload)
         super().__init__(f"not a valid {kind}: {'; '.join(self.problems)}")
 
     @property
     def reason(self) -> str:
-        """The first problem with the value that was received, in one line."""
+        """The first problem with the received value, in one line."""
         quote = f"{QUOTE}{self.received})" if self.received else ""
         return f"{self.problems[0]}{quote}"
 
     @property
     def quoted_problems(self) -> tuple[str, ...]:
-        """The problems, the first with the value that was received."""
+        """All problems, the first with the received value."""
         return (self.reason, *self.problems[1:])
 
 
 def received_in(error: ValidationError, payload: bytes) -> str:
-    """Quote what pydantic's first finding is about: a value, or the beginning of what is no JSON."""
+    """Quote the value of pydantic's first error; for invalid JSON the start of the payload."""
     if error.error_count() > TOO_MANY:
         return ""
     first = error.errors(include_url=False, include_context=False)[0]
@@ -65,7 +65,7 @@ def received_in(error: ValidationError, payload: bytes) -> str:
 
 
 def quoted(value: object) -> str:
-    """Return a value as it was in a message, shortened."""
+    """Return a received value as JSON, shortened."""
     if isinstance(value, str | int | list | dict):
         try:
             text = to_json(value).decode()
@@ -77,9 +77,9 @@ def quoted(value: object) -> str:
 
 
 def problems_of(error: ValidationError, most: int | None = None) -> list[str]:
-    """Put pydantic's findings into sentences with the path of the field, ``most`` of them at most.
+    """Convert pydantic's errors to at most ``most`` sentences with field paths.
 
-    Very many are only counted: to list a hundred thousand of them keeps a program from its work for seconds.
+    Beyond TOO_MANY they are only counted, as listing 100,000 errors takes seconds.
     """
     if error.error_count() > TOO_MANY:
         return [f"message: {error.error_count()} values do not fit"]

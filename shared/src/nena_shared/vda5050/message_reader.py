@@ -1,4 +1,4 @@
-"""Reads messages of robots and fleet controls, repaired where their meaning is certain."""
+"""Read messages of robots and fleet controls, with repairs where the meaning is certain."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, TypeVar
-
-from pydantic_core import from_json
 
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
@@ -25,57 +23,13 @@ from nena_shared.vda5050.repair import (
     without_mark,
     written,
 )
-from nena_shared.vda5050.versions import reader_for, reader_of
-
-H = TypeVar("H", bound=Header)
-
-
-def read_command(
-    kind: type[H], codec: Codec, payload: bytes, *, now: datetime
-) -> tuple[H, tuple[Repair, ...]]:
-    """Read a message of a fleet control, repaired if its meaning is certain; return what was repaired.
-
-    Raises:
-        MalformedMessageError: it violates the standard and cannot be repaired.
-    """
-    try:
-        return codec.decode(kind, payload), ()
-    except MalformedMessageError:
-        repaired = _repaired_command(kind, codec, payload, now)
-        if repaired is None:
-            raise
-        return repaired
-
-
-def _repaired_command(
-    kind: type[H], codec: Codec, payload: bytes, now: datetime
-) -> tuple[H, tuple[Repair, ...]] | None:
-    found: Repairs = {}
-    form = codec.forms.get(kind)
-    if form is None or len(payload) > MAXIMUM_PAYLOAD:
-        return None
-    try:
-        content = from_json(without_mark(payload, found))
-        if not isinstance(content, dict):
-            return None
-        repair(form, content, found, version=codec.version, now=now, scope=Scope.COMMAND)
-    except (ArithmeticError, ValueError, RecursionError):
-        return None
-    again = written(content) if found else None
-    if again is None:
-        return None
-    try:
-        return codec.decode(kind, again), repairs_of(found)
-    except MalformedMessageError:
-        return None
-
+from nena_shared.vda5050.versions import load_codecs, reader_for, reader_of
 
 TOPICS_REMEMBERED = 20_000
 
-
 M = TypeVar("M", bound=Header)
 Report = Callable[[str, tuple[Repair, ...]], None]
-"""Gets the topic of a message that deviates from the standard, and what was repaired."""
+"""Receives the topic of a message that deviates from the standard, and its repairs."""
 
 
 def _ignore(_topic: str, _repairs: tuple[Repair, ...]) -> None:
@@ -84,36 +38,37 @@ def _ignore(_topic: str, _repairs: tuple[Repair, ...]) -> None:
 
 @dataclass(slots=True)
 class _KnownReader:
-    """What the last message of a topic was like."""
+    """Version and deviations of the last message on a topic."""
 
     version: str
-    """As written."""
+    """As written in the header."""
     codec: Codec
     deviations: frozenset[str]
-    """Paths of the repaired fields; in the next message these are checked first."""
+    """Paths of the repaired fields; checked first in the next message."""
 
 
 class MessageReader:
     """Reads the messages of many robots.
 
-    It assumes that the version on a topic stays the same, so that it need not be searched for in every
-    message. A message that violates the standard is repaired if that is safe, and ``report`` gets what was
-    repaired; a ``strict`` reader refuses it.
+    The version of each topic is remembered, which is faster than looking for it in each message. A message
+    that violates the standard is repaired if that is safe, and reported to ``report``; a ``strict`` reader
+    rejects it.
     """
 
     def __init__(self, report: Report = _ignore, *, strict: bool = False) -> None:
+        load_codecs()
         self._report = report
         self._strict = strict
         self._known: dict[str, _KnownReader] = {}
-        """By topic."""
+        """Keyed by topic."""
         self.undated = False
-        """Whether the timestamp of the last message could not be read; the time of arrival replaces it."""
+        """Whether the last message had no readable timestamp; its time of arrival was used instead."""
 
     def read(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
         """Read a message in the version of its header (section 7.2).
 
         Raises:
-            MalformedMessageError: it violates the standard and cannot be repaired.
+            MalformedMessageError: the message violates the standard and cannot be repaired.
         """
         self.undated = False
         known = self._known.get(topic)
@@ -125,7 +80,7 @@ class MessageReader:
             try:
                 message = _read(kind, known.codec, payload)
             except MalformedMessageError:
-                del self._known[topic]  # perhaps its version has changed
+                del self._known[topic]  # its version may have changed
             else:
                 if message.version == known.version:
                     known.deviations = EVERYWHERE
@@ -133,7 +88,7 @@ class MessageReader:
         return self._read_unexpected(kind, topic, payload, major_version)
 
     def _read_unexpected(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
-        """Read a message without an idea of its version."""
+        """Read a message whose version is not known yet or has changed."""
         codec = reader_of(payload, major_version)
         try:
             message = _read(kind, codec, payload)
@@ -146,10 +101,10 @@ class MessageReader:
         return message
 
     def _repaired(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M | None:
-        """Read a message that deviates from the standard; None: it does not, or is no JSON object.
+        """Repair and read a message; None if nothing deviates, or it is not a JSON object.
 
         Raises:
-            MalformedMessageError: it cannot be repaired.
+            MalformedMessageError: the message cannot be repaired.
         """
         found: Repairs = {}
         if len(payload) > MAXIMUM_PAYLOAD:
@@ -161,7 +116,7 @@ class MessageReader:
         if not isinstance(content, dict):
             return None
         codec = reader_for(version_number(content.get("version")), major_version)
-        # NaN may be anywhere: then all fields are checked
+        # NaN may be in any field, so check all of them
         usual = self._usual(topic) if exact else EVERYWHERE
         try:
             message = self._repaired_with(kind, codec, content, found, usual)
@@ -182,7 +137,7 @@ class MessageReader:
     def _repaired_with(
         self, kind: type[M], codec: Codec, content: dict[str, Any], found: Repairs, usual: frozenset[str]
     ) -> M | None:
-        """Repair the fields that ``usual``ly deviate, and all others only if that is not enough."""
+        """Repair the fields in ``usual`` first, and all others only if that is not enough."""
         form = codec.forms.get(kind)
         if form is None:
             return None
@@ -207,12 +162,12 @@ class MessageReader:
 
 
 def _read(kind: type[M], codec: Codec, payload: bytes) -> M:
-    """Read a message of ``codec``'s version strictly."""
+    """Read a message strictly, in the version of ``codec``."""
     return read_record(kind, codec, payload) if kind in RECORDED else codec.decode(kind, payload)
 
 
 def _read_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | None:
-    """Read a message that was repaired; None: there is a value that JSON does not have."""
+    """Read a repaired message; None if a value cannot be written as JSON."""
     record = record_of(kind, codec, content) if kind in RECORDED else None
     if record is not None:
         return record
@@ -221,7 +176,7 @@ def _read_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | 
 
 
 def _unknown_version(known: _KnownReader) -> Repair | None:
-    """Report a minor version that is not supported, which is read as the nearest one that is."""
+    """Return the deviation of an unsupported minor version, which is read as the nearest supported one."""
     minor, read_as = known.version.split(".")[:2], known.codec.version.split(".")[:2]
     if minor == read_as:
         return None

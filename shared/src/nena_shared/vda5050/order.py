@@ -20,7 +20,7 @@ from nena_shared.vda5050.base import (
 
 
 class OrientationType(StrEnum):
-    """What the heading on an edge refers to (section 7.3)."""
+    """Reference of the orientation on an edge (section 7.3)."""
 
     GLOBAL = "GLOBAL"
     TANGENTIAL = "TANGENTIAL"
@@ -41,10 +41,7 @@ class ReleaseLossBehavior(StrEnum):
 
 
 class AllowedDeviationXY(WireObject):
-    """An ellipse around a node: semi-axes ``a`` and ``b`` in m, ``theta`` the turn of a from x, in rad.
-
-    VDA 5050 3.0 section 7.3.
-    """
+    """Ellipse around a node: semi-axes ``a``, ``b`` (m), ``theta`` from x to ``a`` (rad) (section 7.3)."""
 
     a: NotNegative
     b: NotNegative
@@ -52,7 +49,7 @@ class AllowedDeviationXY(WireObject):
 
 
 class NodePosition(WireObject):
-    """Where a node is: m and rad in the project-wide frame of the map (section 7.3)."""
+    """Position of a node, m and rad in the project-wide frame of the map (section 7.3)."""
 
     x: float
     y: float
@@ -63,7 +60,7 @@ class NodePosition(WireObject):
 
 
 class Node(WireObject):
-    """A position that the order passes; even sequence IDs (section 6.1.1)."""
+    """A node of the order; sequence IDs are even (section 6.1.1)."""
 
     node_id: Identifier
     sequence_id: UInt32
@@ -74,7 +71,7 @@ class Node(WireObject):
 
 
 class ControlPoint(WireObject):
-    """A point that shapes a trajectory, m (section 7.3)."""
+    """A control point of a trajectory, m (section 7.3)."""
 
     x: float
     y: float
@@ -90,7 +87,7 @@ class Trajectory(WireObject):
 
 
 class Corridor(WireObject):
-    """How far a robot may leave a trajectory, m to each side (section 6.1.5)."""
+    """Allowed deviation from the trajectory to each side, m (section 6.1.5)."""
 
     left_width: NotNegative
     right_width: NotNegative
@@ -100,7 +97,7 @@ class Corridor(WireObject):
 
 
 class Edge(WireObject):
-    """The connection of two nodes; odd sequence IDs; m, m/s, rad, rad/s (section 6.1.1)."""
+    """An edge between two nodes: m, m/s, rad, rad/s; sequence IDs are odd (section 6.1.1)."""
 
     edge_id: Identifier
     sequence_id: UInt32
@@ -127,6 +124,6 @@ class Order(CommandHeader):
     order_update_id: UInt32
     order_description: str | None = None
     zone_set_id: Identifier | None = None
-    """Only 2.x: the zone set to use; a robot without it refuses the order."""
+    """Only 2.x: the zone set to use; a robot that lacks it rejects the order."""
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]

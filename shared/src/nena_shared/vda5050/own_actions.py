@@ -1,4 +1,4 @@
-"""Action types of NeNa's own; a robot that has them lists them in its factsheet."""
+"""NeNa's own action types; robots that support them list them in their factsheet."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ STOP_ROS_SESSION: Final = "nena:stopRosSession"
 CONFIGURE_ROS_SESSION: Final = "nena:configureRosSession"
 
 SHOW_MAP_TRANSFORMS: Final = "nena:showMapTransforms"
-"""Describes how the plant lies on the robot's maps. A robot that lists it uses the plant's frame and
-transforms poses itself; so fleet control must not."""
+"""Sends the transforms from the plant frame to the robot's maps. A robot that lists it uses the plant frame
+and transforms poses itself, so fleet control must not."""
 
 USE_BEHAVIOR_TREE: Final = "nena:useBehaviorTree"
-"""Edge action: has Nav2 drive the edge by another behaviour tree."""
+"""Edge action: makes Nav2 use another behaviour tree on the edge."""
 BEHAVIOR_TREE: Final = "behaviorTree"
-"""Parameter of USE_BEHAVIOR_TREE: the tree's name in the agent's settings."""
+"""Parameter of USE_BEHAVIOR_TREE: name of the tree in the agent's settings."""
 
 ROS_SESSION: Final = "rosSession"
-"""Type of the information entry with the state of the robot's ROS session."""
+"""Type of the information entry that reports the robot's ROS session."""
 
 
 def transforms_itself(factsheet: Factsheet) -> bool:
-    """Return whether the robot turns the plant's coordinates into those of its map and back."""
+    """Return whether the robot converts between the plant frame and its map itself."""
     actions = factsheet.protocol_features.mobile_robot_actions
     return any(each.action_type == SHOW_MAP_TRANSFORMS for each in actions)

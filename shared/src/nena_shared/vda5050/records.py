@@ -1,11 +1,11 @@
-"""States and visualizations as read-only records, read several times as fast as by the codecs.
+"""Read states and visualizations as read-only records, several times as fast as with the codecs.
 
-A record has the attributes of its neutral message (``State``, ``Visualization``), but is no pydantic model:
-it is a struct of msgspec, derived from the form of the version, so that each field is written once. Decision
-0017 explains why there are two ways to read a state, and what keeps them together.
+A record has the attributes of its neutral message (``State``, ``Visualization``), but is an msgspec struct
+instead of a pydantic model. It is derived from the version's form, so that each field is defined once.
+Decision 0017 explains why there are two ways to read a state, and how they are kept consistent.
 
-A record only accepts values that need no further processing. What a form reads by its own validators (older
-names, other spellings) does not fit the record, and the codec of the version reads the message instead.
+A record only accepts values that need no further processing. Values that need a form's validators (older
+names, other spellings) do not fit the record; the version's codec then reads the message.
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ R = TypeVar("R", bound=Header)
 _JSON: Final[Decoder[Any]] = Decoder()
 
 RECORDED: Final = (State, Visualization)
-"""The messages that are read as records: those that robots send most often."""
+"""Messages that are read as records: the most frequent ones."""
 
 
 def read_record(kind: type[R], codec: Codec, payload: bytes) -> R:
-    """Read a message as a record, or by its codec if it does not fit a record.
+    """Read a message as a record, or with its codec if it does not fit a record.
 
     Raises:
-        MalformedMessageError: the codec refuses it.
+        MalformedMessageError: the codec rejects the message.
     """
     record = _decoded(kind, codec, payload)
     return codec.decode(kind, payload) if record is None else record
 
 
 def parse(payload: bytes) -> tuple[Any, bool]:
-    """Parse JSON; return it and whether it is exact: with NaN or infinite numbers it is not.
+    """Parse JSON; return the value, and False if it contains NaN or infinity, else True.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the payload is not JSON.
 
     """
     try:
@@ -61,7 +61,7 @@ def parse(payload: bytes) -> tuple[Any, bool]:
 
 
 def record_of(kind: type[R], codec: Codec, content: dict[str, Any]) -> R | None:
-    """Make a record of a parsed message; None: it must be read by the codec."""
+    """Convert a parsed message to a record; None if only the codec can read it."""
     form = codec.forms.get(kind)
     if form is None:
         return None
@@ -72,7 +72,7 @@ def record_of(kind: type[R], codec: Codec, content: dict[str, Any]) -> R | None:
 
 
 def changed(message: R, **values: object) -> R:
-    """Return a message, a record or not, with other values."""
+    """Return a copy of a message (record or model) with changed fields."""
     record: object = message
     if isinstance(record, Struct):
         return cast("R", structs.replace(record, **values))
@@ -85,7 +85,7 @@ def _decoded(kind: type[R], codec: Codec, payload: bytes) -> R | None:
         return None
     try:
         if not payload.isascii():
-            payload.decode()  # the decoder does not check what it skips
+            payload.decode()  # msgspec does not validate UTF-8 in skipped fields
         return _of_major(codec, cast("R", _decoder(form).decode(payload)))
     except (DecodeError, UnicodeDecodeError, RecursionError):
         return None
@@ -102,7 +102,7 @@ def _decoder(form: type[Header]) -> Decoder[Any]:
 
 @cache
 def _struct(form: type[WireObject]) -> type[Any]:
-    """Derive the struct of a form. Fields that the version lacks are constants of the class."""
+    """Derive the struct of a form. Fields that the version lacks become class constants."""
     read = fields_of(form)
     names = {each.name for each in read}
     namespace: dict[str, Any] = {
@@ -137,14 +137,14 @@ def _member(form: type[WireObject], each: Field) -> tuple[str, Any, Any]:
     """Return a field as msgspec defines it."""
     kind = _type_of(each.shape)
     info = form.model_fields[each.name]
-    # what the codec fills in with the time of reading is read by the codec
+    # fields that default to the time of reading need the codec
     required = each.required or info.default_factory is not None
     default: Any = {} if required else {"default": info.default}
     return each.name, kind | None if each.nullable else kind, field(name=each.wire[0], **default)
 
 
 def _other_names(each: Field) -> list[tuple[str, Any, Any]]:
-    """Return members that no message fits which has a field under another of its names."""
+    """Return members that reject messages with a field under another of its names."""
     return [
         (f"other_{index}_{each.name}", None, field(name=name, default=None))
         for index, name in enumerate(each.wire[1:])
@@ -153,7 +153,7 @@ def _other_names(each: Field) -> list[tuple[str, Any, Any]]:
 
 def _type_of(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
     if shape.kind is object:
-        return None  # the version reads it by its own code: the codec
+        return None  # read by the version's own code: needs the codec
     if shape.kind is tuple:
         return GenericAlias(tuple, (_type_of(shape.item or Shape(object)), ...))
     if issubclass(shape.kind, WireObject):
@@ -177,7 +177,7 @@ def _limited(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
 
 
 def _pattern(shape: Shape) -> str | None:
-    """Return what a text has to match: the pattern of its field, and none of its older names."""
+    """Return the pattern of a text: that of its field, without the field's older names."""
     if shape.names:
         return rf"^(?!(?:{'|'.join(map(re.escape, shape.names))})\Z)"
     return None if shape.pattern is None else shape.pattern.removesuffix("$") + r"\Z"

@@ -1,15 +1,14 @@
-"""Repairs messages that deviate from the standard but whose meaning is clear (VDA 5050 3.0 section 7.1).
+"""Repair messages that deviate from the standard but whose meaning is clear (VDA 5050 3.0 section 7.1).
 
-Messages are first read strictly. Only one that a strict reader refuses is repaired. Each value that violates
-its field's type or limits is
+Only messages that the strict reader rejects are repaired. A value that violates its field's type or limits is
 
-- repaired if its meaning is clear: an angle is wrapped to [-π, π], a percentage clamped, a number written as
-  text read as a number, a word of a closed list matched without regard to case;
-- left out if it is optional and cannot be repaired;
-- replaced by the safest value of its field if there is one (``SAFEST``): an unknown error level is FATAL, an
-  unknown operating mode is not automatic.
+- repaired if its meaning is clear: angles are wrapped to [-π, π], percentages clamped, numbers parsed from
+  text, enumeration values matched case-insensitively;
+- omitted if it is optional and cannot be repaired;
+- replaced by the safest value of its field, if one is defined (``SAFEST``): an unknown error level becomes
+  FATAL, an unknown operating mode MANUAL.
 
-Anything else keeps its value, and the strict reader reports the error. Commands (orders, instant actions) are
+Anything else stays unchanged, and the strict reader reports the error. Commands (orders, instant actions) are
 repaired only if the meaning is certain: see :class:`Scope`.
 """
 
@@ -49,45 +48,45 @@ from nena_shared.vda5050.state import (
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 
 _VERSION: Final = re.compile(r"\s*v?(\d{1,9})(?:\.(\d{1,9}))?(?:\.(\d{1,9}))?\s*", re.ASCII | re.IGNORECASE)
-"""A version number with a prefix, or without its end."""
+"""A version number, perhaps with a prefix or without minor and patch."""
 
 
 class RepairKind(StrEnum):
-    """What was done with a value; the labels of a metric."""
+    """How a value was repaired; also a metric label."""
 
     ANGLE_WRAPPED = "angle_wrapped"
     CLAMPED = "clamped"
     SCALED = "scaled"
-    """A share of 1 given in percent."""
+    """A fraction of 1 was given in percent."""
     LEFT_OUT = "left_out"
     EMPTY_LIST = "empty_list"
-    """A list that was missing or null."""
+    """A missing list, or null, was read as an empty list."""
     REPLACED = "replaced"
-    """By the safest value of the field."""
+    """Replaced by the safest value of the field."""
     TEXT_AS_NUMBER = "text_as_number"
     NUMBER_AS_TEXT = "number_as_text"
     TEXT_AS_BOOLEAN = "text_as_boolean"
     WHOLE_NUMBER = "whole_number"
     """An integer written with decimals, such as 0.0."""
     LETTER_CASE = "letter_case"
-    """A word of a closed list in other letters."""
+    """An enumeration value in other case, or with other separators."""
     TIME_OF_ARRIVAL = "time_of_arrival"
-    """Instead of a timestamp that cannot be read."""
+    """Used instead of an unreadable timestamp."""
     VERSION_NUMBER = "version_number"
     """Completed to major, minor and patch."""
     BYTE_ORDER_MARK = "byte_order_mark"
     UNKNOWN_VERSION = "unknown_version"
-    """Read as the nearest version that is supported."""
+    """Read as the nearest supported version."""
 
 
 class Repair(NamedTuple):
     """One deviation of a message from the standard, and how it was handled."""
 
     field: str
-    """Path of the field on the wire, without the numbers of list elements; "message" for all of it."""
+    """Path of the field on the wire, without list indices; "message" for the whole message."""
     kind: RepairKind
     received: str = ""
-    """The value as it was received, shortened."""
+    """The received value, shortened."""
 
     def __str__(self) -> str:
         return f"{self.field} {self.received}: {self.kind.replace('_', ' ')}"
@@ -97,12 +96,12 @@ class Scope(Enum):
     """How far a message may be repaired."""
 
     REPORT = auto()
-    """Reports of a robot: as far as they can be used safely."""
+    """Messages of robots: repair what can be used safely."""
     COMMAND = auto()
-    """Repairs of commands: only where the meaning is certain.
+    """Commands: repair only what is certain.
 
-    Nothing is left out, and nothing clamped but the allowed deviation of a heading within a full turn: from
-    half a turn on, it allows every heading.
+    Nothing is omitted. Nothing is clamped except an allowed heading deviation of half to a full turn: from
+    half a turn on, any heading is allowed.
     """
 
 
@@ -110,12 +109,12 @@ EVERYWHERE: Final[frozenset[str]] = frozenset()
 """For ``only``: all fields."""
 
 
-class _Beyond(Exception):  # noqa: N818 - it never leaves this module
+class _UnrepairableError(Exception):
     """A value cannot be repaired."""
 
 
 Repairs = dict[tuple[str, RepairKind], str]
-"""What was repaired: path and kind, and the first value that was received there."""
+"""First received value by path and kind of repair."""
 _Fix = Callable[[Any, Repairs], Any]
 
 SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
@@ -134,17 +133,17 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
     (PowerSupply, "state_of_charge"): 0.0,
     (PowerSupply, "charging"): False,
 }
-"""Replaces a required value that is missing or cannot be repaired, in messages that report."""
+"""Safest values of required fields, for robots' messages in which they are missing or cannot be repaired."""
 
 _NEVER_EMPTIED: Final = {(State, "node_states")}
-"""Lists that must be given, if only as null: an order whose nodes are not reported must not look finished."""
+"""Lists that are not read as empty if missing: an order without reported nodes must not look finished."""
 
 _NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load)
-"""List elements without which the list would have another meaning."""
+"""List elements that are never omitted, as that would change the meaning of the list."""
 
 _PERCENT: Final = 100.0
-_MUCH_BEYOND: Final = 50.0
-"""A percentage farther beyond its limits is invalid, such as 255 for an unknown one."""
+_TOLERANCE: Final = 50.0
+"""Percentages farther beyond their limits are invalid, e.g. 255 for "unknown"."""
 _FULL_TURN: Final = 2 * pi + 1e-3
 _TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
 
@@ -170,24 +169,24 @@ def repair(
     """Repair a message in place as far as possible; the rest stays unchanged.
 
     Args:
-        form: the form of the message in the version that it is read by.
+        form: form of the message in the version used for reading.
         content: the message.
-        found: gets what was repaired.
-        version: the number of that version, for a message that has none.
-        now: the time of arrival.
-        scope: how far to go.
-        only: paths of the fields to check, besides the header.
+        found: receives the repairs.
+        version: number of that version, for messages without one.
+        now: time of arrival.
+        scope: which repairs are allowed.
+        only: paths of the fields to check in addition to the header.
     """
     _repair_header(form, content, found, version, now)
     for field in _fields_of(form, "", scope, only):
-        with suppress(_Beyond):
+        with suppress(_UnrepairableError):
             field.apply(content, found)
     if content.get("orderId") and ("orderUpdateId", RepairKind.REPLACED) in found:
-        del content["orderUpdateId"]  # a guess would mean that the robot has lost its order
+        del content["orderUpdateId"]  # a wrong number would look as if the robot had lost its order
 
 
 def written(content: dict[str, Any]) -> bytes | None:
-    """Write a repaired message, to read it strictly; None: there is a value that JSON does not have."""
+    """Serialise a repaired message; None if a value cannot be written as JSON."""
     try:
         return to_json(content, inf_nan_mode="constants")
     except (ValueError, RecursionError):
@@ -200,7 +199,7 @@ def repairs_of(found: Repairs) -> tuple[Repair, ...]:
 
 
 def version_number(value: object) -> str | None:
-    """Complete a version number as robots write it (``2.1``, ``v2.1.0``, 2.1); None if it is none."""
+    """Complete a version number of a robot (``2.1``, ``v2.1.0``, 2.1); None if it is not one."""
     return _completed(str(value)) if isinstance(value, str | int | float) else None
 
 
@@ -262,7 +261,7 @@ def _object_of(form: type[WireObject], at: str, scope: Scope, only: frozenset[st
 
     def fix(content: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(content) is not dict:
-            raise _Beyond
+            raise _UnrepairableError
         for field in fields:
             field.apply(content, found)
         return content
@@ -278,11 +277,11 @@ class _FieldRepair:
     path: str
     fix: _Fix
     plain: type | None
-    """Values of this type are always right."""
+    """Values of this type need no check."""
     empty: bool
-    """Whether the field is a list that may be assumed to be empty."""
+    """Whether a missing value is read as an empty list."""
     optional: bool
-    """Whether the field may be left out."""
+    """Whether the field may be omitted."""
     safest: object
 
     @classmethod
@@ -316,7 +315,7 @@ class _FieldRepair:
             return
         try:
             fixed = self.fix(value, found)
-        except _Beyond:
+        except _UnrepairableError:
             if self.safest is not None:
                 content[name] = self.safest
                 found[self.path, RepairKind.REPLACED] = quoted(value)
@@ -342,7 +341,7 @@ class _FieldRepair:
             del content[name]
             found[self.path, RepairKind.LEFT_OUT] = "null"
         else:
-            raise _Beyond
+            raise _UnrepairableError
 
 
 def _fix_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
@@ -365,7 +364,7 @@ def _anything(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
 
 def _moment(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
     if not _is_time(value):
-        raise _Beyond
+        raise _UnrepairableError
     return value
 
 
@@ -377,12 +376,12 @@ def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
 
     def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(value) is not list:
-            raise _Beyond
+            raise _UnrepairableError
         kept: list[Any] = []
         for each in value:
             try:
                 kept.append(fix_item(each, found))
-            except _Beyond:
+            except _UnrepairableError:
                 if not droppable:
                     raise
                 found[at, RepairKind.LEFT_OUT] = quoted(each)
@@ -399,12 +398,12 @@ def _word_of(shape: Shape, at: str) -> _Fix:
 
     def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(value) is not str:
-            raise _Beyond
+            raise _UnrepairableError
         if value in accepted:
             return value
         word = by_letters.get(_letters(value))
         if word is None:
-            raise _Beyond
+            raise _UnrepairableError
         found[at, RepairKind.LETTER_CASE] = quoted(value)
         return word
 
@@ -420,11 +419,11 @@ def _text_of(shape: Shape, at: str) -> _Fix:
     def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(value) is not str:
             if not isinstance(value, int | float):
-                raise _Beyond
+                raise _UnrepairableError
             found[at, RepairKind.NUMBER_AS_TEXT] = quoted(value)
             value = to_json(value, inf_nan_mode="constants").decode()
         if shape.longest is not None and len(value) > shape.longest:
-            raise _Beyond
+            raise _UnrepairableError
         return value
 
     return fix
@@ -438,7 +437,7 @@ def _boolean_of(at: str) -> _Fix:
             return value
         word = str(value).strip().casefold() if isinstance(value, str | int) else ""
         if word not in booleans:
-            raise _Beyond
+            raise _UnrepairableError
         found[at, RepairKind.TEXT_AS_BOOLEAN] = quoted(value)
         return booleans[word]
 
@@ -456,17 +455,17 @@ def _number_of(shape: Shape, at: str, scope: Scope) -> _Fix:
         else:
             found_kind = None
         if type(number) not in (int, float) or not _is_finite(number):
-            raise _Beyond
+            raise _UnrepairableError
         if whole and type(number) is float:
             if not number.is_integer():
-                raise _Beyond
+                raise _UnrepairableError
             number, found_kind = int(number), found_kind or RepairKind.WHOLE_NUMBER
         if (
             (least is not None and number < least)
             or (most is not None and number > most)
             or (above is not None and number <= above)
         ):
-            number, found_kind = _brought_into(number, shape, at, scope)
+            number, found_kind = _within_limits(number, shape, at, scope)
         if found_kind is None:
             return value
         found[at, found_kind] = quoted(value)
@@ -478,36 +477,36 @@ def _number_of(shape: Shape, at: str, scope: Scope) -> _Fix:
 def _is_finite(number: float) -> bool:
     try:
         return isfinite(number)
-    except OverflowError:  # an integer beyond all floats
+    except OverflowError:  # an integer beyond the range of floats
         return False
 
 
 def _number(text: str) -> float | int | None:
-    """Read a number from text."""
+    """Parse a number."""
     if "_" in text:
-        return None  # only Python accepts it
+        return None  # only Python accepts such a number
     try:
         return int(text) if text.strip().lstrip("+-").isdigit() else float(text)
     except ValueError:
         return None
 
 
-def _brought_into(number: float, shape: Shape, at: str, scope: Scope) -> tuple[float, RepairKind]:
-    """Clamp a number to the limits of its field.
+def _within_limits(number: float, shape: Shape, at: str, scope: Scope) -> tuple[float, RepairKind]:
+    """Clamp a number to the limits of its field, or wrap it.
 
     Raises:
-        _Beyond: there is no sure way.
+        _UnrepairableError: the intended value is unclear.
 
     """
     if shape.most == ANGLE_LIMIT and scope is Scope.COMMAND and abs(number) > _FULL_TURN:
-        raise _Beyond  # perhaps degrees
-    if shape.most == ANGLE_LIMIT and shape.least == 0:  # a deviation: 2.x allows less than 0
+        raise _UnrepairableError  # may be degrees
+    if shape.most == ANGLE_LIMIT and shape.least == 0:  # an allowed deviation; 2.x permits negative ones
         return min(max(number, 0.0), pi), RepairKind.CLAMPED
     if shape.most == ANGLE_LIMIT and shape.least == -ANGLE_LIMIT:
         return remainder(number, 2 * pi), RepairKind.ANGLE_WRAPPED
     of_percent = shape.most == _PERCENT and shape.least == 0
-    if scope is Scope.REPORT and of_percent and -_MUCH_BEYOND <= number <= _PERCENT + _MUCH_BEYOND:
+    if scope is Scope.REPORT and of_percent and -_TOLERANCE <= number <= _PERCENT + _TOLERANCE:
         return min(max(number, 0.0), _PERCENT), RepairKind.CLAMPED
     if scope is Scope.REPORT and at.endswith("localizationScore") and 1 < number <= _PERCENT:
         return number / _PERCENT, RepairKind.SCALED
-    raise _Beyond
+    raise _UnrepairableError

@@ -1,4 +1,4 @@
-"""Requests of a robot to its fleet control (VDA 5050 3.0 section 6.9), which are part of its state."""
+"""Requests of a robot to fleet control, part of its state (VDA 5050 3.0 section 6.9)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from nena_shared.vda5050.order import Trajectory
 
 
 class RequestStatus(StrEnum):
-    """State of a request at the robot (section 6.9)."""
+    """Status of a request (section 6.9)."""
 
     REQUESTED = "REQUESTED"
-    """No answer yet, which is no permission."""
+    """Not answered yet; no permission."""
     QUEUED = "QUEUED"
     GRANTED = "GRANTED"
     REVOKED = "REVOKED"
@@ -33,7 +33,7 @@ class EdgeRequestType(StrEnum):
 
 
 class ZoneRequest(WireObject):
-    """A request about a zone; the id is unique over all active requests of the robot (section 6.9)."""
+    """A request about a zone; IDs are unique among the robot's active requests (section 6.9)."""
 
     request_id: Identifier
     request_type: ZoneRequestType
@@ -41,14 +41,11 @@ class ZoneRequest(WireObject):
     zone_set_id: Identifier
     request_status: RequestStatus
     trajectory: Trajectory | None = None
-    """The path that a REPLANNING requests."""
+    """For REPLANNING: the requested path."""
 
 
 class EdgeRequest(WireObject):
-    """A request about an edge of the order (section 6.9).
-
-    The id is unique over all active requests of the robot.
-    """
+    """A request about an edge of the order; IDs are unique as for zones (section 6.9)."""
 
     request_id: Identifier
     request_type: EdgeRequestType

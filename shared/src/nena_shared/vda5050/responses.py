@@ -8,7 +8,7 @@ from nena_shared.vda5050.base import Header, Identifier, Timestamp, WireObject
 
 
 class GrantType(StrEnum):
-    """How fleet control answers a request (section 6.9)."""
+    """Fleet control's answer to a request (section 6.9)."""
 
     GRANTED = "GRANTED"
     QUEUED = "QUEUED"
@@ -22,7 +22,7 @@ class Response(WireObject):
     request_id: Identifier
     grant_type: GrantType
     lease_expiry: Timestamp | None = None
-    """When a GRANTED ends; None: not automatically."""
+    """Time at which GRANTED expires; None: never."""
 
 
 class Responses(Header):

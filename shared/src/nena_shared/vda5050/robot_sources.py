@@ -1,4 +1,4 @@
-"""Topics of each robot; retained messages of earlier sessions are recognised (section 4.2)."""
+"""Tracks the topics of each robot, to detect retained messages of earlier sessions (section 4.2)."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from typing import Final, Protocol
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 
-FAREWELLS: Final = frozenset({ConnectionState.OFFLINE, ConnectionState.CONNECTION_BROKEN})
-"""What ends a connection. The broker may publish the will of an old one long after the new one is up."""
+_ENDS: Final = frozenset({ConnectionState.OFFLINE, ConnectionState.CONNECTION_BROKEN})
+"""States that end a connection. The broker may publish an old last will long after a new connect."""
 
 
 class Dated(Protocol):
-    """A message with the time when it was sent."""
+    """A message with a timestamp."""
 
     @property
     def timestamp(self) -> datetime:
-        """In UTC."""
+        """Time of sending, UTC."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Source:
     scheme: TopicScheme
     timestamp: datetime | None
-    """Time of the newest retained message; None: the robot is known to publish there."""
+    """Time of the newest retained message; None: confirmed as current by a live message."""
 
 
 class RobotSources:
-    """Remembers for each robot the topics on which it publishes.
+    """Tracks for each robot the topics on which it publishes.
 
-    A robot that has changed its version or interface name leaves its retained messages under the old topics,
-    and maybe a last will that is still to arrive. They are outdated once the robot publishes elsewhere; while
-    only such messages are known of it, the newest of them decides.
+    A robot that changes its version or interface name leaves retained messages on its old topics, and perhaps
+    a pending last will. They are outdated once the robot publishes elsewhere. While only retained messages
+    are known, the newest one is current.
     """
 
     def __init__(self) -> None:
@@ -44,19 +44,19 @@ class RobotSources:
         self._sources[robot] = _Source(scheme, None)
 
     def accepts(self, robot: RobotKey, scheme: TopicScheme, message: Dated, *, retained: bool) -> bool:
-        """Return whether a message is current for the robot; later ones are compared with it."""
+        """Return whether a message is current for the robot, and remember it for later comparisons."""
         known = self._sources.get(robot)
         if known is not None and known.scheme == scheme and known.timestamp is None:
             return True
-        of_another_time = retained or _is_farewell(message)
-        if known is not None and known.scheme != scheme and of_another_time:
+        maybe_old = retained or _ends_connection(message)
+        if known is not None and known.scheme != scheme and maybe_old:
             if known.timestamp is None or message.timestamp <= known.timestamp:
                 return False
-        elif known is not None and known.scheme == scheme and of_another_time:
+        elif known is not None and known.scheme == scheme and maybe_old:
             return True
-        self._sources[robot] = _Source(scheme, message.timestamp if of_another_time else None)
+        self._sources[robot] = _Source(scheme, message.timestamp if maybe_old else None)
         return True
 
 
-def _is_farewell(message: Dated) -> bool:
-    return isinstance(message, Connection) and message.connection_state in FAREWELLS
+def _ends_connection(message: Dated) -> bool:
+    return isinstance(message, Connection) and message.connection_state in _ENDS

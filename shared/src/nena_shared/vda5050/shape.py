@@ -1,7 +1,6 @@
-"""The fields of a version's messages, read from their pydantic forms: one description for several uses.
+"""Field descriptions of a version's messages, derived from their pydantic forms.
 
-A form defines each field of its version once. All other code that needs the fields (the records of frequent
-messages, the repairs of deviating messages) reads them here.
+The forms define each field once; records and repairs use the descriptions made here.
 """
 
 from __future__ import annotations
@@ -24,28 +23,28 @@ from nena_shared.vda5050.wire_names import Reads
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """One value: its Python type, limits, and other names that are read for it."""
+    """A value: its Python type, limits, and accepted alternative names."""
 
     kind: type
-    """str, int, float, bool, datetime, an enumeration, tuple, a form, or object for what is not described."""
+    """str, int, float, bool, datetime, an enumeration, tuple, a form, or object for anything else."""
     least: float | None = None
     above: float | None = None
     most: float | None = None
     longest: int | None = None
     pattern: str | None = None
     item: Shape | None = None
-    """Of a tuple: its elements."""
+    """For a tuple: its elements."""
     names: Mapping[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field of a form."""
+    """A field of a form."""
 
     name: str
-    """In Python."""
+    """Name in Python."""
     wire: tuple[str, ...]
-    """On the wire; the first is the one that is written."""
+    """Names on the wire; the first one is written."""
     shape: Shape
     required: bool
     nullable: bool
@@ -99,7 +98,7 @@ def _shape(annotation: Any, metadata: list[Any]) -> Shape:  # noqa: ANN401 - any
         kinds = [each for each in get_args(annotation) if each is not type(None)]
         return _shape(kinds[0], metadata) if len(kinds) == 1 else Shape(object)
     if any(isinstance(each, BeforeValidator) and not isinstance(each, Reads) for each in metadata):
-        return Shape(object)  # the version reads it by its own code
+        return Shape(object)  # read by the version's own code
     if origin is tuple:
         return Shape(tuple, item=_shape(get_args(annotation)[0], []))
     if isinstance(annotation, type) and issubclass(

@@ -46,7 +46,7 @@ class OperatingMode(StrEnum):
 
     @property
     def clears_order(self) -> bool:
-        """Whether a robot has no order in this mode (section 6.6.7)."""
+        """Return whether a robot drops its order in this mode (section 6.6.7)."""
         return not self.takes_orders
 
 
@@ -59,7 +59,7 @@ class EmergencyStop(StrEnum):
 
 
 class InfoLevel(StrEnum):
-    """Audience of an information (section 7.8)."""
+    """Audience of an information entry (section 7.8)."""
 
     DEBUG = "DEBUG"
     INFO = "INFO"
@@ -82,14 +82,14 @@ class Map(WireObject):
 
 
 class RobotZoneSetStatus(StrEnum):
-    """Whether a robot uses a zone set (zoneSetStatus) (section 7.8)."""
+    """Whether a zone set is in use: zoneSetStatus (section 7.8)."""
 
     ENABLED = "ENABLED"
     DISABLED = "DISABLED"
 
 
 class ZoneSetState(WireObject):
-    """A zone set on the robot; at most one is ENABLED for each map (section 7.8)."""
+    """A zone set on the robot; at most one per map is ENABLED (section 7.8)."""
 
     zone_set_id: Identifier
     map_id: Identifier
@@ -97,7 +97,7 @@ class ZoneSetState(WireObject):
 
 
 class NodeState(WireObject):
-    """A node that is still to be traversed (section 6.6.2)."""
+    """A node that the robot has not traversed yet (section 6.6.2)."""
 
     node_id: Identifier
     sequence_id: UInt32
@@ -107,7 +107,7 @@ class NodeState(WireObject):
 
 
 class EdgeState(WireObject):
-    """An edge that is still to be driven to its end (section 6.6.2)."""
+    """An edge that the robot has not left yet (section 6.6.2)."""
 
     edge_id: Identifier
     sequence_id: UInt32
@@ -117,10 +117,7 @@ class EdgeState(WireObject):
 
 
 class MobileRobotPosition(WireObject):
-    """Position of the robot (section 7.8): m and rad in the frame of the map.
-
-    ``localized`` False: not to be trusted.
-    """
+    """Position of the robot, m and rad in the map frame; unreliable unless ``localized`` (section 7.8)."""
 
     x: float
     y: float
@@ -132,7 +129,7 @@ class MobileRobotPosition(WireObject):
 
 
 class Velocity(WireObject):
-    """Speed in the robot's frame: m/s, m/s, rad/s (section 7.8)."""
+    """Velocity in the robot's frame, m/s and rad/s (section 7.8)."""
 
     vx: float | None = None
     vy: float | None = None
@@ -157,7 +154,7 @@ class LoadDimensions(WireObject):
 
 
 class Load(WireObject):
-    """Something that the robot carries; weight in kg (section 7.8)."""
+    """A load on the robot; weight in kg (section 7.8)."""
 
     load_id: str | None = None
     load_type: str | None = None
@@ -168,7 +165,7 @@ class Load(WireObject):
 
 
 class PowerSupply(WireObject):
-    """The battery: percent, V, A, percent, m (section 7.8)."""
+    """Battery: charge (percent), voltage (V), current (A), health (percent), range (m) (section 7.8)."""
 
     state_of_charge: Percent
     battery_voltage: float | None = None
@@ -186,7 +183,7 @@ class SafetyState(WireObject):
 
 
 class Information(WireObject):
-    """A remark for people; no logic depends on it (section 7.8)."""
+    """Information for display only; no logic depends on it (section 7.8)."""
 
     info_type: str
     info_level: InfoLevel
@@ -195,7 +192,7 @@ class Information(WireObject):
 
 
 class PathPoint(WireObject):
-    """A point of a polyline, m and rad, and when the robot will be there (section 7.8)."""
+    """A point of a polyline, m and rad, with its estimated time of arrival (section 7.8)."""
 
     x: float
     y: float
@@ -204,20 +201,20 @@ class PathPoint(WireObject):
 
 
 class IntermediatePath(WireObject):
-    """The path that the robot plans to drive next (section 6.6.2)."""
+    """The next part of the robot's planned path (section 6.6.2)."""
 
     polyline: tuple[PathPoint, ...]
 
 
 class PlannedPath(WireObject):
-    """The planned path of the robot, at least to the end of its base (section 6.6.2)."""
+    """The robot's planned path, at least to the end of the base (section 6.6.2)."""
 
     trajectory: Trajectory
     traversed_nodes: tuple[str, ...] | None = None
 
 
 class State(Header):
-    """Everything about the robot, in full, never as a difference (section 6.6)."""
+    """The complete state of the robot, never a difference (section 6.6)."""
 
     maps: tuple[Map, ...] | None = None
     zone_sets: tuple[ZoneSetState, ...] | None = None
@@ -234,7 +231,7 @@ class State(Header):
     mobile_robot_position: MobileRobotPosition | None = None
     velocity: Velocity | None = None
     loads: tuple[Load, ...] | None = None
-    """None: the robot cannot report it; empty: it carries nothing."""
+    """None: the robot cannot detect loads; empty: no load."""
     driving: bool
     paused: bool | None = None
     new_base_request: bool | None = None

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from importlib import import_module
 from pkgutil import iter_modules
-from types import MappingProxyType
 from typing import Final
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -21,25 +20,69 @@ from nena_shared.vda5050.topics import TopicScheme
 _PACKAGE: Final = re.compile(r"v\d+_\d+(_\d+)?", re.ASCII)
 
 
-def find_codecs() -> dict[str, Codec]:
+class _Codecs(Mapping[str, Codec]):
+    """Codecs by version; each package is imported at its first use, because a robot only needs one."""
+
+    def __init__(self, packages: Iterable[str]) -> None:
+        found = {_version(each): each for each in packages}
+        self._packages = {version: found[version] for version in sorted(found, key=_numbers)}
+        self._loaded: dict[str, Codec] = {}
+
+    def __getitem__(self, version: str) -> Codec:
+        if version not in self._loaded:
+            module = import_module(f"{vda5050.__name__}.{self._packages[version]}")
+            self._loaded[version] = module.CODEC
+        return self._loaded[version]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._packages)
+
+    def __len__(self) -> int:
+        return len(self._packages)
+
+
+class _Rules(Mapping[str, Rules]):
+    """Rules by version; they load the codec."""
+
+    def __getitem__(self, version: str) -> Rules:
+        return CODECS[version].rules
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(CODECS)
+
+    def __len__(self) -> int:
+        return len(CODECS)
+
+
+def find_codecs() -> Mapping[str, Codec]:
     """Return the codecs of all packages here that are named after a version, the oldest first."""
-    names = (each.name for each in iter_modules(vda5050.__path__) if _PACKAGE.fullmatch(each.name))
-    found: list[Codec] = [import_module(f"{vda5050.__name__}.{name}").CODEC for name in names]
-    return {each.version: each for each in sorted(found, key=lambda each: _numbers(each.version))}
+    return _Codecs(each.name for each in iter_modules(vda5050.__path__) if _PACKAGE.fullmatch(each.name))
+
+
+def load_codecs() -> None:
+    """Import all versions now, because an import in the middle of the work would hold up the event loop."""
+    for version in CODECS:
+        codec_for(version)
+
+
+def _version(package: str) -> str:
+    """Return the version of a package such as ``v3_0`` or ``v3_0_1``."""
+    numbers = package[1:].split("_")
+    return ".".join([*numbers, "0"][:3])
 
 
 def _numbers(version: str) -> tuple[int, ...]:
     return tuple(map(int, version.split(".")))
 
 
-CODECS: Final[Mapping[str, Codec]] = MappingProxyType(find_codecs())
+CODECS: Final[Mapping[str, Codec]] = find_codecs()
 """By version number, the oldest first."""
 
-RULES: Final[Mapping[str, Rules]] = MappingProxyType({name: each.rules for name, each in CODECS.items()})
+RULES: Final[Mapping[str, Rules]] = _Rules()
 """The differences in meaning of each version, by version number."""
 
 _WRITTEN: Final = re.compile(r"v?(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.ASCII)
-"""A version number of which the end may be missing."""
+"""A version number; minor and patch may be missing."""
 
 
 class UnknownVersionError(Exception):
@@ -54,7 +97,7 @@ def codec_for(version: str) -> Codec:
     """Return the codec of exactly this version.
 
     Raises:
-        UnknownVersionError: there is none.
+        UnknownVersionError: the version is not supported.
 
     """
     if version not in CODECS:
@@ -63,10 +106,10 @@ def codec_for(version: str) -> Codec:
 
 
 def codec_named(text: str) -> Codec:
-    """Return the codec of a version as people write it, such as ``2.0`` in a plant model.
+    """Return the codec of a possibly abbreviated version, such as ``2.0`` in a plant model.
 
     Raises:
-        UnknownVersionError: it is neither a supported version nor a later one of a supported major version.
+        UnknownVersionError: neither this version nor an older one of the same major version is supported.
 
     """
     written = _WRITTEN.fullmatch(text.strip())
@@ -77,7 +120,7 @@ def codec_named(text: str) -> Codec:
 
 
 def topics_for(version: str, interface_name: str | None = None) -> TopicScheme:
-    """Return the topics of a version (section 4.2); by default under the standard's suggested interface name.
+    """Return the topics of a version (section 4.2); ``interface_name`` defaults to that of the standard.
 
     Raises:
         UnknownVersionError: the version is not supported.
@@ -104,8 +147,8 @@ def version_of(payload: bytes) -> str | None:
 def codec_of_header(payload: bytes) -> Codec | None:
     """Return the codec for a robot, from the header of its connection or factsheet.
 
-    For an unsupported version it is the nearest older one of the same major version; None if
-    there is none, or no header.
+    An unsupported version yields the nearest older one of the same major version. None if there is no such
+    version or no header.
     """
     version = version_of(payload)
     return None if version is None else nearest_codec(version)
@@ -115,15 +158,15 @@ def codec_of_header(payload: bytes) -> Codec | None:
 def nearest_codec(version: str) -> Codec | None:
     """Return the codec of this version, or of the nearest older one of the same major version."""
     wanted = _numbers(version)
-    older = [codec for codec in CODECS.values() if wanted[:1] <= _numbers(codec.version) <= wanted]
-    return older[-1] if older else None
+    older = [each for each in CODECS if wanted[:1] <= _numbers(each) <= wanted]
+    return CODECS[older[-1]] if older else None
 
 
 def reader_of(payload: bytes, major_version: str) -> Codec:
     """Return the codec for a message received on a topic of ``major_version``, e.g. ``v2``.
 
-    It is that of the header if both agree; else the newest of the major version, whose errors explain the
-    problem.
+    If header and topic disagree, this is the newest codec of the topic's major version; its errors explain
+    the problem.
 
     Raises:
         UnknownVersionError: the major version is not supported.
@@ -133,7 +176,7 @@ def reader_of(payload: bytes, major_version: str) -> Codec:
 
 
 def reader_for(version: str | None, major_version: str) -> Codec:
-    """Return the codec to read a message with that names ``version`` under a topic of ``major_version``.
+    """Return the codec for a message with ``version`` in its header, on a topic of ``major_version``.
 
     Raises:
         UnknownVersionError: the major version is not supported.
@@ -142,7 +185,7 @@ def reader_for(version: str | None, major_version: str) -> Codec:
     codec = None if version is None else nearest_codec(version)
     if codec is not None and codec.major_version == major_version:
         return codec
-    of_topic = [codec for codec in CODECS.values() if codec.major_version == major_version]
+    of_topic = [each for each in CODECS if "v" + each.partition(".")[0] == major_version]
     if not of_topic:
         raise UnknownVersionError(major_version)
-    return of_topic[-1]
+    return CODECS[of_topic[-1]]

@@ -1,4 +1,4 @@
-"""Annotations by which the form of a version writes values under other names, or lacks a field."""
+"""Annotations for forms in which values have other names or fields are missing."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pydantic import BeforeValidator, Field, PlainSerializer
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reads(BeforeValidator):
-    """A validator that translates names of a version into neutral ones, and the names that it accepts."""
+    """A validator that translates a version's names to neutral ones; ``names`` lists those it accepts."""
 
     names: Mapping[str, str] = field(default_factory=dict)
 
 
 def reads(names: Mapping[str, str]) -> Reads:
-    """Read the given names as the corresponding neutral ones; other values stay unchanged."""
+    """Translate these names to neutral ones when reading; other values stay unchanged."""
 
     def read(value: object) -> object:
         return names.get(value, value) if type(value) is str else value
@@ -27,7 +27,7 @@ def reads(names: Mapping[str, str]) -> Reads:
 
 
 def writes(names: Mapping[str, str], of: type[StrEnum] | None = None) -> PlainSerializer:
-    """Write the neutral values by the given names, other values unchanged; ``of`` is a closed list."""
+    """Translate neutral values to these names when writing; ``of``: the enumeration of a closed list."""
 
     def write(value: str) -> str:
         return names.get(value, str(value))
@@ -37,9 +37,9 @@ def writes(names: Mapping[str, str], of: type[StrEnum] | None = None) -> PlainSe
 
 
 def always(value: object) -> BeforeValidator:
-    """Read any input as ``value``: for a field that the version does not have."""
+    """Replace any input with ``value``, for a field that the version does not have."""
     return BeforeValidator(lambda _: value)
 
 
 Absent = Annotated[None, always(None), Field(exclude=True)]
-"""An optional field that the version does not have: neither read nor written."""
+"""An optional field that the version does not have; neither read nor written."""

@@ -16,7 +16,7 @@ Factor = Annotated[float, Field(ge=0, le=1)]
 
 
 class ZoneType(StrEnum):
-    """What a zone requires of the robots in it (section 6.4)."""
+    """Type of a zone, which defines how robots behave in it (section 6.4)."""
 
     BLOCKED = "BLOCKED"
     LINE_GUIDED = "LINE_GUIDED"
@@ -39,7 +39,7 @@ class ZoneReleaseLossBehavior(StrEnum):
 
 
 class DirectedLimitation(StrEnum):
-    """How strictly a robot keeps to the direction of a DIRECTED zone (section 7.6)."""
+    """How strictly a robot follows the direction of a DIRECTED zone (section 7.6)."""
 
     SOFT = "SOFT"
     RESTRICTED = "RESTRICTED"
@@ -47,7 +47,7 @@ class DirectedLimitation(StrEnum):
 
 
 class BidirectedLimitation(StrEnum):
-    """How strictly a robot keeps to the two directions of a BIDIRECTED zone (section 7.6)."""
+    """How strictly a robot follows the two directions of a BIDIRECTED zone (section 7.6)."""
 
     SOFT = "SOFT"
     RESTRICTED = "RESTRICTED"
@@ -80,11 +80,11 @@ REQUIRED: Final[Mapping[ZoneType, tuple[str, ...]]] = MappingProxyType(
         ZoneType.BIDIRECTED: ("direction", "bidirected_limitation"),
     }
 )
-"""The fields that a zone has by its type, besides those that all have."""
+"""Fields of each zone type in addition to the common ones."""
 
 
 def _by_type(schema: dict[str, Any], kind: type[WireObject]) -> None:
-    """Add to the JSON Schema of ``kind`` what a zone needs by its type."""
+    """Add the required fields of each zone type to the JSON Schema of ``kind``."""
     schema["allOf"] = [
         {
             "if": {"properties": {"zoneType": {"const": zone_type.value}}, "required": ["zoneType"]},
@@ -95,10 +95,7 @@ def _by_type(schema: dict[str, Any], kind: type[WireObject]) -> None:
 
 
 class Zone(WireObject):
-    """An area of a map (section 7.6): a simple closed polygon, counter-clockwise.
-
-    Speeds in m/s, directions in rad.
-    """
+    """An area of a map: a simple polygon, counter-clockwise; m/s and rad (section 7.6)."""
 
     model_config = ConfigDict(json_schema_extra=_by_type)
 
@@ -107,14 +104,14 @@ class Zone(WireObject):
     zone_descriptor: str | None = None
     vertices: Annotated[tuple[Vertex, ...], Field(min_length=3)]
     release_loss_behavior: ZoneReleaseLossBehavior | None = None
-    """Of a RELEASE zone; None is STOP."""
+    """For RELEASE zones; None means STOP."""
     maximum_speed: NotNegative | None = None
     entry_actions: tuple[ZoneAction, ...] | None = None
     during_actions: tuple[ZoneAction, ...] | None = None
     exit_actions: tuple[ZoneAction, ...] | None = None
     priority_factor: Factor | None = None
     penalty_factor: Factor | None = None
-    """1: only if there is no other route."""
+    """1: only without an alternative route."""
     direction: Angle | None = None
     directed_limitation: DirectedLimitation | None = None
     bidirected_limitation: BidirectedLimitation | None = None
@@ -148,6 +145,6 @@ class ZoneSet(WireObject):
 
 
 class ZoneSetTransfer(Header):
-    """Transfers a zone set to a robot, where it is DISABLED at first (section 6.4.1)."""
+    """Transfers a zone set to a robot; it is DISABLED until enabled by an action (section 6.4.1)."""
 
     zone_set: ZoneSet

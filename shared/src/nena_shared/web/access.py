@@ -39,7 +39,7 @@ class _Bucket:
 
 
 class RateLimit:
-    """Allows ``burst`` requests at once and ``rate`` per second in the long run, per client."""
+    """Allows each client ``rate`` requests per second, with bursts of ``burst`` requests."""
 
     def __init__(self, rate: float, burst: int) -> None:
         self._rate = rate
@@ -49,7 +49,7 @@ class RateLimit:
     def wait(self, asker: str, now: float, *, cost: float = 1.0) -> float:
         """Count a request; return the seconds that the client has to wait, 0 if it may continue.
 
-        A refused request costs nothing, a ``cost`` of 0 only checks. ``now``: seconds of a monotonic clock.
+        Rejected requests cost nothing; a ``cost`` of 0 only checks. ``now``: monotonic clock, s.
         """
         bucket = self._buckets.setdefault(asker, _Bucket(self._burst, now))
         self._buckets.move_to_end(asker)
@@ -64,10 +64,10 @@ class RateLimit:
 
 
 def access_tokens_of(settings: HttpSettings) -> AccessTokens | None:
-    """Return the users by the issuer's tokens; None: no issuer is configured.
+    """Return the reader of the OIDC issuer's tokens; None: no issuer is configured.
 
     Raises:
-        ConfigurationError: the libraries are not installed, or a file cannot be used.
+        ConfigurationError: the libraries are not installed, or a file is unusable.
 
     """
     if settings.oidc is None:
@@ -83,26 +83,26 @@ def access_tokens_of(settings: HttpSettings) -> AccessTokens | None:
 log = get_logger(__name__)
 
 COOKIE = "nena_token"
-"""Where a browser keeps its token: out of reach of scripts, and never sent from other sites' pages."""
+"""Cookie with a browser's token: HttpOnly and SameSite."""
 
 DOTS_OF_JWT = 2
-"""In a token of an issuer; in none of NeNa's own."""
+"""Number of dots in an OIDC token (JWT); NeNa's own tokens contain none."""
 
 ISSUER_RETRY = 10
-"""Seconds after which it is worth while to show a token again that could not be checked."""
+"""Retry-After for tokens that could not be checked, seconds."""
 
 WRONG_TOKENS_PER_SECOND = 0.2
 WRONG_TOKENS_AT_ONCE = 10
-"""How often an address may send an invalid token."""
+"""Rate limit of invalid tokens per address."""
 
 KnownUser = User | OidcUser
 
 RoleNeeded = Callable[[str, str], Role | None]
-"""Returns the role that a request requires, by method and path; None: no login needed."""
+"""Returns the required role of a request, by method and path; None: no login required."""
 
 
 class TokenReader(Protocol):
-    """Reads users from tokens that another issuer has signed."""
+    """Reads users from tokens signed by an OIDC issuer."""
 
     async def who(self, token: str) -> OidcUser:
         """Return the user of a token; raises the errors of :mod:`nena_shared.web.oidc.tokens`."""
@@ -110,7 +110,7 @@ class TokenReader(Protocol):
 
 
 class Refused(Exception):  # noqa: N818 - it is an answer, no fault
-    """A request that is refused."""
+    """A request is rejected."""
 
     def __init__(self, status: HTTPStatus, detail: str, **headers: str) -> None:
         super().__init__(detail)
@@ -121,18 +121,18 @@ class Refused(Exception):  # noqa: N818 - it is an answer, no fault
 
 @dataclass(slots=True)
 class AccessControl:
-    """ASGI middleware that sets ``request.state.user``; None: unknown."""
+    """ASGI middleware that authenticates requests and sets ``request.state.user``; None: no user."""
 
     app: ASGIApp
     settings: HttpSettings
     role_needed: RoleNeeded
     book: UserBook | None
-    """Users who may log in by a token of NeNa's own."""
+    """Users with NeNa's own tokens."""
     clock: Clock = field(default_factory=SystemClock)
     cookies: bool = False
-    """Whether a browser may show its token as a cookie: only where requests of other pages are refused."""
+    """Whether tokens are accepted in a cookie; only for services that refuse requests of other origins."""
     oidc: TokenReader | None = None
-    """Users by an issuer's tokens. Without it and ``book``, no login is needed."""
+    """Users with tokens of an OIDC issuer. Without this and ``book``, no login is required."""
     _requests: RateLimit = field(init=False)
     _wrong_tokens: RateLimit = field(init=False)
 
@@ -141,32 +141,32 @@ class AccessControl:
         self._wrong_tokens = RateLimit(WRONG_TOKENS_PER_SECOND, WRONG_TOKENS_AT_ONCE)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or answer 401, 403, 429 or 503."""
+        """Forward a request, or answer 401, 403, 429 or 503."""
         if scope["type"] == "http":
             try:
-                scope.setdefault("state", {})["user"] = await self._let_in(scope)
+                scope.setdefault("state", {})["user"] = await self._authenticate(scope)
             except Refused as error:
                 answer = refusal(error.status, error.detail, error.headers)
                 await answer(scope, receive, send)
                 return
-            if scope["method"] == "GET" and self._asks and scope["state"]["user"]:
+            if scope["method"] == "GET" and self._login_required and scope["state"]["user"]:
                 may_stay = partial(self._may_stay, scope)
                 lasting = LastingAnswer(receive, send, allowed=may_stay, clock=self.clock)
                 receive, send = lasting.receive, lasting.send
         await self.app(scope, receive, send)
 
     @property
-    def _asks(self) -> bool:
+    def _login_required(self) -> bool:
         return self.book is not None or self.oidc is not None
 
-    async def _let_in(self, scope: Scope) -> KnownUser | None:
+    async def _authenticate(self, scope: Scope) -> KnownUser | None:
         address = scope["client"][0] if scope.get("client") else "unknown"
         headers = Headers(scope=scope)
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(headers, cookies=self.cookies)
         user = await self._who(token, address) if token and role else None
         self._check_rate(self._requests, f"user {user.known_as}" if user else f"address {address}")
-        if not self._asks or role is None:
+        if not self._login_required or role is None:
             return user
         if user is None:
             detail = "Log in: send your token as `Authorization: Bearer TOKEN`."
@@ -179,14 +179,14 @@ class AccessControl:
         return user
 
     def _may_stay(self, scope: Scope) -> bool:
-        """Return whether an admitted user would still be admitted."""
+        """Return whether the user of an open stream still has access."""
         user = scope["state"]["user"]
-        stays = self.clock.now() < user.expires if isinstance(user, OidcUser) else self._is_still_in(scope)
+        stays = self.clock.now() < user.expires if isinstance(user, OidcUser) else self._has_access(scope)
         if not stays:
             log.info("event stream ended: its user has lost access", user=user.known_as)
         return stays
 
-    def _is_still_in(self, scope: Scope) -> bool:
+    def _has_access(self, scope: Scope) -> bool:
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(Headers(scope=scope), cookies=self.cookies)
         try:
@@ -197,7 +197,7 @@ class AccessControl:
 
     async def _who(self, token: str, address: str) -> KnownUser | None:
         user = self._own(token) or await self._of_issuer(token, address)
-        if user is None and self._asks:
+        if user is None and self._login_required:
             self._count_wrong(address)
             log.warning("unknown token", address=address)
         return user
@@ -235,7 +235,7 @@ class AccessControl:
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail, **wait) from error
 
     def _count_wrong(self, address: str) -> None:
-        """Count an invalid token; beyond the limit it is not even logged."""
+        """Count an invalid token; beyond the limit, reject it without a log line."""
         self._check_rate(self._wrong_tokens, address)
 
     def _check_rate(self, limit: RateLimit, asker: str) -> None:
@@ -250,10 +250,10 @@ def _unknown(detail: str, error: str = "") -> Refused:
 
 
 def protect(app: ASGIApp, settings: HttpSettings, role_needed: RoleNeeded) -> AccessControl:
-    """Put access control before ``app``, with the users that the settings name.
+    """Wrap ``app`` in access control for the configured users.
 
     Raises:
-        ConfigurationError: the file of users cannot be used, or the libraries for an issuer are missing.
+        ConfigurationError: the users file is unusable, or the libraries for OIDC are missing.
 
     """
     oidc = access_tokens_of(settings)
@@ -261,7 +261,7 @@ def protect(app: ASGIApp, settings: HttpSettings, role_needed: RoleNeeded) -> Ac
 
 
 def token_of(headers: Headers, *, cookies: bool) -> str:
-    """Return the token of a request, from its header or else its cookie; empty: none."""
+    """Return the token of a request, from its header, else its cookie; empty: none."""
     scheme, _, token = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         return token.strip()

@@ -1,4 +1,4 @@
-"""Answers to ``/metrics``: Prometheus's text format, compressed for clients that accept gzip."""
+"""Responses of ``/metrics``: Prometheus's text format, compressed for clients that accept gzip."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ METRICS: Final = "/metrics"
 CONTENT_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 
 GZIP_LEVEL = 4
-"""Names and labels repeat: a higher level gains little and takes longer."""
+"""Compression level; higher ones take longer and gain little, as names and labels repeat."""
 GZIP_SLICE = 256 * 1024
-"""Bytes that are compressed at once, in some milliseconds."""
+"""Bytes compressed in one piece, which takes some milliseconds."""
 
 
 def takes_gzip(accept_encoding: str) -> bool:
-    """Return whether a client accepts gzip, by its header Accept-Encoding."""
+    """Return whether an Accept-Encoding header accepts gzip."""
     for each in accept_encoding.lower().split(","):
         name, *parameters = (part.strip() for part in each.split(";"))
         refused = any(re.fullmatch(r"q=0(\.0*)?", parameter) for parameter in parameters)
@@ -36,7 +36,7 @@ def _wants_gzip(request: Request) -> bool:
 
 
 async def gzipped(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-    """Compress parts of an answer as they arrive; the event loop runs other tasks in between."""
+    """Compress parts of a response as they arrive; the event loop runs other tasks in between."""
     compressor = zlib.compressobj(GZIP_LEVEL, zlib.DEFLATED, zlib.MAX_WBITS | 16)
     async for part in parts:
         for start in range(0, len(part), GZIP_SLICE):
@@ -46,7 +46,7 @@ async def gzipped(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
 
 
 def metrics_response(request: Request, text: bytes) -> Response:
-    """Answer a scrape with some kilobytes of the text format."""
+    """Return the response of a scrape, from a short text."""
     headers = {"vary": "Accept-Encoding"}
     if _wants_gzip(request):
         headers["content-encoding"] = "gzip"
@@ -55,7 +55,7 @@ def metrics_response(request: Request, text: bytes) -> Response:
 
 
 def metrics_stream(request: Request, parts: AsyncIterator[bytes]) -> StreamingResponse:
-    """Answer a scrape with megabytes of the text format, in ``parts``."""
+    """Return the streaming response of a scrape, for megabytes of text in ``parts``."""
     headers = {"vary": "Accept-Encoding"}
     if _wants_gzip(request):
         headers["content-encoding"] = "gzip"

@@ -1,4 +1,4 @@
-"""Errors over HTTP are problems (RFC 9457), in answers and in OpenAPI descriptions."""
+"""HTTP errors as problem details (RFC 9457), in responses and OpenAPI documents."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MEDIA_TYPE = "application/problem+json"
 
 
 def answer(problem: Problem, headers: Mapping[str, str] | None = None) -> Response:
-    """Put a problem into a response."""
+    """Return a response with a problem."""
     return Response(
         problem.model_dump_json(by_alias=True, exclude_none=True),
         status_code=problem.status,
@@ -26,15 +26,20 @@ def answer(problem: Problem, headers: Mapping[str, str] | None = None) -> Respon
     )
 
 
-def refusal(status: HTTPStatus, detail: str, headers: Mapping[str, str] | None = None) -> Response:
-    """Return a refusal; ``detail`` says what to do."""
-    return answer(Problem(title=status.phrase, status=status, detail=detail), headers)
+def refusal(
+    status: HTTPStatus,
+    detail: str,
+    headers: Mapping[str, str] | None = None,
+    errors: tuple[str, ...] = (),
+) -> Response:
+    """Return an error response; ``detail`` explains what to do."""
+    return answer(Problem(title=status.phrase, status=status, detail=detail, errors=errors), headers)
 
 
 REFERENCES = "#/components/schemas/{model}"
 METHODS = frozenset({"get", "put", "post", "patch", "delete"})
 VALIDATION = "422"
-"""FastAPI's status of malformed requests; they are answered with problems here."""
+"""FastAPI's status of invalid requests, which get problem details here."""
 ERRORS = {
     "4XX": "What is wrong with the request, and what to do.",
     "5XX": "What failed, and what to do.",
@@ -42,19 +47,19 @@ ERRORS = {
 
 
 def problem_response(description: str) -> dict[str, Any]:
-    """Return the description of a problem in OpenAPI."""
+    """Return the OpenAPI description of a problem."""
     schema = {"$ref": REFERENCES.format(model=Problem.__name__)}
     return {"description": description, "content": {MEDIA_TYPE: {"schema": schema}}}
 
 
 def describe_problems(app: FastAPI, others: Mapping[str, Any] = MappingProxyType({})) -> None:
-    """Add problems to each operation in the OpenAPI description of ``app``.
+    """Add problems to each operation in the OpenAPI document of ``app``.
 
-    Errors that a route describes by their exact status stay as they are described.
+    Errors that a route documents by their exact status stay unchanged.
 
     Args:
-        app: is described.
-        others: schemas of further forms that errors have, by their media types.
+        app: the application.
+        others: schemas of other error formats, by media type.
 
     """
     plain = app.openapi

@@ -1,4 +1,4 @@
-"""Serve HTTP: limits on connections, handshakes and bodies, an orderly start and end."""
+"""HTTP server with limits on connections, handshakes and bodies, and a graceful start and stop."""
 
 from __future__ import annotations
 
@@ -29,48 +29,48 @@ from nena_shared.web.settings import HttpSettings, check_exposure, network_of
 log = get_logger(__name__)
 
 HANDSHAKE_TIMEOUT = 5.0
-"""Seconds from accepting a connection to the end of its TLS handshake."""
+"""Timeout of the TLS handshake, seconds from accepting the connection."""
 
 HEAD_TIMEOUT = 10.0
-"""Seconds for the head of a request, from the connection or from the head's first byte on."""
+"""Timeout of a request's head, seconds from the connection or the first byte of the head."""
 
 BODY_TIMEOUT = 60.0
-"""Seconds for the body of a request, from the end of its head on."""
+"""Timeout of a request's body, seconds from the end of its head."""
 
 PER_ADDRESS = 256
-"""Connections of one address, counted from accept on; not behind a proxy, which has one address.
-Without a limit one machine could use up all file descriptors of the process, 1024 by default."""
+"""Maximum connections per address, counted from accept; not applied behind a proxy, which has one address.
+Without it, one machine could exhaust the file descriptors of the process (1024 by default)."""
 
 RESERVED_FILES = 128
-"""Files that are left for the store, the broker and the log, however many clients connect."""
+"""File descriptors reserved for store, broker and log."""
 
 ACCEPTED_AT_ONCE = 64
-"""Connections accepted in one turn of the event loop."""
+"""Maximum connections accepted in one iteration of the event loop."""
 
 NO_FILES_PAUSE = 1.0
-"""Seconds until accepting is retried where the system has no more files."""
+"""Delay before accepting again when the system is out of file descriptors, seconds."""
 
 _logged = RateLimit(rate=1 / 60, burst=1)
 
 
 class _Seldom(logging.Filter):
-    """Passes the same warning once a minute: each broken request would write a line."""
+    """Passes equal warnings once a minute; otherwise every malformed request would log a line."""
 
     def __init__(self) -> None:
         super().__init__()
         self._passed: Final = RateLimit(rate=1 / 60, burst=1)
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether a record passes; errors always do."""
+        """Return whether a record is logged; errors always are."""
         return record.levelno > logging.WARNING or not self._passed.wait(str(record.msg), time.monotonic())
 
 
 SELDOM: Final = _Seldom()
-"""For uvicorn's own log."""
+"""Filter of uvicorn's log."""
 
 
 def most_connections() -> int:
-    """Return how many connections leave enough files for the rest of the process."""
+    """Return the maximum number of connections that leaves enough file descriptors for everything else."""
     allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return max(allowed - RESERVED_FILES, allowed // 2)
 
@@ -80,17 +80,20 @@ _LENGTHS: Final = frozenset({b"content-length", b"transfer-encoding"})
 
 
 class HttpConnection(H11Protocol):
-    """Speaks HTTP as uvicorn does, with a time limit for heads and bodies; uvicorn alone waits forever."""
+    """uvicorn's HTTP protocol with timeouts for heads and bodies, for which uvicorn waits forever."""
 
     release: Callable[[], None] | None = None
-    """Is called when the connection has ended."""
+    """Called when the connection has ended."""
     _deadline: asyncio.TimerHandle | None = None
     _awaited: type[h11.IDLE | h11.SEND_BODY] | None = None
+    _head = b""
+    """The head of an answer whose body follows at once: both are written together."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Wait for the first request."""
+        """Start waiting for the first request."""
         super().connection_made(transport)
         self._next_event, self.conn.next_event = self.conn.next_event, self._unambiguous  # type: ignore[method-assign]
+        self._encode, self.conn.send = self.conn.send, self._joined  # type: ignore[assignment, method-assign]
         self._await(h11.IDLE)
 
     def data_received(self, data: bytes) -> None:
@@ -100,20 +103,20 @@ class HttpConnection(H11Protocol):
         self._await(state if state in (h11.IDLE, h11.SEND_BODY) else None)
 
     def on_response_complete(self) -> None:
-        """Read on; a request that was pipelined behind the one answered has its time limit too."""
+        """Continue reading; the timeout also applies to a pipelined request."""
         super().on_response_complete()
         if self.conn.their_state is h11.SEND_BODY:
             self._await(h11.SEND_BODY)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Free the place for another connection."""
+        """Release the connection."""
         self._await(None)
         super().connection_lost(exc)
         if self.release:
             self.release()
 
     def _unambiguous(self) -> Any:  # noqa: ANN401 - as h11 has it
-        """Return the next event; refuse a head that a proxy may read as another request (RFC 9112, 6.3)."""
+        """Return the next event; reject heads that a proxy may parse differently (RFC 9112, 6.3)."""
         if self.conn.their_state is h11.IDLE:
             head = self.conn.trailing_data[0].partition(b"\r\n\r\n")[0]
             if _BARE_LINE_FEED.search(head):
@@ -125,11 +128,20 @@ class HttpConnection(H11Protocol):
             raise h11.RemoteProtocolError(message)
         return event
 
+    def _joined(self, event: h11.Event) -> bytes | None:
+        """Return what to write of an answer: the head of one of known length only with its body."""
+        data = self._encode(event)
+        if isinstance(event, h11.Response) and any(name == b"content-length" for name, _ in event.headers):
+            self._head = data or b""
+            return b""
+        data, self._head = self._head + (data or b""), b""
+        return data
+
     def _unsupported_upgrade_warning(self) -> None:
-        """Log nothing: Java's client offers HTTP/2 with each request, and is answered all the same."""
+        """Suppress the warning: Java's client offers HTTP/2 with each request, but also accepts HTTP/1.1."""
 
     def _await(self, part: type[h11.IDLE | h11.SEND_BODY] | None) -> None:
-        """Abort the connection unless this part of a request ends in time; None: none is awaited."""
+        """Start the timeout of this part of a request; None: no timeout."""
         if part is self._awaited:
             return
         if self._deadline is not None:
@@ -140,10 +152,10 @@ class HttpConnection(H11Protocol):
 
 
 class Listener:
-    """Accepts connections, and counts them from then on: before the TLS handshake, not after it.
+    """Accepts connections, and counts them before their TLS handshake.
 
-    asyncio's own server reports a connection only after its handshake, so that clients that never begin one
-    would neither be counted nor, for a minute, closed.
+    asyncio's server reports a connection only after its handshake, so clients that never start one would not
+    be counted, and not be closed for a minute.
     """
 
     def __init__(
@@ -154,13 +166,13 @@ class Listener:
         encryption: ssl.SSLContext | None,
         per_address: int | None,
     ) -> None:
-        """Start to accept.
+        """Start accepting connections.
 
         Args:
-            listening: the socket; the caller closes it.
-            make: makes the protocol of one connection.
-            encryption: the TLS context; None: no TLS.
-            per_address: maximum connections of one address; None: no limit, as behind a proxy.
+            listening: the listening socket; closed by the caller.
+            make: creates the protocol of a connection.
+            encryption: TLS context; None: no TLS.
+            per_address: maximum connections per address; None: no limit, as behind a proxy.
         """
         self._socket = listening
         self._make = make
@@ -176,7 +188,7 @@ class Listener:
         self._resume()
 
     def close(self) -> None:
-        """Accept no more connections, and abort those whose handshake has not ended."""
+        """Stop accepting connections, and abort unfinished handshakes."""
         self._loop.remove_reader(self._socket)
         if self._resuming:
             self._resuming.cancel()
@@ -240,7 +252,7 @@ class Listener:
                 ssl_handshake_timeout=timeout,
                 ssl_shutdown_timeout=timeout,
             )
-        except OSError:  # no TLS, not in time, or gone: nothing that a client could not cause at will
+        except OSError:  # no TLS, timeout or disconnected: any client can cause this at will
             release()
         except BaseException:
             release()
@@ -256,17 +268,17 @@ class Listener:
 
 
 SHUTDOWN_TIMEOUT = 3
-"""Seconds for open requests to end."""
+"""Time for open requests to finish at shutdown, seconds."""
 
 BACKLOG = 1024
-"""Connections that may wait to be accepted."""
+"""Maximum number of connections waiting to be accepted."""
 
 
 class _Server(uvicorn.Server):
-    """A server that leaves signals to the program, and accepts connections by :class:`Listener`."""
+    """A uvicorn server that leaves signals to the program and accepts connections with :class:`Listener`."""
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Accept connections."""
+        """Start accepting connections."""
         self.servers = [self._listener(each) for each in sockets or ()]  # type: ignore[misc]
         self.started = True
 
@@ -285,21 +297,21 @@ class _Server(uvicorn.Server):
 
 
 class HttpServer:
-    """Listens from its making on, and answers while :meth:`run` runs."""
+    """Listens once created, and answers requests while :meth:`run` is running."""
 
     def __init__(self, app: ASGIApp, settings: HttpSettings) -> None:
         """Bind the port.
 
         Raises:
-            ConfigurationError: the address is not protected as required, or the certificate is unusable.
+            ConfigurationError: the address lacks the required protection, or the certificate is unusable.
             StartError: the port is in use, or the address does not belong to this machine.
         """
         check_exposure(settings)
         self.app = app
-        """The application; another one may replace it while the server runs."""
+        """The application; may be replaced while the server is running."""
         config = uvicorn.Config(
             self._answer,
-            http=HttpConnection,  # on h11: httptools loses bodies and does not limit heads
+            http=HttpConnection,  # based on h11, as httptools loses bodies and does not limit heads
             ws="none",
             interface="asgi3",
             lifespan="off",
@@ -322,27 +334,27 @@ class HttpServer:
 
     @property
     def port(self) -> int:
-        """The TCP port, also where the settings leave it to the system."""
+        """TCP port, also if the system chose it."""
         port: int = self._socket.getsockname()[1]
         return port
 
     @property
     def url(self) -> str:
-        """Return its URL, as far as the settings define it."""
+        """URL of the service, as far as the settings define it."""
         host = f"[{self._host}]" if ":" in self._host else self._host
         return f"{self._scheme}://{host}:{self.port}"
 
     async def run(self) -> None:
-        """Answer requests until :meth:`stop`."""
+        """Answer requests until :meth:`stop` is called."""
         log.info("http listening", url=self.url, port=self.port)
         await self._server.serve(sockets=[self._socket])
 
     def stop(self) -> None:
-        """Accept no more requests; :meth:`run` ends when the open ones are answered."""
+        """Stop accepting requests; :meth:`run` ends when the open ones are answered."""
         self._server.should_exit = True
 
     def close(self) -> None:
-        """Release the port if :meth:`run` never ran."""
+        """Release the port if :meth:`run` was never called."""
         self._socket.close()
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -353,7 +365,7 @@ STRICT_TRANSPORT_SECURITY: Final = (b"strict-transport-security", b"max-age=3153
 
 
 def _strictly(send: Send) -> Send:
-    """Make browsers return over TLS only, for a year."""
+    """Add HSTS, so that browsers only use TLS for a year."""
 
     async def send_strictly(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -379,7 +391,7 @@ def _listen(settings: HttpSettings) -> socket.socket:
         family, kind, _, _, address = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
-        # asyncio sets TCP_NODELAY only where the protocol is named; without it answers wait up to 44 ms
+        # asyncio sets TCP_NODELAY only if the protocol is given; without it responses take up to 44 ms longer
         listener = socket.socket(family, kind, socket.IPPROTO_TCP)
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

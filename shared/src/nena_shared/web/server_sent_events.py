@@ -1,4 +1,4 @@
-"""Server-sent events: a ring of events, heartbeats, and an end when a client loses its rights."""
+"""Server-sent events: ring buffer, heartbeats, and end of the stream when a client loses access."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from nena_shared.clock import Clock
 from nena_shared.tasks import set_within
 
 HEADERS: Final[Mapping[str, str]] = MappingProxyType({"cache-control": "no-store", "x-accel-buffering": "no"})
-"""Neither caches nor proxies may hold events back."""
+"""Headers that keep caches and proxies from delaying events."""
 
 HEARTBEAT: Final = 5.0
-"""Seconds without a frame after which a heartbeat is sent, so that both ends notice a dead line."""
+"""Idle time before a heartbeat, by which both ends detect a dead connection, seconds."""
 
 HEARTBEAT_FRAME: Final = b"event: heartbeat\ndata: {}\n\n"
 
@@ -28,17 +28,17 @@ E = TypeVar("E")
 
 
 class EventRing(Generic[E]):
-    """The last events of a stream, kept once for all clients: a client is only a position among them.
+    """The last events of a stream, stored once for all clients; a client is a position in the ring.
 
-    So a client costs no more than its connection, and none slows the others. A client that is further behind
-    than the ring reaches has to be brought up to date from elsewhere.
+    A client costs no more than its connection, and none slows down others. Clients that are further behind
+    than the ring reaches need a snapshot from elsewhere.
     """
 
     def __init__(self, size: int) -> None:
-        """Keep at most ``size`` events."""
+        """Create an empty ring for ``size`` events."""
         self.clients = 0
         self.count = 0
-        """Events added so far."""
+        """Number of events added so far."""
         self.closed = False
         self._ring: deque[E] = deque(maxlen=size)
         self._added = asyncio.Event()
@@ -51,7 +51,7 @@ class EventRing(Generic[E]):
 
     @property
     def kept(self) -> int:
-        """Number of events that are kept."""
+        """Number of events in the ring."""
         return len(self._ring)
 
     def close(self) -> None:
@@ -60,14 +60,14 @@ class EventRing(Generic[E]):
         self._wake()
 
     def last(self, number: int) -> tuple[E, ...] | None:
-        """Return the last ``number`` events; None: fewer are kept."""
+        """Return the last ``number`` events; None if fewer are stored."""
         if number > len(self._ring):
             return None
         return tuple(islice(self._ring, len(self._ring) - number, None))
 
     @contextmanager
     def client(self) -> Iterator[None]:
-        """Count a client for as long as it follows the stream."""
+        """Count a client for the duration of the block."""
         self.clients += 1
         try:
             yield
@@ -75,9 +75,9 @@ class EventRing(Generic[E]):
             self.clients -= 1
 
     async def frames(self, read: Callable[[], Awaitable[bytes]]) -> AsyncGenerator[bytes, None]:
-        """Yield what ``read`` returns, and again after each event, until the stream is closed.
+        """Yield the results of ``read``, called after each event, until the stream is closed.
 
-        Events of which ``read`` returns nothing do not delay the heartbeat.
+        Events for which ``read`` returns nothing do not delay the heartbeat.
         """
         loop = asyncio.get_running_loop()
         due = loop.time() + HEARTBEAT
@@ -97,17 +97,16 @@ class EventRing(Generic[E]):
 
 
 LOOK_AFTER = 1.0
-"""Seconds after which the next part of an answer waits for a check of the client's rights."""
+"""Interval between checks of a client's access during a response, seconds."""
 
 _END: Message = {"type": "http.response.body", "body": b"", "more_body": False}
 
 
 class LastingAnswer:
-    """Sits between an application and the server for one request.
+    """Wraps the ASGI channels of one request, and ends the response when the client loses access.
 
-    Each part of the answer that follows a second or more after the last check is sent only if ``allowed``
-    returns True; otherwise the answer ends before it, and the application sees that the client has
-    disconnected.
+    A part of the response that follows at least a second after the last check is sent only if ``allowed``
+    returns True. Otherwise the response ends, and the application sees a disconnected client.
     """
 
     def __init__(self, receive: Receive, send: Send, *, allowed: Callable[[], bool], clock: Clock) -> None:
@@ -119,7 +118,7 @@ class LastingAnswer:
         self._over = asyncio.Event()
 
     async def send(self, message: Message) -> None:
-        """Pass on a part of the answer, or end it; later parts are dropped."""
+        """Forward a part of the response, or end it; later parts are dropped."""
         if self._over.is_set():
             return
         now = self._clock.monotonic()
@@ -131,7 +130,7 @@ class LastingAnswer:
         await self._send(message)
 
     async def receive(self) -> Message:
-        """Return what the client sends; after the end, its disconnection."""
+        """Return the client's next message; after the end, a disconnect."""
         coming = asyncio.ensure_future(self._receive())
         over = asyncio.ensure_future(self._over.wait())
         try:

@@ -1,4 +1,4 @@
-"""Settings of an HTTP service and its OIDC issuer; beyond loopback it needs TLS and a login."""
+"""Settings of an HTTP service and its OIDC issuer; beyond loopback, TLS and login are required."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from pydantic import AfterValidator, Field, IPvAnyNetwork
 from nena_shared.settings import ConfigurationError, SettingsGroup
 
 Algorithm = Literal["RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA"]
-"""Signatures by a private key. Those by a shared secret (HS256, ...) and ``none`` are no choice."""
+"""Asymmetric signature algorithms. Shared secrets (HS256, ...) and ``none`` are not accepted."""
 
 RoleName = Literal["viewer", "operator", "admin"]
 
 
 def protected_url(url: str) -> str:
-    """Return ``url`` if its answers cannot be changed in transit.
+    """Return ``url`` if its responses cannot be changed in transit.
 
     Raises:
-        ValueError: it is no URL of the kind, or neither https nor of this machine.
+        ValueError: the URL is invalid, or neither https nor loopback.
 
     """
     parts = urlsplit(url)
@@ -47,7 +47,7 @@ ProtectedPlace = Annotated[ProtectedUrl, AfterValidator(_without_query)]
 
 
 class OidcSettings(SettingsGroup):
-    """Whose access tokens count beside NeNa's own, and for what."""
+    """The OIDC issuer, and the roles of its users."""
 
     issuer: ProtectedPlace = Field(description="OIDC issuer URL, exactly as the issuer writes it.")
     audience: str = Field(min_length=1, description="Required audience (aud) of the issuer's tokens.")
@@ -111,11 +111,11 @@ class HttpSettings(SettingsGroup):
 
 
 OF_ONE_SITE = 64
-"""Bits of an IPv6 address that lead to one site; the rest one machine may choose."""
+"""Prefix length of an IPv6 site; a single machine may choose the other bits freely."""
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine reaches ``host``; a name other than localhost may lead anywhere."""
+    """Return whether ``host`` is a loopback address; of names, only localhost counts."""
     try:
         return ip_address(host).is_loopback
     except ValueError:
@@ -123,7 +123,7 @@ def is_loopback(host: str) -> bool:
 
 
 def network_of(address: str) -> str:
-    """Return what counts as one client's address: an IPv4 address, or the /64 network of an IPv6 address."""
+    """Return the network that counts as one client: an IPv4 address, or the /64 of an IPv6 address."""
     try:
         known = ip_address(address.partition("%")[0])
     except ValueError:
@@ -134,10 +134,10 @@ def network_of(address: str) -> str:
 
 
 def check_exposure(settings: HttpSettings) -> None:
-    """Check that an address beyond loopback has both TLS and a login.
+    """Check that TLS and login are configured if the service listens beyond loopback.
 
     Raises:
-        ConfigurationError: it has not; a line for each missing part.
+        ConfigurationError: one of them is missing; a line for each.
     """
     problems = []
     if (settings.tls_certificate is None) is not (settings.tls_key is None):

@@ -1,7 +1,7 @@
-"""Users: names, roles, and hashes of their tokens in a file.
+"""Users: names, roles and token hashes in a file.
 
-Tokens are random and long (256 bits), so that one round of SHA-256 hides them; passwords chosen by people are
-not supported. The file is TOML, a table for each user::
+Tokens have 256 random bits, so a single round of SHA-256 protects them; passwords are not supported. The file
+is TOML with a table for each user::
 
     [[user]]
     name = "ann"
@@ -33,7 +33,7 @@ from nena_shared.web.settings import HttpSettings
 log = get_logger(__name__)
 
 NAME = re.compile(r"[A-Za-z0-9_.@-]{1,64}")
-"""What a user may be called."""
+"""Allowed user names."""
 
 TOKEN_PREFIX = "nena_"  # noqa: S105 - what secret scanners know our tokens by
 TOKEN_BYTES = 32
@@ -44,7 +44,7 @@ def _role(value: object) -> object:
 
 
 class User(BaseModel):
-    """A user who may log in."""
+    """A user."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -70,15 +70,15 @@ def new_token() -> str:
 
 
 def hash_of(token: str) -> str:
-    """Return what is kept of a token."""
+    """Return the stored hash of a token."""
     return hashlib.sha256(token.encode()).hexdigest()
 
 
 def users_of(settings: HttpSettings) -> UserBook | None:
-    """Return the users of a service; None: no login is needed.
+    """Return the users of a service; None: no login required.
 
     Raises:
-        ConfigurationError: the users file cannot be used.
+        ConfigurationError: the users file is unusable.
     """
     if settings.users is None:
         return None
@@ -88,10 +88,10 @@ def users_of(settings: HttpSettings) -> UserBook | None:
 
 
 def read_users(path: Path) -> tuple[User, ...]:
-    """Read a file of users.
+    """Read a users file.
 
     Raises:
-        ConfigurationError: it cannot be read, or is none.
+        ConfigurationError: the file cannot be read or is invalid.
 
     """
     try:
@@ -99,7 +99,7 @@ def read_users(path: Path) -> tuple[User, ...]:
     except OSError as error:
         raise ConfigurationError([f"http.users: {path}: {error.strerror}"]) from error
     except settings.TomlError as error:
-        raise ConfigurationError([f"http.users: {path} is no TOML: {error}"]) from error
+        raise ConfigurationError([f"http.users: {path} is not valid TOML: {error}"]) from error
     except ValidationError as error:
         problems = in_words(error.errors(), whole="the file")
         raise ConfigurationError([f"http.users: {path}: {each}" for each in problems]) from error
@@ -110,14 +110,14 @@ def read_users(path: Path) -> tuple[User, ...]:
 
 
 def write_users(path: Path, users: Iterable[User]) -> None:
-    """Write a file of users, all at once, for its owner's and its group's eyes only."""
+    """Write a users file atomically, readable by its owner and group only."""
     lines = ["# Who may log in to NeNa; `nena-deploy user` writes this file.\n"]
     for user in users:
         lines += ["\n[[user]]\n", f'name = "{user.name}"\n', f'role = "{user.role.name.lower()}"\n']
         lines += [f'token_sha256 = "{user.token_sha256}"\n']
     draft = path.with_name(f".{path.name}.new")
     _write(draft, "".join(lines), 0o640)
-    if path.exists():  # a service that may read the old file has to be able to read the new one
+    if path.exists():  # a service that can read the old file must be able to read the new one
         kept = path.stat()
         os.chown(draft, kept.st_uid, kept.st_gid)
         draft.chmod(stat.S_IMODE(kept.st_mode))
@@ -125,12 +125,12 @@ def write_users(path: Path, users: Iterable[User]) -> None:
 
 
 def make_first_user(path: Path) -> Path | None:
-    """Create the users file if it is missing, with one admin; return the file that has the token.
+    """Create the users file with one admin if it is missing; return the file with the token, else None.
 
-    Programs that start at the same time create it once. None: it exists.
+    Programs that start at the same time create it only once.
 
     Raises:
-        ConfigurationError: it cannot be written.
+        ConfigurationError: the file cannot be written.
     """
     if path.exists():
         return None
@@ -152,13 +152,13 @@ def make_first_user(path: Path) -> Path | None:
 
 
 class UserBook:
-    """Users by token. A changed file is read again, so a removed user is locked out at once."""
+    """Users by token. Changes of the file apply at once, so a removed user is locked out immediately."""
 
     def __init__(self, path: Path) -> None:
         """Read the file.
 
         Raises:
-            ConfigurationError: as :func:`read_users` does.
+            ConfigurationError: as in :func:`read_users`.
 
         """
         self._path = path
@@ -169,7 +169,7 @@ class UserBook:
         """Return the user of a token, or None.
 
         Raises:
-            ConfigurationError: the file has changed and is no longer one of users.
+            ConfigurationError: the file has changed and is no longer valid.
 
         """
         if (stamp := self._stamp()) != self._seen:

@@ -134,7 +134,7 @@ async def test_without_the_setting_a_trajectory_is_refused(bench: Bench) -> None
 OPTIONS = ("--ros.nav2.follow_path",)
 
 
-@pytest.mark.parametrize("arrives_meanwhile", [False, True])
+@pytest.mark.parametrize("arrives_meanwhile", [pytest.param(False, marks=pytest.mark.long), True])
 async def test_an_agent_that_was_killed_drives_the_rest_of_the_path(
     bench: Bench, *, arrives_meanwhile: bool
 ) -> None:

@@ -111,7 +111,8 @@ class Witness:
 @pytest.mark.timeout(300 + 60 * KILLS)
 @pytest.mark.clause("6.6/restart", "7.2/headerId")
 @pytest.mark.parametrize(
-    ("actions", "kills"), [("--actions", KILLS - KILLS // 2), ("--no-actions", KILLS // 2)]
+    ("actions", "kills"),
+    [("--actions", KILLS - KILLS // 2), pytest.param("--no-actions", KILLS // 2, marks=pytest.mark.long)],
 )
 async def test_an_agent_that_is_killed_again_and_again_does_its_orders(
     bench: Bench, actions: str, kills: int

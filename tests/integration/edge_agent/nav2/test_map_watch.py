@@ -74,7 +74,7 @@ def test_it_lies_where_the_plant_has_it() -> None:
 
 def test_a_grid_with_too_few_cells_is_refused_and_the_next_one_is_told() -> None:
     watch = MapWatch("map", lambda: "hall", SAME)
-    with pytest.raises(ValueError, match="no grid"):
+    with pytest.raises(ValueError, match="do not make a grid"):
         watch.read(map_message(grid(cells=bytes(7)), "map", 0))
     assert watch.read(map_message(grid(), "map", 0)) is not None
 

@@ -19,12 +19,14 @@ from support.smooth_drive import LIKE_NAV2, NODES, REGULATED, WAYS, drive, setti
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker, pytest.mark.usefixtures("unstopped")]
 
-ACTIONS = (Navigation.ACTION, Navigation.THROUGH_POSES)
-
 
 @pytest.mark.parametrize(
     "navigation",
-    [Navigation.TOPICS, *(pytest.param(each, marks=needs_action_types) for each in ACTIONS)],
+    [
+        Navigation.TOPICS,
+        pytest.param(Navigation.ACTION, marks=(needs_action_types, pytest.mark.long)),
+        pytest.param(Navigation.THROUGH_POSES, marks=needs_action_types),
+    ],
 )
 async def test_passed_nodes_cost_less_than_a_fifth_of_the_speed(bench: Bench, navigation: Navigation) -> None:
     odometry = bench.ros.subscribe(Odometry, "odom", BEST_EFFORT)

@@ -44,7 +44,7 @@ async def free(fleet: WiredFleet, robot: RobotKey = ROBOT) -> None:
 
 
 @pytest.mark.clause("6.6.2/fleet", "6.1.2/confirm")
-async def test_a_vda_order_goes_its_whole_way(fleet: WiredFleet, robot: WiredRobot) -> None:
+async def test_a_vda_order_is_executed_to_its_end(fleet: WiredFleet, robot: WiredRobot) -> None:
     await free(fleet)
     fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B", operation="pick"))
     await fleet.wait_for("VdaOrderAccepted")
@@ -62,7 +62,7 @@ async def test_a_vda_order_goes_its_whole_way(fleet: WiredFleet, robot: WiredRob
 
 
 @pytest.mark.clause("7.2", "4.1/retain", "6.1.2/A2", "7.2/headerId")
-async def test_what_is_sent_is_what_the_standard_wants(
+async def test_sent_messages_conform_to_the_standard(
     fleet: WiredFleet, robot: WiredRobot, broker: Broker, interface_name: str
 ) -> None:
     await free(fleet)
@@ -84,7 +84,7 @@ async def test_what_is_sent_is_what_the_standard_wants(
 
 
 @pytest.mark.clause("6.1.2/confirm", "7.2/headerId")
-async def test_an_order_is_sent_again_with_new_headers_until_it_is_heard(
+async def test_an_order_is_resent_with_new_headers_until_acknowledged(
     broker: Broker, interface_name: str, robot: WiredRobot
 ) -> None:
     stubborn = FleetSettings(tick_interval=0.02, resend_after=0.1, resend_at_most_after=0.4, sendings=1000)
@@ -103,7 +103,7 @@ async def test_an_order_is_sent_again_with_new_headers_until_it_is_heard(
 
 
 @pytest.mark.clause("6.1.2/confirm")
-async def test_an_order_that_is_never_heard_fails(hasty_fleet: WiredFleet, robot: WiredRobot) -> None:
+async def test_an_order_that_is_never_acknowledged_fails(hasty_fleet: WiredFleet, robot: WiredRobot) -> None:
     fleet = hasty_fleet
     robot.report()
     await free(fleet)
@@ -141,7 +141,7 @@ async def test_a_cancelled_vda_order_is_cancelled_at_the_robot(fleet: WiredFleet
 
 
 @pytest.mark.clause("6.5/fleet")
-async def test_the_last_will_and_silence_are_told_apart(
+async def test_the_last_will_and_silence_are_distinguished(
     hasty_fleet: WiredFleet, broker: Broker, interface_name: str
 ) -> None:
     fleet = hasty_fleet
@@ -177,9 +177,7 @@ async def test_malformed_messages_are_counted_and_change_nothing(
     await fleet.wait_for("VdaOrderFinished")
 
 
-async def test_there_is_a_limit_to_the_robots_that_are_listened_to(
-    broker: Broker, interface_name: str
-) -> None:
+async def test_the_number_of_known_robots_is_limited(broker: Broker, interface_name: str) -> None:
     settings = PATIENT.model_copy(update={"robots_limit": 1})
     one_too_many = HonestRobot(key=RobotKey("Honest", "robot-2"))
     async with (
@@ -192,7 +190,7 @@ async def test_there_is_a_limit_to_the_robots_that_are_listened_to(
         assert fleet.fleet.robots() == (ROBOT,)
 
 
-async def test_a_robot_whose_name_the_store_cannot_hold_is_not_listened_to(
+async def test_a_robot_with_a_name_too_long_for_the_store_is_ignored(
     fleet: WiredFleet, robot: WiredRobot, broker: Broker, interface_name: str
 ) -> None:
     long = HonestRobot(key=RobotKey("Honest", "r" * KEY_LENGTH))
@@ -265,7 +263,7 @@ async def test_a_robot_is_driven_in_its_own_version(
     ("version", "parameters"),
     [("2.0.0", []), ("2.1.0", []), ("3.0.0", [{"key": "orderId", "value": "m"}])],
 )
-async def test_a_cancel_names_its_order_where_the_version_can(
+async def test_a_cancel_names_its_order_if_the_version_supports_it(
     fleet: WiredFleet, broker: Broker, interface_name: str, version: str, parameters: list[dict[str, str]]
 ) -> None:
     robot = HonestRobot(version=version, reports_instants_apart=version == "3.0.0")
@@ -284,7 +282,7 @@ async def test_a_cancel_names_its_order_where_the_version_can(
 
 
 @pytest.mark.clause("4.2")
-async def test_a_robot_is_found_where_the_plant_model_says(broker: Broker, interface_name: str) -> None:
+async def test_a_robot_is_reached_by_the_plant_models_topics(broker: Broker, interface_name: str) -> None:
     own = f"{interface_name}/hall"
     vehicle = Vehicle(name="Tug", properties={"vda5050:interfaceName": own, "vda5050:version": "3.0"})
     stale = HonestRobot().connection(ConnectionState.ONLINE)
@@ -306,7 +304,7 @@ async def test_a_robot_is_found_where_the_plant_model_says(broker: Broker, inter
 
 @pytest.mark.clause("4.2", "7.10")
 @pytest.mark.parametrize("version", ["2.0.0", "3.0.0"])
-async def test_a_new_process_speaks_the_robots_version_from_its_first_word(
+async def test_a_new_process_uses_the_robots_version_from_its_first_message(
     broker: Broker, interface_name: str, version: str
 ) -> None:
     vda_order = make_vda_order("m", "A", "B")
@@ -330,7 +328,7 @@ async def test_a_new_process_speaks_the_robots_version_from_its_first_word(
     assert any(b"factsheetRequest" in each.payload for each in messages)
 
 
-async def test_commands_of_somebody_else_raise_the_alarm(
+async def test_foreign_commands_are_logged_as_errors(
     fleet: WiredFleet, robot: WiredRobot, broker: Broker, interface_name: str
 ) -> None:
     await free(fleet)
@@ -342,6 +340,6 @@ async def test_commands_of_somebody_else_raise_the_alarm(
         peer.publish(topic, b'{"orderId": "of another fleet control"}')
         await until(lambda: fleet.fleet.statistics.foreign == 1)
 
-    (alarm,) = [each for each in logs if each["event"].startswith("another fleet control")]
+    (alarm,) = [each for each in logs if each["event"].startswith("another program")]
     assert alarm["topic"] == topic
     assert "of another fleet control" in alarm["message"]

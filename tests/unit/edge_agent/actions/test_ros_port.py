@@ -16,7 +16,7 @@ from nena_edge_agent.driver.port import SessionState
 STRING = "std_msgs/msg/String"
 
 
-def test_without_a_session_nobody_listens_and_nothing_is_sent() -> None:
+def test_without_a_session_nothing_is_sent() -> None:
     port = PluginRos()
     publisher = port.publisher("lift", STRING)
 
@@ -32,7 +32,7 @@ async def test_without_a_session_no_service_is_called() -> None:
         await client.call({}, seconds=1.0)
 
 
-async def test_what_does_not_fit_is_refused_before_anything_else() -> None:
+async def test_invalid_messages_and_types_are_refused_first() -> None:
     port = PluginRos()
 
     with pytest.raises(RosError, match=r"lift\.date: std_msgs/msg/String has no such field"):
@@ -73,7 +73,7 @@ class Services:
 
 
 @pytest.mark.parametrize(("accepts", "called"), [(False, ["send"]), (True, ["send", "get"])])
-async def test_a_goal_of_which_nothing_is_heard_is_cancelled(
+async def test_a_goal_without_feedback_is_cancelled(
     monkeypatch: pytest.MonkeyPatch, *, accepts: bool, called: list[str]
 ) -> None:
     goal = SimpleNamespace(goal_id=SimpleNamespace(uuid=[]))
@@ -83,7 +83,7 @@ async def test_a_goal_of_which_nothing_is_heard_is_cancelled(
             GetResultService=SimpleNamespace(Request=lambda **_: goal),
         )
     )
-    monkeypatch.setattr(ros_port, "_known", lambda _find, _name: (None, kind))
+    monkeypatch.setattr(ros_port, "installed", lambda _find, _name: (None, kind))
     monkeypatch.setattr(ros_port, "_message", lambda *_: None)
     monkeypatch.setitem(sys.modules, "action_msgs.srv", SimpleNamespace(CancelGoal=None))
     session = Silent(accepts=accepts)

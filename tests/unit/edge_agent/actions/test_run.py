@@ -84,7 +84,7 @@ class Trial:
         return str(self.told[-1].result)
 
 
-async def test_what_is_sound_goes_through() -> None:
+async def test_valid_reports_are_passed_on() -> None:
     trial = Trial(Puppet())
     trial.plugin.report(RUNNING)
     trial.run.pause()
@@ -97,7 +97,7 @@ async def test_what_is_sound_goes_through() -> None:
     assert trial.plugin.asked == ["pause", "resume"]
 
 
-async def test_what_comes_behind_the_end_is_passed_over() -> None:
+async def test_reports_after_the_end_are_ignored() -> None:
     trial = Trial(Puppet())
     trial.plugin.report(FINISHED)
     trial.plugin.report(ActionReport("a", ActionStatus.FAILED, "late"))
@@ -137,18 +137,18 @@ async def test_a_failure_without_a_reason_gets_one() -> None:
 
 
 @pytest.mark.parametrize("given", [None, object()])
-async def test_a_start_that_gives_no_running_action_fails(given: object) -> None:
+async def test_a_start_that_returns_no_running_action_fails(given: object) -> None:
     assert "without pause, resume, cancel" in await Trial(Puppet(lambda: given)).fails()
 
 
-async def test_one_that_never_begins_fails_in_time() -> None:
+async def test_an_action_that_never_starts_fails_in_time() -> None:
     trial = Trial(Puppet(), QUICK)
 
     assert "did not report its start within 0.05 s" in await trial.fails()
     assert trial.plugin.asked == ["cancel"]
 
 
-async def test_one_that_takes_too_long_fails_with_what_it_told_last() -> None:
+async def test_an_action_that_takes_too_long_fails_with_its_last_progress() -> None:
     trial = Trial(Puppet(timeout=0.05))
     trial.plugin.report(RUNNING)
     trial.plugin.report(ActionReport("a", ActionStatus.RUNNING, "at 40 %"))
@@ -170,7 +170,7 @@ async def test_pauses_do_not_count() -> None:
     assert "took longer" in await trial.fails()
 
 
-async def test_one_that_does_not_give_up_fails_in_time() -> None:
+async def test_an_action_that_ignores_a_cancel_fails_in_time() -> None:
     trial = Trial(Puppet(), QUICK)
     trial.plugin.report(RUNNING)
     trial.run.cancel()
@@ -178,7 +178,7 @@ async def test_one_that_does_not_give_up_fails_in_time() -> None:
     assert "did not cancel within 0.05 s" in await trial.fails()
 
 
-async def test_one_that_does_not_hold_says_so_and_goes_on() -> None:
+async def test_an_action_that_cannot_pause_reports_it_and_continues() -> None:
     trial = Trial(Puppet(), QUICK)
     trial.plugin.report(RUNNING)
     trial.run.pause()
@@ -190,7 +190,7 @@ async def test_one_that_does_not_hold_says_so_and_goes_on() -> None:
     assert trial.run.ended
 
 
-async def test_reports_from_other_threads_come_in_the_loop() -> None:
+async def test_reports_from_other_threads_are_handled_in_the_loop() -> None:
     trial = Trial(Puppet())
     heard: list[int] = []
     trial.run._on_report = lambda _: heard.append(threading.get_ident())
@@ -201,7 +201,7 @@ async def test_reports_from_other_threads_come_in_the_loop() -> None:
     assert heard == [threading.get_ident()]
 
 
-async def test_progress_is_told_now_and_then() -> None:
+async def test_progress_is_reported_periodically() -> None:
     trial = Trial(Puppet())
     trial.plugin.report(RUNNING)
     for number in range(50):
@@ -212,7 +212,7 @@ async def test_progress_is_told_now_and_then() -> None:
     assert trial.told[2].result == "49 %"
 
 
-async def test_progress_that_waits_goes_with_the_end() -> None:
+async def test_waiting_progress_is_dropped_at_the_end() -> None:
     trial = Trial(Puppet())
     trial.plugin.report(RUNNING)
     for number in range(3):
@@ -232,7 +232,7 @@ async def test_a_long_result_is_cut() -> None:
     assert trial.told[0].result == "x" * LONGEST_RESULT
 
 
-async def test_what_is_abandoned_says_no_more() -> None:
+async def test_an_abandoned_action_reports_nothing_more() -> None:
     trial = Trial(Puppet())
     trial.plugin.report(RUNNING)
     trial.run.abandon()
@@ -275,7 +275,7 @@ def runner(*plugins: Broken | Wait) -> tuple[ActionRunner, list[ActionReport]]:
     return ActionRunner(ActionRegistry(plugins), reports.append), reports
 
 
-async def test_an_action_is_begun_held_resumed_and_given_up() -> None:
+async def test_an_action_is_started_paused_resumed_and_cancelled() -> None:
     run, reports = runner(Wait())
 
     run.start(StartAction(action("a", "HARD", "wait", duration=3600), ()))
@@ -295,7 +295,7 @@ async def test_a_wait_ends_by_itself() -> None:
 
 
 @pytest.mark.parametrize("at", ["start", "pause", "resume", "cancel"])
-async def test_what_a_plug_in_does_wrong_fails_its_action_and_nothing_else(at: str) -> None:
+async def test_a_faulty_plug_in_fails_only_its_own_action(at: str) -> None:
     run, reports = runner(Broken(at))
     run.start(StartAction(action("a", "HARD", "broken"), ()))
     for effect in (PauseAction("a"), ResumeAction("a"), CancelAction("a")):
@@ -311,7 +311,7 @@ async def test_what_a_plug_in_does_wrong_fails_its_action_and_nothing_else(at: s
     assert f"no {at} today" in str(failed[0].result)
 
 
-def test_an_action_that_nobody_does_fails() -> None:
+def test_an_action_without_a_plug_in_fails() -> None:
     run, reports = runner()
 
     run.start(StartAction(action("a", "HARD", "gone"), ()))
@@ -319,7 +319,7 @@ def test_an_action_that_nobody_does_fails() -> None:
     assert (reports[0].status, reports[0].action_id) == (ActionStatus.FAILED, "a")
 
 
-def test_a_cancel_of_what_does_not_run_is_answered() -> None:
+def test_cancelling_an_action_that_is_not_running_is_answered() -> None:
     run, reports = runner()
 
     run.cancel(CancelAction("a"))
@@ -356,7 +356,7 @@ async def test_a_late_report_of_a_first_try_does_not_end_the_second() -> None:
     assert reports[-1].status is ActionStatus.FINISHED
 
 
-def test_two_plug_ins_for_one_action_are_a_mistake_in_the_settings() -> None:
+def test_two_plug_ins_for_one_action_are_a_settings_error() -> None:
     with pytest.raises(ConfigurationError, match="twice"):
         ActionRegistry([Wait(), Wait()])
 
@@ -378,7 +378,7 @@ def test_the_actions_of_the_core_are_its_own() -> None:
         ActionReport("a", ActionStatus.FINISHED, loads=(Load(load_id="box"),)),
     ],
 )
-def test_a_sound_report_has_no_flaw(report: ActionReport) -> None:
+def test_a_valid_report_has_no_problem(report: ActionReport) -> None:
     assert flaw_of(report, "a") is None
 
 
@@ -396,7 +396,7 @@ async def test_a_loop_that_waits_is_not_blocked() -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
-async def test_a_loop_that_is_blocked_is_seen_with_the_place() -> None:
+async def test_a_blocked_event_loop_is_detected_with_the_location() -> None:
     dog = Watchdog()
     await until(lambda: dog._rounds > 1)
     end = time.monotonic() + 30.0
@@ -404,5 +404,5 @@ async def test_a_loop_that_is_blocked_is_seen_with_the_place() -> None:
         pass
     dog.stop()
 
-    assert "test_a_loop_that_is_blocked_is_seen_with_the_place" in dog.blocked
+    assert "test_a_blocked_event_loop_is_detected_with_the_location" in dog.blocked
     assert not dog.hangs.is_set()

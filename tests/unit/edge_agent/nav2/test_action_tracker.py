@@ -22,10 +22,10 @@ from nena_edge_agent.nav2.action_tracker import (
     ActionTracker,
     FeedbackFilter,
     FeedbackReading,
+    PassedPoses,
     SilenceWatch,
-    WayDriven,
 )
-from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, PublishGoal, Report, SendGoal
+from nena_edge_agent.nav2.commands import CancelGoal, Command, PublishGoal, Report, RequestResult, SendGoal
 from nena_edge_agent.nav2.error_codes import meaning_of
 from nena_edge_agent.nav2.goals import YIELD_TIME, GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
@@ -106,11 +106,11 @@ def talk() -> Conversation:
     return Conversation().ready()
 
 
-def test_a_goal_has_an_id_of_ours_is_accepted_and_its_result_is_asked_for(talk: Conversation) -> None:
+def test_a_goal_has_our_id_and_its_result_is_requested_once_accepted(talk: Conversation) -> None:
     goal_id = talk.driving()
     assert MARK.matches(goal_id)
     assert talk.tracker.goal_id == goal_id
-    assert talk.said.count(AskResult(goal_id)) == 1
+    assert talk.said.count(RequestResult(goal_id)) == 1
     assert talk.tables[-1].own == (goal_id,)
     assert not any(isinstance(command, PublishGoal) for command in talk.said)
 
@@ -133,7 +133,7 @@ def test_success_by_result_and_then_by_array_is_one_arrival(talk: Conversation) 
     assert talk.ends == [Arrived(1)]
 
 
-def test_the_reason_may_come_after_the_array(talk: Conversation) -> None:
+def test_the_reason_may_arrive_after_the_array(talk: Conversation) -> None:
     goal_id = talk.driving()
     talk.array(**{f"g{goal_id}": 6})
     assert talk.ends == []
@@ -146,7 +146,7 @@ def test_the_reason_may_come_after_the_array(talk: Conversation) -> None:
     assert "no path leads to the goal (error code 208)" in failed.description
 
 
-def test_a_reason_that_does_not_come_is_not_waited_for_long(talk: Conversation) -> None:
+def test_waiting_for_a_missing_reason_has_a_timeout(talk: Conversation) -> None:
     goal_id = talk.driving()
     talk.array(**{f"g{goal_id}": 6})
     talk.later(REASON_WAIT + 0.1)
@@ -162,7 +162,7 @@ def test_an_aborted_goal_without_a_code_fails_at_once(talk: Conversation) -> Non
     assert [type(end) for end in talk.ends] == [DriveFailed]
 
 
-def test_a_goal_of_ours_in_place_of_another_one_is_no_failure(talk: Conversation) -> None:
+def test_a_goal_of_ours_that_replaces_another_one_is_no_failure(talk: Conversation) -> None:
     first = talk.driving(1)
     second = talk.driving(2)
     talk.array(**{f"g{first}": 6, f"g{second}": 2})
@@ -182,7 +182,7 @@ def test_an_aborted_goal_that_is_replaced_while_its_reason_is_waited_for_is_no_f
     assert talk.ends == []
 
 
-def test_a_refused_goal_is_sent_again_under_another_id_and_then_fails(talk: Conversation) -> None:
+def test_a_rejected_goal_is_resent_with_another_id_and_then_fails(talk: Conversation) -> None:
     settings = GoalSettings()
     talk.go_to(goal(1))
     for _ in range(settings.resends):
@@ -197,13 +197,13 @@ def test_a_refused_goal_is_sent_again_under_another_id_and_then_fails(talk: Conv
     assert "rejected the goal" in failed.description
 
 
-def test_an_answer_that_is_lost_is_made_up_for_by_the_array(talk: Conversation) -> None:
+def test_a_lost_response_is_replaced_by_the_array(talk: Conversation) -> None:
     talk.go_to(goal(1))
     (goal_id,) = talk.sent
     talk.answer(accepted=None)
     talk.array(**{f"g{goal_id}": 2})
     assert talk.tracker.goal_id == goal_id
-    assert AskResult(goal_id) in talk.said or talk.tracker.tick(talk.now) == [AskResult(goal_id)]
+    assert RequestResult(goal_id) in talk.said or talk.tracker.tick(talk.now) == [RequestResult(goal_id)]
     assert talk.sent == [goal_id]
 
 
@@ -227,7 +227,7 @@ def test_a_halt_cancels_by_the_id_that_was_accepted_though_no_array_came(talk: C
     assert talk.ends == [Halted()]
 
 
-def test_a_goal_of_somebody_else_takes_over(talk: Conversation) -> None:
+def test_another_clients_goal_takes_over(talk: Conversation) -> None:
     goal_id = talk.driving()
     talk.array(**{f"g{goal_id}": 6, f"g{THEIRS}": 2})
     talk.result(goal_id, GoalStatus.ABORTED)
@@ -236,7 +236,7 @@ def test_a_goal_of_somebody_else_takes_over(talk: Conversation) -> None:
     assert failed.failure is DriveFailure.TAKEN_OVER
 
 
-def test_a_goal_of_an_earlier_run_goes_on_and_its_result_is_asked_for() -> None:
+def test_a_goal_of_an_earlier_run_continues_and_its_result_is_requested() -> None:
     goal_id = MARK.new()
     talk = Conversation()
     talk.tracker.reclaim(MapOwnGoals((goal_id,), goal(1).pose))
@@ -245,7 +245,7 @@ def test_a_goal_of_an_earlier_run_goes_on_and_its_result_is_asked_for() -> None:
     talk.go_to(goal(7))
     talk.later(0.1)
     assert talk.tracker.goal_id == goal_id
-    assert AskResult(goal_id) in talk.said
+    assert RequestResult(goal_id) in talk.said
     assert talk.sent == []
     talk.result(goal_id, GoalStatus.ABORTED, 105)
     (failed,) = talk.ends
@@ -253,7 +253,7 @@ def test_a_goal_of_an_earlier_run_goes_on_and_its_result_is_asked_for() -> None:
     assert (failed.generation, failed.failure) == (7, DriveFailure.ABORTED)
 
 
-def test_a_goal_sent_just_before_a_restart_is_taken_up_by_its_mark() -> None:
+def test_a_goal_sent_just_before_a_restart_is_adopted_by_its_prefix() -> None:
     goal_id = MARK.new()
     talk = Conversation()
     talk.tracker.reclaim(MapOwnGoals((), goal(1).pose, goal(1).pose, ""))
@@ -264,14 +264,14 @@ def test_a_goal_sent_just_before_a_restart_is_taken_up_by_its_mark() -> None:
     assert talk.sent == []
 
 
-def test_a_running_goal_of_ours_that_nobody_knows_is_cancelled() -> None:
+def test_an_unexpected_running_goal_of_ours_is_cancelled() -> None:
     goal_id = MARK.new()
     talk = Conversation().ready()
     talk.array(**{f"g{goal_id}": 2})
     assert CancelGoal(goal_id) in talk.said
 
 
-def test_without_the_action_goals_are_given_by_topic(talk: Conversation) -> None:
+def test_without_the_action_goals_are_sent_by_topic(talk: Conversation) -> None:
     talk.tracker.by_action = False
     talk.go_to(goal(1))
     assert any(isinstance(command, PublishGoal) for command in talk.said)
@@ -294,7 +294,7 @@ def on_its_way(talk: Conversation, *xs: float) -> str:
     return talk.sent[-1]
 
 
-def test_the_next_place_of_a_way_needs_no_goal_of_its_own(talk: Conversation) -> None:
+def test_the_next_pose_of_a_route_needs_no_goal_of_its_own(talk: Conversation) -> None:
     goal_id = on_its_way(talk, 5.0, 10.0, 15.0)
     talk.go_to(way(2, 10.0, 15.0))
     talk.go_to(way(3, 15.0))
@@ -304,7 +304,7 @@ def test_the_next_place_of_a_way_needs_no_goal_of_its_own(talk: Conversation) ->
     assert talk.ends == [Arrived(3)]
 
 
-def test_a_way_that_has_become_longer_is_sent(talk: Conversation) -> None:
+def test_an_extended_route_is_sent(talk: Conversation) -> None:
     first = on_its_way(talk, 5.0, 10.0)
     talk.go_to(way(2, 10.0, 15.0))
     talk.answer()
@@ -313,7 +313,7 @@ def test_a_way_that_has_become_longer_is_sent(talk: Conversation) -> None:
     assert talk.ends == []
 
 
-def test_a_place_that_the_robot_leaves_out_is_driven_to_alone(talk: Conversation) -> None:
+def test_a_skipped_pose_is_driven_to_separately(talk: Conversation) -> None:
     goal_id = on_its_way(talk, 5.0, 10.0)
     talk.tracker.on_places(goal_id, 1)
     talk.said += talk.tracker.on_pose(MapPose(5.0, 0.6, 0.0, "hall"), talk.now)
@@ -323,7 +323,7 @@ def test_a_place_that_the_robot_leaves_out_is_driven_to_alone(talk: Conversation
     assert len(talk.sent) == 2
 
 
-def test_the_end_of_a_way_waits_for_the_places_on_it(talk: Conversation) -> None:
+def test_the_end_of_a_route_waits_for_the_poses_on_it(talk: Conversation) -> None:
     goal_id = on_its_way(talk, 5.0, 10.0)
     talk.arrive(10.0)
     talk.result(goal_id, GoalStatus.SUCCEEDED)
@@ -333,7 +333,7 @@ def test_the_end_of_a_way_waits_for_the_places_on_it(talk: Conversation) -> None
     assert talk.sent == [goal_id]
 
 
-def test_a_place_that_nobody_saw_passed_is_driven_to_after_the_end(talk: Conversation) -> None:
+def test_a_pose_not_seen_passed_is_driven_to_after_the_end(talk: Conversation) -> None:
     goal_id = on_its_way(talk, 5.0, 10.0)
     talk.arrive(10.0)
     talk.result(goal_id, GoalStatus.SUCCEEDED)
@@ -342,7 +342,7 @@ def test_a_place_that_nobody_saw_passed_is_driven_to_after_the_end(talk: Convers
     assert len(talk.sent) == 2
 
 
-def test_goals_at_the_other_action_are_somebody_elses(talk: Conversation) -> None:
+def test_goals_of_the_other_action_are_other_clients(talk: Conversation) -> None:
     talk.said += talk.tracker.on_other_statuses([GoalEntry(THEIRS, GoalStatus.EXECUTING)], talk.now)
     assert [goal.goal_id for goal in talk.tables[-1].external] == [THEIRS]
     talk.said += talk.tracker.on_other_statuses([GoalEntry(THEIRS, GoalStatus.SUCCEEDED)], talk.now)
@@ -359,16 +359,16 @@ def test_goals_at_the_other_action_are_somebody_elses(talk: Conversation) -> Non
         (503, "smoother"),
         (701, "recovery"),
         (9001, "navigator"),
-        (42, "unknown error code"),
+        (42, "unknown Nav2 error code"),
     ],
 )
-def test_says_what_a_code_means_and_the_code(code: int, text: str) -> None:
+def test_names_the_code_and_its_meaning(code: int, text: str) -> None:
     reason = str(meaning_of(code))
     assert text in reason
     assert f"error code {code}" in reason
 
 
-def test_adds_what_nav2_says_itself() -> None:
+def test_adds_the_message_of_nav2() -> None:
     assert "Collision ahead" in str(meaning_of(106, "Collision ahead"))
 
 
@@ -380,29 +380,29 @@ def place(x: float, y: float = 0.0, theta: float = 0.0) -> MapPose:
     return MapPose(x, y, theta, "hall")
 
 
-def goal_of_way_driven(*xs: float) -> MapGoal:
+def goal_of_passed_poses(*xs: float) -> MapGoal:
     first, *rest = (place(x) for x in xs)
     return MapGoal(1, first, deviation_xy=0.3, ahead=tuple(rest))
 
 
-def test_covers_what_is_left_of_its_way_whatever_the_headings() -> None:
-    way = WayDriven()
-    way.begin(goal_of_way_driven(1.0, 2.0, 3.0))
-    assert way.covers(goal_of_way_driven(2.0, 3.0))
+def test_covers_the_remaining_route_regardless_of_headings() -> None:
+    way = PassedPoses()
+    way.begin(goal_of_passed_poses(1.0, 2.0, 3.0))
+    assert way.covers(goal_of_passed_poses(2.0, 3.0))
     assert way.covers(MapGoal(2, place(3.0, theta=1.0), deviation_xy=0.3))
-    assert not way.covers(goal_of_way_driven(2.0, 3.0, 4.0))
-    assert not way.covers(goal_of_way_driven(2.0))
-    assert not way.covers(goal_of_way_driven(0.0, 1.0, 2.0, 3.0))
+    assert not way.covers(goal_of_passed_poses(2.0, 3.0, 4.0))
+    assert not way.covers(goal_of_passed_poses(2.0))
+    assert not way.covers(goal_of_passed_poses(0.0, 1.0, 2.0, 3.0))
 
 
-def test_a_single_place_is_no_way() -> None:
-    way = WayDriven()
-    way.begin(goal_of_way_driven(1.0))
-    assert not way.covers(goal_of_way_driven(1.0))
+def test_a_single_pose_is_not_a_route() -> None:
+    way = PassedPoses()
+    way.begin(goal_of_passed_poses(1.0))
+    assert not way.covers(goal_of_passed_poses(1.0))
 
 
-def test_a_place_that_is_let_go_and_turned_away_from_is_missed() -> None:
-    way, wanted = WayDriven(), goal_of_way_driven(5.0, 10.0)
+def test_a_dropped_pose_that_the_robot_turns_away_from_is_missed() -> None:
+    way, wanted = PassedPoses(), goal_of_passed_poses(5.0, 10.0)
     way.begin(wanted)
     assert not way.missed(wanted, place(4.0, 1.0))
     way.left(wanted, 2)
@@ -413,27 +413,27 @@ def test_a_place_that_is_let_go_and_turned_away_from_is_missed() -> None:
     assert way.missed(wanted, place(6.0, 0.6))
 
 
-def test_a_place_that_was_met_is_not_missed() -> None:
-    way, wanted = WayDriven(), goal_of_way_driven(5.0, 10.0)
+def test_a_reached_pose_is_not_missed() -> None:
+    way, wanted = PassedPoses(), goal_of_passed_poses(5.0, 10.0)
     way.begin(wanted)
     way.left(wanted, 1)
     assert not way.missed(wanted, place(5.0, 0.2))
     assert not way.missed(wanted, place(7.0))
 
 
-def test_each_place_is_looked_at_for_itself() -> None:
-    way = WayDriven()
-    way.begin(goal_of_way_driven(5.0, 10.0, 15.0))
-    way.left(goal_of_way_driven(5.0, 10.0, 15.0), 2)
-    assert not way.missed(goal_of_way_driven(5.0, 10.0, 15.0), place(5.0, 0.6))
-    way.go_on()
-    assert not way.missed(goal_of_way_driven(10.0, 15.0), place(7.0))
+def test_each_pose_is_checked_separately() -> None:
+    way = PassedPoses()
+    way.begin(goal_of_passed_poses(5.0, 10.0, 15.0))
+    way.left(goal_of_passed_poses(5.0, 10.0, 15.0), 2)
+    assert not way.missed(goal_of_passed_poses(5.0, 10.0, 15.0), place(5.0, 0.6))
+    way.advance()
+    assert not way.missed(goal_of_passed_poses(10.0, 15.0), place(7.0))
 
 
 READING = FeedbackReading("aa", 1.0, 2.0, 0.5, "map", 7.0, 0)
 
 
-def test_places_are_told_by_the_way_between_them() -> None:
+def test_a_pose_is_reported_after_a_distance() -> None:
     told = FeedbackFilter()
     assert told.moved(READING, 0.0)
     assert not told.moved(READING, 1.0)
@@ -441,7 +441,7 @@ def test_places_are_told_by_the_way_between_them() -> None:
     assert told.moved(replace(READING, x=1.06), 1.2)
 
 
-def test_turning_on_the_spot_is_told_too() -> None:
+def test_turning_on_the_spot_is_reported_too() -> None:
     told = FeedbackFilter()
     told.moved(replace(READING, yaw=3.1), 0.0)
     assert not told.moved(replace(READING, yaw=-3.15), 0.1), "nearly the same heading, across the seam"
@@ -457,7 +457,7 @@ def test_is_fresh_for_a_while() -> None:
     assert not told.fresh(0.6)
 
 
-def test_progress_is_told_each_second_and_recoveries_at_once() -> None:
+def test_progress_is_reported_each_second_and_recoveries_at_once() -> None:
     told = FeedbackFilter()
     assert told.progress(READING, "hall", 0.0) == DriveProgress(7.0, 0, "hall")
     assert told.progress(replace(READING, left=6.0), "hall", 0.5) is None
@@ -467,7 +467,7 @@ def test_progress_is_told_each_second_and_recoveries_at_once() -> None:
     ), "0 means that Nav2 has no path"
 
 
-def test_another_drive_is_told_of_at_once() -> None:
+def test_a_new_drive_is_reported_at_once() -> None:
     told = FeedbackFilter()
     told.progress(READING, "hall", 0.0)
     assert told.progress(replace(READING, goal_id="bb"), "hall", 0.01) == DriveProgress(7.0, 0, "hall")
@@ -501,7 +501,7 @@ def test_a_silence_is_reported_as_it_grows_and_each_time_once() -> None:
     assert len(silence.reported) == 4
 
 
-def test_a_gap_in_which_nothing_comes_is_not_the_navigators() -> None:
+def test_a_gap_without_any_message_is_not_the_navigators_silence() -> None:
     silence = Silence()
     silence.passes(0.2)
     silence.passes(1.5, period=1.5)
@@ -545,7 +545,7 @@ def side(applied: list[Command] | None = None) -> ActionSide:
     return ActionSide(TRACKER, apply=apply, on_feedback=lambda _reading: None, clock=SystemClock())
 
 
-def test_without_its_types_the_action_cannot_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_its_types_the_action_is_not_available(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
     with pytest.raises(StartError, match=r"ros\.navigation = topics"):
         side().check(RosSettings(navigation=Navigation.ACTION))
@@ -560,20 +560,20 @@ def test_without_its_types_there_is_no_client(monkeypatch: pytest.MonkeyPatch) -
 
 
 @needs_action_types
-@pytest.mark.parametrize(("navigation", "doors"), [("auto", 1), ("action", 1), ("topics", 0)])
-def test_a_node_gets_a_door_where_one_is_wanted(navigation: str, doors: int) -> None:
-    assert len(side().new_client(RosSettings(navigation=Navigation(navigation)))) == doors
+@pytest.mark.parametrize(("navigation", "clients"), [("auto", 1), ("action", 1), ("topics", 0)])
+def test_a_node_gets_an_action_client_if_configured(navigation: str, clients: int) -> None:
+    assert len(side().new_client(RosSettings(navigation=Navigation(navigation)))) == clients
 
 
-async def test_a_goal_that_no_door_takes_has_no_answer() -> None:
+async def test_without_an_action_client_a_goal_gets_no_response() -> None:
     applied: list[Command] = []
     goal = MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), deviation_xy=0.5)
     await side(applied).send(goal, GoalIdPrefix("agent").new())
-    side().ask_result("aa")
+    side().request_result("aa")
     assert applied == []
 
 
-def test_an_abort_without_a_reason_names_what_is_likely(talk: Conversation) -> None:
+def test_an_abort_without_a_reason_names_likely_causes(talk: Conversation) -> None:
     goal_id = talk.driving()
     talk.result(goal_id, GoalStatus.ABORTED, 0)
     talk.array(**{f"g{goal_id}": 6})
@@ -588,7 +588,7 @@ def others(talk: Conversation, **statuses: int) -> None:
     talk.said += talk.tracker.on_other_statuses(entries, talk.now)
 
 
-def test_a_foreign_goal_that_nav2_refuses_is_made_way_for(talk: Conversation) -> None:
+def test_the_robot_yields_to_a_foreign_goal_that_nav2_rejects(talk: Conversation) -> None:
     others(talk, **{f"g{'aa' * 16}": 6})
     goal_id = talk.driving()
     others(talk, **{f"g{THEIRS}": 2})
@@ -607,7 +607,7 @@ def test_a_foreign_goal_that_nav2_refuses_is_made_way_for(talk: Conversation) ->
     assert not talk.tracker.busy
 
 
-def test_a_foreign_goal_that_is_given_again_drives_and_ends(talk: Conversation) -> None:
+def test_a_resent_foreign_goal_drives_and_ends(talk: Conversation) -> None:
     again = "ee" * 16
     others(talk)
     goal_id = talk.driving()
@@ -620,7 +620,7 @@ def test_a_foreign_goal_that_is_given_again_drives_and_ends(talk: Conversation) 
     assert not talk.tables[-1].external
 
 
-def test_foreign_goals_that_had_ended_before_take_nothing_over(talk: Conversation) -> None:
+def test_foreign_goals_that_ended_earlier_do_not_take_over(talk: Conversation) -> None:
     ended = [GoalEntry(THEIRS, GoalStatus.ABORTED)]
     talk.said += talk.tracker.on_other_statuses(ended, 1.0)
     talk.driving()
@@ -628,13 +628,13 @@ def test_foreign_goals_that_had_ended_before_take_nothing_over(talk: Conversatio
     assert talk.ends == []
 
 
-def test_the_first_foreign_goal_of_all_is_made_way_for_too(talk: Conversation) -> None:
+def test_the_robot_also_yields_to_the_very_first_foreign_goal(talk: Conversation) -> None:
     talk.driving()
     others(talk, **{f"g{THEIRS}": 6})
     assert len(talk.ends) == 1
 
 
-def test_a_way_that_succeeded_undriven_is_given_again_at_once(talk: Conversation) -> None:
+def test_a_route_that_succeeded_without_being_driven_is_resent_at_once(talk: Conversation) -> None:
     ahead = (MapPose(9.0, 0.0, 0.0, "hall"), MapPose(13.0, 0.0, 0.0, "hall"))
     first = talk.driving()
     talk.array(**{f"g{first}": 2})

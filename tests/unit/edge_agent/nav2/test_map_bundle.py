@@ -24,7 +24,7 @@ PACKS = [zipped, tarred, *(partial(tarred, mode=each) for each in ("w", "w:bz2",
 
 @pytest.mark.parametrize("pack", PACKS)
 @pytest.mark.parametrize("folder", ["", "maps/", "./"])
-def test_the_yaml_file_names_the_image_beside_it(
+def test_the_yaml_file_names_the_image_next_to_it(
     pack: Callable[[dict[str, bytes]], bytes], folder: str
 ) -> None:
     bundle = MapBundle.of(pack({f"{folder}{name}": part for name, part in FILES.items()}))
@@ -45,7 +45,7 @@ def test_the_yaml_file_names_the_image_beside_it(
         (zipped({"attic.yaml": description("attic.sh"), "attic.sh": b""}), "not in the archive"),
     ],
 )
-def test_what_is_no_map_is_refused_with_the_reason(content: bytes, reason: str) -> None:
+def test_an_invalid_map_is_refused_with_the_reason(content: bytes, reason: str) -> None:
     with pytest.raises(BadBundleError, match=reason):
         MapBundle.of(content)
 
@@ -106,13 +106,13 @@ def test_a_small_image_of_more_pixels_than_a_robot_has_memory_for_is_refused(
 
 
 @pytest.mark.parametrize(("suffix", "picture"), [("png", png(400, 300)), ("bmp", bmp(400, 300))])
-def test_other_images_are_taken(suffix: str, picture: bytes) -> None:
+def test_other_image_formats_are_accepted(suffix: str, picture: bytes) -> None:
     assert MapBundle.of(attic(description(f"attic.{suffix}"), picture, suffix)).image == picture
 
 
 @pytest.mark.parametrize("suffix", ["png", "bmp", "pgm"])
-def test_what_is_no_image_is_refused(suffix: str) -> None:
-    with pytest.raises(BadBundleError, match=f"no {suffix.upper()} image"):
+def test_an_invalid_image_is_refused(suffix: str) -> None:
+    with pytest.raises(BadBundleError, match=f"not a {suffix.upper()} image"):
         MapBundle.of(attic(description(f"attic.{suffix}"), b"#!/bin/sh" + b"\n " * 10_000, suffix))
 
 
@@ -136,7 +136,7 @@ def test_a_description_of_spaces_is_read_at_once(space: bytes) -> None:
     ],
 )
 @pytest.mark.parametrize("before", [False, True])
-def test_map_server_is_led_to_no_other_file(more: bytes, before: bool) -> None:  # noqa: FBT001 - a parameter
+def test_map_server_reads_no_other_file(more: bytes, before: bool) -> None:  # noqa: FBT001 - a parameter
     text = more + description() if before else description() + more
     try:
         written = MapBundle.of(attic(text)).description
@@ -153,7 +153,7 @@ def test_map_server_is_led_to_no_other_file(more: bytes, before: bool) -> None: 
         (description() + b"mode: *x\n", r"'mode' cannot be '\*x'"),
     ],
 )
-def test_values_that_map_server_does_not_know_are_refused(text: bytes, reason: str) -> None:
+def test_values_unknown_to_map_server_are_refused(text: bytes, reason: str) -> None:
     with pytest.raises(BadBundleError, match=reason):
         MapBundle.of(attic(text))
 

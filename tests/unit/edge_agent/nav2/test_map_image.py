@@ -35,7 +35,7 @@ def opacities(image: OccupancyImage) -> list[list[int]]:
     return [[parts[b"tRNS"][value] for value in row[1:]] for row in rows]
 
 
-def test_what_is_sure_is_opaque_and_the_first_row_is_the_lowest() -> None:
+def test_occupied_cells_are_opaque_and_the_first_row_is_the_lowest() -> None:
     cells = bytes([0, 50, 100, 255, 0, 0])
     assert opacities(occupancy_image(cells, 3, 2, side_limit=10)) == [[40, 0, 0], [0, 128, 255]]
 
@@ -70,6 +70,6 @@ def test_no_wall_is_lost_and_no_side_is_too_long(
 
 
 @pytest.mark.parametrize(("cells", "width", "height"), [(b"", 0, 0), (b"123", 2, 2), (b"1234", 4, 0)])
-def test_what_is_no_grid_is_refused(cells: bytes, width: int, height: int) -> None:
-    with pytest.raises(ValueError, match="no grid"):
+def test_an_invalid_grid_is_refused(cells: bytes, width: int, height: int) -> None:
+    with pytest.raises(ValueError, match="do not make a grid"):
         occupancy_image(cells, width, height, side_limit=10)

@@ -16,11 +16,11 @@ from nena_edge_agent.driver.port import (
     NavigationReport,
 )
 from nena_edge_agent.nav2.commands import (
-    AskResult,
     CancelGoal,
     Command,
     OnPath,
     Report,
+    RequestResult,
     SendGoal,
     StopMotion,
 )
@@ -134,11 +134,11 @@ def driving(talk: Talk) -> Talk:
     return talk
 
 
-def test_a_path_goes_to_the_controller_and_its_end_is_reached(driving: Talk) -> None:
+def test_a_path_is_sent_to_the_controller_and_its_end_is_reached(driving: Talk) -> None:
     (sent,) = driving.paths
     assert (len(sent.goal.path), MARK.matches(sent.goal_id), driving.sent) == (6, True, [])
     assert driving.trackers.goal_id == sent.goal_id
-    assert any(isinstance(each, OnPath) and isinstance(each.command, AskResult) for each in driving.said)
+    assert any(isinstance(each, OnPath) and isinstance(each.command, RequestResult) for each in driving.said)
     driving.said += driving.trackers.on_pose(place(5.0), driving.now)
     driving.path_ends(GoalStatus.SUCCEEDED)
     assert Arrived(1) in driving.events
@@ -152,7 +152,7 @@ def test_success_far_from_the_node_is_no_arrival(driving: Talk) -> None:
     assert [each.failure for each in driving.failures] == [DriveFailure.OUTSIDE_TOLERANCE]
 
 
-def test_a_new_path_takes_the_place_of_the_old_one_without_a_cancel(driving: Talk) -> None:
+def test_a_new_path_replaces_the_old_one_without_a_cancel(driving: Talk) -> None:
     driving.go_to(goal(2, 9.0, path=True))
     assert len(driving.paths) == 2
     assert driving.path_cancels == []
@@ -225,7 +225,7 @@ def test_a_navigator_that_dies_does_not_end_a_path(driving: Talk) -> None:
     assert not any(isinstance(each, StopMotion) for each in driving.said)
 
 
-def test_a_path_waits_for_a_controller_that_takes_it(talk: Talk) -> None:
+def test_a_path_waits_for_a_controller_that_accepts_it(talk: Talk) -> None:
     talk.trackers.controller_takes_paths = False
     talk.said += talk.trackers.on_navigation(AVAILABLE, talk.now)
     talk.go_to(goal(1, path=True))
@@ -253,7 +253,7 @@ def test_a_path_that_is_refused_fails_in_the_end(talk: Talk) -> None:
     assert "is controller_server active?" in talk.failures[0].description
 
 
-def test_a_path_that_another_client_replaces_is_taken_over(driving: Talk) -> None:
+def test_a_path_replaced_by_another_clients_goal_is_taken_over(driving: Talk) -> None:
     theirs = [GoalEntry(THEIRS, GoalStatus.EXECUTING)]
     driving.said += driving.trackers.on_statuses(theirs, driving.now)
     driving.path_ends(GoalStatus.ABORTED)

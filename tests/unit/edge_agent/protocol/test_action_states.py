@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.protocol.action_states import ActionQueue, ActionRecord, ActionStates, lets_drive
+from nena_edge_agent.protocol.action_states import ActionQueue, ActionRecord, ActionStates, allow_driving
 from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange
 from nena_edge_agent.protocol.events import ActionReport, LoadSensed, StartAction
 from nena_edge_agent.protocol.memory import Memory
@@ -56,7 +56,7 @@ def test_allowed_changes(old: str, new: str, allowed: bool) -> None:  # noqa: FB
     assert made.states[0].action_status == (new if allowed else old)
 
 
-def test_a_result_alone_is_a_change_and_the_same_status_again_is_none() -> None:
+def test_a_new_result_is_a_change_and_a_repeated_status_is_none() -> None:
     made = states("RUNNING")
     revision = made.revision
 
@@ -66,7 +66,7 @@ def test_a_result_alone_is_a_change_and_the_same_status_again_is_none() -> None:
     assert made.states[0].action_result == "half done"
 
 
-def test_an_unknown_action_is_passed_over() -> None:
+def test_an_unknown_action_is_ignored() -> None:
     assert not states("RUNNING").change("b", ActionStatus.FINISHED)
 
 
@@ -93,7 +93,7 @@ def queue(*kinds: str) -> ActionQueue:
         (("Na", "Nb", "Sc", "Hd"), ["Na", "Nb", "Sc"], False),
     ],
 )
-def test_what_may_run_and_whether_the_robot_may_drive(
+def test_runnable_actions_and_whether_driving_is_allowed(
     kinds: tuple[str, ...],
     runnable: list[str],
     driving: bool,  # noqa: FBT001
@@ -105,7 +105,7 @@ def test_what_may_run_and_whether_the_robot_may_drive(
 
 
 @pytest.mark.clause("6.2.2")
-def test_an_ended_action_leaves_the_queue_and_lets_the_next_ones_run() -> None:
+def test_an_ended_action_leaves_the_queue_and_unblocks_the_next_ones() -> None:
     made = queue("Na", "Hb", "Nc")
 
     made.remove("Na")
@@ -115,9 +115,9 @@ def test_an_ended_action_leaves_the_queue_and_lets_the_next_ones_run() -> None:
 
 
 @pytest.mark.clause("6.2.2")
-def test_a_node_lets_drive_unless_an_action_wants_the_robot_to_stand() -> None:
-    assert lets_drive([action("a", "NONE"), action("b", "SINGLE")])
-    assert not lets_drive([action("a", "NONE"), action("b", "SOFT")])
+def test_a_node_allows_driving_unless_an_action_requires_standstill() -> None:
+    assert allow_driving([action("a", "NONE"), action("b", "SINGLE")])
+    assert not allow_driving([action("a", "NONE"), action("b", "SOFT")])
 
 
 @pytest.mark.clause("6.2.2")
@@ -139,7 +139,7 @@ def test_the_example_of_the_standard() -> None:
 
 
 @pytest.mark.clause("6.2.2", "6.6.9/failed")
-def test_a_failed_action_does_not_hold_back_the_others() -> None:
+def test_a_failed_action_does_not_block_the_others() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD"), action("b", "HARD")]}))
 
@@ -164,7 +164,7 @@ def test_actions_of_a_node_may_outlive_it() -> None:
 
 
 @pytest.mark.clause("6.2.2/edge")
-def test_what_cannot_be_interrupted_outlives_its_edge() -> None:
+def test_an_uninterruptible_action_outlives_its_edge() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("e", "NONE", "press")]}))
     bench.runs("e")
@@ -223,7 +223,7 @@ def test_an_action_that_fails_leaves_the_load_alone() -> None:
     assert bench.state.loads == (BOX,)
 
 
-def test_a_plug_in_may_know_the_load_better() -> None:
+def test_a_plug_in_may_report_the_load() -> None:
     bench = robot()
     bench.send(order("n0", node_actions={"n0": [pick()]}))
     bench.do(ActionReport("p", ActionStatus.FINISHED, loads=(Load(load_id="two"),)))
@@ -254,7 +254,7 @@ def test_an_order_that_will_not_fit_the_load_is_refused_before_the_robot_drives(
         assert refused in str(bench.state.errors[0].error_description)
 
 
-def test_actions_of_edges_have_their_turn_between_those_of_nodes() -> None:
+def test_edge_actions_are_ordered_between_those_of_their_nodes() -> None:
     bench = robot()
     bench.send(order("n0", "n1", node_actions={"n0": [pick()]}, edge_actions={"n0-n1": [drop()]}))
 
@@ -271,7 +271,7 @@ def test_an_update_begins_with_the_load_that_the_base_will_leave() -> None:
     assert bench.errors == []
 
 
-def test_an_order_that_comes_again_when_its_load_is_taken_is_no_other_order() -> None:
+def test_an_order_resent_after_its_load_was_picked_up_is_the_same_order() -> None:
     bench = robot()
     sent = order("n0", "n1", node_actions={"n0": [pick()]})
     bench.send(sent)
@@ -282,7 +282,7 @@ def test_an_order_that_comes_again_when_its_load_is_taken_is_no_other_order() ->
 
 
 @pytest.mark.clause("6.2.3/pick")
-def test_an_action_whose_load_did_not_come_fails_without_its_plug_in() -> None:
+def test_an_action_without_its_expected_load_fails_before_its_plug_in() -> None:
     bench = robot()
     bench.send(order("n0", node_actions={"n0": [pick(), drop(), action("w", "HARD")]}))
     bench.fails("p")
@@ -308,7 +308,7 @@ def test_the_load_survives_a_restart() -> None:
     assert robot(memory=Memory.model_validate_json(kept)).state.loads == (BOX,)
 
 
-def test_a_sensor_has_the_last_word_and_knows_no_names() -> None:
+def test_a_load_sensor_overrides_the_loads_and_reports_no_ids() -> None:
     bench = loaded()
 
     def seen(*, loaded: bool) -> tuple[Load, ...]:
@@ -320,7 +320,7 @@ def test_a_sensor_has_the_last_word_and_knows_no_names() -> None:
     assert seen(loaded=True) == (Load(),)
 
 
-def test_what_a_robot_never_does_is_refused_with_its_reason() -> None:
+def test_an_unavailable_action_is_refused_with_its_reason() -> None:
     away: dict[str, Any] = {
         "actions": {"lift": ActionDeclaration("lift", SCOPES, unavailable="it has no ROS")}
     }

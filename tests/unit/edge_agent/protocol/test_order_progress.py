@@ -28,7 +28,7 @@ def sent(number: int, header_id: int, timestamp: datetime = TIME) -> Order:
 @pytest.mark.clause("6.1.4.4", "6.6/restart")
 @pytest.mark.parametrize("version", RULES)
 @pytest.mark.parametrize("killed", [False, True])
-def test_an_order_that_has_ended_is_not_done_again(version: str, *, killed: bool) -> None:
+def test_an_ended_order_is_not_executed_again(version: str, *, killed: bool) -> None:
     bench = Bench(rules=RULES[version])
     bench.send(sent(1, 1))
     bench.send(sent(2, 2))
@@ -49,7 +49,7 @@ def test_an_order_that_has_ended_is_not_done_again(version: str, *, killed: bool
 
 
 @pytest.mark.clause("6.1.4.4")
-def test_it_is_known_by_its_id_also_under_another_header() -> None:
+def test_it_is_recognised_by_its_id_under_another_header() -> None:
     bench = Bench()
     bench.send(sent(1, 1))
     bench.send(sent(2, 2))
@@ -60,7 +60,7 @@ def test_it_is_known_by_its_id_also_under_another_header() -> None:
 
 
 @pytest.mark.clause("6.1.4.4", "6.6/restart")
-def test_an_order_that_ended_long_ago_is_known_by_its_header() -> None:
+def test_an_order_that_ended_long_ago_is_recognised_by_its_header() -> None:
     bench = Bench()
     last = ENDED_ORDERS_KEPT + 5
     for number in range(last + 1):
@@ -84,7 +84,9 @@ def test_an_order_that_ended_long_ago_is_known_by_its_header() -> None:
         pytest.param(100, TIME, id="header stays the same"),
     ],
 )
-def test_a_new_order_that_is_older_in_one_way_only_is_taken(header_id: int, timestamp: datetime) -> None:
+def test_a_new_order_that_is_older_by_one_criterion_only_is_accepted(
+    header_id: int, timestamp: datetime
+) -> None:
     bench = Bench()
     bench.send(sent(1, 100))
 
@@ -103,7 +105,7 @@ def test_a_counter_that_wraps_is_no_replay() -> None:
 
 
 @pytest.mark.clause("6.1.4.5", "6.1.2/B6")
-def test_the_present_order_may_come_again_and_be_updated() -> None:
+def test_the_current_order_may_be_resent_and_updated() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", released=2))
     bench.send(order("n0", "n1", "n2", released=2))
@@ -118,7 +120,7 @@ def test_the_present_order_may_come_again_and_be_updated() -> None:
     assert (bench.idle, bench.errors) == (True, [])
 
 
-def test_a_refused_order_may_come_again() -> None:
+def test_a_refused_order_may_be_resent() -> None:
     bench = Bench()
     bench.send(order("n5", order_id="o2"))
     assert bench.errors == ["START_NODE_OUT_OF_RANGE"]
@@ -139,7 +141,7 @@ def test_a_timestamp_in_the_future_does_not_lock_out_later_orders() -> None:
 
 
 @pytest.mark.clause("6.1.4.4")
-def test_an_old_order_whose_header_is_above_a_restarted_counter_is_not_done_again() -> None:
+def test_an_old_order_above_a_restarted_counter_is_not_executed_again() -> None:
     bench = Bench()
     bench.send(sent(0, 5000))
     for number in range(1, ENDED_ORDERS_KEPT + 5):
@@ -190,7 +192,7 @@ def test_an_order_service_that_was_replaced_is_not_obeyed(*, killed: bool) -> No
     bench.send(of_epoch(7, sent(3, 101, TIME + MUCH)))
 
     assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
-    assert "of epoch 7, and an order service of epoch 8 has taken over" in str(
+    assert "of epoch 7, but an order service of epoch 8 has taken over" in str(
         bench.state.errors[0].error_description
     )
     assert bench.state.order_id == "o2"
@@ -221,7 +223,7 @@ def test_an_order_service_that_was_replaced_cancels_nothing() -> None:
 
 
 @pytest.mark.parametrize("epoch", [8, None])
-def test_an_order_service_that_takes_over_with_a_clock_that_is_behind_is_obeyed(epoch: int | None) -> None:
+def test_an_order_service_that_takes_over_with_a_slow_clock_is_accepted(epoch: int | None) -> None:
     """Check that an epoch shows that it is no replay; without one the counter does, if it continues."""
     bench = Bench()
     bench.send(of_epoch(epoch and epoch - 1, sent(1, 100)))
@@ -231,7 +233,7 @@ def test_an_order_service_that_takes_over_with_a_clock_that_is_behind_is_obeyed(
     assert (bench.state.order_id, bench.errors) == ("o2", [])
 
 
-def test_within_an_epoch_the_header_tells_a_replay() -> None:
+def test_within_an_epoch_the_header_id_reveals_a_replay() -> None:
     bench = Bench()
     bench.send(of_epoch(7, sent(1, 5)))
 
@@ -253,7 +255,7 @@ def test_an_epoch_far_in_the_future_does_not_lock_the_others_out(far: int) -> No
     assert (bench.state.order_id, bench.errors) == ("o3", [])
 
 
-def test_a_sender_without_epochs_and_times_is_obeyed_after_one_with_epochs() -> None:
+def test_a_sender_without_epochs_and_timestamps_is_accepted_after_one_with_epochs() -> None:
     bench = Bench()
     bench.send(of_epoch(7, sent(1, 5000)))
 
@@ -262,7 +264,7 @@ def test_a_sender_without_epochs_and_times_is_obeyed_after_one_with_epochs() -> 
     assert (bench.state.order_id, bench.errors) == ("o2", [])
 
 
-def test_an_order_from_before_there_were_epochs_is_told_by_its_time() -> None:
+def test_an_order_without_an_epoch_is_recognised_by_its_timestamp() -> None:
     bench = Bench()
     bench.send(of_epoch(7, sent(1, 5, TIME + 2 * MUCH)))
 
@@ -271,7 +273,7 @@ def test_an_order_from_before_there_were_epochs_is_told_by_its_time() -> None:
     assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
 
 
-def test_what_is_remembered_does_not_grow_with_the_length_of_order_ids() -> None:
+def test_the_history_does_not_grow_with_the_length_of_order_ids() -> None:
     history = OrderHistory()
     for number in range(2 * ENDED_ORDERS_KEPT):
         history.end(f"{number}-{'x' * 10_000}")
@@ -314,7 +316,7 @@ def test_it_becomes_shorter_as_the_robot_drives() -> None:
 
 
 @pytest.mark.clause("6.6.2/path")
-def test_the_way_that_is_left_is_measured_from_each_node() -> None:
+def test_the_remaining_distance_is_measured_from_each_node() -> None:
     way = BasePath(order("n0", "n1", "n2", "n3", released=3).nodes[1:])
 
     assert [way.length_from(number) for number in (2, 4, 6, 99)] == [10.0, 0.0, 0.0, 0.0]

@@ -86,7 +86,7 @@ def kinds(effects: list[Any]) -> list[type]:
 @pytest.mark.clause("6.2.3/startHibernation", "6.2.3/shutdown")
 @pytest.mark.parametrize("version", RULES)
 @pytest.mark.parametrize("power", [frozenset(), HIBERNATION, frozenset({"shutdown"}), POWER_ACTIONS])
-def test_a_robot_offers_what_it_is_set_up_for_if_its_version_has_it(
+def test_a_robot_offers_its_configured_actions_if_its_version_has_them(
     version: str, power: frozenset[str]
 ) -> None:
     offered = set(supported_actions(PREDEFINED, RULES[version], power)) & POWER_ACTIONS
@@ -96,7 +96,7 @@ def test_a_robot_offers_what_it_is_set_up_for_if_its_version_has_it(
 
 @pytest.mark.clause("6.2.3/startHibernation")
 @pytest.mark.parametrize("version", IN_3)
-def test_the_order_ends_and_the_robot_stands_before_it_signs_off(version: str) -> None:
+def test_the_order_ends_and_the_robot_stops_before_it_signs_off(version: str) -> None:
     bench = robot(version)
     bench.send(order("n0", "n1", "n2", node_actions={"n2": [action("later", "HARD")]}))
 
@@ -245,7 +245,7 @@ def test_stop_hibernation_also_finishes_at_a_robot_that_is_awake(reach: Callable
 
 
 @pytest.mark.parametrize("stands", [True, False])
-def test_stop_hibernation_revokes_one_that_has_not_begun(*, stands: bool) -> None:
+def test_stop_hibernation_revokes_a_hibernation_that_has_not_started(*, stands: bool) -> None:
     bench = robot()
     bench.send(order("n0", "n1"))
     bench.do(sleep())
@@ -273,7 +273,7 @@ def test_a_second_request_joins_the_first_with_its_own_wake_up_time() -> None:
 
 
 @pytest.mark.parametrize("stands", [True, False])
-def test_a_wake_up_time_that_passes_before_it_sleeps_keeps_it_awake(*, stands: bool) -> None:
+def test_a_wake_up_time_before_hibernation_keeps_the_robot_awake(*, stands: bool) -> None:
     bench = robot()
     bench.send(order("n0", "n1"))
     bench.do(sleep())
@@ -306,7 +306,7 @@ AT_REST = (VelocityReport(0.0, 0.0), GoalTable())
 
 @pytest.mark.clause("6.2.3/startHibernation")
 @pytest.mark.parametrize("motion", MOVED, ids=["drives", "turns", "foreign goal"])
-def test_a_robot_that_moves_without_an_order_hibernates_once_it_rests(motion: Event) -> None:
+def test_a_robot_that_moves_without_an_order_hibernates_at_standstill(motion: Event) -> None:
     bench = robot()
     bench.do(motion, sleep())
     assert (bench.status("s"), bench.core.power) == ("RUNNING", PowerPhase.FALLING_ASLEEP)
@@ -320,7 +320,7 @@ def test_a_robot_that_moves_without_an_order_hibernates_once_it_rests(motion: Ev
 
 @pytest.mark.clause("6.2.3/startHibernation")
 @pytest.mark.parametrize("motion", MOVED, ids=["drives", "turns", "foreign goal"])
-def test_a_robot_that_does_not_come_to_rest_stays_awake(motion: Event) -> None:
+def test_a_robot_that_does_not_stop_moving_stays_awake(motion: Event) -> None:
     bench = robot()
     bench.do(sleep("before"), wake())
     bench.now += 1000.0
@@ -374,7 +374,7 @@ def test_a_wake_up_time_is_judged_by_the_clock_at_its_message() -> None:
 
 @pytest.mark.clause("6.2.3/shutdown")
 @pytest.mark.parametrize("name", ["startHibernation", "stopHibernation", "press", "stateRequest"])
-def test_nothing_starts_behind_a_shutdown_in_one_message(name: str) -> None:
+def test_nothing_starts_after_a_shutdown_in_the_same_message(name: str) -> None:
     bench = robot()
 
     bench.instant(action("d", "NONE", "shutdown"), action("i", "NONE", name, wakeUpTime=AT_SIX))
@@ -417,7 +417,7 @@ def test_a_robot_whose_journal_fails_does_not_hibernate() -> None:
 
 @pytest.mark.clause("6.2.3/startHibernation")
 @pytest.mark.parametrize("stands", [True, False])
-def test_a_journal_that_fails_before_it_hibernates_keeps_it_awake(*, stands: bool) -> None:
+def test_a_journal_failure_before_hibernation_keeps_the_robot_awake(*, stands: bool) -> None:
     bench = robot()
     bench.send(order("n0", "n1"))
     bench.do(sleep())
@@ -441,7 +441,7 @@ def test_a_robot_whose_journal_fails_shuts_down() -> None:
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-def test_a_robot_that_cannot_hibernate_wakes_and_says_why() -> None:
+def test_a_robot_that_cannot_hibernate_wakes_and_reports_the_reason() -> None:
     bench = robot()
     bench.do(sleep(), SignedOff())
 
@@ -461,13 +461,13 @@ def test_a_robot_that_cannot_hibernate_wakes_and_says_why() -> None:
 def test_a_robot_that_cannot_wake_is_awake_anyway() -> None:
     bench = hibernating()
 
-    bench.do(wake(), PowerReport(PowerCommand.WAKE, "wake.sh has not ended in 60 s"))
+    bench.do(wake(), PowerReport(PowerCommand.WAKE, "wake.sh did not end within 60 s"))
 
     assert bench.core.power is PowerPhase.AWAKE
     assert bench.status("w") == "FAILED"
     assert bench.errors == ["POWER_COMMAND_FAILED"]
     (shown,) = (each for each in bench.state.instant_action_states or () if each.action_id == "w")
-    assert shown.action_result == "wake.sh has not ended in 60 s"
+    assert shown.action_result == "wake.sh did not end within 60 s"
 
 
 @pytest.mark.clause("6.2.3/startHibernation", "6.6/restart")
@@ -480,7 +480,7 @@ def test_a_robot_that_cannot_wake_is_awake_anyway() -> None:
         ((SignedOff(), HAS_SLEPT, wake()), PowerPhase.WAKING, [Wake()]),
     ],
 )
-def test_a_restarted_agent_goes_on_hibernating(
+def test_a_restarted_agent_continues_to_hibernate(
     events: tuple[Event, ...], phase: PowerPhase, effects: list[object]
 ) -> None:
     bench = robot()
@@ -511,7 +511,7 @@ def test_a_restart_while_the_order_is_cleared_still_leads_to_sleep() -> None:
 
 
 @pytest.mark.parametrize("events", [(sleep(),), (sleep(), SignedOff()), (sleep(), SignedOff(), wake())])
-def test_a_robot_whose_settings_do_not_offer_hibernation_any_more_is_awake(events: tuple[Event, ...]) -> None:
+def test_a_robot_whose_settings_no_longer_offer_hibernation_is_awake(events: tuple[Event, ...]) -> None:
     bench = robot()
     bench.do(*events)
 
@@ -557,7 +557,7 @@ def test_a_robot_that_is_not_idle_does_not_shut_down(begin: Callable[[Bench], ob
     assert not bench.effects_of(ShutDown)
 
 
-def test_a_robot_that_was_started_again_after_its_shutdown_is_awake() -> None:
+def test_a_robot_that_restarts_after_its_shutdown_is_awake() -> None:
     bench = robot()
     bench.do(shutdown(), SignedOff())
 
@@ -569,7 +569,7 @@ def test_a_robot_that_was_started_again_after_its_shutdown_is_awake() -> None:
     assert again.goals
 
 
-def test_the_last_state_is_sent_again_over_a_new_connection() -> None:
+def test_the_last_state_is_resent_over_a_new_connection() -> None:
     bench = robot()
     bench.do(sleep())
 
@@ -615,7 +615,7 @@ EVENTS = st.sampled_from(
 
 @pytest.mark.clause("6.2.3/startHibernation", "6.5")
 @given(events=st.lists(EVENTS, max_size=25))
-def test_a_sleeping_robot_is_silent_says_when_it_wakes_and_can_always_be_woken(
+def test_a_hibernating_robot_is_silent_and_can_always_be_woken(
     events: list[Event | None],
 ) -> None:
     bench = robot()

@@ -29,7 +29,7 @@ def knowledge(*assigned: TransportOrder) -> tuple[OrderKnowledge, KnownCosts, Or
     return known, costs, fit, context.registry
 
 
-def test_costs_are_those_of_the_destinations_that_are_left() -> None:
+def test_costs_cover_only_remaining_destinations() -> None:
     known, *_ = knowledge()
     order = dispatchable_order("B", "C")
     assert known.cost(order, "V1") == (4000, 1000)
@@ -39,7 +39,7 @@ def test_costs_are_those_of_the_destinations_that_are_left() -> None:
     assert known.cost(begun, "V2").complete == 0
 
 
-def test_vehicles_that_are_still_to_come_to_the_destinations_are_counted() -> None:
+def test_outstanding_visits_to_destinations_are_counted() -> None:
     fetched = assigned_order("B", "C", number=2).drive_order_finished(0, NOW)
     known, *_ = knowledge(fetched, assigned_order("B", "C", number=3))
 
@@ -48,31 +48,31 @@ def test_vehicles_that_are_still_to_come_to_the_destinations_are_counted() -> No
     assert known.crowd(dispatchable_order("A")) == 0
 
 
-def test_resources_to_avoid_and_a_missing_way_are_told() -> None:
+def test_resources_to_avoid_and_a_missing_route_are_reported() -> None:
     known, costs, _, _ = knowledge()
     order = dispatchable_order("C", properties=[{"key": "tcs:resourcesToAvoid", "value": "B"}])
     assert known.cost(order, "V1").complete == inf
-    assert "without 'B'" in known.why_no_way(order, "V1")
+    assert "without 'B'" in known.why_no_route(order, "V1")
     costs.forget()
-    assert "No route from 'C'" in known.why_no_way(dispatchable_order("A"), "V2")
+    assert "No route from 'C'" in known.why_no_route(dispatchable_order("A"), "V2")
 
 
-def test_automatic_orders_ask_for_no_type() -> None:
+def test_automatic_orders_require_no_type() -> None:
     known, _, fit, registry = knowledge()
     vehicle = registry.named("V1")
     assert vehicle
     fit.accept(vehicle, (AcceptableOrderType(name="Transport"),))
-    assert "accepts no orders of type 'Park'" in known.misfit(dispatchable_order(type="Park"), "V1")
+    assert "accepts no orders of type 'Park'" in known.why_unsuitable(dispatchable_order(type="Park"), "V1")
     asked = park_request("V1", "A")
     own = TransportOrder.created(asked, number=1, name="Park-1", now=NOW, automatic=True)
-    assert known.misfit(own, "V1") == ""
+    assert known.why_unsuitable(own, "V1") == ""
     of_a_host = dispatchable_order(type="Park", name="Park-1", intended_vehicle="V1")
-    assert "accepts no orders of type 'Park'" in known.misfit(of_a_host, "V1")
+    assert "accepts no orders of type 'Park'" in known.why_unsuitable(of_a_host, "V1")
     assert known.recharges(dispatchable_order("A:Charge"))
     assert not known.recharges(dispatchable_order("A"))
 
 
-def test_what_an_order_begins_with_picking_up_is_what_comes_before_any_drop() -> None:
+def test_the_first_pick_of_an_order_precedes_any_drop() -> None:
     known, *_ = knowledge()
     assert known.pick(dispatchable_order("A", "B:Load", "C:Unload")) == Pick()
     assert known.pick(dispatchable_order("A", "C:Unload", "B:Load")) is None

@@ -36,7 +36,7 @@ async def under_way(store: MemoryStore, fleet: ScriptedFleet, ahead: int) -> Eng
     return engine
 
 
-async def test_without_limits_the_whole_way_is_the_base() -> None:
+async def test_without_limits_the_whole_route_is_the_base() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
     await under_way(store, fleet, 0)
     fleet.pass_node("V1", 0)
@@ -50,9 +50,7 @@ async def test_without_limits_the_whole_way_is_the_base() -> None:
     ("speed_mm_s", "released"),
     [(1000, ["A", "B", "C"]), (1500, ["A", "B", "C", "D"])],  # 1 m and 1.5 m behind the next node
 )
-async def test_the_base_is_as_long_as_a_robot_drives_in_a_second(
-    speed_mm_s: int, released: list[str]
-) -> None:
+async def test_the_base_covers_the_distance_driven_in_a_second(speed_mm_s: int, released: list[str]) -> None:
     vehicles = (Vehicle(name="V1", max_velocity_mm_s=speed_mm_s),)
     fleet, settings = ScriptedFleet({}), EngineSettings(default_map_id="map")
     plant = PLANT.model_copy(update={"vehicles": vehicles})
@@ -64,7 +62,7 @@ async def test_the_base_is_as_long_as_a_robot_drives_in_a_second(
     assert len(fleet.sent[0][1].nodes) == 5
 
 
-async def test_a_robot_that_wants_more_base_gets_one_node_more() -> None:
+async def test_a_new_base_request_extends_the_base_by_one_node() -> None:
     fleet, settings = ScriptedFleet({}), EngineSettings(default_map_id="map")
     engine = await make_engine(PLANT, MemoryStore(), fleet, settings=settings)
     fleet.appear("V1", "A")
@@ -74,7 +72,7 @@ async def test_a_robot_that_wants_more_base_gets_one_node_more() -> None:
     assert [base(vda_order) for _, vda_order in fleet.extended] == [["A", "B", "C", "D"]]
 
 
-async def test_so_many_nodes_are_released_ahead_of_the_robot() -> None:
+async def test_release_ahead_nodes_are_released_ahead_of_the_robot() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
     await under_way(store, fleet, 2)
     assert [base(vda_order) for _, vda_order in fleet.sent] == [["A", "B", "C"]]
@@ -89,7 +87,7 @@ async def test_so_many_nodes_are_released_ahead_of_the_robot() -> None:
     ]
 
 
-async def test_a_robot_that_wants_more_before_gets_more() -> None:
+async def test_an_early_new_base_request_extends_the_base() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
     await under_way(store, fleet, 1)
 
@@ -98,7 +96,7 @@ async def test_a_robot_that_wants_more_before_gets_more() -> None:
     assert [base(vda_order) for _, vda_order in fleet.extended] == [["A", "B", "C"]]
 
 
-async def test_a_withdrawn_order_is_given_no_more() -> None:
+async def test_the_base_of_a_withdrawn_order_is_not_extended() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
     engine = await under_way(store, fleet, 1)
     (number,) = [order.number for order in store.found.orders]
@@ -110,7 +108,7 @@ async def test_a_withdrawn_order_is_given_no_more() -> None:
     assert fleet.extended == []
 
 
-async def test_after_a_restart_the_robot_goes_on_with_what_it_was_given() -> None:
+async def test_after_a_restart_the_robot_continues_its_order() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
     await under_way(store, fleet, 1)
     fleet.pass_node("V1", 1)
@@ -125,7 +123,7 @@ async def test_after_a_restart_the_robot_goes_on_with_what_it_was_given() -> Non
     assert [base(vda_order) for _, vda_order in again.extended] == [["A", "B", "C", "D", "E"]]
 
 
-async def test_a_robot_is_sent_no_speeds_that_the_plant_model_does_not_give() -> None:
+async def test_a_robot_is_sent_only_speeds_of_the_plant_model() -> None:
     paths = (path("A B", max_velocity_mm_s=300), path("B C"), path("C D", max_velocity_mm_s=800))
     vehicle = Vehicle(name="V1", max_reverse_velocity_mm_s=200)
     fleet = ScriptedFleet({})
@@ -142,7 +140,7 @@ async def test_a_robot_is_sent_no_speeds_that_the_plant_model_does_not_give() ->
 
 
 @pytest.mark.parametrize(("sent", "speeds"), [(True, [0.3, 0.6]), (False, [None, None])])
-async def test_a_robot_is_sent_how_fast_it_may_drive(sent: bool, speeds: list[float | None]) -> None:  # noqa: FBT001
+async def test_a_robot_is_sent_its_speed_limits(sent: bool, speeds: list[float | None]) -> None:  # noqa: FBT001
     store, fleet = MemoryStore(), ScriptedFleet({})
     paths = (path("A B", max_velocity_mm_s=300), path("B C", max_velocity_mm_s=800))
     slow = Vehicle(name="V1", max_velocity_mm_s=600)
@@ -176,7 +174,7 @@ def reason(engine: Engine, name: str) -> str:
     return status_of(engine, name).reason
 
 
-async def test_what_one_robot_holds_another_one_waits_for_and_says_so() -> None:
+async def test_a_robot_waits_for_resources_of_another_with_a_reason() -> None:
     fleet = ScriptedFleet({"V1": "A", "V2": "C"})
     engine = await two(MemoryStore(), fleet)
     engine.create(request("D", intendedVehicle="V2"), "T-2")
@@ -216,7 +214,7 @@ async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> No
     assert status_of(restarted, "T-1").state.final
 
 
-async def test_an_evasion_that_fails_is_tried_again_later() -> None:
+async def test_a_failed_evasion_is_retried_later() -> None:
     fleet = ScriptedFleet({"V1": "A", "V2": "B"})
     engine = await two(MemoryStore(), fleet)
     engine.create(request("C", intendedVehicle="V1"), "T-1")
@@ -229,7 +227,7 @@ async def test_an_evasion_that_fails_is_tried_again_later() -> None:
     assert [robot for robot, _ in fleet.sent] == ["V2", "V2"]
 
 
-async def test_a_regular_withdrawal_lets_the_robot_drive_to_the_end_of_its_base() -> None:
+async def test_a_regular_withdrawal_ends_at_the_end_of_the_base() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
     engine = await under_way(store, fleet, 2)
     (order,) = store.found.orders
@@ -244,7 +242,7 @@ async def test_a_regular_withdrawal_lets_the_robot_drive_to_the_end_of_its_base(
     assert reason(engine, "T-1").startswith("withdrawn")
 
 
-async def test_what_was_not_sent_is_withdrawn_at_once() -> None:
+async def test_unsent_orders_are_withdrawn_at_once() -> None:
     fleet = ScriptedFleet({"V1": "A", "V2": "B"})
     engine = await two(MemoryStore(), fleet)
     order = engine.create(request("C", intendedVehicle="V1"), "T-1")
@@ -253,7 +251,7 @@ async def test_what_was_not_sent_is_withdrawn_at_once() -> None:
     engine.withdraw(order.number, "no longer wanted")
 
     assert reason(engine, "T-1") == "withdrawn before the vehicle had started: no longer wanted"
-    assert engine.status(engine.registry.discover(key("V1"))).reason == "idle: no order waits"
+    assert engine.status(engine.registry.discover(key("V1"))).reason == "idle: no waiting orders"
 
 
 async def test_a_cancelled_robot_keeps_what_it_held_until_it_is_seen_standing() -> None:
@@ -275,7 +273,7 @@ async def test_a_cancelled_robot_keeps_what_it_held_until_it_is_seen_standing() 
     assert fleet.finish("V2")
 
 
-async def test_a_robot_that_is_lost_is_driven_around_by_who_was_on_its_way_already() -> None:
+async def test_vehicles_under_way_drive_around_a_lost_robot() -> None:
     ring = PlantModel(
         name="ring",
         points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDEFG")),

@@ -37,13 +37,13 @@ def test_each_failure_takes_the_next_measure() -> None:
     assert measures(*[blocked] * 5) == [M.RETRY, M.RETRY, M.REPLAN, M.OTHER_VEHICLE, M.HOLD]
 
 
-def test_what_makes_no_sense_is_passed_over() -> None:
+def test_inapplicable_measures_are_skipped() -> None:
     failed = Situation(K.ACTION, begun=True)
 
     assert measures(*[failed] * 4) == [M.RETRY, M.RETRY, M.OTHER_VEHICLE, M.SKIP]
 
 
-def test_a_policy_that_is_used_up_or_empty_fails() -> None:
+def test_an_exhausted_or_empty_policy_fails() -> None:
     assert measures(*[Situation(K.DRIVE)] * 3, policy=POLICY[:1]) == [M.RETRY, M.RETRY, M.FAIL]
     assert measures(Situation(K.DRIVE), policy=()) == [M.FAIL]
 
@@ -52,7 +52,7 @@ def test_a_policy_that_is_used_up_or_empty_fails() -> None:
     ("situation", "measure", "why"),
     [
         (Situation(K.UNFIT), M.RETRY, "cannot execute it"),
-        (Situation(K.NO_WAY), M.RETRY, "no route again"),
+        (Situation(K.NO_WAY), M.RETRY, "still be no route"),
         (Situation(K.ACTION), M.REPLAN, "the drive has not failed"),
         (Situation(K.DRIVE, other_way=False), M.REPLAN, "no other route"),
         (Situation(K.DRIVE, carrying=True), M.OTHER_VEHICLE, "carries a load"),
@@ -63,14 +63,14 @@ def test_a_policy_that_is_used_up_or_empty_fails() -> None:
         (Situation(K.LOST, begun=True), M.RETRY, "unknown"),
     ],
 )
-def test_it_says_why_a_measure_is_not_taken(situation: Situation, measure: M, why: str) -> None:
+def test_skipped_measures_are_explained(situation: Situation, measure: M, why: str) -> None:
     decision = decide([FailureStep(do=measure)], 0, situation)
 
     assert decision.step.do is M.FAIL
     assert [words for words in decision.passed_over if words.startswith(f"no {measure}: ") and why in words]
 
 
-def test_a_way_that_may_be_there_again_later_is_tried_later() -> None:
+def test_a_route_that_may_reappear_is_retried_later() -> None:
     assert measures(Situation(K.NO_WAY), policy=(FailureStep(do=M.RETRY, after=5),)) == [M.RETRY]
 
 
@@ -87,7 +87,7 @@ SITUATIONS = st.builds(
 
 
 @given(STEPS, st.lists(SITUATIONS, min_size=40, max_size=40))
-def test_measures_end_and_never_do_what_must_not_be_done(
+def test_measures_are_finite_and_never_forbidden(
     policy: list[FailureStep], situations: list[Situation]
 ) -> None:
     taken = 0
@@ -125,5 +125,5 @@ def stops(*parts: tuple[str, S]) -> list[DriveOrderStatus]:
         ([("Load", S.FINISHED), ("Unload", S.OPERATING)], None, True),
     ],
 )
-def test_what_a_vehicle_carries(parts: list[tuple[str, S]], reported: bool | None, carrying: bool) -> None:  # noqa: FBT001 - an example
+def test_is_carrying(parts: list[tuple[str, S]], reported: bool | None, carrying: bool) -> None:  # noqa: FBT001 - an example
     assert is_carrying(stops(*parts), picks=["Load"], drops=["Unload"], reported=reported) is carrying

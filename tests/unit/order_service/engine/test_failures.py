@@ -45,7 +45,7 @@ def way(vda_order: VdaOrder) -> list[str]:
     return [node.node_id for node in vda_order.nodes]
 
 
-async def test_a_drive_is_tried_again_and_then_another_way() -> None:
+async def test_a_failed_drive_is_retried_then_replanned() -> None:
     engine, fleet = await make_two()
     policy = [{"do": "RETRY"}, {"do": "REPLAN"}, {"do": "REPLAN"}]
     engine.create(request("C", onFailure=policy, intendedVehicle="V1"), "T")
@@ -66,12 +66,12 @@ async def test_a_drive_is_tried_again_and_then_another_way() -> None:
     assert status_of(engine).reason == "wheel lost: FATAL wheel (no REPLAN: there is no other route)"
 
 
-async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> None:
+async def test_a_retry_delay_is_reported_and_survives_a_restart() -> None:
     store = MemoryStore()
     engine, fleet = await make_two(store)
     engine.create(request("C", onFailure=[{"do": "RETRY", "after": 60}]), "T")
     fleet.fail("V1")
-    assert "but its next try is at" in status_of(engine).reason
+    assert "but it retries at" in status_of(engine).reason
     now = engine.clock.now()
 
     again, fleet = await make_two(store)
@@ -87,7 +87,7 @@ async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> N
     assert status_of(again).state is S.FINISHED
 
 
-async def test_another_vehicle_goes_on_and_the_first_one_never_gets_it_again() -> None:
+async def test_another_vehicle_continues_and_the_first_never_gets_the_order_again() -> None:
     engine, fleet = await make_two()
     engine.create(request("B", "C", onFailure=[{"do": "OTHER_VEHICLE", "times": 2}]), "T")
     fleet.finish("V1")
@@ -119,7 +119,7 @@ async def test_a_loaded_vehicle_keeps_its_order() -> None:
     assert "no other one can continue" in status_of(engine).reason
 
 
-async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehicle() -> None:
+async def test_a_pick_begun_by_an_earlier_attempt_keeps_the_order_on_its_vehicle() -> None:
     engine, fleet = await make_two()
     policy = [{"do": "RETRY"}, {"do": "OTHER_VEHICLE"}, {"do": "HOLD"}]
     engine.create(
@@ -137,7 +137,7 @@ async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehic
     assert "no other one can continue" in status_of(engine).reason
 
 
-async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:
+async def test_an_operation_is_skipped_if_the_destination_allows_it() -> None:
     engine, fleet = await make_two()
     stops = [
         {"locationName": "L", "operation": "Wash", "onFailure": [{"do": "SKIP"}]},
@@ -153,14 +153,14 @@ async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:
     assert [each.state for each in status_of(engine).drive_orders] == ["FAILED", "FAILED"]
 
 
-async def test_the_last_operation_is_left_out_and_the_order_is_done() -> None:
+async def test_skipping_the_last_operation_finishes_the_order() -> None:
     engine, fleet = await make_two()
     engine.create(request("L:Wash", onFailure=[{"do": "SKIP"}]), "T")
     fleet.fail_operation("V1")
     assert (status_of(engine).state, fleet.missions) == (S.FINISHED, {})
 
 
-async def test_after_a_failure_a_person_lets_it_go_on() -> None:
+async def test_after_a_failure_an_operator_resumes_it() -> None:
     store = MemoryStore()
     engine, fleet = await make_two(store)
     order = engine.create(request("C", onFailure=[{"do": "HOLD"}]), "T")
@@ -181,7 +181,7 @@ async def test_after_a_failure_a_person_lets_it_go_on() -> None:
     assert status_of(again).held
 
 
-async def test_the_setting_counts_where_the_order_says_nothing() -> None:
+async def test_the_setting_is_the_default_for_orders() -> None:
     fleet = ScriptedFleet({"V1": "A"})
     policy = request("A", onFailure=[{"do": "HOLD"}]).on_failure
     assert policy
@@ -210,7 +210,7 @@ async def test_an_order_ends_whatever_fails_and_however_often(kind: FailureKind)
     assert len(ids) == len(set(ids))
 
 
-async def test_a_way_that_is_locked_in_between_is_waited_for() -> None:
+async def test_a_route_locked_meanwhile_is_waited_for() -> None:
     engine, fleet = await make(MemoryStore(), V1="F")
     engine.create(request("G", "H", onFailure=[{"do": "RETRY", "times": 2, "after": 10}]), "T")
     engine.context.finder.set_locks({"G --- H": True})

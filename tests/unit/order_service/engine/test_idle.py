@@ -54,14 +54,14 @@ def made(engine: Engine, kind: str) -> list[TransportOrder]:
     return [each for each in engine.state.orders.unfinished() if each.status.type == kind]
 
 
-async def test_nobody_is_sent_anywhere_unless_that_is_switched_on() -> None:
+async def test_idle_vehicles_stay_unless_enabled() -> None:
     engine, fleet = await make({"V1": "A"}, charge=10, energy={"respected": True})
     later(engine, 60)
     assert fleet.sent == []
     assert reason_of(engine) == "must recharge first: critical energy (at most 30 %)"
 
 
-async def test_idle_vehicles_park_at_places_of_their_own() -> None:
+async def test_idle_vehicles_park_at_different_positions() -> None:
     engine, fleet = await make({"V1": "A", "V2": "B"})
     later(engine, 1)
     assert {each.name.partition("-")[0] for each in made(engine, "Park")} == {"Park"}
@@ -82,15 +82,15 @@ async def test_a_vehicle_parks_only_after_it_was_idle_for_the_delay() -> None:
     assert len(fleet.sent) == 1
 
 
-async def test_who_cannot_park_says_so() -> None:
+async def test_a_vehicle_that_cannot_park_has_a_reason() -> None:
     engine, fleet = await make({"V1": "P", "V2": "Q", "V3": "A"})
     later(engine, 1)
     assert fleet.sent == []
-    assert reason_of(engine, "V1").endswith("no order waits")
+    assert reason_of(engine, "V1").endswith("no waiting orders")
     assert reason_of(engine, "V3").endswith("it should park, but no reachable parking position is free")
 
 
-async def test_parking_gives_way_to_an_order_that_waits() -> None:
+async def test_parking_gives_way_to_a_waiting_order() -> None:
     engine, fleet = await make({"V1": "A"})
     later(engine, 1)
     park = made(engine, "Park")[0]
@@ -108,7 +108,7 @@ async def test_parking_gives_way_to_an_order_that_waits() -> None:
     assert [vda_order.order_id for _, vda_order in fleet.sent][-1] == "T-0"
 
 
-async def test_a_vehicle_that_gives_up_an_order_is_kept_for_the_one_that_wanted_it() -> None:
+async def test_a_vehicle_that_gives_up_an_order_is_reserved_for_the_new_one() -> None:
     engine, fleet = await make({"V1": "A"})
     later(engine, 1)
     engine.create(request("C"), "T")
@@ -117,7 +117,7 @@ async def test_a_vehicle_that_gives_up_an_order_is_kept_for_the_one_that_wanted_
     assert [vda_order.order_id for _, vda_order in fleet.sent][-1] == "T-0"
 
 
-async def test_a_vehicle_that_was_kept_parks_again_when_nothing_waits_any_more() -> None:
+async def test_a_vehicle_parks_again_after_its_reserved_order() -> None:
     engine, fleet = await make({"V1": "A"})
     later(engine, 1)
     engine.create(request("C"), "T")
@@ -127,7 +127,7 @@ async def test_a_vehicle_that_was_kept_parks_again_when_nothing_waits_any_more()
     assert fleet.sent[-1][1].order_id.startswith("Park-")
 
 
-async def test_a_vehicle_is_kept_for_no_order_that_is_held() -> None:
+async def test_no_vehicle_is_reserved_for_a_held_order() -> None:
     engine, fleet = await make({"V1": "A"})
     later(engine, 1)
     engine.create(request("C"), "T")
@@ -139,7 +139,7 @@ async def test_a_vehicle_is_kept_for_no_order_that_is_held() -> None:
     assert fleet.sent[-1][1].order_id == "U-0"
 
 
-async def test_an_order_does_not_wait_for_a_vehicle_that_is_lost_meanwhile() -> None:
+async def test_an_order_does_not_wait_for_a_vehicle_that_gets_lost() -> None:
     engine, fleet = await make({"V1": "A"})
     later(engine, 1)
     engine.create(request("C"), "T")
@@ -148,7 +148,7 @@ async def test_an_order_does_not_wait_for_a_vehicle_that_is_lost_meanwhile() -> 
     assert [(name, vda_order.order_id) for name, vda_order in fleet.sent][-1] == ("V2", "T-0")
 
 
-async def test_low_energy_is_recharged_and_nothing_else_is_done() -> None:
+async def test_a_vehicle_with_low_energy_only_recharges() -> None:
     engine, fleet = await make({"V1": "A"}, charge=20)
     engine.create(request("C"), "T")
     later(engine, 1)
@@ -168,7 +168,7 @@ async def test_low_energy_is_recharged_and_nothing_else_is_done() -> None:
     assert fleet.sent[-1][1].order_id == "T-0"
 
 
-async def test_a_vehicle_that_recharges_inside_of_its_order_is_told_to_cancel() -> None:
+async def test_a_vehicle_recharging_within_its_order_is_sent_cancel_order() -> None:
     engine, fleet = await make({"V1": "D"}, charge=80)
     later(engine, 1)
     recharge = made(engine, "Charge")[0]
@@ -181,7 +181,7 @@ async def test_a_vehicle_that_recharges_inside_of_its_order_is_told_to_cancel() 
     assert fleet.sent[-1][1].order_id == "T-0"
 
 
-async def test_an_order_of_a_host_is_never_called_away_whatever_its_name_and_type() -> None:
+async def test_a_hosts_order_never_gives_way_whatever_its_name_and_type() -> None:
     engine, fleet = await make({"V1": "D"}, charge=95)
     asked = request("D:Charge", type="Charge", intended_vehicle="V1")
     order = engine.create(asked, "Recharge-1")
@@ -191,7 +191,7 @@ async def test_an_order_of_a_host_is_never_called_away_whatever_its_name_and_typ
     assert engine.state.orders.get(order.number).state is S.BEING_PROCESSED
 
 
-async def test_a_charger_that_is_held_in_vain_is_asked_for_where_energy_is_critical() -> None:
+async def test_an_idly_occupied_charger_is_requested_when_energy_is_critical() -> None:
     engine, fleet = await make({"V1": "A", "V2": "D"})
     fleet.fields["V2"] = power(99, charging=True)
     fleet.fields["V1"] = power(60)
@@ -203,7 +203,7 @@ async def test_a_charger_that_is_held_in_vain_is_asked_for_where_energy_is_criti
     assert [each.status.intended_vehicle for each in made(engine, "Charge")] == ["V1"]
 
 
-async def test_orders_of_one_kind_are_not_made_all_the_time() -> None:
+async def test_automatic_orders_are_not_created_continuously() -> None:
     engine, fleet = await make({"V1": "A"})
     later(engine, 1)
     fleet.fail("V1")
@@ -213,7 +213,7 @@ async def test_orders_of_one_kind_are_not_made_all_the_time() -> None:
     assert len(made(engine, "Park")) == 1
 
 
-async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_host_has_work_for_it() -> None:
+async def test_others_make_room_for_parking_a_limited_number_of_times() -> None:
     places = {"V1": "B", "V2": "A", "V3": "Q"}
     engine, fleet = await make(places, parking=BOTH["parking"], energy={"respected": True})
     fleet.fields["V2"] = power(10)  # it may not even park, and is in the way of who does

@@ -40,7 +40,7 @@ def pose(x: float, y: float = 0.0, *, localized: bool = True, map_id: str = "map
     return {"mobile_robot_position": place}
 
 
-async def test_a_robot_holds_what_it_stands_on_and_lets_go_of_what_it_left() -> None:
+async def test_a_robot_holds_its_position_and_frees_what_it_left() -> None:
     engine, fleet = await make(V1="A")
     assert held(engine, "V1") == {"A"}
 
@@ -48,7 +48,7 @@ async def test_a_robot_holds_what_it_stands_on_and_lets_go_of_what_it_left() -> 
     assert held(engine, "V1") == {"C"}
 
 
-async def test_a_robot_that_says_nothing_of_its_place_keeps_what_it_holds() -> None:
+async def test_a_robot_without_a_position_keeps_its_resources() -> None:
     engine, fleet = await make(V1="A")
 
     fleet.fields["V1"] = pose(9.0, localized=False)
@@ -60,7 +60,7 @@ async def test_a_robot_that_says_nothing_of_its_place_keeps_what_it_holds() -> N
     assert held(engine, "V1") == {"A"}
 
 
-async def test_a_robot_beside_its_point_holds_the_path_under_it_and_comes_to_the_point_first() -> None:
+async def test_a_robot_beside_its_point_holds_the_path_and_drives_to_the_point_first() -> None:
     engine, fleet = await make(V2="A")
     fleet.fields["V1"] = pose(6.2, 0.1)
     fleet.appear("V1", "B")
@@ -84,7 +84,7 @@ async def test_a_robot_off_the_plant_holds_nothing_until_it_drives_there() -> No
     assert held(engine, "V1") == {"B", "B --- C", "C"}
 
 
-async def test_a_robot_that_is_driven_by_hand_keeps_where_it_was_until_it_stands() -> None:
+async def test_a_manually_driven_robot_keeps_its_resources_until_it_stands() -> None:
     engine, fleet = await make(V1="A")
     fleet.fields["V1"] = {"driving": True, "operating_mode": "MANUAL"}
     fleet.out_of_order.add("V1")
@@ -96,7 +96,7 @@ async def test_a_robot_that_is_driven_by_hand_keeps_where_it_was_until_it_stands
     assert held(engine, "V1") == {"B"}
 
 
-async def test_two_robots_on_one_point_are_told_of_and_can_leave() -> None:
+async def test_two_robots_on_one_point_are_reported_and_can_leave() -> None:
     engine, fleet = await make(V1="A", V2="A")
     assert reason_of(engine, "V1").endswith("stands on 'A' together with V2")
 
@@ -105,7 +105,7 @@ async def test_two_robots_on_one_point_are_told_of_and_can_leave() -> None:
     assert "together" not in reason_of(engine, "V1")
 
 
-async def test_a_robot_unknown_to_the_plant_is_kept_away_from_on_the_plants_map_only() -> None:
+async def test_a_robot_unknown_to_the_plant_holds_resources_only_on_the_plants_map() -> None:
     engine, fleet = await make()
     fleet.fields["stranger"] = pose(0.0)
     fleet.appear("stranger", "A")
@@ -150,7 +150,7 @@ async def test_a_respected_robot_gets_no_orders_and_is_kept_away_from() -> None:
     assert [robot for robot, _ in fleet.sent] == ["V1"]
 
 
-async def test_a_restart_keeps_the_place_of_a_robot_that_the_plant_does_not_know() -> None:
+async def test_a_restart_keeps_the_position_of_a_robot_unknown_to_the_plant() -> None:
     store = MemoryStore()
     _, fleet = await make(store, V1="D")
     fleet.fields["stranger"] = pose(4.0)
@@ -177,7 +177,7 @@ async def test_a_restart_keeps_the_place_of_a_robot_that_the_plant_does_not_know
     assert "stranger" not in again.traffic
 
 
-async def test_a_robot_at_an_order_that_nobody_knows_here_says_which() -> None:
+async def test_a_robot_with_an_unknown_order_names_it() -> None:
     engine, fleet = await make(V1="A")
     left = ({"node_id": "B", "sequence_id": 2, "released": False},)
     fleet.fields["V1"] = {"order_id": "lost-0", "node_states": left}
@@ -186,4 +186,4 @@ async def test_a_robot_at_an_order_that_nobody_knows_here_says_which() -> None:
 
     fleet.fields["V1"] = {"order_id": "lost-0"}
     fleet.appear("V1", "A")
-    assert "idle: no order waits" in reason_of(engine, "V1")
+    assert "idle: no waiting orders" in reason_of(engine, "V1")

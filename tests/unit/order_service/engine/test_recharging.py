@@ -49,7 +49,7 @@ def choose(
         model,
         cost=lambda name: (COSTS if costs is None else costs).get(name, inf),
         taken=lambda name: name in taken,
-        held_in_vain=lambda name: name in in_vain,
+        idly_occupied=lambda name: name in in_vain,
     )
 
 
@@ -76,12 +76,12 @@ def test_a_vehicle_may_recharge_by_an_operation_of_its_own() -> None:
     assert choose(requests=route_request(VDA5050_RECHARGE_OPERATION, "Hum")) == Recharging("coil", "Hum")
 
 
-def test_a_place_that_is_held_in_vain_is_taken_where_none_is_free() -> None:
+def test_an_idly_occupied_location_is_chosen_if_none_is_free() -> None:
     assert choose("ABC").reason == "each recharge location is taken"
     assert choose("ABC", in_vain="C").location == "far"
     assert choose("AB", in_vain="AB").location == "far"
 
 
 @pytest.mark.parametrize("costs", [{}, {"D": 1.0}])
-def test_why_nobody_can_recharge_is_said(costs: dict[str, float]) -> None:
+def test_the_reason_why_no_vehicle_can_recharge_is_reported(costs: dict[str, float]) -> None:
     assert choose(costs=costs).reason == "there is no reachable recharge location"

@@ -55,7 +55,7 @@ async def before(store: MemoryStore, ahead: int = 1) -> None:
     fleet.accept("V1")
 
 
-async def test_what_was_given_is_held_before_anything_is_heard() -> None:
+async def test_granted_resources_are_held_before_any_report() -> None:
     store = MemoryStore()
     await before(store)
 
@@ -65,7 +65,7 @@ async def test_what_was_given_is_held_before_anything_is_heard() -> None:
     assert held(engine, "V2") == ["E"]
 
 
-async def test_nothing_is_given_before_each_robot_was_heard() -> None:
+async def test_no_base_is_extended_before_all_robots_have_reported() -> None:
     store = MemoryStore()
     await before(store)
     fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V1", "V2"})
@@ -77,7 +77,7 @@ async def test_nothing_is_given_before_each_robot_was_heard() -> None:
     engine.create(request("D", intendedVehicle="V1"), "T-2")
     assert fleet.extended == []
     reason = status_of(engine, "T-1").reason
-    assert reason.endswith("but it waits after the start for the state of V2")
+    assert reason.endswith("but it waits for the first state of V2")
 
     fleet.mute.clear()
     fleet.appear("V2", "D")
@@ -87,7 +87,7 @@ async def test_nothing_is_given_before_each_robot_was_heard() -> None:
     ]
 
 
-async def test_a_robot_that_never_speaks_again_keeps_its_place() -> None:
+async def test_a_robot_that_stays_silent_keeps_its_resources() -> None:
     store = MemoryStore()
     await before(store)
     fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V2"})
@@ -103,7 +103,7 @@ async def test_a_robot_that_never_speaks_again_keeps_its_place() -> None:
     assert held(engine, "V2") == ["E"]
 
 
-async def test_who_broke_off_has_to_be_seen_standing_and_keeps_what_it_may_be_on() -> None:
+async def test_breaking_off_keeps_possible_positions_until_seen_standing() -> None:
     store = MemoryStore()
     await before(store, ahead=0)
     fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V1", "V2"})
@@ -136,7 +136,7 @@ async def test_who_broke_off_has_to_be_seen_standing_and_keeps_what_it_may_be_on
     assert last.traffic.beside("V1") is None
 
 
-async def test_a_path_locked_before_each_robot_was_heard_gives_nobody_anything() -> None:
+async def test_a_path_lock_before_all_robots_report_grants_nothing() -> None:
     store = MemoryStore()
     await before(store)
     fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V1", "V2"})
@@ -154,7 +154,7 @@ async def test_a_path_locked_before_each_robot_was_heard_gives_nobody_anything()
     assert [robot for robot, _ in fleet.extended] == ["V1"]
 
 
-async def test_places_that_the_plant_has_no_more_are_forgotten() -> None:
+async def test_points_and_paths_removed_from_the_plant_are_dropped() -> None:
     store = MemoryStore()
     await before(store)
     smaller = PlantModel(
@@ -170,7 +170,7 @@ async def test_places_that_the_plant_has_no_more_are_forgotten() -> None:
 @pytest.mark.parametrize(
     "plant", [with_vehicles(V1="Truck", V2="V2"), with_vehicles(V1="V2", V2="V1")], ids=["new", "swapped"]
 )
-async def test_an_order_stays_with_its_robot_that_is_called_otherwise_since(plant: PlantModel) -> None:
+async def test_an_order_stays_with_its_renamed_robot(plant: PlantModel) -> None:
     store = MemoryStore()
     await before(store, ahead=0)
     now_called = plant.vehicles[0].name
@@ -192,7 +192,7 @@ async def test_an_order_stays_with_its_robot_that_is_called_otherwise_since(plan
     assert status_of(engine, "T-1").reason == f"done by vehicle {now_called}"
 
 
-async def test_an_order_of_a_robot_that_is_no_vehicle_any_more_is_held_and_ends() -> None:
+async def test_an_order_of_a_removed_vehicle_is_held_and_ends() -> None:
     store = MemoryStore()
     await before(store, ahead=0)
     fleet = ScriptedFleet({"V1": "A", "V2": "E"})
@@ -207,7 +207,7 @@ async def test_an_order_of_a_robot_that_is_no_vehicle_any_more_is_held_and_ends(
     assert status_of(engine, "T-1").reason == "vehicle 'V1' no longer exists"
 
 
-async def test_an_order_of_which_nothing_was_sent_is_not_done_by_a_robot_that_works_on_another() -> None:
+async def test_an_unsent_order_is_not_executed_by_a_robot_with_another_order() -> None:
     store = MemoryStore()
     await before(store, ahead=0)
     fleet = ScriptedFleet({"V1": "A", "V2": "E"})
@@ -238,7 +238,7 @@ async def test_an_order_of_which_nothing_was_sent_is_not_done_by_a_robot_that_wo
     ],
     ids=["new", "swapped", "its name is another's"],
 )
-async def test_a_held_order_goes_on_with_the_robot_that_began_it(plant: PlantModel, robot: str) -> None:
+async def test_a_held_order_continues_on_its_robot(plant: PlantModel, robot: str) -> None:
     store = MemoryStore()
     fleet = ScriptedFleet({"V1": "A", "V2": "E"})
     engine = await make_engine(PLANT, store, fleet)
@@ -265,7 +265,7 @@ async def test_a_held_order_goes_on_with_the_robot_that_began_it(plant: PlantMod
 @pytest.mark.parametrize(
     "plant", [with_vehicles(V1="Truck", V2="V2"), with_vehicles(V1="V2", V2="V1")], ids=["new", "swapped"]
 )
-async def test_a_sequence_stays_with_its_robot_that_is_called_otherwise_since(plant: PlantModel) -> None:
+async def test_a_sequence_stays_with_its_renamed_robot(plant: PlantModel) -> None:
     store, fleet = MemoryStore(), ScriptedFleet({"V1": "A", "V2": "E"})
     engine = await make_engine(PLANT, store, fleet)
     for name, at in tuple(fleet.at.items()):
@@ -291,7 +291,7 @@ async def test_a_sequence_stays_with_its_robot_that_is_called_otherwise_since(pl
     assert status_of(again, "S-2").state is S.BEING_PROCESSED
 
 
-async def test_what_depends_on_an_order_that_is_lost_fails_with_it() -> None:
+async def test_dependents_of_a_lost_order_fail_with_it() -> None:
     store = MemoryStore()
     await before(store)
     engine = await make_engine(PLANT, store, ScriptedFleet({}))

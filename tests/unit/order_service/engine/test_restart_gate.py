@@ -23,19 +23,19 @@ def opened(gate: RestartGate) -> bool:
     return gate.is_open
 
 
-def test_who_was_there_before_is_waited_for() -> None:
+def test_robots_from_before_the_restart_are_waited_for() -> None:
     fleet, clock = ScriptedFleet({"V1": "A"}, mute={"V1"}), ManualClock()
     gate = make(fleet, clock, "V1", "V2")
 
     assert not opened(gate)
-    assert gate.reason == "it waits after the start for the state of V1"
+    assert gate.reason == "it waits for the first state of V1"
 
     fleet.mute.clear()
     assert opened(gate)
     assert gate.reason == ""
 
 
-def test_patience_has_an_end() -> None:
+def test_the_gate_opens_after_the_timeout() -> None:
     fleet, clock = ScriptedFleet({"V1": "A"}, mute={"V1"}), ManualClock()
     gate = make(fleet, clock, "V1")
 
@@ -45,7 +45,7 @@ def test_patience_has_an_end() -> None:
     assert opened(gate)
 
 
-def test_patience_is_with_robots_and_not_with_a_broker_that_is_away() -> None:
+def test_the_timeout_starts_when_the_broker_is_connected() -> None:
     fleet, clock = ScriptedFleet({"V1": "A"}, mute={"V1"}), ManualClock()
     gate = make(fleet, clock, "V1")
     fleet.connected = 0.0
@@ -58,7 +58,7 @@ def test_patience_is_with_robots_and_not_with_a_broker_that_is_away() -> None:
     assert opened(gate)
 
 
-def test_it_never_closes_again_and_those_away_are_not_waited_for() -> None:
+def test_the_gate_stays_open_and_ignores_offline_robots() -> None:
     fleet, clock = ScriptedFleet({}), ManualClock()
     gate = make(fleet, clock, "V1")
     assert opened(gate)
@@ -68,7 +68,7 @@ def test_it_never_closes_again_and_those_away_are_not_waited_for() -> None:
     assert opened(gate)
 
 
-def test_the_broker_has_to_tell_first_who_is_there() -> None:
+def test_retained_connection_messages_are_awaited_first() -> None:
     fleet, clock = ScriptedFleet({}), ManualClock()
     fleet.unknown = True
     gate = make(fleet, clock)

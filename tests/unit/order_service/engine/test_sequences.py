@@ -42,7 +42,7 @@ def test_one_order_at_a_time_has_its_turn() -> None:
     assert bench.fail(third) == ([], None)
 
 
-def test_a_fatal_failure_takes_all_behind_it_with_it() -> None:
+def test_a_fatal_failure_fails_all_later_orders_of_the_sequence() -> None:
     bench = Bench(failureFatal=True)
     first, light, last = bench.add(1), bench.add(2, dispensable=True), bench.add(3)
     assert bench.fail(light) == ([], "T-1")
@@ -51,20 +51,20 @@ def test_a_fatal_failure_takes_all_behind_it_with_it() -> None:
     assert bench.states.freed
 
 
-def test_an_order_without_a_sequence_is_not_its_affair() -> None:
+def test_an_order_without_a_sequence_is_ignored() -> None:
     bench = Bench(intendedVehicle="V-2")
     alone = raw_order()
     assert bench.sequences.ended(alone) == ((), None)
     assert bench.sequences.why_waiting(alone) == ""
-    assert bench.sequences.misfit(alone, "V-1") == ""
+    assert bench.sequences.why_unsuitable(alone, "V-1") == ""
 
 
 def test_vehicles_are_bound_to_one_sequence_and_the_sequence_to_one_vehicle() -> None:
     bench = Bench(intendedVehicle="V-2")
     member, alone = bench.add(1), raw_order(number=9)
-    assert "which is 'V-2'" in bench.sequences.misfit(member, "V-1")
-    assert bench.sequences.misfit(member, "V-2") == ""
+    assert "which is 'V-2'" in bench.sequences.why_unsuitable(member, "V-1")
+    assert bench.sequences.why_unsuitable(member, "V-2") == ""
     bench.sequences.bind(member, "V-2")
     assert bench.sequences.bound_to("V-2") == "S"
-    assert bench.sequences.misfit(alone, "V-2") == "is bound to order sequence 'S'"
-    assert bench.sequences.misfit(alone, "V-1") == ""
+    assert bench.sequences.why_unsuitable(alone, "V-2") == "is bound to order sequence 'S'"
+    assert bench.sequences.why_unsuitable(alone, "V-1") == ""

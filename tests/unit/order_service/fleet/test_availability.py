@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet.availability import matters, vehicle_state
+from nena_order_service.fleet.availability import significant_fields, vehicle_state
 from nena_order_service.fleet.outputs import RobotChanged
 from nena_order_service.fleet.robot import POSITION_WITHIN, LinkStatus, VdaOrderPhase
 from nena_shared.fleet_api.vehicle import VehicleState
@@ -26,13 +26,13 @@ def reason(bench: Bench) -> str | None:
     return None if told.can_take_order else told.reason
 
 
-def test_a_robot_that_is_there_and_has_nothing_to_do_can_take_an_order() -> None:
+def test_an_idle_online_robot_can_take_an_order() -> None:
     bench = Bench().online()
     assert bench.view().availability.reason == "is free"
     assert bench.view().vehicle_state is VehicleState.IDLE
 
 
-def test_nobody_is_there() -> None:
+def test_a_robot_that_is_not_connected_has_a_reason() -> None:
     bench = Bench()
     assert "no connection to the MQTT broker" in bench.view().availability.reason
     bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
@@ -43,7 +43,7 @@ def test_nobody_is_there() -> None:
 
 
 @pytest.mark.clause("6.5/fleet")
-def test_silence_is_told_without_any_message() -> None:
+def test_silence_is_reported_without_a_message() -> None:
     bench = Bench().online()
     bench.news.clear()
     bench.wait(40)
@@ -61,7 +61,7 @@ def test_modes_without_fleet_control(mode: OperatingMode) -> None:
 
 
 @pytest.mark.clause("6.6.8")
-def test_an_order_of_somebody_else() -> None:
+def test_a_foreign_order() -> None:
     bench = Bench().online()
     other = Bench(robot=bench.robot).online()
     other.start(make_vda_order("theirs", "A", "B"))
@@ -70,7 +70,7 @@ def test_an_order_of_somebody_else() -> None:
     assert bench.instants_sent() == [], "it is none of our business"
 
 
-def test_an_own_vda_order() -> None:
+def test_a_vda_order_of_our_own() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     assert reason(bench) == "works on the VDA order 'm'"
@@ -91,24 +91,24 @@ def test_a_fatal_error() -> None:
     assert bench.view().vehicle_state is VehicleState.ERROR
 
 
-def test_a_robot_that_does_not_know_where_it_is() -> None:
+def test_a_robot_that_is_not_localised() -> None:
     bench = Bench().online()
     bench.robot.localized = False
     assert reason(bench) == "is not localised: set its initial position"
 
 
-def test_a_robot_that_has_started_again_and_has_no_pose_yet() -> None:
+def test_a_restarted_robot_without_a_pose() -> None:
     bench = Bench().online()
     bench.robot.has_pose = False
     assert reason(bench) == "is not localised: set its initial position"
 
 
-def test_a_robot_that_never_reports_where_it_is_can_take_an_order() -> None:
+def test_a_robot_that_never_reports_its_position_can_take_an_order() -> None:
     bench = Bench(robot=HonestRobot(has_pose=False)).online()
     assert reason(bench) is None
 
 
-def test_a_robot_that_has_connected_again_can_take_an_order_once_it_has_reported_its_state() -> None:
+def test_a_reconnected_robot_takes_orders_once_it_has_reported_its_state() -> None:
     bench = Bench().online()
     bench.now += 1.0
     bench.connection(ConnectionState.ONLINE)
@@ -143,7 +143,7 @@ def test_a_paused_robot() -> None:
     assert reason(bench) == "is paused"
 
 
-def test_a_paused_robot_is_still_sent_the_vda_order_that_it_was_given() -> None:
+def test_a_paused_robot_is_still_sent_its_vda_order() -> None:
     bench = Bench().online()
     bench.robot.paused = True
     bench.report()
@@ -175,7 +175,7 @@ def test_a_running_instant_action_does_not_keep_a_robot_from_orders() -> None:
         ({"action_states": [{"action_id": "a", "action_status": "FAILED"}]}, VehicleState.IDLE),
     ],
 )
-def test_the_state_in_words_of_opentcs(fields: dict[str, Any], expected: VehicleState) -> None:
+def test_the_vehicle_state_of_opentcs(fields: dict[str, Any], expected: VehicleState) -> None:
     assert vehicle_state(state(**fields), LinkStatus.ONLINE, ()) is expected
 
 
@@ -196,8 +196,10 @@ def to_come(*sequence_ids: int) -> dict[str, Any]:
         (power(80.9), power(80.1)),
     ],
 )
-def test_what_changes_all_the_time_does_not_matter(before: dict[str, Any], after: dict[str, Any]) -> None:
-    assert matters(state(**before)) == matters(state(**after))
+def test_continuously_changing_fields_are_not_significant(
+    before: dict[str, Any], after: dict[str, Any]
+) -> None:
+    assert significant_fields(state(**before)) == significant_fields(state(**after))
 
 
 @pytest.mark.parametrize(
@@ -223,17 +225,17 @@ def test_what_changes_all_the_time_does_not_matter(before: dict[str, Any], after
         place(1.0, localized=False),
     ],
 )
-def test_what_vda_orders_and_news_are_made_of_matters(fields: dict[str, Any]) -> None:
+def test_fields_used_by_vda_orders_and_events_are_significant(fields: dict[str, Any]) -> None:
     plain = {**place(1.0), **power(80.0), "driving": False}
-    assert matters(state(**plain)) != matters(state(**{**plain, **fields}))
+    assert significant_fields(state(**plain)) != significant_fields(state(**{**plain, **fields}))
 
 
-def test_the_first_node_to_come_stands_for_all() -> None:
-    assert matters(state(**to_come(2, 4))) != matters(state(**to_come(4)))
-    assert matters(state(**to_come(4, 6))) == matters(state(**to_come(4, 6)))
+def test_the_first_remaining_node_represents_all() -> None:
+    assert significant_fields(state(**to_come(2, 4))) != significant_fields(state(**to_come(4)))
+    assert significant_fields(state(**to_come(4, 6))) == significant_fields(state(**to_come(4, 6)))
 
 
-def test_states_that_say_nothing_new_are_seen_all_the_same() -> None:
+def test_unchanged_states_still_count_as_received() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B", "C"))
     bench.deliver()

@@ -39,7 +39,7 @@ def other_robot(number: int) -> RobotKey:
     return RobotKey("Honest", f"other-{number}")
 
 
-def test_only_so_many_robots_are_listened_to() -> None:
+def test_the_number_of_robots_is_limited() -> None:
     bench = Bench(FleetSettings(robots_limit=2)).online()
     bench.fleet.on_malformed(other_robot(1), None, bench.now)
     assert bench.fleet.robots() == (ROBOT, other_robot(1))
@@ -48,7 +48,7 @@ def test_only_so_many_robots_are_listened_to() -> None:
     assert not bench.fleet.has_room_for(other_robot(2))
 
 
-def test_looking_at_a_robot_does_not_make_it_known() -> None:
+def test_viewing_a_robot_does_not_register_it() -> None:
     bench = Bench()
     assert bench.fleet.view(other_robot(1), 0.0).link is LinkStatus.UNKNOWN
     assert bench.fleet.robots() == ()
@@ -73,7 +73,7 @@ def test_a_robot_whose_states_cannot_be_read_is_not_silent() -> None:
     assert bench.view().link is LinkStatus.SILENT, "nothing comes any more"
 
 
-def test_a_robot_of_which_nothing_could_be_read_has_been_heard_of() -> None:
+def test_a_robot_with_only_unreadable_messages_is_known() -> None:
     bench = Bench()
     bench.fleet.on_broker(connected=True, now=bench.now)
     problem = "sends states that are unreadable: message: Invalid JSON (received 'x')"
@@ -84,14 +84,14 @@ def test_a_robot_of_which_nothing_could_be_read_has_been_heard_of() -> None:
     assert "cannot be read" not in bench.view().availability.reason
 
 
-def test_a_quoted_value_that_changes_is_no_news() -> None:
+def test_a_changed_quoted_value_is_not_a_new_problem() -> None:
     bench = Bench()
     problem = "sends states that are unreadable: orderId: no text (received {})"
     assert bench.fleet.on_malformed(ROBOT, problem.format(1), bench.now)
     assert not bench.fleet.on_malformed(ROBOT, problem.format(2), bench.now)
 
 
-def test_all_are_known_when_each_that_the_broker_has_told_of_has_told_its_state() -> None:
+def test_all_are_known_when_every_connected_robot_has_reported() -> None:
     bench = Bench()
     bench.now += RETAINED_WITHIN
     assert not bench.fleet.all_known(bench.now), "there is no broker yet"
@@ -106,14 +106,14 @@ def test_all_are_known_when_each_that_the_broker_has_told_of_has_told_its_state(
     assert bench.fleet.all_known(bench.now)
 
 
-def test_a_robot_that_is_away_is_not_waited_for() -> None:
+def test_an_unreachable_robot_is_not_waited_for() -> None:
     bench = Bench()
     bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
     bench.connection(ConnectionState.OFFLINE)
     assert bench.fleet.all_known(bench.now + RETAINED_WITHIN)
 
 
-def test_how_long_the_link_stands_is_counted_from_its_last_beginning() -> None:
+def test_link_duration_counts_from_the_last_connect() -> None:
     bench = Bench()
     assert bench.fleet.connected_for(50.0) == 0.0
     for connected, at, seconds in ((True, 100.0, 20.0), (False, 120.0, 0.0), (True, 130.0, 20.0)):
@@ -121,7 +121,7 @@ def test_how_long_the_link_stands_is_counted_from_its_last_beginning() -> None:
         assert bench.fleet.connected_for(at + 20.0) == seconds
 
 
-def test_a_tick_looks_at_those_who_have_something_to_do_and_at_those_who_fall_silent() -> None:
+def test_a_tick_checks_only_busy_and_newly_silent_robots() -> None:
     bench = Bench().online()
     assert bench.tick() == ()
     bench.now += bench.settings.silent_after + 0.1
@@ -150,7 +150,7 @@ def test_a_robot_has_one_vda_order_at_a_time() -> None:
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_an_order_that_comes_too_late_is_stopped() -> None:
+def test_an_order_accepted_too_late_is_cancelled() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.wait(60, reporting=True)
@@ -165,7 +165,7 @@ def test_an_order_that_comes_too_late_is_stopped() -> None:
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_no_order_is_sent_while_a_cancel_may_still_hit_it() -> None:
+def test_no_order_is_sent_while_a_cancel_is_pending() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
@@ -178,7 +178,7 @@ def test_no_order_is_sent_while_a_cancel_may_still_hit_it() -> None:
     assert [each.order_id for each in bench.told(VdaOrderFinished)] == ["m", "n"]
 
 
-def test_an_order_that_is_not_confirmed_in_the_usual_time_says_so() -> None:
+def test_an_order_not_confirmed_in_time_reports_it() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     assert bench.view().wait_reason == ""
@@ -187,7 +187,7 @@ def test_an_order_that_is_not_confirmed_in_the_usual_time_says_so() -> None:
 
 
 @pytest.mark.clause("6.5/fleet")
-def test_an_order_waits_for_a_robot_that_is_away_and_says_so() -> None:
+def test_an_order_for_an_unreachable_robot_waits_with_a_reason() -> None:
     bench = Bench().online()
     bench.connection(ConnectionState.CONNECTION_BROKEN)
     bench.start(make_vda_order("m", "A", "B"))
@@ -201,7 +201,7 @@ def test_an_order_waits_for_a_robot_that_is_away_and_says_so() -> None:
     assert bench.told(VdaOrderFinished)
 
 
-def test_the_delivery_begins_anew_when_a_robot_comes_back() -> None:
+def test_delivery_restarts_when_a_robot_returns() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
@@ -231,7 +231,7 @@ def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
     assert bench.told(VdaOrderFinished)
 
 
-def test_in_a_new_term_of_leadership_a_robot_is_sent_nothing_before_it_has_reported() -> None:
+def test_a_new_leader_sends_a_robot_nothing_before_its_report() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
@@ -248,7 +248,7 @@ def test_in_a_new_term_of_leadership_a_robot_is_sent_nothing_before_it_has_repor
 
 
 @pytest.mark.clause("6.5/fleet")
-def test_an_order_to_a_robot_that_is_silent_without_a_will_fails_in_the_end() -> None:
+def test_an_order_to_a_silent_robot_finally_fails() -> None:
     bench = Bench().online()
     bench.wait(30)
     bench.start(make_vda_order("m", "A", "B"))
@@ -274,7 +274,7 @@ def test_a_running_vda_order_outlives_the_loss_of_the_link() -> None:
 
 
 @pytest.mark.clause("7.10/interval")
-def test_orders_keep_the_least_interval_of_the_factsheet() -> None:
+def test_orders_respect_the_factsheets_minimum_interval() -> None:
     bench = Bench(FleetSettings(resend_after=0.25)).online()
     bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
     bench.start(make_vda_order("m", "A", "B"))
@@ -318,7 +318,7 @@ def own_link_down(bench: Bench) -> None:
 @pytest.mark.clause("6.1.2/fleet", "4.1/offline")
 @pytest.mark.parametrize("go_away", [broken_link, own_link_down])
 @pytest.mark.parametrize("sendings", [1, 6])
-def test_an_update_is_not_given_up_while_the_robot_is_away(
+def test_an_update_does_not_fail_while_the_robot_is_unreachable(
     go_away: Callable[[Bench], None], sendings: int
 ) -> None:
     bench = extending()
@@ -339,7 +339,7 @@ def test_an_update_is_not_given_up_while_the_robot_is_away(
 
 
 @pytest.mark.clause("7.10/interval")
-def test_updates_keep_the_least_interval_too() -> None:
+def test_updates_respect_the_minimum_interval_too() -> None:
     bench = Bench(FleetSettings(resend_after=0.25)).online()
     bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
     bench.start_and_tell(released_to(long_way(), 2))
@@ -357,7 +357,7 @@ def test_without_a_vda_order_there_is_nothing_to_cancel_or_to_extend() -> None:
     assert bench.sent == []
 
 
-def test_an_extension_of_another_vda_order_is_passed_over() -> None:
+def test_an_extension_of_another_vda_order_is_ignored() -> None:
     bench = Bench().online()
     bench.start_and_tell(released_to(long_way(), 2))
     bench.take(bench.fleet.extend_vda_order(ROBOT, make_vda_order("n", "A", "B", "C"), bench.now))
@@ -366,7 +366,7 @@ def test_an_extension_of_another_vda_order_is_passed_over() -> None:
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_a_robot_that_goes_on_with_what_has_ended_is_stopped_again_after_a_pause() -> None:
+def test_a_robot_that_executes_an_ended_order_is_cancelled_again_after_a_delay() -> None:
     bench = Bench(FleetSettings(sendings=1)).online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.wait(3)
@@ -393,9 +393,7 @@ def test_a_robot_that_goes_on_with_what_has_ended_is_stopped_again_after_a_pause
         ({"last_node_id": "Z"}, True),
     ],
 )
-def test_only_what_somebody_decides_by_is_told_as_a_change(
-    change: dict[str, Any], *, worth_telling: bool
-) -> None:
+def test_only_significant_changes_are_reported(change: dict[str, Any], *, worth_telling: bool) -> None:
     bench = Bench().online()
     assert bench.report() == ()
     for name, value in change.items():
@@ -404,7 +402,7 @@ def test_only_what_somebody_decides_by_is_told_as_a_change(
     assert bench.report() == ()
 
 
-def test_the_view_is_made_anew_only_where_something_may_have_changed() -> None:
+def test_the_view_is_rebuilt_only_after_possible_changes() -> None:
     bench = Bench().online()
     seen = bench.view()
     bench.now += 1.0
@@ -418,7 +416,7 @@ def test_the_view_is_made_anew_only_where_something_may_have_changed() -> None:
     assert bench.view().malformed == 1
 
 
-def test_one_who_drives_as_it_was_told_is_quiet() -> None:
+def test_a_robot_executing_its_order_is_quiet() -> None:
     settings = FleetSettings()
     control = RobotControl(ROBOT, settings, lambda: "id", broker=True)
     robot = HonestRobot()
@@ -454,7 +452,7 @@ def test_a_robot_at_the_last_node_that_never_empties_its_node_states_is_named_as
     bench.robot.step()
     bench.report()
     assert bench.view().wait_reason == (
-        "the robot stands at the last node of its order, 'B', but still lists 'B' in its nodeStates: it has "
-        "to empty them (with vda5050:keepsLastNodeStates: to turn to the node's heading)"
+        "the robot stands at the last node of its order, 'B', but still lists 'B' in its nodeStates: it must "
+        "empty them (with vda5050:keepsLastNodeStates: to turn to the node's heading)"
     )
     assert bench.story() == ["VdaOrderAccepted", "NodePassed"]

@@ -34,7 +34,7 @@ def failure(bench: Bench) -> VdaOrderFailed:
 
 
 @pytest.mark.clause("6.6.2/fleet", "6.1.2/confirm")
-def test_a_vda_order_goes_its_whole_way() -> None:
+def test_a_vda_order_is_executed_to_its_end() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B", "C", operation="pick"))
     bench.run()
@@ -51,14 +51,14 @@ def test_a_vda_order_goes_its_whole_way() -> None:
     assert bench.view().availability.can_take_order
 
 
-def test_a_vda_order_without_way_and_operation_is_done_when_it_is_taken() -> None:
+def test_a_vda_order_without_route_and_operation_finishes_when_accepted() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A"))
     assert bench.story() == ["VdaOrderAccepted", "NodePassed", "VdaOrderFinished"]
 
 
 @pytest.mark.clause("6.6.2/fleet")
-def test_nodes_whose_states_were_lost_are_told_in_order() -> None:
+def test_nodes_with_lost_states_are_reported_in_order() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B", "C", "B", "D"))
     bench.deliver()
@@ -70,7 +70,7 @@ def test_nodes_whose_states_were_lost_are_told_in_order() -> None:
 
 
 @pytest.mark.clause("6.6.2/fleet")
-def test_the_operation_is_not_over_when_the_last_node_is_reached() -> None:
+def test_the_operation_is_not_finished_at_the_last_node() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B", operation="pick"))
     bench.deliver()
@@ -80,7 +80,7 @@ def test_the_operation_is_not_over_when_the_last_node_is_reached() -> None:
 
 
 @pytest.mark.clause("6.1.2/confirm")
-def test_a_lost_order_is_sent_again_with_growing_pauses() -> None:
+def test_a_lost_order_is_resent_with_growing_delays() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     times = []
@@ -98,7 +98,7 @@ def test_a_lost_order_is_sent_again_with_growing_pauses() -> None:
 
 
 @pytest.mark.clause("6.1.2/confirm")
-def test_an_order_that_is_never_taken_up_fails_with_the_number_of_sendings() -> None:
+def test_an_order_that_is_never_accepted_fails_with_the_number_of_attempts() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.wait(60, reporting=True)
@@ -117,7 +117,7 @@ def test_a_refusal_that_names_the_order_fails_the_vda_order_with_the_robots_word
 @pytest.mark.clause("6.1.4/fleet")
 @pytest.mark.parametrize("has_pose", [True, False], ids=["not localised", "no pose yet"])
 @pytest.mark.parametrize("cleared", [True, False], ids=["refusal goes", "refusal stays"])
-def test_an_order_refused_by_a_robot_that_does_not_know_where_it_is_is_sent_again_when_it_does(
+def test_an_order_refused_by_an_unlocalised_robot_is_resent_once_it_is_localised(
     *, has_pose: bool, cleared: bool
 ) -> None:
     bench = Bench().online()
@@ -140,7 +140,7 @@ def test_an_order_refused_by_a_robot_that_does_not_know_where_it_is_is_sent_agai
 
 
 @pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_by_a_robot_that_knows_where_it_is_again_counts() -> None:
+def test_a_refusal_counts_once_the_robot_is_localised_again() -> None:
     bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.robot.localized = False
@@ -156,7 +156,7 @@ def test_a_refusal_by_a_robot_that_knows_where_it_is_again_counts() -> None:
 
 
 @pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_from_between_the_robots_start_and_its_first_state_is_not_the_last_word() -> None:
+def test_a_refusal_before_the_robots_first_state_is_not_final() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
@@ -169,7 +169,7 @@ def test_a_refusal_from_between_the_robots_start_and_its_first_state_is_not_the_
 
 
 @pytest.mark.clause("6.1.4/fleet")
-def test_refusals_are_excused_for_one_sending_only_though_the_robot_connects_again_and_again() -> None:
+def test_refusals_are_excused_for_one_sending_despite_reconnects() -> None:
     bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()
     bench.start(make_vda_order("m", "A", "B"))
     for _ in range(3):
@@ -185,7 +185,7 @@ def test_refusals_are_excused_for_one_sending_only_though_the_robot_connects_aga
 
 @pytest.mark.clause("6.1.4/fleet")
 @pytest.mark.parametrize("kind", ["noRouteError", "orderError", "validationError", "orderUpdateError"])
-def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -> None:
+def test_a_refusal_without_references_is_identified_by_type_and_time(kind: str) -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type=kind, error_level=ErrorLevel.WARNING))
@@ -200,7 +200,7 @@ def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -
 
 
 @pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_of_somebody_elses_message_is_none_of_the_order_that_is_taken_behind_it() -> None:
+def test_a_refusal_of_a_foreign_message_does_not_refuse_the_accepted_order() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type="validationError", error_level=ErrorLevel.WARNING))
@@ -212,7 +212,7 @@ def test_a_refusal_of_somebody_elses_message_is_none_of_the_order_that_is_taken_
 
 
 @pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_from_before_the_order_is_not_taken_for_one_of_it() -> None:
+def test_a_refusal_from_before_the_order_does_not_refuse_it() -> None:
     bench = Bench()
     bench.robot.errors.append(ErrorEntry(error_type="noRouteError", error_level=ErrorLevel.WARNING))
     bench.online()
@@ -223,7 +223,7 @@ def test_a_refusal_from_before_the_order_is_not_taken_for_one_of_it() -> None:
 
 
 @pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_of_another_order_is_none_of_this_one() -> None:
+def test_a_refusal_of_another_order_does_not_refuse_this_one() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     other = ErrorReference(reference_key="orderId", reference_value="other")
@@ -236,7 +236,7 @@ def test_a_refusal_of_another_order_is_none_of_this_one() -> None:
 
 @pytest.mark.clause("6.1.4/fleet")
 @pytest.mark.parametrize(("action_id", "fails"), [("i1", False), ("m/pick", True)])
-def test_a_refusal_of_an_instant_action_is_none_of_the_order(action_id: str, *, fails: bool) -> None:
+def test_a_refused_instant_action_does_not_refuse_the_order(action_id: str, *, fails: bool) -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B", operation="pick"))
     named = ErrorReference(reference_key="actionId", reference_value=action_id)
@@ -258,7 +258,7 @@ def test_a_failed_operation_fails_the_vda_order_with_the_robots_words() -> None:
 
 
 @pytest.mark.clause("6.6.9/failed", "6.1.3/fleet")
-def test_a_failed_operation_cancels_what_comes_behind_it() -> None:
+def test_a_failed_operation_cancels_later_actions() -> None:
     bench = Bench(robot=HonestRobot(actions_fail=True)).online()
     one, two = (make_vda_order("m", "A", operation=each) for each in ("pick", "weigh"))
     node = one.nodes[0].model_copy(update={"actions": (*one.actions, *two.actions)})
@@ -287,13 +287,13 @@ def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> 
     assert bench.ends() == {}, "the robot still has the order"
     bench.deliver()
     bench.report()
-    assert failure(bench).reason == "the robot cannot continue it"
+    assert failure(bench).reason == "the robot cannot continue the order"
     assert failure(bench).details == ("NODE_UNREACHABLE: no way",)
     assert bench.robot.idle
 
 
 @pytest.mark.clause("6.6.5.1/fleet")
-def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
+def test_a_fatal_error_without_references_fails_after_a_delay() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type="lidarDirty", error_level=ErrorLevel.FATAL))
@@ -323,7 +323,7 @@ def test_a_fatal_error_that_passes_does_not_fail_the_vda_order() -> None:
 
 
 @pytest.mark.clause("6.6.5.1/fleet")
-def test_a_warning_does_not_touch_the_vda_order() -> None:
+def test_a_warning_does_not_affect_the_vda_order() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type="batteryLow", error_level=ErrorLevel.URGENT))
@@ -346,7 +346,7 @@ def test_a_cancelled_vda_order_ends_when_the_robot_has_confirmed_it() -> None:
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
+def test_repeated_cancel_requests_send_one_cancel_order() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
@@ -355,7 +355,7 @@ def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
 
 
 @pytest.mark.clause("6.1.3/fleet", "6.2.1/fleet")
-def test_a_cancel_that_is_lost_is_sent_again_under_the_same_id() -> None:
+def test_a_lost_cancel_is_resent_with_the_same_id() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
@@ -378,7 +378,7 @@ def test_an_order_that_waits_to_be_sent_is_cancelled_at_once() -> None:
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_an_order_that_may_be_on_its_way_is_cancelled_at_the_robot() -> None:
+def test_an_order_that_may_still_arrive_is_cancelled_at_the_robot() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.cancel()
@@ -391,7 +391,7 @@ def test_an_order_that_may_be_on_its_way_is_cancelled_at_the_robot() -> None:
     assert bench.robot.idle
 
 
-def test_a_copy_of_an_order_that_may_be_on_its_way_leaves_a_cancel_unconfirmed_open() -> None:
+def test_a_cancel_is_unclear_while_a_resent_copy_may_still_arrive() -> None:
     bench = Bench(FleetSettings(sendings=2)).online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.deliver()
@@ -421,7 +421,7 @@ def test_a_cancel_that_finds_no_order_ends_a_vda_order_that_never_came() -> None
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_a_vda_order_that_is_done_before_the_cancel_comes_is_finished() -> None:
+def test_a_vda_order_done_before_the_cancel_arrives_is_finished() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
@@ -441,7 +441,7 @@ def test_a_cancel_that_is_never_confirmed_fails_the_vda_order() -> None:
 
 
 @pytest.mark.clause("6.6.6/fleet")
-def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
+def test_a_robot_switched_to_manual_has_abandoned_the_order() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot.set_mode(OperatingMode.MANUAL)
@@ -451,7 +451,7 @@ def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
     assert not bench.view().availability.can_take_order
 
 
-def test_messages_from_before_the_order_that_are_repeated_do_not_end_it() -> None:
+def test_repeated_messages_from_before_the_order_do_not_end_it() -> None:
     bench = Bench().online()
     bench.now += 1
     online, before = bench.robot.connection(ConnectionState.ONLINE, bench.now), bench.robot.state(bench.now)
@@ -469,7 +469,7 @@ def test_messages_from_before_the_order_that_are_repeated_do_not_end_it() -> Non
 
 
 @pytest.mark.clause("6.6/restart")
-def test_a_robot_that_forgot_its_order_has_lost_the_vda_order() -> None:
+def test_a_robot_that_no_longer_reports_its_order_has_lost_it() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot.restart(journal=False)
@@ -480,7 +480,7 @@ def test_a_robot_that_forgot_its_order_has_lost_the_vda_order() -> None:
 
 
 @pytest.mark.clause("6.6/restart")
-def test_a_robot_that_remembers_its_order_goes_on_after_a_restart() -> None:
+def test_a_robot_that_kept_its_order_continues_after_a_restart() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B", "C", operation="pick"))
     bench.deliver()
@@ -493,7 +493,7 @@ def test_a_robot_that_remembers_its_order_goes_on_after_a_restart() -> None:
 
 
 @pytest.mark.clause("6.6.2/fleet")
-def test_somebody_elses_cancel_fails_the_vda_order() -> None:
+def test_a_foreign_cancel_fails_the_vda_order() -> None:
     bench = Bench().online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot._clear()
@@ -503,7 +503,7 @@ def test_somebody_elses_cancel_fails_the_vda_order() -> None:
 
 @pytest.mark.clause("6.6/restart")
 @pytest.mark.parametrize("accepted", [False, True])
-def test_an_adopted_vda_order_that_runs_goes_on(accepted: bool) -> None:  # noqa: FBT001 - a parameter
+def test_an_adopted_running_vda_order_continues(accepted: bool) -> None:  # noqa: FBT001 - a parameter
     bench = Bench()
     vda_order = make_vda_order("m", "A", "B", "C")
     bench.start(vda_order)
@@ -531,7 +531,7 @@ def test_an_adopted_vda_order_that_is_done_is_finished() -> None:
     assert again.story() == ["VdaOrderAccepted", "NodePassed", "NodePassed", "VdaOrderFinished"]
 
 
-def test_an_adopted_vda_order_that_never_came_is_sent() -> None:
+def test_an_adopted_vda_order_that_never_arrived_is_sent() -> None:
     bench = Bench()
     bench.take(bench.fleet.adopt_vda_order(ROBOT, make_vda_order("m", "A", "B"), bench.now, accepted=False))
     bench.wait(5)
@@ -568,7 +568,7 @@ def test_an_adopted_vda_order_can_be_cancelled_before_anything_is_known() -> Non
     assert bench.robot.idle
 
 
-def test_a_vda_order_of_before_a_restart_that_may_still_come_to_the_robot_is_cancelled_there() -> None:
+def test_an_old_vda_order_that_may_still_arrive_is_cancelled() -> None:
     bench = Bench()
     bench.take(bench.fleet.adopt_vda_order(ROBOT, make_vda_order("m", "A", "B"), bench.now, accepted=False))
     bench.cancel()
@@ -581,7 +581,7 @@ def test_a_vda_order_of_before_a_restart_that_may_still_come_to_the_robot_is_can
 
 
 @pytest.mark.clause("6.6.2/fleet")
-def test_a_robot_with_missing_action_states_is_not_waited_for_for_ever() -> None:
+def test_missing_action_states_eventually_fail_the_order() -> None:
     bench = Bench(FleetSettings(standstill_patience=5.0)).online()
     bench.start(make_vda_order("m", "A", operation="pick"))
     bench.deliver()
@@ -594,7 +594,7 @@ def test_a_robot_with_missing_action_states_is_not_waited_for_for_ever() -> None
 
 
 @pytest.mark.clause("6.6.9/instant", "6.6.8")
-def test_statuses_of_the_orders_actions_are_told_from_instant_ones() -> None:
+def test_order_actions_are_distinguished_from_instant_actions() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B", operation="pick"))
     bench.deliver()
@@ -611,7 +611,7 @@ def fresh(*, adopted: bool = False, accepted: bool = False) -> OrderExecution:
     return OrderExecution(ROBOT, vda_order, FleetSettings(), adopted=adopted, accepted=accepted)
 
 
-def test_it_waits_is_sent_and_is_sent_again() -> None:
+def test_an_action_waits_is_sent_and_is_resent() -> None:
     run = fresh()
 
     def stands(now: float) -> tuple[VdaOrderPhase, bool, bool]:
@@ -628,7 +628,7 @@ def test_it_waits_is_sent_and_is_sent_again() -> None:
     assert stands(1.0) == (VdaOrderPhase.SENT, True, False), "all begins anew"
 
 
-def test_what_was_never_sent_ends_without_the_robot() -> None:
+def test_an_unsent_order_ends_without_the_robot() -> None:
     run = fresh()
     assert list(run.begin_cancel()) == [VdaOrderCancelled(ROBOT, "m")]
     assert run.ended
@@ -639,7 +639,7 @@ def test_what_was_never_sent_ends_without_the_robot() -> None:
     assert (told.kind, told.reason, unfit.ended) == (FailureKind.UNFIT, "it is too heavy", True)
 
 
-def test_what_may_have_been_sent_before_a_restart_is_cancelled_at_the_robot() -> None:
+def test_possibly_sent_orders_are_cancelled_after_a_restart() -> None:
     run = fresh(adopted=True)
     assert list(run.begin_cancel()) == []
     assert (run.phase, run.ended) == (VdaOrderPhase.CANCELLING, False)
@@ -648,7 +648,7 @@ def test_what_may_have_been_sent_before_a_restart_is_cancelled_at_the_robot() ->
     assert not run.wants_sending(0.0)
 
 
-def test_a_failed_action_on_the_way_ends_the_drive_and_not_the_action() -> None:
+def test_an_action_failing_en_route_is_a_drive_failure() -> None:
     run = fresh()
     run.send((), 0.0)
     failed = {"action_id": "m/pick", "action_type": "pick", "action_status": "FAILED"}
@@ -661,7 +661,7 @@ def test_a_failed_action_on_the_way_ends_the_drive_and_not_the_action() -> None:
     assert (end.kind, end.reason) == (FailureKind.DRIVE, "the action 'pick' has failed")
 
 
-def test_an_end_that_was_told_is_the_last_word() -> None:
+def test_a_published_end_is_final() -> None:
     run = fresh(adopted=True, accepted=True)
     (end,) = run.on_state(state(order_id="other"), 0.0)
     assert isinstance(end, VdaOrderFailed)
@@ -669,7 +669,7 @@ def test_an_end_that_was_told_is_the_last_word() -> None:
     assert "it has the order 'other'" in end.reason
 
 
-def test_who_has_an_update_that_only_a_newer_store_knows_has_not_lost_the_order() -> None:
+def test_a_robot_with_an_unknown_newer_update_has_not_lost_the_order() -> None:
     run = fresh(adopted=True, accepted=True)
     (end,) = run.on_state(state(order_id="m", order_update_id=3, **way("B", "C")), 0.0)
     assert isinstance(end, VdaOrderFailed)
@@ -712,7 +712,7 @@ STEPS = st.lists(
 
 
 @given(STEPS, st.booleans())
-def test_whatever_a_robot_says_it_has_one_end_and_nodes_are_passed_in_order(
+def test_any_robot_behaviour_gives_one_end_and_ordered_nodes(
     steps: list[tuple[str, State]],
     adopted: bool,  # noqa: FBT001 - drawn
 ) -> None:
@@ -742,7 +742,7 @@ def test_whatever_a_robot_says_it_has_one_end_and_nodes_are_passed_in_order(
 
 
 @pytest.mark.parametrize(("ahead", "failed"), [(["B"], ["h"]), ([], [])])
-def test_a_failed_action_counts_only_until_its_edge_is_left(ahead: list[str], failed: list[str]) -> None:
+def test_a_failed_edge_action_counts_only_until_the_edge_is_left(ahead: list[str], failed: list[str]) -> None:
     whole = make_vda_order("m", "A", "B")
     horn = Action(action_type="horn", action_id="h", blocking_type=BlockingType.NONE)
     edge = whole.edges[0].model_copy(update={"actions": (horn,)})

@@ -57,7 +57,7 @@ def speeds(vda_order: VdaOrder) -> list[float | None]:
     return [each.maximum_speed for each in vda_order.edges]
 
 
-def test_edges_say_how_fast_the_plant_lets_a_robot_drive() -> None:
+def test_edges_have_the_plants_speed_limits() -> None:
     start = standing(0.1, 0.0)
     goal = Coordinate(x=1.0, y=1.0)
 
@@ -110,13 +110,13 @@ def test_a_robot_beside_the_points_starts_where_it_is() -> None:
     assert vda_order.edges[0].edge_id == "start:m --- B"
 
 
-def test_a_robot_beside_the_point_that_it_is_to_go_to_drives_there() -> None:
+def test_a_robot_beside_its_destination_drives_there() -> None:
     vda_order = to("B", standing(1.3, 0.3))
     assert [node.node_id for node in vda_order.nodes] == ["start:m", "B"]
     assert place(vda_order.nodes[1]).theta == pytest.approx(pi / 4)
 
 
-def test_a_robot_on_the_point_has_nothing_to_drive() -> None:
+def test_a_robot_on_the_point_does_not_drive() -> None:
     vda_order = to("A", standing(0.0, 0.0))
     assert [node.node_id for node in vda_order.nodes] == ["A"]
     assert vda_order.edges == ()
@@ -155,7 +155,7 @@ def test_along_a_route_and_then_to_a_coordinate() -> None:
 
 
 @pytest.mark.clause("6.1.1/first")
-def test_the_start_is_wide_enough_for_a_robot_that_must_drive_exactly() -> None:
+def test_the_start_deviation_is_wide_even_for_precise_robots() -> None:
     exact = RobotProfile(map_id="hall", deviation_xy=0.0)
     start = locate(PLANT, state(mobile_robot_position=pose(0.1, 0.0)), exact)
     vda_order = build_vda_order(
@@ -196,13 +196,13 @@ def test_a_robot_that_transforms_itself_is_sent_the_plants_coordinates() -> None
 
 
 @pytest.mark.clause("6.3/frame")
-def test_before_its_factsheet_a_robot_on_a_transformed_map_is_nowhere() -> None:
+def test_before_its_factsheet_a_robot_on_a_transformed_map_is_not_located() -> None:
     profile = RobotProfile(map_id="hall", transforms={"hall": MapTransform(2.0)})
     with pytest.raises(NotLocatedError, match="has not arrived"):
         locate(PLANT, state(mobile_robot_position=pose(0.0, 0.0)), profile)
 
 
-def test_nodes_are_on_the_maps_of_their_points_in_the_frames_of_those() -> None:
+def test_nodes_use_the_maps_and_frames_of_their_points() -> None:
     roof = point("R", 6000, 0, properties={"vda5050:mapId": "roof"})
     plant = PlantModel(name="two", points=(*PLANT.points, roof), paths=(path("B R", 4000), *PLANT.paths))
     profile = RobotProfile(
@@ -225,14 +225,15 @@ def test_a_route_that_begins_elsewhere_is_refused() -> None:
         build_vda_order("m", plant=PLANT, standing=standing(4.0, 0.0), profile=PROFILE, route=route)
 
 
-def test_a_vda_order_needs_an_end() -> None:
+def test_a_vda_order_needs_a_route_or_a_coordinate() -> None:
     with pytest.raises(ValueError, match="a route or a coordinate"):
         build_vda_order("m", plant=PLANT, standing=standing(4.0, 0.0), profile=PROFILE)
 
 
 def test_a_vda_order_survives_the_store_unchanged() -> None:
     vda_order = to("C", standing(1.3, 0.3), actions=OperationMap().actions("Load", {"a": "b"}))
-    assert VdaOrder.from_json(vda_order.to_json()) == vda_order
+    stored = vda_order.model_dump_json(by_alias=True, exclude_none=True)
+    assert VdaOrder.model_validate_json(stored) == vda_order
 
 
 def test_names_of_vda_orders() -> None:
@@ -240,30 +241,30 @@ def test_names_of_vda_orders() -> None:
     assert order_id("order-7", 1, attempt=2) == "order-7-1~2"
 
 
-def test_a_robot_stands_at_the_point_that_it_passed_last_if_it_is_near() -> None:
+def test_a_robot_is_on_its_last_node_if_it_is_near() -> None:
     assert standing(0.3, 0.0, last="A").on_point
     assert standing(2.1, 0.0, last="A") == Standing("B", on_point=True, pose=pose(2.1, 0.0))
     assert standing(3.1, 2.0, last="A") == Standing("C", on_point=False, pose=pose(3.1, 2.0))
 
 
-def test_a_robot_without_a_pose_stands_where_it_says() -> None:
+def test_a_robot_without_a_pose_is_at_its_last_node() -> None:
     assert locate(PLANT, state(last_node_id="B"), PROFILE) == Standing("B", on_point=True, pose=None)
 
 
-def test_a_pose_that_is_not_trusted_is_none() -> None:
+def test_an_untrusted_pose_is_ignored() -> None:
     lost = pose(0.0, 0.0).model_copy(update={"localized": False})
     with pytest.raises(NotLocatedError, match="set its initial pose"):
         locate(PLANT, state(mobile_robot_position=lost), PROFILE)
     assert locate(PLANT, state(last_node_id="C", mobile_robot_position=lost), PROFILE).point == "C"
 
 
-def test_a_robot_on_another_map_stands_nowhere() -> None:
+def test_a_robot_on_another_map_is_not_located() -> None:
     elsewhere = pose(0.0, 0.0, map_id="cellar")
-    with pytest.raises(NotLocatedError, match="on map 'cellar', orders for it are on map 'hall'"):
+    with pytest.raises(NotLocatedError, match="on map 'cellar', but its orders are on map 'hall'"):
         locate(PLANT, state(mobile_robot_position=elsewhere), PROFILE)
 
 
-def test_a_profile_takes_what_the_vehicle_says() -> None:
+def test_a_profile_uses_the_vehicles_properties() -> None:
     vehicle = Vehicle(
         name="v",
         properties={

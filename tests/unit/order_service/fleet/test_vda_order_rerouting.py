@@ -34,7 +34,9 @@ def vda_order(points: str, action: str, name: str = "T-1-0") -> VdaOrder:
     beyond=st.text("EFGH", min_size=1, max_size=5),
     data=st.data(),
 )
-def test_base_never_changes_and_numbers_go_on(before: str, beyond: str, data: st.DataObject) -> None:
+def test_the_base_never_changes_and_sequence_ids_continue(
+    before: str, beyond: str, data: st.DataObject
+) -> None:
     held = vda_order(before, "old")
     base_end = data.draw(st.integers(0, len(before) - 2))
 
@@ -54,11 +56,11 @@ def test_base_never_changes_and_numbers_go_on(before: str, beyond: str, data: st
 @pytest.mark.parametrize(
     ("tail", "problem"),
     [
-        (vda_order("CE", "new"), "no way on"),
-        (vda_order("B", "new"), "no way on"),
-        (vda_order("BE", "old"), "ids of the actions"),
+        (vda_order("CE", "new"), "does not continue"),
+        (vda_order("B", "new"), "does not continue"),
+        (vda_order("BE", "old"), "action IDs"),
     ],
 )
-def test_what_is_no_way_on_is_refused(tail: VdaOrder, problem: str) -> None:
+def test_a_tail_that_does_not_continue_is_refused(tail: VdaOrder, problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
         with_other_horizon(vda_order("ABCD", "old"), 1, tail)

@@ -26,9 +26,9 @@ def drive_states(order: TransportOrder) -> list[DriveOrderState]:
     return [each.state for each in order.status.drive_orders]
 
 
-def test_it_is_late_once_whatever_it_does() -> None:
+def test_an_order_becomes_late_once() -> None:
     due, later = NOW + timedelta(seconds=1), NOW + timedelta(seconds=2)
-    order = assigned_order("A", deadline=due).hindered("it waits for 'B'")
+    order = assigned_order("A", deadline=due).with_wait_reason("it waits for 'B'")
     assert order.overdue(later).status.late
     assert order.overdue(later).status.reason == order.status.reason
     assert order.overdue(later).overdue(later).status.version == order.status.version + 1
@@ -40,7 +40,7 @@ def test_it_is_late_once_whatever_it_does() -> None:
 
 
 @pytest.mark.parametrize("field", [{"dispensable": True}, {"peripheralReservationToken": "door"}])
-def test_it_keeps_its_wishes_and_knows_them_again(field: dict[str, object]) -> None:
+def test_an_order_keeps_the_request_and_recognises_it(field: dict[str, object]) -> None:
     asked = request("A", **field)
     order = TransportOrder.created(asked, number=1, name="T-1", now=NOW)
     assert field.items() <= order.status.model_dump(by_alias=True).items()
@@ -73,7 +73,7 @@ def test_goes_through_all_states_to_finished() -> None:
     ]
 
 
-def test_finished_ends_every_drive_order_even_when_no_news_of_it_came() -> None:
+def test_finished_ends_every_drive_order_even_without_events() -> None:
     assert drive_states(assigned_order("A", "B", "C").finished(NOW)) == [D.FINISHED] * 3
 
 
@@ -84,7 +84,7 @@ def test_failure_keeps_what_was_done_and_says_why() -> None:
     assert order.status.history[-1].supplements == ("FAILED", "wheel lost")
 
 
-def test_withdrawal_of_an_order_that_waits_ends_it_at_once() -> None:
+def test_withdrawing_a_waiting_order_ends_it_at_once() -> None:
     assert dispatchable_order().withdrawn("not needed", NOW).state is S.FAILED
 
 
@@ -95,24 +95,24 @@ def test_withdrawal_of_an_order_under_way_waits_for_the_vehicle() -> None:
     assert order.failed("let go", NOW).state is S.FAILED
 
 
-def test_news_of_a_withdrawn_order_keeps_the_reason_of_the_withdrawal() -> None:
+def test_events_of_a_withdrawn_order_keep_the_withdrawal_reason() -> None:
     withdrawn = assigned_order("A", "B").withdrawn("not needed", NOW)
     after = withdrawn.operating(0, NOW).drive_order_finished(0, NOW)
     assert after.status.reason == withdrawn.status.reason
 
 
-def test_what_hinders_the_vehicle_is_said_once_and_only_while_it_does() -> None:
+def test_a_vehicles_wait_reason_is_published_once_while_it_applies() -> None:
     order = assigned_order("A", "B")
-    hindered = order.hindered("the robot is paused")
-    assert hindered.status.reason == f"{order.status.reason}, but the robot is paused"
-    assert hindered.status.version == order.status.version + 1
-    assert hindered.hindered("the robot is paused") is hindered
-    assert hindered.hindered("").status.reason == order.status.reason
-    assert order.hindered("") is order
+    waiting = order.with_wait_reason("the robot is paused")
+    assert waiting.status.reason == f"{order.status.reason}, but the robot is paused"
+    assert waiting.status.version == order.status.version + 1
+    assert waiting.with_wait_reason("the robot is paused") is waiting
+    assert waiting.with_wait_reason("").status.reason == order.status.reason
+    assert order.with_wait_reason("") is order
 
 
-def test_a_withdrawn_order_says_what_it_waits_for_and_why() -> None:
-    order = assigned_order("A").withdrawn("not needed", NOW).hindered("the robot is silent")
+def test_a_withdrawn_order_reports_what_it_waits_for_and_why() -> None:
+    order = assigned_order("A").withdrawn("not needed", NOW).with_wait_reason("the robot is silent")
     assert order.status.reason == "not needed; waiting for vehicle V-1 to release it, but the robot is silent"
 
 
@@ -128,13 +128,13 @@ def test_same_deferral_again_changes_nothing() -> None:
     assert order.deferred("nobody is free", NOW + timedelta(hours=1)) is order
 
 
-def test_deferrals_in_a_row_are_one_entry_of_the_history() -> None:
+def test_consecutive_deferrals_are_one_history_entry() -> None:
     order = dispatchable_order().deferred("nobody is free", NOW).deferred("all are offline", NOW)
     assert codes(order) == [EventCode.ORDER_CREATED, EventCode.DISPATCHING_DEFERRED]
     assert order.status.history[-1].supplements == ("all are offline",)
 
 
-def test_news_of_a_drive_order_that_is_over_changes_nothing() -> None:
+def test_events_of_an_ended_drive_order_change_nothing() -> None:
     order = assigned_order("A", "B").drive_order_finished(0, NOW)
     assert order.drive_order_finished(0, NOW) is order
     assert order.operating(0, NOW) is order
@@ -152,12 +152,12 @@ def test_news_of_a_drive_order_that_is_over_changes_nothing() -> None:
         lambda order: order.drive_order_finished(0, NOW),
     ],
 )
-def test_nothing_changes_an_order_at_its_end(change: Callable[[TransportOrder], TransportOrder]) -> None:
+def test_ended_orders_never_change(change: Callable[[TransportOrder], TransportOrder]) -> None:
     with pytest.raises(IllegalTransitionError, match="FINISHED"):
         change(assigned_order().finished(NOW))
 
 
-def test_another_way_is_noted_with_why() -> None:
+def test_a_rerouting_is_recorded_with_its_reason() -> None:
     order = assigned_order("A", "B").rerouted(("A", "C"), "a path was locked", NOW)
     assert order.status.drive_orders[0].route == ("A", "C")
     assert order.status.drive_orders[1].route == ("A", "B")
@@ -166,7 +166,7 @@ def test_another_way_is_noted_with_why() -> None:
     assert order.status.history[-1].supplements == ("a path was locked",)
 
 
-def test_priority_goes_before_deadline_before_age() -> None:
+def test_priority_precedes_deadline_and_age() -> None:
     soon, later = NOW + timedelta(minutes=1), NOW + timedelta(minutes=9)
     orders = [
         dispatchable_order(number=1),
@@ -270,7 +270,7 @@ class LifeCycle(RuleBasedStateMachine):
 TestLifeCycle = LifeCycle.TestCase
 
 
-def test_ids_are_of_one_length_and_never_the_same() -> None:
+def test_ids_have_one_length_and_are_unique() -> None:
     made = {sortable_id() for _ in range(100)}
     assert len(made) == 100
     assert {len(each) for each in made} == {22}
@@ -279,7 +279,7 @@ def test_ids_are_of_one_length_and_never_the_same() -> None:
 HOLD = Hold(by="Ann", reason="tea", since=NOW)
 
 
-def test_who_holds_an_order_since_when_and_why_is_said() -> None:
+def test_a_hold_has_holder_time_and_reason() -> None:
     for order in (dispatchable_order(), assigned_order()):
         held = order.on_hold(HOLD, NOW)
 
@@ -291,14 +291,14 @@ def test_who_holds_an_order_since_when_and_why_is_said() -> None:
         )
 
 
-def test_an_order_whose_conditions_come_true_stays_held() -> None:
+def test_an_order_whose_conditions_are_met_stays_held() -> None:
     held = raw_order().activated().on_hold(HOLD, NOW).dispatchable()
 
     assert (held.held, held.status.reason) == (True, "held by Ann since 2026-01-01 00:00:00 UTC: tea")
     assert held.resumed("Bob", "go", NOW).status.reason == "waits for its turn"
 
 
-def test_a_resumed_order_has_all_its_tries_again() -> None:
+def test_a_resumed_order_has_all_its_retries_again() -> None:
     order = assigned_order().retried(2, "blocked", now=NOW)
     assert order.current.measures_taken == 2
 
@@ -308,20 +308,20 @@ def test_a_resumed_order_has_all_its_tries_again() -> None:
     assert order.status.reason == "vehicle V-1 travels to destination 1 of 1"
 
 
-def test_an_order_at_its_end_is_held_by_nobody() -> None:
+def test_an_ended_order_cannot_be_held() -> None:
     with pytest.raises(IllegalTransitionError):
         assigned_order().failed("lost", NOW).on_hold(HOLD, NOW)
     assert not assigned_order().on_hold(HOLD, NOW).failed("lost", NOW).held
     assert not assigned_order().on_hold(HOLD, NOW).withdrawn("not wanted", NOW).held
 
 
-def test_what_failed_while_it_was_held_is_said_too() -> None:
+def test_failures_during_a_hold_are_reported_too() -> None:
     order = assigned_order().on_hold(HOLD, NOW).failed_while_held("wheel lost")
 
     assert order.status.reason.endswith("tea; since then: wheel lost")
 
 
-def test_another_vehicle_goes_on_where_the_first_one_came_to() -> None:
+def test_another_vehicle_continues_where_the_first_one_stopped() -> None:
     order = assigned_order("A", "B", "C").drive_order_finished(0, NOW)
     order = order.reassigned(1, "wheel lost", NOW)
 
@@ -334,7 +334,7 @@ def test_another_vehicle_goes_on_where_the_first_one_came_to() -> None:
     assert order.status.assigned == NOW
 
 
-def test_an_operation_that_is_left_out_counts_as_failed_in_an_order_that_is_done() -> None:
+def test_a_skipped_operation_counts_as_failed_in_a_finished_order() -> None:
     order = assigned_order("A:Load", "B").skipped("jammed", NOW).operating(1, NOW)
     order = order.drive_order_finished(1, NOW).finished(NOW)
 
@@ -342,7 +342,7 @@ def test_an_operation_that_is_left_out_counts_as_failed_in_an_order_that_is_done
     assert order.status.reason == "done by vehicle V-1, operations left out: 1"
 
 
-def test_another_way_avoids_more_each_time() -> None:
+def test_each_replan_avoids_more() -> None:
     order = assigned_order().replanned(1, "blocked", now=NOW, avoided=("A --- B", "B"))
     order = order.replanned(2, "blocked", now=NOW, avoided=("A --- C",))
 
@@ -350,8 +350,8 @@ def test_another_way_avoids_more_each_time() -> None:
     assert order.status.history[-1].supplements == ("blocked; avoids A --- C",)
 
 
-def test_a_pause_before_the_next_try_has_an_end() -> None:
+def test_a_retry_delay_ends() -> None:
     order = assigned_order().retried(1, "blocked", now=NOW, next_try=NOW + timedelta(seconds=5))
     assert order.status.next_try == NOW + timedelta(seconds=5)
-    assert order.begun_again().tried().status.next_try is None
-    assert order.begun_again().current.attempts == 1
+    assert order.restarted().tried().status.next_try is None
+    assert order.restarted().current.attempts == 1

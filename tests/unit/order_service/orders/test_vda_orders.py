@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
+import pytest
+
+from nena_order_service.fleet.position import RobotProfile, Standing, locate
+from nena_order_service.orders import vda_orders
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.traffic_control import Journey
+from nena_shared.plant import PlantModel, Point, Vehicle
+from nena_shared.vda5050.state import State
 from support.fleet import make_vda_order
-from support.scripted_fleet import key
+from support.scripted_fleet import ScriptedFleet, key, make_context
 
 WAY = tuple(ResourceSet(name, 1000, {name: None}) for name in "BCDE")
 RECORD = SentOrder.of(key("V1"), make_vda_order("m", *"ABCDE"), 0, WAY)
@@ -16,7 +24,7 @@ def base(record: SentOrder) -> list[str]:
     return [node.node_id for node in record.as_released().nodes if node.released]
 
 
-def test_it_comes_back_as_it_was() -> None:
+def test_a_sent_order_round_trip_is_unchanged() -> None:
     record = RECORD.released(Journey(WAY, 2)).updated(cancelled=True)
 
     assert SentOrder.model_validate_json(record.document()) == record
@@ -30,7 +38,7 @@ def test_the_base_is_what_is_allocated() -> None:
     assert RECORD.released(Journey(WAY, 4)).all_released
 
 
-def test_one_that_ends_early_has_no_horizon() -> None:
+def test_an_order_that_ends_early_has_no_horizon() -> None:
     record = RECORD.released(Journey(WAY, 2)).ending_early(partial=True)
 
     assert [node.node_id for node in record.vda_order.nodes] == ["A", "B", "C"]
@@ -38,7 +46,27 @@ def test_one_that_ends_early_has_no_horizon() -> None:
     assert (record.partial, record.all_released, record.update_id) == (True, True, 1)
 
 
-def test_one_that_is_all_base_stays_as_it_is() -> None:
+def test_a_completely_released_order_is_unchanged() -> None:
     record = RECORD.released(Journey(WAY, 4))
 
     assert record.ending_early(partial=True) is record
+
+
+def test_a_vehicle_is_located_once_for_each_of_its_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    located: Counter[str] = Counter()
+
+    def counted(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
+        located[state.last_node_id] += 1
+        return locate(plant, state, profile)
+
+    monkeypatch.setattr(vda_orders, "locate", counted)
+    points = tuple(Point(name=name, x_mm=x, y_mm=0) for name, x in (("A", 0), ("B", 1000)))
+    context = make_context(PlantModel(name="two", points=points, vehicles=(Vehicle(name="V1"),)))
+    vehicle = context.registry.named("V1")
+    assert vehicle
+    for point in "AB":
+        view = ScriptedFleet(at={"V1": point}).view(key("V1"))
+        found = {context.planner.standing(vehicle, view).point for _ in range(3)}
+        assert found == {point}
+
+    assert located == {"A": 1, "B": 1}

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from nena_order_service.routing import graph
 from nena_order_service.routing.graph import CostKey, NoRouteError, evaluators
-from nena_order_service.routing.router import NO_WAY, RouteCosts, RouteFinder, Router, VehicleRoutes
+from nena_order_service.routing.router import NO_ROUTE, RouteCosts, RouteFinder, Router, VehicleRoutes
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import Link, Location, LocationType, Path, PlantModel, Vehicle
@@ -41,12 +41,12 @@ def test_one_leg_for_each_destination() -> None:
     assert [leg.points for leg in FINDER.find("A", [at("B"), at("C")]).legs] == [("A", "B"), ("B", "C")]
 
 
-def test_way_without_a_route_is_refused() -> None:
+def test_finding_a_missing_route_raises_an_error() -> None:
     with pytest.raises(NoRouteError):
         FINDER.find("C", [at("A")])
 
 
-def test_coordinate_is_driven_to_straight_and_left_from_the_nearest_point() -> None:
+def test_coordinate_is_reached_straight_and_left_via_the_nearest_point() -> None:
     points = (point("A"), point("B", 1000), point("C", 9000))
     model = PlantModel(name="line", points=points, paths=(path("A B"),))
     finder = RouteFinder(model, Router(model))
@@ -60,7 +60,7 @@ def test_routability_tries_every_access_point_of_the_first_destination_as_a_star
     assert FINDER.why_unroutable([at("L", "Load"), at("C")], frozenset()) is None
 
 
-def test_unroutable_says_why() -> None:
+def test_unroutable_has_a_reason() -> None:
     assert "No route from 'C' to 'A'" in (FINDER.why_unroutable([at("C"), at("A")], frozenset()) or "")
 
 
@@ -78,9 +78,9 @@ def test_coordinates_are_routable_from_the_nearest_point() -> None:
     assert "from 'Z' to 'A'" in (finder.why_unroutable([far, at("A")], frozenset()) or "")
 
 
-def test_locks_of_hosts_are_told_from_ways_that_there_are_not() -> None:
+def test_host_locks_are_distinguished_from_missing_routes() -> None:
     model = plant(path("A B"), path("B C", locked=True), path("B D"))
-    finder = RouteFinder(model, Router(model), any_day=Router(model))
+    finder = RouteFinder(model, Router(model), without_host_locks=Router(model))
     finder.set_locks({"A --- B": True})
     assert finder.is_locked("A --- B")
     assert finder.is_locked("B --- C")
@@ -122,7 +122,7 @@ ends = st.tuples(st.sampled_from(NAMES), st.sampled_from(NAMES)).filter(lambda t
     goals=st.lists(st.sampled_from([*NAMES, "Station"]), min_size=1, max_size=3),
     avoid=st.sets(st.sampled_from(NAMES), max_size=1),
 )
-def test_costs_are_those_of_the_ways_that_are_found(
+def test_costs_equal_those_of_the_found_routes(
     edges: dict[tuple[str, str], int], links: list[str], goals: list[str], avoid: set[str]
 ) -> None:
     finder, costs = made(tuple(path(f"{a} {b}", cost) for (a, b), cost in edges.items()), tuple(links))
@@ -137,14 +137,14 @@ def test_costs_are_those_of_the_ways_that_are_found(
             assert found.initial <= found.complete
 
 
-def test_a_coordinate_is_looked_for_and_a_lock_counts_at_once() -> None:
+def test_routes_to_coordinates_respect_locks_at_once() -> None:
     finder, costs = made((path("A B", 1000), path("B C", 1000)))
     coordinate = [*stops("B"), Destination(coordinate=Coordinate(x=1.0, y=2.0))]
     assert costs.cost("A", coordinate, vehicle=None) == (3000, 1000)
     assert costs.cost("A", stops("C"), vehicle=None).complete == 2000
     finder.set_locks({"B --- C": True})
-    assert costs.cost("A", stops("C"), vehicle=None) == NO_WAY
-    assert costs.cost("C", coordinate, vehicle=None) == NO_WAY
+    assert costs.cost("A", stops("C"), vehicle=None) == NO_ROUTE
+    assert costs.cost("C", coordinate, vehicle=None) == NO_ROUTE
 
 
 PLANT = PlantModel(
@@ -166,7 +166,7 @@ def make() -> tuple[RouteFinder, VehicleRoutes]:
     )
 
 
-def test_each_vehicle_has_the_ways_of_its_routing_group() -> None:
+def test_each_vehicle_uses_the_costs_of_its_routing_group() -> None:
     _, ways = make()
 
     assert ways.route("light", "A", "B").points == ("A", "B")
@@ -176,7 +176,7 @@ def test_each_vehicle_has_the_ways_of_its_routing_group() -> None:
     assert ways.route("light", "A", "B", avoid={"A --- B"}).points == ("A", "C", "B")
 
 
-def test_routes_are_remembered_until_the_plant_changes() -> None:
+def test_routes_are_cached_until_the_plant_changes() -> None:
     finder, ways = make()
     before = ways.route("heavy", "A", "B")
     finder.set_locks({"C --- B": True})
@@ -187,10 +187,10 @@ def test_routes_are_remembered_until_the_plant_changes() -> None:
         ways.route("heavy", "A", "B")
 
 
-def test_the_first_routes_after_the_preparation_build_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_prepared_routing_builds_no_graph_later(monkeypatch: pytest.MonkeyPatch) -> None:
     model = grid_plant(3, 3)
     slow = Vehicle(name="Slow", max_velocity_mm_s=100, max_reverse_velocity_mm_s=0)
-    finder = RouteFinder(model, Router(model), any_day=Router(model))
+    finder = RouteFinder(model, Router(model), without_host_locks=Router(model))
     finder.prepare([slow])
 
     def not_now(*_: object) -> None:

@@ -35,7 +35,7 @@ def tracks(*ends: str) -> PlantModel:
     return plant(*(path(each, max_reverse_velocity_mm_s=BOTH_WAYS) for each in ends))
 
 
-def test_a_wish_is_granted_where_the_way_is_free() -> None:
+def test_a_request_is_granted_if_the_route_is_free() -> None:
     scene = Scene(tracks("A B", "B C"), v="A")
     scene.control.request_route(RouteRequest("v", "C"))
 
@@ -44,7 +44,7 @@ def test_a_wish_is_granted_where_the_way_is_free() -> None:
     assert [each.point for each in scene.scheduler.occupant("v").claimed] == ["B", "C"]
 
 
-def test_only_so_many_routes_are_searched_in_one_decision_and_the_rest_in_the_next() -> None:
+def test_route_searches_per_decision_are_limited() -> None:
     scene = Scene(plant(*(path(f"A{n} B{n}") for n in range(3))), v="A0", w="A1", x="A2")
     for number, name in enumerate("vwx"):
         scene.control.request_route(RouteRequest(name, f"B{number}"))
@@ -66,7 +66,7 @@ def test_a_route_that_is_known_needs_no_search() -> None:
     assert not scene.control.unfinished, "both are refused, with routes that are kept"
 
 
-def test_searches_for_free_places_are_left_to_the_next_decisions_and_each_vehicle_has_its_turn() -> None:
+def test_searches_for_free_points_continue_in_later_decisions_in_turn() -> None:
     hopeless = [f"A{n} B{n}|B{n} X{n}|X{n} {n}0" for n in (1, 2)]
     behind = [f"{n}{end} {n}{end + 1}" for n in (1, 2) for end in range(8)]
     ends = [*"|".join(hopeless).split("|"), *behind, "A3 B3", "B3 C3", "B3 D3"]
@@ -89,7 +89,7 @@ def test_searches_for_free_places_are_left_to_the_next_decisions_and_each_vehicl
     assert sum(searches) > 20, "the others were tried"
 
 
-def test_who_rests_in_the_way_goes_to_a_parking_place_though_others_are_nearer() -> None:
+def test_a_resting_blocker_prefers_parking_positions_over_nearer_points() -> None:
     scene = Scene(parking(tracks("A B", "B C", "B X", "B Y", "Y P"), "P"), v="A", w="B")
     scene.control.request_route(RouteRequest("v", "C"))
 
@@ -100,7 +100,7 @@ def test_who_rests_in_the_way_goes_to_a_parking_place_though_others_are_nearer()
     assert scene.control.why_waiting("v") is None
 
 
-def test_who_works_where_it_stands_is_waited_for() -> None:
+def test_a_vehicle_operating_in_the_way_is_waited_for() -> None:
     scene = Scene(tracks("A B", "B C", "B X"), v="A", w="B")
     scene.control.request_route(RouteRequest("v", "C"))
 
@@ -108,7 +108,7 @@ def test_who_works_where_it_stands_is_waited_for() -> None:
     assert str(scene.control.why_waiting("v")) == "waits for w, which stands on 'B'"
 
 
-def test_a_short_detour_around_somebody_who_rests_is_taken_and_a_long_one_is_not() -> None:
+def test_only_a_short_detour_around_a_resting_vehicle_is_taken() -> None:
     short = Scene(
         plant(path("A B", 1000), path("B C", 1000), path("A X", 1400), path("X C", 1400)), v="A", w="B"
     )
@@ -122,7 +122,7 @@ def test_a_short_detour_around_somebody_who_rests_is_taken_and_a_long_one_is_not
     assert list(long.decide("w")) == []
 
 
-def test_whether_others_would_have_to_make_room_is_known_before_anybody_is_asked_to() -> None:
+def test_displacements_are_known_without_a_request() -> None:
     scene = Scene(plant(path("A B", 1000), path("B C", 1000), path("C D", 1000)), v="A", w="B")
     assert scene.control.displaces(RouteRequest("v", "C"))
     assert scene.control.displaces(RouteRequest("v", "B"))
@@ -131,7 +131,7 @@ def test_whether_others_would_have_to_make_room_is_known_before_anybody_is_asked
     assert list(scene.decide()) == []
 
 
-def test_nobody_has_to_make_room_where_a_short_detour_leads_around() -> None:
+def test_a_short_detour_avoids_making_room() -> None:
     for length, displaces in ((1400, False), (2000, True)):
         around = path("A X", length), path("X C", length)
         scene = Scene(plant(path("A B", 1000), path("B C", 1000), *around), v="A", w="B")
@@ -146,7 +146,7 @@ def test_nobody_has_to_make_room_where_a_short_detour_leads_around() -> None:
     assert both.control.displaces(RouteRequest("v", "C"))
 
 
-def test_somebody_who_comes_to_rest_in_the_way_would_have_to_make_room_too() -> None:
+def test_a_vehicle_that_will_stop_in_the_way_must_make_room_too() -> None:
     scene = Scene(tracks("A B", "B C", "B D"), v="A", w="D")
     assert not scene.control.displaces(RouteRequest("v", "C"))
     scene.control.request_route(RouteRequest("w", "B"))
@@ -154,7 +154,7 @@ def test_somebody_who_comes_to_rest_in_the_way_would_have_to_make_room_too() -> 
     assert scene.control.displaces(RouteRequest("v", "C"))
 
 
-def test_two_who_want_each_others_places_change_them_by_way_of_a_third() -> None:
+def test_two_vehicles_swap_positions_via_a_third() -> None:
     scene = Scene(tracks("A B", "B C", "B X"), v="A", w="C")
     scene.control.request_route(RouteRequest("v", "C"))
     scene.control.request_route(RouteRequest("w", "A"))
@@ -166,7 +166,7 @@ def test_two_who_want_each_others_places_change_them_by_way_of_a_third() -> None
     scene.drive_to_end("w")
 
 
-def test_somebody_who_is_enclosed_is_let_out_first() -> None:
+def test_an_enclosed_vehicle_is_let_out_first() -> None:
     scene = Scene(tracks("A B", "B C", "C X", "C Y"), v="A", u="B", w="C")
     scene.control.request_route(RouteRequest("v", "B"))
 
@@ -177,7 +177,7 @@ def test_somebody_who_is_enclosed_is_let_out_first() -> None:
     assert list(scene.decide()) == ["RouteGrant v A B"]
 
 
-def test_nobody_comes_to_rest_on_the_way_of_the_one_who_has_waited_longest() -> None:
+def test_no_vehicle_stops_on_the_section_with_the_right_of_way() -> None:
     scene = Scene(tracks("A B", "B C", "C D", "D E", "E X"), v="A", w="E", u="C")
     scene.control.request_route(RouteRequest("v", "D"))
     scene.control.request_route(RouteRequest("w", "D"))
@@ -188,7 +188,7 @@ def test_nobody_comes_to_rest_on_the_way_of_the_one_who_has_waited_longest() -> 
     )
 
 
-def test_a_wish_that_is_dropped_is_not_granted() -> None:
+def test_a_dropped_request_is_not_granted() -> None:
     scene = Scene(tracks("A B"), v="A")
     scene.control.request_route(RouteRequest("v", "B"))
 
@@ -197,7 +197,7 @@ def test_a_wish_that_is_dropped_is_not_granted() -> None:
     assert list(scene.decide()) == []
 
 
-def test_who_had_its_turn_and_could_not_come_to_its_goal_is_first_again() -> None:
+def test_a_vehicle_that_missed_its_goal_keeps_its_turn() -> None:
     scene = Scene(tracks("A B", "X B", "B C"), v="A", w="X")
     scene.control.request_route(RouteRequest("v", "C"))
     scene.control.request_route(RouteRequest("w", "C"), first=True)
@@ -206,7 +206,7 @@ def test_who_had_its_turn_and_could_not_come_to_its_goal_is_first_again() -> Non
     assert list(scene.decide()) == ["RouteGrant w X B C"]
 
 
-def test_around_somebody_who_is_lost_any_detour_is_taken() -> None:
+def test_any_detour_around_a_lost_vehicle_is_taken() -> None:
     scene = Scene(
         plant(path("A B", 1000), path("B C", 1000), path("A X", 9000), path("X C", 9000)), v="A", w="B"
     )
@@ -218,7 +218,7 @@ def test_around_somebody_who_is_lost_any_detour_is_taken() -> None:
     assert [each.point for each in scene.scheduler.occupant("v").claimed] == ["X", "C"]
 
 
-def test_who_waits_for_somebody_who_is_lost_keeps_nobody_else_from_anything() -> None:
+def test_waiting_for_a_lost_vehicle_blocks_no_others() -> None:
     scene = Scene(tracks("A B", "B C", "X A", "X Y"), v="Y", w="B", u="A")
     scene.control.request_route(RouteRequest("v", "C"))
     scene.control.request_route(RouteRequest("u", "X"))
@@ -239,7 +239,7 @@ def test_a_straight_way_needs_the_point_at_its_end() -> None:
     assert [each.length_mm for each in scene.scheduler.occupant("v").claimed] == [1500]
 
 
-def test_a_location_is_one_vehicles_also_where_that_stands_there_already() -> None:
+def test_a_location_is_exclusive_also_for_a_vehicle_already_there() -> None:
     scene = Scene(tracks("A B"), v="A", w="B")
     scene.control.request_route(RouteRequest("v", "A", location="Shelf"))
     scene.control.request_route(RouteRequest("w", "B", location="Shelf"))
@@ -260,7 +260,7 @@ def track(points: str, *, length_mm: int = 0, **places: str) -> Scene:
     return Scene(plant(*paths), length_mm=length_mm, **places)
 
 
-def test_what_one_vehicle_holds_nobody_else_gets() -> None:
+def test_held_resources_are_exclusive() -> None:
     scene = track("A B C D", v="A", w="C")
     assert scene.claim("v", "B") == ""
     assert scene.allocate("v") == ""
@@ -272,7 +272,7 @@ def test_what_one_vehicle_holds_nobody_else_gets() -> None:
     assert not scene.scheduler.occupant("w").claimed
 
 
-def test_what_is_left_behind_is_free() -> None:
+def test_passed_resources_are_freed() -> None:
     scene = track("A B C D", v="A", w="D")
     scene.claim("v", "B")
     scene.drive_to_end("v")
@@ -282,14 +282,14 @@ def test_what_is_left_behind_is_free() -> None:
     assert scene.scheduler.users("A --- B") == {"v"}
 
 
-def test_a_way_over_somebody_who_rests_is_refused_with_who_it_is() -> None:
+def test_a_way_over_a_resting_vehicle_is_refused_with_its_name() -> None:
     scene = track("A B C D", v="A", w="C")
 
     assert scene.claim("v", "D") == "waits for w, which stands on 'C'"
     assert scene.scheduler.resting_on("v", scene.way("v", "D")) == ("w",)
 
 
-def test_two_who_want_to_pass_each_other_on_a_single_track_are_not_both_let_in() -> None:
+def test_only_one_of_two_oncoming_vehicles_enters_a_single_track() -> None:
     scene = Scene(
         plant(
             *(
@@ -315,7 +315,7 @@ def test_two_who_want_to_pass_each_other_on_a_single_track_are_not_both_let_in()
     assert scene.scheduler.occupant("w").point == "X"
 
 
-def test_nobody_comes_to_rest_where_somebody_else_has_still_to_pass() -> None:
+def test_no_vehicle_stops_where_another_has_to_pass() -> None:
     scene = Scene(plant(path("A B"), path("B C"), path("X B"), path("B Y")), v="A", w="X")
     assert scene.claim("v", "C") == ""
     assert scene.claim("w", "B") == ""
@@ -327,7 +327,7 @@ def test_nobody_comes_to_rest_where_somebody_else_has_still_to_pass() -> None:
     assert scene.allocate("w") == ""
 
 
-def test_a_ring_of_vehicles_in_which_each_wants_the_next_ones_place_is_not_begun() -> None:
+def test_a_cycle_of_vehicles_is_refused() -> None:
     scene = Scene(plant(path("A B"), path("B C"), path("C A")), u="A", v="B", w="C")
 
     assert scene.claim("u", "B") == "waits for v, which stands on 'B'"
@@ -335,7 +335,7 @@ def test_a_ring_of_vehicles_in_which_each_wants_the_next_ones_place_is_not_begun
     assert scene.claim("w", "A") == "waits for u, which stands on 'A'"
 
 
-def test_one_behind_the_other_they_drive_at_the_same_time() -> None:
+def test_vehicles_follow_each_other_at_the_same_time() -> None:
     scene = track("A B C D E", v="A", w="B")
     assert scene.claim("w", "E") == ""
     assert scene.claim("v", "D") == ""
@@ -392,7 +392,7 @@ def test_a_long_vehicle_keeps_what_its_tail_covers() -> None:
     assert scene.scheduler.users("B") == frozenset()
 
 
-def test_a_claim_that_is_given_up_leaves_what_is_held() -> None:
+def test_dropping_a_claim_keeps_held_resources() -> None:
     scene = track("A B C D", v="A", w="D")
     scene.claim("v", "C")
     scene.allocate("v")
@@ -404,7 +404,7 @@ def test_a_claim_that_is_given_up_leaves_what_is_held() -> None:
     assert scene.claim("w", "C") == ""
 
 
-def test_a_refused_claim_leaves_the_one_before() -> None:
+def test_a_refused_claim_keeps_the_previous_one() -> None:
     scene = track("A B C D", v="A", w="D")
     scene.claim("v", "B")
 
@@ -414,7 +414,7 @@ def test_a_refused_claim_leaves_the_one_before() -> None:
     assert scene.scheduler.users("C") == frozenset()
 
 
-def test_a_vehicle_that_is_taken_out_frees_everything() -> None:
+def test_a_removed_vehicle_frees_everything() -> None:
     scene = track("A B C D", v="A", w="D")
     scene.claim("v", "C")
     scene.allocate("v")
@@ -423,16 +423,16 @@ def test_a_vehicle_that_is_taken_out_frees_everything() -> None:
 
     assert "v" not in scene.scheduler
     assert all(scene.scheduler.users(name) <= {"w"} for name in ("A", "A --- B", "B", "B --- C", "C"))
-    with pytest.raises(UnknownOccupantError, match="place vehicle 'v'"):
+    with pytest.raises(UnknownOccupantError, match="position of vehicle 'v' is unknown"):
         scene.scheduler.occupant("v")
 
 
-def test_who_claims_nothing_is_allocated_nothing() -> None:
+def test_allocation_requires_a_claim() -> None:
     with pytest.raises(LookupError, match="claims nothing"):
         track("A B", v="A").allocate("v")
 
 
-def test_who_finds_somebody_resting_farther_on_its_way_does_not_come_nearer() -> None:
+def test_a_vehicle_does_not_approach_a_resting_one_on_its_route() -> None:
     scene = track("A B C D", v="A", w="C")
     scene.claim("w", "D")
     scene.claim("v", "C")
@@ -443,7 +443,7 @@ def test_who_finds_somebody_resting_farther_on_its_way_does_not_come_nearer() ->
     assert scene.allocate("v") == ""
 
 
-def test_what_was_granted_before_a_restart_is_held_and_claimed_unasked() -> None:
+def test_grants_from_before_a_restart_are_held_and_claimed() -> None:
     scene = track("A B C D", v="A", w="C")
     way = scene.way("v", "D")
 
@@ -480,52 +480,52 @@ class Bench:
         return [each.point for each in self.scene.scheduler.occupant(vehicle).claimed]
 
 
-def test_it_goes_to_the_nearest_place_and_has_claimed_the_way() -> None:
+def test_evasion_claims_the_route_to_the_nearest_point() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C", "C D"), w="B")
     assert bench.evade("w", kept=["A"]) == {"w": "C"}
     assert bench.claimed("w") == ["C"]
 
 
-def test_where_vehicles_park_goes_before_what_is_near() -> None:
+def test_parking_positions_precede_near_points() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C", "C D", "D P", parking="P"), w="B")
     assert bench.evade("w") == {"w": "P"}
     assert bench.claimed("w") == ["C", "D", "P"]
 
 
-def test_a_place_that_somebody_stands_on_or_comes_to_is_none() -> None:
+def test_an_occupied_or_targeted_position_is_not_chosen() -> None:
     bench = Bench(tracks_of_evasion("A B", "A C", "A D", "X D", "A Y", "Y Z", "X Q"), w="A", u="C", v="X")
     bench.scene.claim("v", "D")
     assert bench.evade("w", kept=["B"]) == {"w": "Y"}
 
 
-def test_the_way_may_lead_over_what_is_kept_free_but_not_end_there() -> None:
+def test_a_route_may_cross_but_not_end_on_what_is_kept_free() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C"), w="A")
     assert bench.evade("w", kept=["B"]) == {"w": "C"}
     assert Bench(tracks_of_evasion("A B", "B C"), w="A").evade("w", kept=["B", "C"]) == {}
 
 
-def test_a_long_vehicle_goes_as_far_as_it_takes_to_have_its_tail_out_of_the_way() -> None:
+def test_a_long_vehicle_drives_until_its_tail_is_clear() -> None:
     model = tracks_of_evasion("A B", "B C", "C D", "D E")
     assert Bench(model, w="A").evade("w", kept=["B"]) == {"w": "C"}
     assert Bench(model, w="A", length_mm=1500).evade("w", kept=["B"]) == {"w": "D"}
     assert Bench(model, w="A", length_mm=2500).evade("w", kept=["B"]) == {"w": "E"}
 
 
-def test_who_cannot_be_moved_stays_and_who_is_named_twice_goes_once() -> None:
+def test_immovable_vehicles_stay_and_others_move_once() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C", "C D"), w="B")
     assert bench.evade("w", fixed="w") == {}
     assert bench.claimed("w") == []
     assert list(bench._evader.evade(["w", "w"], [], lambda _: True))[1:] == []
 
 
-def test_several_get_places_of_their_own() -> None:
+def test_several_vehicles_get_different_positions() -> None:
     bench = Bench(tracks_of_evasion("A B", "A C", "X A", "X Y"), w="A", u="X")
     went = bench.evade("w", "u", kept=["A", "X"])
     assert went.keys() == {"w", "u"}
     assert len(set(went.values())) == 2
 
 
-def test_who_is_enclosed_has_the_others_go_first_and_farther() -> None:
+def test_vehicles_enclosing_another_move_first_and_farther() -> None:
     """In a row with a free place for each, the last one goes first, behind the places of the others."""
     bench = Bench(tracks_of_evasion("A B", "B C", "C X", "X Y", "Y Z"), u="A", w="B", v="C")
     went = []
@@ -537,13 +537,13 @@ def test_who_is_enclosed_has_the_others_go_first_and_farther() -> None:
     assert went == [("v", "Z"), ("w", "X"), ("u", "B")]
 
 
-def test_nobody_goes_for_somebody_whom_that_would_not_let_out() -> None:
+def test_no_vehicle_moves_if_that_would_not_let_another_out() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C", "C X"), u="A", w="B", v="C")
     assert bench.evade("u", kept=["A"], fixed="v") == {}
 
 
 @pytest.mark.parametrize(("behind", "goes"), [(CANDIDATES_TRIED - 1, {"w": "Far"}), (CANDIDATES_TRIED, {})])
-def test_only_so_many_places_are_looked_at(behind: int, goes: dict[str, str]) -> None:
+def test_the_number_of_points_tried_is_limited(behind: int, goes: dict[str, str]) -> None:
     """Put a vehicle that stays before all near places."""
     near = [path("H Gate", 100), *(path(f"Gate N{number}", 100) for number in range(behind))]
     bench = Bench(plant(*near, path("H Far", 5000)), w="H", u="Gate")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from nena_shared.fleet_api.wait_chains import WaitChain, chain_from, wait_chains
 
 
-def test_a_chain_leads_to_the_vehicle_that_waits_for_nobody() -> None:
+def test_chain_leads_to_the_vehicle_that_is_not_waiting() -> None:
     chains = wait_chains({"A": ["B"], "B": ["C"]})
     assert chains == {"A": WaitChain("B", "C"), "B": WaitChain("C", "C")}
     assert chain_from("A", chains) == ("A", "B", "C")
@@ -25,13 +25,13 @@ def test_vehicles_that_wait_in_a_circle_have_no_head() -> None:
     assert chain_from("D", chains) == ("D", "C", "A", "B")
 
 
-def test_two_circles_are_told_apart() -> None:
+def test_two_circles_are_distinguished() -> None:
     chains = wait_chains({"A": ["B"], "B": ["A"], "C": ["D"], "D": ["C"], "E": ["D"]})
     assert chains["B"].end == ("A", "B")
     assert chains["E"].end == ("C", "D")
 
 
-def test_a_head_of_which_nothing_is_known_is_a_head() -> None:
+def test_unknown_vehicle_is_a_head() -> None:
     assert wait_chains({"A": ["nobody heard of it"]})["A"].head == "nobody heard of it"
 
 
@@ -48,7 +48,7 @@ def test_of_several_the_one_that_needs_a_person_is_followed() -> None:
     assert wait_chains(waits, ())["A"] == WaitChain("drives", "drives")
 
 
-def test_nobody_waits_for_itself() -> None:
+def test_vehicle_does_not_wait_for_itself() -> None:
     assert wait_chains({"A": ["A"], "B": ["A"], "C": []}) == {"B": WaitChain("A", "A")}
 
 
@@ -59,13 +59,17 @@ def test_a_long_queue_is_followed_at_once() -> None:
     assert len(chain_from("0", chains)) == 5001
 
 
+def test_a_vehicle_behind_a_circle_that_also_waits_for_another_circle_is_behind_its_own() -> None:
+    chains = wait_chains({"D": ["G"], "G": ["D"], "A": ["B", "D"], "B": ["A"], "E": ["A"]})
+    assert chains["A"].circle == ("A", "B")
+    assert chains["E"] == WaitChain("A", None, ("A", "B"))
+
+
 NAMES = st.sampled_from("ABCDEFG")
 
 
 @given(st.dictionaries(NAMES, st.lists(NAMES, max_size=3)), st.sets(NAMES, max_size=2))
-def test_every_step_follows_what_is_known_and_all_on_the_way_agree(
-    waits: Mapping[str, list[str]], stuck: set[str]
-) -> None:
+def test_chains_are_consistent_for_any_waits(waits: Mapping[str, list[str]], stuck: set[str]) -> None:
     chains = wait_chains(waits, stuck)
     waiting = {name for name, others in waits.items() if set(others) - {name} and name not in stuck}
     assert chains.keys() == waiting

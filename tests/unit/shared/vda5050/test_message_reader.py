@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from nena_shared.vda5050 import message_reader as reader
+from nena_shared.vda5050.command_reader import read_command
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.message_reader import MessageReader, read_command
+from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair, RepairKind
 from nena_shared.vda5050.state import State
@@ -28,7 +29,7 @@ def test_a_robot_may_change_its_version_at_any_message() -> None:
         assert (message.version, message.last_node_id) == (codec.version, "A")
 
 
-def test_a_bad_message_says_what_is_wrong_and_the_next_one_is_read() -> None:
+def test_malformed_message_is_explained_and_the_next_one_is_read() -> None:
     messages = MessageReader(strict=True)
     good = CODEC_2_1.encode(state())
     messages.read(State, TOPIC, good, "v2")
@@ -105,15 +106,13 @@ def test_a_deviation_beyond_a_half_turn_allows_every_heading_and_one_below_0_non
 
 
 @pytest.mark.parametrize("given", [10, 180.0, -90.0])
-def test_a_deviation_beyond_a_full_turn_is_refused_as_it_may_be_in_degrees(
-    order: dict[str, Any], given: float
-) -> None:
+def test_deviation_beyond_a_full_turn_is_refused(order: dict[str, Any], given: float) -> None:
     order["nodes"][1]["nodePosition"]["allowedDeviationTheta"] = given
     with pytest.raises(MalformedMessageError):
         read_command(Order, CODEC_2_1, json.dumps(order).encode(), now=datetime(2026, 1, 1, tzinfo=UTC))
 
 
-def test_a_command_that_is_refused_is_answered_as_it_was_sent(order: dict[str, Any]) -> None:
+def test_refused_command_is_quoted_as_sent(order: dict[str, Any]) -> None:
     payload = json.dumps(order | {"headerId": "7", "orderId": 5, "nodes": None}).encode()
     with pytest.raises(MalformedMessageError) as strict:
         CODEC_2_1.decode(Order, payload)

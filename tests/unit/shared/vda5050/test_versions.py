@@ -17,12 +17,17 @@ from nena_shared.vda5050.versions import (
 )
 
 
-@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0", "3.0.1"])
-def test_codec_of_a_version(version: str) -> None:
-    assert codec_for(version).version == version
+def test_all_supported_versions() -> None:
+    assert list(CODECS) == ["2.0.0", "2.1.0", "3.0.0", "3.0.1"]
 
 
-def test_version_that_nobody_speaks_here_is_named_with_those_that_are() -> None:
+@pytest.mark.parametrize("version", CODECS)
+def test_codec_of_a_version_is_in_the_folder_of_its_name(version: str) -> None:
+    codec = codec_for(version)
+    assert (codec.version, codec.major_version) == (version, f"v{version[0]}")
+
+
+def test_unsupported_version_error_lists_supported_ones() -> None:
     with pytest.raises(
         UnknownVersionError, match=r"'1\.1\.0' .* 2\.0\.0, 2\.1\.0, 3\.0\.0, 3\.0\.1"
     ) as caught:

@@ -5,19 +5,22 @@ import ssl
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
+from unittest.mock import Mock
 
 import httpx
 import pytest
+import uvicorn
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
 from structlog.testing import capture_logs
+from uvicorn.server import ServerState
 
 from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
 from nena_shared.web import server as server_module
 from nena_shared.web.access import RateLimit
-from nena_shared.web.server import HttpServer
+from nena_shared.web.server import HttpConnection, HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.certificates import Authority
 from support.waiting import PATIENCE, awaited
@@ -76,7 +79,24 @@ async def test_bodies_are_read_also_of_hosts_that_offer_http_2(offer: str) -> No
         writer.close()
 
 
-def test_a_certificate_that_is_none_is_told(tmp_path: Path) -> None:
+async def test_head_and_body_of_an_answer_are_written_together() -> None:
+    """Each write is a system call, and a segment of its own."""
+    config = uvicorn.Config(YES, http=HttpConnection, lifespan="off", log_config=None)
+    config.load()
+    transport, written = Mock(), asyncio.Queue[bytes]()
+    transport.write = lambda data: written.put_nowait(data) if data else None
+    connection = HttpConnection(config, ServerState(), {})
+    connection.connection_made(transport)
+
+    connection.data_received(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n")
+
+    answer = await asyncio.wait_for(written.get(), PATIENCE)
+    assert answer.startswith(b"HTTP/1.1 200")
+    assert answer.endswith(b"\r\n\r\nyes")
+    connection.connection_lost(None)
+
+
+def test_invalid_certificate_is_reported(tmp_path: Path) -> None:
     (tmp_path / "c.pem").touch()
     settings = HttpSettings(port=0, tls_certificate=tmp_path / "c.pem", tls_key=tmp_path / "c.pem")
 
@@ -84,7 +104,7 @@ def test_a_certificate_that_is_none_is_told(tmp_path: Path) -> None:
         HttpServer(YES, settings)
 
 
-def test_port_in_use_is_one_line_that_says_what_to_do() -> None:
+def test_port_in_use_is_one_line_with_advice() -> None:
     first = HttpServer(YES, HttpSettings(port=0))
     try:
         with pytest.raises(StartError, match=rf"port {first.port}: Address already in use\. Set http\.port"):
@@ -93,14 +113,14 @@ def test_port_in_use_is_one_line_that_says_what_to_do() -> None:
         first.close()
 
 
-def test_an_address_of_another_machine_is_told(tmp_path: Path) -> None:
+def test_address_of_another_machine_is_reported(tmp_path: Path) -> None:
     settings = HttpSettings(host="192.0.2.1", port=0, reverse_proxy=True, users=tmp_path / "users.toml")
 
     with pytest.raises(StartError, match=r"192\.0\.2\.1 port 0"):
         HttpServer(YES, settings)
 
 
-def test_beyond_loopback_it_does_not_listen_unprotected() -> None:
+def test_unprotected_listening_is_limited_to_loopback() -> None:
     with pytest.raises(ConfigurationError, match="without TLS"):
         HttpServer(YES, HttpSettings(host="0.0.0.0", port=0))
 
@@ -140,14 +160,14 @@ async def is_closed(line: Line) -> bool:
 
 
 @pytest.mark.parametrize("begun", [b"", b"GET / HT"])
-async def test_who_sends_no_request_is_let_go(monkeypatch: pytest.MonkeyPatch, begun: bytes) -> None:
+async def test_idle_connection_is_closed(monkeypatch: pytest.MonkeyPatch, begun: bytes) -> None:
     monkeypatch.setattr(server_module, "HEAD_TIMEOUT", 0.05)
     async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         line[1].write(begun)
         assert await is_closed(line)
 
 
-async def test_the_next_request_has_its_time_too(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_next_request_has_its_own_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         assert await answered(line)
         monkeypatch.setattr(server_module, "HEAD_TIMEOUT", 0.05)
@@ -169,7 +189,7 @@ async def test_an_answer_may_take_longer_than_the_head(monkeypatch: pytest.Monke
         assert await answered(line)
 
 
-async def test_an_address_has_a_bounded_number(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_connections_per_address_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "PER_ADDRESS", 3)
     monkeypatch.setattr(server_module, "_logged", RateLimit(rate=1 / 60, burst=1))
     async with serving(HttpSettings(port=0)) as server, AsyncExitStack() as stack:
@@ -196,7 +216,7 @@ async def test_broken_requests_do_not_fill_the_log(
     assert [each.getMessage() for each in caplog.records] == ["Invalid HTTP request received."]
 
 
-async def test_those_of_a_proxy_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_connections_of_a_proxy_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "PER_ADDRESS", 1)
     async with (
         serving(HttpSettings(port=0, reverse_proxy=True)) as server,
@@ -216,7 +236,7 @@ async def test_an_offer_of_another_protocol_is_answered_and_no_line_of_the_log(
     assert caplog.records == []
 
 
-async def test_a_body_that_never_ends_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_endless_body_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "BODY_TIMEOUT", 0.05)
     read = asyncio.Event()
 
@@ -232,7 +252,7 @@ async def test_a_body_that_never_ends_is_not_waited_for(monkeypatch: pytest.Monk
         await asyncio.wait_for(read.wait(), PATIENCE)
 
 
-async def test_a_body_that_is_pipelined_behind_a_request_is_not_waited_for_either(
+async def test_pipelined_body_times_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(server_module, "BODY_TIMEOUT", 0.05)
@@ -260,7 +280,7 @@ def over_tls(folder: Path) -> tuple[HttpSettings, str]:
     return HttpSettings(port=0, tls_certificate=files.certificate, tls_key=files.key), str(authority.ca)
 
 
-async def test_who_begins_no_handshake_is_let_go_and_gives_its_place_back(
+async def test_connection_without_a_handshake_is_closed_and_released(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(server_module, "HANDSHAKE_TIMEOUT", 0.1)
@@ -280,7 +300,7 @@ async def test_who_begins_no_handshake_is_let_go_and_gives_its_place_back(
             assert (await client.get(server.url)).text == "yes"
 
 
-async def test_silent_connections_of_one_address_keep_no_other_one_out(
+async def test_silent_connections_of_one_address_do_not_block_others(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """They count from accepting them on: no handshake has to end for that."""
@@ -337,7 +357,7 @@ CHUNKED = b"Transfer-Encoding: chunked\r\n"
         ),
     ],
 )
-async def test_a_request_that_a_proxy_may_read_otherwise_is_refused(request_: bytes) -> None:
+async def test_ambiguous_request_is_refused(request_: bytes) -> None:
     async with serving(HttpSettings(port=0)) as server:
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(request_)
@@ -357,7 +377,7 @@ async def test_a_body_may_hold_line_feeds() -> None:
     ("trusted", "seen"),
     [(["127.0.0.0/8"], "192.0.2.7"), (["198.51.100.0/24"], "127.0.0.1")],
 )
-async def test_only_a_configured_proxy_says_who_asks(trusted: list[str], seen: str) -> None:
+async def test_client_address_is_taken_only_from_a_configured_proxy(trusted: list[str], seen: str) -> None:
     async def who(scope: Scope, receive: Receive, send: Send) -> None:
         await PlainTextResponse(scope["client"][0])(scope, receive, send)
 
@@ -367,7 +387,7 @@ async def test_only_a_configured_proxy_says_who_asks(trusted: list[str], seen: s
         assert (await client.get(server.url, headers={"x-forwarded-for": "192.0.2.7"})).text == seen
 
 
-async def test_behind_a_proxy_it_speaks_https_all_the_same(tmp_path: Path) -> None:
+async def test_https_works_behind_a_proxy(tmp_path: Path) -> None:
     """As in Kubernetes: the ingress reaches it by TLS, and says who asks."""
 
     async def who(scope: Scope, receive: Receive, send: Send) -> None:

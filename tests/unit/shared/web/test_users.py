@@ -41,7 +41,7 @@ def test_what_is_written_is_read(found: list[User]) -> None:
         assert read_users(file) == tuple(found)
 
 
-def test_the_file_is_not_for_everybody_and_holds_no_token(tmp_path: Path) -> None:
+def test_file_is_private_and_contains_no_token(tmp_path: Path) -> None:
     file, token = tmp_path / "users.toml", new_token()
     write_users(file, [someone("ann", token)])
 
@@ -50,7 +50,7 @@ def test_the_file_is_not_for_everybody_and_holds_no_token(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_who_may_read_the_file_stays_as_it_was_set(tmp_path: Path) -> None:
+def test_file_permissions_are_preserved(tmp_path: Path) -> None:
     file = tmp_path / "users.toml"
     write_users(file, [])
     file.chmod(0o604)
@@ -59,14 +59,14 @@ def test_who_may_read_the_file_stays_as_it_was_set(tmp_path: Path) -> None:
     assert stat.S_IMODE(file.stat().st_mode) == 0o604
 
 
-def test_tokens_are_long_and_never_the_same() -> None:
+def test_tokens_are_long_and_unique() -> None:
     found = {new_token() for _ in range(1000)}
 
     assert len(found) == 1000
     assert all(len(token) > 40 and token.startswith("nena_") for token in found)
 
 
-def test_a_user_is_known_by_the_token_alone(tmp_path: Path) -> None:
+def test_user_is_found_by_token(tmp_path: Path) -> None:
     write_users(tmp_path / "u", [someone("ann", "a", Role.ADMIN), someone("bob", "b")])
     book = UserBook(tmp_path / "u")
 
@@ -75,7 +75,7 @@ def test_a_user_is_known_by_the_token_alone(tmp_path: Path) -> None:
     assert [book.who(each) for each in ("", "c", "ann", hash_of("a"))] == [None] * 4
 
 
-def test_who_is_taken_out_of_the_file_is_out_at_once(tmp_path: Path) -> None:
+def test_user_removed_from_the_file_is_locked_out_immediately(tmp_path: Path) -> None:
     write_users(tmp_path / "u", [someone("ann", "a"), someone("bob", "b")])
     book = UserBook(tmp_path / "u")
     write_users(tmp_path / "u", [someone("bob", "b"), someone("cid", "c")])
@@ -84,7 +84,7 @@ def test_who_is_taken_out_of_the_file_is_out_at_once(tmp_path: Path) -> None:
     assert book.who("c") == someone("cid", "c")
 
 
-def test_a_file_that_breaks_lets_nobody_in(tmp_path: Path) -> None:
+def test_invalid_users_file_locks_everyone_out(tmp_path: Path) -> None:
     write_users(tmp_path / "u", [someone("ann", "a")])
     book = UserBook(tmp_path / "u")
     (tmp_path / "u").unlink()
@@ -98,7 +98,7 @@ def test_a_file_that_breaks_lets_nobody_in(tmp_path: Path) -> None:
     assert book.who("a") == someone("ann", "a")
 
 
-def test_the_first_user_is_made_once_and_its_token_is_for_its_owner_alone(tmp_path: Path) -> None:
+def test_first_user_is_created_once_with_a_private_token_file(tmp_path: Path) -> None:
     file = tmp_path / "users.toml"
     secret = make_first_user(file)
 
@@ -120,12 +120,12 @@ def test_programs_that_start_together_agree_on_the_first_user(tmp_path: Path) ->
     assert UserBook(file).who(made[0].read_text().strip()) is not None
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_unwritable_path_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="No such file or directory"):
         make_first_user(tmp_path / "none" / "users.toml")
 
 
-def test_the_settings_say_whether_one_has_to_log_in(tmp_path: Path) -> None:
+def test_settings_decide_whether_login_is_required(tmp_path: Path) -> None:
     file = tmp_path / "users.toml"
 
     assert users_of(HttpSettings(port=0)) is None
@@ -137,10 +137,10 @@ def test_the_settings_say_whether_one_has_to_log_in(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("[[user]\n", "is no TOML"),
-        ("\udcff", "is no TOML"),
-        ("user = " + "[" * 500, "is no TOML: lists or tables are nested too deeply"),
-        ("user = " + "1" * 5000, "is no TOML"),
+        ("[[user]\n", "is not valid TOML"),
+        ("\udcff", "is not valid TOML"),
+        ("user = " + "[" * 500, "is not valid TOML: lists or tables are nested too deeply"),
+        ("user = " + "1" * 5000, "is not valid TOML"),
         ('[[user]]\nname = "a b"\nrole = "viewer"\ntoken_sha256 = "x"\n', r"user\.0\.name"),
         ('[[user]]\nname = "a"\nrole = "king"\n', r"user\.0\.role"),
         ("[[users]]\n", "users"),
@@ -150,7 +150,7 @@ def test_the_settings_say_whether_one_has_to_log_in(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_file_that_is_none_is_told_by_its_place(text: str, complaint: str, tmp_path: Path) -> None:
+def test_invalid_users_file_error_names_the_path(text: str, complaint: str, tmp_path: Path) -> None:
     (tmp_path / "u").write_text(text, errors="surrogateescape")
 
     with pytest.raises(ConfigurationError, match=complaint) as caught:

@@ -10,8 +10,9 @@ from typing import Final
 from nena_conversations.recording import Entry
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import KINDS, Codec
+from nena_shared.vda5050.command_reader import read_command
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.message_reader import MessageReader, read_command
+from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_of_header, nearest_codec

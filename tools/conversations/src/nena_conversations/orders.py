@@ -102,7 +102,7 @@ def situation_problems(order: Order, state: State | None, held: StitchedOrder | 
     open_actions = {each.action_id for each in state.action_states if not each.action_status.ended}
     acts = held is not None and not open_actions.isdisjoint(held.actions)
     if state.order_id != order.order_id and (state.node_states or state.edge_states or acts):
-        text = f"order '{order.order_id}' is sent while '{state.order_id}' is not ended"
+        text = f"order '{order.order_id}' is sent while '{state.order_id}' has not ended"
         yield Rule.OTHER_ORDER, Severity.ERROR, text
 
 

@@ -161,7 +161,7 @@ class _Publisher:
     def __init__(self, port: PluginRos, topic: str, type_name: str) -> None:
         self._port = port
         self._topic = topic
-        self._shape = _known(message_type, type_name)
+        self._shape = installed(message_type, type_name)
         self._publisher: Any = None
 
     def open(self, _: RosSession, node: Any) -> None:  # noqa: ANN401
@@ -186,7 +186,7 @@ class _Publisher:
 class _Subscription:
     def __init__(self, topic: str, type_name: str, qos: TopicQos) -> None:
         self._topic = topic
-        self._kind = _known(class_of, type_name)
+        self._kind = installed(class_of, type_name)
         self._qos = qos
         self._handlers: list[Callable[[Fields], None]] = []
         self._last: Fields | None = None
@@ -231,8 +231,8 @@ class _Client:
     def __init__(self, port: PluginRos, service: str, type_name: str) -> None:
         self._port = port
         self._service = service
-        self._kind = _known(class_of, type_name)
-        self._request, _ = _known(service_type, type_name)
+        self._kind = installed(class_of, type_name)
+        self._request, _ = installed(service_type, type_name)
         self._client: Any = None
 
     def open(self, _: RosSession, node: Any) -> None:  # noqa: ANN401
@@ -255,7 +255,7 @@ class _Action:
     def __init__(self, port: PluginRos, name: str, type_name: str) -> None:
         self._port = port
         self._name = name
-        self._goal, self._kind = _known(action_type, type_name)
+        self._goal, self._kind = installed(action_type, type_name)
         self._send: Any = None
 
     def open(self, _: RosSession, node: Any) -> None:  # noqa: ANN401
@@ -318,7 +318,13 @@ async def _found(client: Any, what: str, seconds: float) -> None:  # noqa: ANN40
     raise RosError(text)
 
 
-def _known(find: Callable[[str], T], name: str) -> T:
+def installed(find: Callable[[str], T], name: str) -> T:
+    """Return the ROS type that ``find`` returns for ``name``.
+
+    Raises:
+        RosError: the type is not installed.
+
+    """
     try:
         return find(name)
     except UnknownTypeError as error:

@@ -30,7 +30,7 @@ class ParameterSettings(SettingsGroup):
     """
 
     key: str = Field(
-        pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100, description="Action type in orders."
+        pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100, description="Name of the parameter in orders."
     )
     type: ValueDataType = Field(ValueDataType.STRING, description="BOOL, NUMBER, INTEGER, STRING, ...")
     required: bool = Field(default=True, description="Refuse orders without it.")

@@ -1,4 +1,4 @@
-"""Check the links to the broker: reachable, accepts the robot, lets it read and write its topics."""
+"""Check the links to the broker: connection, login, and access to the robot's topics."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ANSWER_WITHIN = 5.0
 """Timeout for each answer of the broker, seconds."""
 
 RETAINED_WITHIN = 1.0
-"""Timeout for retained messages, seconds; much longer than they take."""
+"""Timeout for retained messages, seconds; much longer than they usually take."""
 
 MAP_PROPERTY = "vda5050:mapId"
 
@@ -46,7 +46,7 @@ class BrokerView:
 
 
 async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
-    """Check the three links without disturbing a running agent of the same robot: the client ID differs.
+    """Check the three links, with a separate client ID so as not to disturb the robot's running agent.
 
     Raises:
         ConfigurationError: the password file cannot be read.
@@ -75,7 +75,7 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
 
 
 async def _reach(mqtt: MqttSettings) -> str:
-    """Open a connection and close it; return the problem in words, empty if there is none."""
+    """Open and close a connection; return the problem as text, empty if there is none."""
     try:
         async with asyncio.timeout(ANSWER_WITHIN):
             _, writer = await asyncio.open_connection(mqtt.host, mqtt.port)
@@ -106,7 +106,7 @@ class _BrokerProbe:
 
     @asynccontextmanager
     async def connected(self) -> AsyncIterator[str]:
-        """Connect for the block; yield the problem in words, empty if there is none."""
+        """Connect for the duration of the block; yield the problem as text, empty if there is none."""
         work = asyncio.create_task(self._link.run(), name="doctor's link")
         try:
             yield await self._outcome()
@@ -170,7 +170,7 @@ def _topics_read(settings: EdgeAgentSettings) -> tuple[Topic, ...]:
 
 
 def as_whom(mqtt: MqttSettings) -> str:
-    """Return the identity with which the broker accepted the agent, as far as the settings define it."""
+    """Return the agent's identity at the broker, as far as the settings define it."""
     if mqtt.username:
         return f"as {mqtt.username}"
     return f"by the certificate {mqtt.tls.certificate}" if mqtt.tls.certificate else "as anonymous"

@@ -30,14 +30,14 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class RosView:
-    """What a node in the configured domain and namespace sees within some seconds."""
+    """What a node in the configured domain and namespace observes within a few seconds."""
 
     nodes: tuple[str, ...] = ()
-    """Names of other nodes, without hidden ones."""
+    """Names of the other nodes, except hidden ones."""
     busy_domains: tuple[int, ...] = ()
     """Other domains that have nodes, among those searched."""
     servers: int = 0
-    """Publishers of the action's status in the namespace."""
+    """Number of publishers of the action's status in the namespace."""
     elsewhere: tuple[str, ...] = ()
     """Other namespaces in which the action's status is published."""
     goal_listeners: int = 0
@@ -51,7 +51,7 @@ class RosView:
     path_types: bool = True
     """Whether nav2_msgs/action/FollowPath is installed here."""
     path_servers: int = 0
-    """Publishers of the status of the controller's action, which follows paths."""
+    """Number of publishers of the status of the controller's FollowPath action."""
     clock_offset: float | None = None
     """Seconds by which the newest odometry stamp is ahead of this program's clock; None: no odometry."""
 
@@ -63,7 +63,7 @@ UNSYNCHRONISED = 5
 """Return value of adjtimex(2) while the clock is not synchronised (TIME_ERROR)."""
 
 _TIMEX_SIZE = 512
-"""Bytes, more than struct timex on any Linux; all zeros only query, and set nothing."""
+"""Buffer size, bytes; larger than struct timex on any Linux. A zeroed buffer only queries."""
 
 
 def kernel_keeps_time() -> bool | None:
@@ -99,9 +99,9 @@ NODES_SHOWN = 3
 
 
 def judge_robot(view: RosView, settings: RosSettings) -> list[LinkFinding]:
-    """Judge domain, namespace, localisation and Nav2; links behind a missing one are not judged.
+    """Judge domain, namespace, localisation and Nav2, up to the first missing link.
 
-    The localisation is checked first: Nav2's planner does not become active without a pose.
+    Localisation is checked before Nav2, whose planner does not become active without a pose.
     """
     findings = [_domain(view, settings)]
     if findings[-1].verdict is LinkVerdict.OK:
@@ -192,7 +192,7 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
 
 
 def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFinding:
-    """Judge whether a working Nav2, described by ``text``, does what the settings require."""
+    """Judge whether a working Nav2, described by ``text``, supports the settings."""
     tolerance, path_action = settings.goals.goal_tolerance, settings.names.follow_path
     if tolerance is not None and view.tolerance is not None and tolerance < view.tolerance:
         problem = f"ros.goals.goal_tolerance is {tolerance:g} m"
@@ -209,7 +209,7 @@ def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFindi
 
 
 def _drives(view: RosView) -> str:
-    """Return Nav2's parameters in words."""
+    """Return Nav2's parameters as text."""
     notes = []
     if view.tolerance is not None:
         notes.append(f"goal tolerance {view.tolerance:g} m (no node may allow less)")

@@ -21,7 +21,7 @@ from nena_edge_agent.nav2.session_control import SessionError, prepare_environme
 from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
-from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED
+from nena_shared.program import EXIT_FAILED, report_misconfigured
 from nena_shared.settings import ConfigurationError, LogSettings, load
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import RULES
@@ -35,15 +35,13 @@ DESCRIPTION = (
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the command; it accepts the agent's arguments."""
+    """Run the command, which accepts the agent's arguments."""
     try:
         settings = load(EdgeAgentSettings, argv, program=PROGRAM, description=DESCRIPTION)
         log.configure(LogSettings(level="error", form="text"))
         findings = asyncio.run(examine(settings))
     except ConfigurationError as error:
-        for problem in error.problems:
-            sys.stderr.write(f"{PROGRAM}: setting {problem}\n")
-        return EXIT_MISCONFIGURED
+        return report_misconfigured(PROGRAM, error)
     sys.stdout.write(report(findings))
     return EXIT_FAILED if any(each.verdict is LinkVerdict.MISSING for each in findings) else 0
 
@@ -64,7 +62,7 @@ async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:
 
 
 def judge_power(settings: EdgeAgentSettings) -> list[LinkFinding]:
-    """Check the commands that hibernate and shut down the robot; none if it has none."""
+    """Check the commands that hibernate and shut down the robot, if configured."""
     if not settings.power_actions:
         return []
     if not RULES[settings.version].hibernation:
@@ -77,7 +75,7 @@ def judge_power(settings: EdgeAgentSettings) -> list[LinkFinding]:
 
 
 def _as_kept(settings: EdgeAgentSettings) -> RosSettings:
-    """Return the ROS settings with the agent's current address, which may have been changed permanently."""
+    """Return the ROS settings with the agent's current address, which may have been changed by a command."""
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     journal = settings.journal.folder if settings.journal.enabled else None
     return session_switch(settings.ros, journal, robot).address.applied(settings.ros)

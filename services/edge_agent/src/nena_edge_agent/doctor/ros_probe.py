@@ -24,10 +24,10 @@ from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 LOOK_FOR = 5.0
-"""Seconds after which anything unseen counts as missing; discovery takes up to three."""
+"""Time after which anything unseen counts as missing, seconds; discovery takes up to 3 s."""
 
 LOOK_ELSEWHERE = 3.0
-"""Seconds for observing another domain."""
+"""Time for observing another domain, seconds."""
 
 POSE_WAIT = 2.0
 """Timeout for a requested pose, seconds."""
@@ -78,7 +78,7 @@ class _Probe:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Join the ROS graph for the block; raise like :func:`look`."""
+        """Join the ROS graph for the duration of the block; raises like :func:`look`."""
         await self._session.start(self._furnish)
         try:
             yield
@@ -86,11 +86,11 @@ class _Probe:
             await self._session.stop()
 
     async def sees_nodes(self, seconds: float) -> bool:
-        """Wait at most ``seconds`` for other nodes."""
+        """Wait up to ``seconds`` for other nodes; return whether there are any."""
         return await _until(lambda: bool(self._nodes()), seconds)
 
     async def look(self) -> RosView:
-        """Wait until everything is seen or time is up, and return what was seen."""
+        """Observe until everything is seen or time is up, and return the result."""
         await _until(self._complete, LOOK_FOR)
         if self._pose is None:
             await self._session.call(self._fresh_pose, Empty.Request(), seconds=self._settings.call_timeout)
@@ -197,13 +197,13 @@ def _grid(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
 
 
 def _offset(message: Any) -> float:  # noqa: ANN401
-    """Return by how many seconds the stamp of a nav_msgs/Odometry is ahead of now."""
+    """Return how far the stamp of a nav_msgs/Odometry is ahead of the current time, s."""
     stamp = message.header.stamp
     return float(stamp.sec + stamp.nanosec / messages.NANOSECONDS - time.time())
 
 
 async def _until(condition: Callable[[], bool], seconds: float) -> bool:
-    """Wait until ``condition`` holds, at most ``seconds``; return whether it does."""
+    """Wait up to ``seconds`` for ``condition``; return whether it holds."""
     for _ in range(int(seconds / 0.05)):
         if condition():
             return True

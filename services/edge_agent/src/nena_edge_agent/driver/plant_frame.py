@@ -1,7 +1,7 @@
-"""Puts a driver that works on the robot's own map into the plant's frame; nothing else converts frames.
+"""Conversion between the plant's frame and the robot's maps, for drivers that use their own map.
 
-The core, and all MQTT messages, use the plant's frame only; the driver behind it uses its map
-only. Speeds are the robot's own, in metres of the world, and are the same in both.
+The core and all MQTT messages use the plant's frame only, such a driver its map only. Speeds are the same in
+both.
 """
 
 from __future__ import annotations
@@ -37,22 +37,26 @@ from nena_shared.plant import geometry
 from nena_shared.plant.geometry import MapTransform, parse_transform
 
 SAME = MapTransform()
-"""Plant and map have the same frame."""
+"""The transform of a map that has the plant's frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlantFrame:
-    """How the plant lies on each of the robot's maps, by their ids; on others both are the same."""
+    """Transforms from the plant to the robot's maps, by map ID; other maps have the plant's frame."""
 
     transforms: Mapping[str, MapTransform]
 
     @classmethod
     def of(cls, texts: Mapping[str, str]) -> Self:
-        """Parse the transforms of the settings; raises ValueError."""
+        """Parse the transforms of the settings.
+
+        Raises:
+            ValueError: a transform is invalid.
+        """
         return cls({map_id: parse_transform(text) for map_id, text in texts.items()})
 
     def on(self, map_id: str) -> MapTransform:
-        """Return how the plant lies on a map."""
+        """Return the transform from the plant to a map."""
         return self.transforms.get(map_id, SAME)
 
     def to_map(self, pose: Pose) -> MapPose:
@@ -85,7 +89,7 @@ class PlantFrame:
         return MapArea(area.map_id, tuple((place.x_m, place.y_m) for place in places))
 
     def event(self, event: MapDriverEvent) -> DriverEvent:
-        """Return an event of the driver in the plant's frame."""
+        """Convert an event of the driver to the plant's frame."""
         match event:
             case MapPoseReport(pose):
                 rest = (event.localized, event.vx, event.omega, event.problem)
@@ -106,7 +110,7 @@ class PlantFrame:
 
 
 class PlantFrameDriver:
-    """A driver in the plant's frame, wrapping one on the robot's map."""
+    """A driver in the plant's frame that wraps one on the robot's map."""
 
     def __init__(self, make: Callable[[MapEmit], MapDriver], frame: PlantFrame, emit: Emit) -> None:
         """Build the driver; ``emit`` gets its events in the plant's frame."""

@@ -1,9 +1,9 @@
 """The port between the protocol core and the driver of the robot.
 
-Commands go in as method calls that return at once; everything that happens is reported as events, through the
+Commands are method calls that return at once; everything that happens is reported by events, through the
 callback given to the driver, in the event loop's thread. Poses are in the plant's frame: m, rad,
-anti-clockwise, with the map ID. A driver whose robot has its own map works behind
-:mod:`nena_edge_agent.driver.map_port`, in the frame of that map.
+counter-clockwise, with the map ID. A driver that uses the robot's own map implements
+:mod:`nena_edge_agent.driver.map_port` instead.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Generic, Protocol, TypeVar
 
 
 class SessionState(StrEnum):
-    """Life of a session."""
+    """The state of a ROS session."""
 
     NOT_ACTIVE = "NOT_ACTIVE"
     INITIATING = "INITIATING"
@@ -26,10 +26,10 @@ class SessionState(StrEnum):
 
 
 STANDING = 0.01
-"""m/s, or rad/s, below which a robot counts as standing."""
+"""Velocity below which a robot counts as at standstill, m/s or rad/s."""
 
 P = TypeVar("P")
-"""A kind of pose, which determines the frame."""
+"""The type of a pose, which determines the frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Circle:
     radius: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Return whether the place lies in it."""
+        """Return whether the point is inside."""
         return dist((self.x, self.y), (x, y)) <= self.radius
 
 
@@ -59,10 +59,10 @@ class Circle:
 class GoalAt(Generic[P]):
     """The next goal.
 
-    ``generation`` rises with each goal that the core sends; events of a goal carry it, so that a late result
-    never finishes a newer goal. ``deviation_xy`` (m) and ``deviation_theta`` (rad, None: any heading) define
-    when the robot has arrived. ``maximum_speed`` is in m/s, None: the robot's own. ``ahead`` are the
-    following places up to the next stop: a driver that supports it drives on over them, and continues without
+    ``generation`` increases with each goal that the core sends; events of a goal contain it, so that a late
+    result never finishes a newer goal. ``deviation_xy`` (m) and ``deviation_theta`` (rad, None: any heading)
+    define when the robot has arrived. ``maximum_speed`` is in m/s, None: the robot's own. ``ahead`` are the
+    poses after it up to the next stop: a driver that supports them drives through them, and continues without
     a stop when it gets the next of them as its goal. ``behavior_tree`` names the behaviour tree for
     navigation; "": the default. ``path`` is the path to follow, up to ``pose``; empty: navigation plans one.
     """
@@ -84,10 +84,10 @@ class DriveGoal(GoalAt[Pose]):
 
 
 class DriveFailure(StrEnum):
-    """Why a drive did not arrive."""
+    """Why a drive failed."""
 
     ABORTED = "ABORTED"
-    """Navigation stopped trying: unreachable, blocked, outside of the map."""
+    """Navigation gave up: unreachable, blocked, outside the map."""
     CANCELED_FROM_OUTSIDE = "CANCELED_FROM_OUTSIDE"
     """Another client cancelled the goal."""
     NOT_TAKEN_UP = "NOT_TAKEN_UP"
@@ -102,7 +102,7 @@ class DriveFailure(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Arrived:
-    """The goal of ``generation`` is reached, and the pose agrees."""
+    """The goal of ``generation`` is reached, confirmed by the pose."""
 
     generation: int
 
@@ -111,7 +111,7 @@ class Arrived:
 class DriveFailed:
     """The goal of ``generation`` will not be reached; the robot no longer drives to it.
 
-    ``hint`` is what to do about it, if navigation reports enough; ``code`` is its error code, 0: none.
+    ``hint`` is what to do about it, if known; ``code`` is navigation's error code, 0: none.
     """
 
     generation: int
@@ -153,7 +153,7 @@ class VelocityReport:
 class PoseReportAt(Generic[P]):
     """Pose of the robot; velocity in its own frame (m/s, rad/s), None if unknown.
 
-    ``problem`` explains why the pose is not to be trusted; empty if it is.
+    ``problem`` explains why the pose is unreliable; empty if it is reliable.
     """
 
     pose: P
@@ -171,7 +171,7 @@ class PoseReport(PoseReportAt[Pose]):
 
 @dataclass(frozen=True, slots=True)
 class BatteryReport:
-    """State of the battery: percent 0 to 100, V, A (negative: discharging)."""
+    """The state of the battery: percent, V, A (negative: discharging)."""
 
     state_of_charge: float
     charging: bool
@@ -183,7 +183,7 @@ class BatteryReport:
 class NavigationReport:
     """Whether goals can be sent now; ``reason`` explains what is missing.
 
-    ``starting``: the driver has not searched for navigation long enough to decide.
+    ``starting``: the search for navigation is still running.
     """
 
     available: bool
@@ -223,8 +223,8 @@ class BlockedReport:
 class DriveLimits:
     """The accuracy of navigation at a goal, and the robot's outline: m on the map ``map_id``.
 
-    A goal counts as reached within ``tolerance``. A goal that is passed at speed is replaced ``hand_over`` m,
-    and the distance of a replanning period, before it. ``contour`` is the outline around the robot's origin
+    A goal counts as reached within ``tolerance``. A goal that is passed at full speed must be replaced
+    ``hand_over`` m plus one replanning period before it. ``contour`` is the outline around the robot's origin
     as navigation has it; empty: unknown.
     """
 
@@ -252,7 +252,7 @@ class NoRouteReport:
 class DriveProgress:
     """Navigation's progress of the current drive: metres of ``map_id`` left, recoveries so far.
 
-    ``left`` None: it has no path.
+    ``left`` is None while navigation has no path.
     """
 
     left: float | None
@@ -262,7 +262,7 @@ class DriveProgress:
 
 @dataclass(frozen=True, slots=True)
 class CollisionReport:
-    """Whether a safeguard beside navigation stops the robot, and by which of its fields."""
+    """Whether a collision monitor stops the robot, and by which of its polygons."""
 
     stops: bool
     polygon: str
@@ -288,7 +288,7 @@ class GoalReport:
 
 @dataclass(frozen=True, slots=True)
 class GoalTable:
-    """The goals that navigation has: those that run and the newest of those that have ended, oldest first."""
+    """Navigation's goals, oldest first: all running ones, and the newest that have ended."""
 
     goals: tuple[GoalReport, ...] = ()
 
@@ -305,7 +305,7 @@ class GoalTable:
 
 @dataclass(frozen=True, slots=True)
 class SessionReport:
-    """The life of the robot's ROS session, and its position in the graph; ``reason``: why it has failed."""
+    """The state of the robot's ROS session, and its address in the ROS graph; ``reason``: why it failed."""
 
     state: SessionState
     namespace: str
@@ -356,12 +356,12 @@ class Mover(Protocol):
         """Start; events may be emitted from now on.
 
         Raises:
-            nena_shared.program.StartError: it cannot work here; the text explains what to do.
+            nena_shared.program.StartError: the driver cannot work here; the text says what to do.
         """
         ...
 
     async def stop(self) -> None:
-        """Shut down: cancel current goals and release all resources. Limited in time."""
+        """Cancel current goals and release all resources, within a limited time."""
         ...
 
     def halt(self) -> None:
@@ -377,7 +377,7 @@ class Mover(Protocol):
 
 
 class Driver(Mover, Protocol):
-    """What moves a robot."""
+    """A robot's driver in the plant's frame."""
 
     def reclaim(self, goals: OwnGoals) -> None:
         """Treat ``goals`` as this robot's own if navigation still drives to them; called before the start.
@@ -387,7 +387,7 @@ class Driver(Mover, Protocol):
         ...
 
     def go_to(self, goal: DriveGoal) -> None:
-        """Drive to ``goal``; a goal still driven is replaced without a stop and without an event."""
+        """Drive to ``goal``; a current goal is replaced without a stop and without an event."""
         ...
 
     def keep_out(self, areas: tuple[Area, ...]) -> None:

@@ -1,8 +1,8 @@
-"""Nav2's action in the ROS graph, to one position or through several: its goals, results and feedback.
+"""Client of Nav2's action NavigateToPose or NavigateThroughPoses: goals, results and feedback.
 
-Built from the action's hidden services and topic: so goals can have IDs of our own, answers have timeouts,
-and the result of an earlier run's goal can be requested. Statuses and cancelling are in the node, which also
-needs them for topics.
+It uses the action's hidden services and topic, so that goals have IDs of our own, calls have timeouts, and
+the result of an earlier run's goal can be requested. Statuses and cancelling are in the node, which needs
+them for goals by topic as well.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from nena_edge_agent.nav2.settings import Navigation, RosSettings
 from nena_shared.ros import GoalStatus, yaw_of
 
 FEEDBACK_PERIOD = 0.05
-"""Seconds between two messages of feedback that are read; Nav2 sends one each 10 ms."""
+"""Minimum interval between feedback messages that are read, seconds; Nav2 sends one every 10 ms."""
 FEEDBACK = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 
 @dataclass(frozen=True, slots=True)
 class GoalResult:
-    """How a goal has ended, and why."""
+    """How a goal ended, and why."""
 
     goal_id: str
     status: GoalStatus
@@ -57,7 +57,7 @@ def action_type(navigation: Navigation) -> Any | None:  # noqa: ANN401 - rclpy c
 
 
 class ActionClient:
-    """Client of an action server; an extension of one node, entered before any other call."""
+    """Client of an action server: a node extension whose :meth:`enter` is called before any other method."""
 
     def __init__(self, settings: RosSettings, types: Any, listeners: ActionListeners) -> None:  # noqa: ANN401
         self._settings = settings
@@ -65,7 +65,7 @@ class ActionClient:
         self._listeners = listeners
         self._name = settings.action
         self._read_feedback = feedback_reading
-        self._asked: Any = None
+        self._result_request: Any = None
         self._feedback_due_at = 0.0
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
@@ -117,14 +117,14 @@ class ActionClient:
         answer = await self._session.call(self._goals, request, seconds=self._settings.call_timeout)
         return None if answer is None else bool(answer.accepted)
 
-    def ask_result(self, goal_id: str) -> None:
+    def request_result(self, goal_id: str) -> None:
         """Request the result of a goal, which arrives when it ends; an earlier request is dropped."""
-        if self._asked is not None:
-            self._results.remove_pending_request(self._asked)
+        if self._result_request is not None:
+            self._results.remove_pending_request(self._result_request)
         request = self._types.Impl.GetResultService.Request()
         request.goal_id.uuid = list(bytes.fromhex(goal_id))
-        self._asked = self._results.call_async(request)
-        self._asked.add_done_callback(lambda future: self._on_result(goal_id, future))
+        self._result_request = self._results.call_async(request)
+        self._result_request.add_done_callback(lambda future: self._on_result(goal_id, future))
 
     def _feedback_due(self) -> bool:
         now = time.monotonic()

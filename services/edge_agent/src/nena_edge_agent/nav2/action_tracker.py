@@ -1,6 +1,6 @@
-"""Send goals to Nav2's action and follow them, with what an action reports beside the status array.
+"""Track goals sent to Nav2's action, by its responses, results and feedback besides the status array.
 
-A goal has an ID of ours; it is accepted or refused, its result has the reason of a failure, and its feedback
+A goal has an ID of ours and is accepted or rejected; its result has the reason for a failure, its feedback
 the progress. If the action's server is missing, goals are sent by topic if the settings allow it.
 """
 
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.driver.port import DriveFailure, DriveProgress
-from nena_edge_agent.nav2.commands import AskResult, Command, SendGoal
+from nena_edge_agent.nav2.commands import Command, RequestResult, SendGoal
 from nena_edge_agent.nav2.error_codes import Meaning, meaning_of
 from nena_edge_agent.nav2.goal_tracker import (
     GIVEN_UP_AFTER,
@@ -42,29 +42,29 @@ WITHOUT_REASON = (
 SAME = 0.001
 """Maximum distance between two poses of the same node, metres."""
 TURNED_AWAY = 0.3
-"""Increase of the distance to a pose, m, at which the robot no longer drives to it."""
+"""Increase of the distance to a pose, m, at which the robot counts as turning away from it."""
 
 
 FROM_END = 1.0
-"""Distance from the end of a route, m, beyond which it is not driven, whatever navigation reports."""
+"""Distance from the end of a route, m, beyond which it is not completed, whatever navigation reports."""
 
 
-class WayDriven:
-    """Follows a goal through several poses; those behind the next one are its ``ahead``."""
+class PassedPoses:
+    """Tracks a goal through several poses; those after the next one are its ``ahead``."""
 
     def __init__(self) -> None:
         self._places: tuple[MapPose, ...] = ()
-        self._let_go = False
+        self._dropped = False
         self._closest = math.inf
 
     def begin(self, goal: MapGoal) -> None:
-        """Note the poses sent to navigation."""
+        """Record the poses sent to navigation."""
         self._places = (goal.pose, *goal.ahead)
-        self.go_on()
+        self.advance()
 
-    def go_on(self) -> None:
-        """Note that the next pose is the goal now."""
-        self._let_go, self._closest = False, math.inf
+    def advance(self) -> None:
+        """Record that the next pose is now the goal."""
+        self._dropped, self._closest = False, math.inf
 
     def covers(self, goal: MapGoal) -> bool:
         """Return whether navigation already drives to ``goal`` and through the poses ahead of it."""
@@ -76,12 +76,12 @@ class WayDriven:
         return all(same)
 
     def left(self, goal: MapGoal, places: int) -> None:
-        """Note how many poses navigation still has to reach."""
-        self._let_go = self._let_go or places <= len(goal.ahead)
+        """Record how many poses navigation has left to reach."""
+        self._dropped = self._dropped or places <= len(goal.ahead)
 
     def missed(self, goal: MapGoal, pose: MapPose) -> bool:
-        """Return whether the robot turns away from ``goal`` without having been there."""
-        if not goal.ahead or not self._let_go:
+        """Return whether the robot turns away from ``goal`` without having reached it."""
+        if not goal.ahead or not self._dropped:
             return False
         away = math.dist((pose.x, pose.y), (goal.pose.x, goal.pose.y))
         self._closest = min(self._closest, away)
@@ -95,7 +95,7 @@ YAW_STEP = 0.1
 PROGRESS_PERIOD = 1.0
 """Seconds between two reports of the remaining distance."""
 FRESH = 0.5
-"""Seconds for which a pose of the feedback is preferred to one of the localisation, which is rarer."""
+"""Seconds for which a pose from the feedback takes precedence over the localisation's, which are rarer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,35 +114,35 @@ class FeedbackReading:
 
 SILENCES = (STOPPED_AFTER, OBEYED_AFTER, GIVEN_UP_AFTER)
 COUNTED = 0.2
-"""Seconds between two velocities that count as silence at most: after more, everything was held up."""
+"""Maximum time between two velocities that counts as silence, seconds; a longer gap delayed everything."""
 
 
 class SilenceWatch:
-    """Detects that the server that drives sends no feedback any more; times are monotonic seconds.
+    """Detects that the driving server no longer sends feedback; times are monotonic seconds.
 
-    Once odometry has arrived, only the time in which it arrives is counted: then network, computer and this
-    program work, and the silence is the server's own. A goal of which no feedback has arrived yet is not
-    watched, and goals sent by topic may never have any.
+    Once odometry has arrived, only time in which it arrives is counted: network, computer and this program
+    work then, so only the server is silent. A goal without feedback so far is not watched: goals sent by
+    topic may never have any.
     """
 
     def __init__(self) -> None:
         self._heard_at: float | None = None
         self._goal_id = ""
         self._odometry_at = -math.inf
-        self._alone = 0.0
+        self._silent_for = 0.0
         self._reported = 0
 
     @property
     def by_odometry(self) -> bool:
-        """Whether odometry has arrived, so that :meth:`on_velocity` alone decides."""
+        """Return whether odometry has arrived, so that :meth:`on_velocity` alone decides."""
         return self._odometry_at != -math.inf
 
     def heard(self, goal_id: str, now: float) -> None:
-        """Note feedback of a goal of ours that has not ended."""
-        self._heard_at, self._goal_id, self._alone, self._reported = now, goal_id, 0.0, 0
+        """Record feedback for one of our goals that has not ended."""
+        self._heard_at, self._goal_id, self._silent_for, self._reported = now, goal_id, 0.0, 0
 
     def on_velocity(self, now: float, live: Sequence[str]) -> float:
-        """Note that odometry has come; return the seconds of a silence that is to be handled now, or 0.
+        """Record that odometry has arrived; return the seconds of a silence to handle now, or 0.
 
         ``live`` are our goals that have not ended.
         """
@@ -150,12 +150,12 @@ class SilenceWatch:
         if self._heard_at is None or self._goal_id not in live:
             self._heard_at = None
             return 0.0
-        self._alone += min(now - max(before, self._heard_at), COUNTED)
-        passed = sum(self._alone >= each for each in SILENCES)
+        self._silent_for += min(now - max(before, self._heard_at), COUNTED)
+        passed = sum(self._silent_for >= each for each in SILENCES)
         if passed <= self._reported:
             return 0.0
         self._reported = passed
-        return self._alone
+        return self._silent_for
 
     def silent_for(self, now: float, live: Sequence[str]) -> float:
         """Return the seconds since the last feedback; 0 before the first of a goal."""
@@ -163,7 +163,7 @@ class SilenceWatch:
 
 
 class FeedbackFilter:
-    """Passes on relevant changes of feedback; times are monotonic seconds."""
+    """Selects the feedback to report; times are monotonic seconds."""
 
     def __init__(self) -> None:
         self._received_at = -math.inf
@@ -177,11 +177,11 @@ class FeedbackFilter:
         return now - self._received_at < FRESH
 
     def received(self, now: float) -> None:
-        """Note that feedback has arrived."""
+        """Record that feedback has arrived."""
         self._received_at = now
 
     def moved(self, reading: FeedbackReading, now: float) -> bool:
-        """Return whether the position is to be reported."""
+        """Return whether to report the position."""
         self.received(now)
         here = (reading.x, reading.y)
         turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
@@ -191,7 +191,7 @@ class FeedbackFilter:
         return True
 
     def progress(self, reading: FeedbackReading, map_id: str, now: float) -> DriveProgress | None:
-        """Return the remaining distance to be reported, None for nothing new.
+        """Return the remaining distance to report, None if there is nothing new.
 
         A recovery is reported at once.
         """
@@ -206,11 +206,11 @@ class FeedbackFilter:
 log = get_logger(__name__)
 
 REASON_WAIT = 1.0
-"""Seconds that the result of an aborted goal may arrive after the array with its end."""
+"""Timeout for the result of an aborted goal after the array with its end, seconds."""
 
 
 class ActionTracker(GoalTracker):
-    """``by_action`` is set by the driver, which sees the action's server: the next goal is sent to it."""
+    """The tracker for Nav2's action; the driver sets ``by_action`` while the action's server is available."""
 
     def __init__(self, settings: GoalSettings, prefix: GoalIdPrefix) -> None:
         super().__init__(settings)
@@ -219,11 +219,11 @@ class ActionTracker(GoalTracker):
             prefix, confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
         )
         self.by_action = False
-        self._way = WayDriven()
+        self._passed = PassedPoses()
         self._sent_for: GoalDrive | None = None
         self._sent: list[str] = []
         self._refused = False
-        self._asked = ""
+        self._result_requested = ""
         self._reason: tuple[str, int, Meaning | None] = ("", 0, None)
         self._aborted: tuple[str, float] | None = None
 
@@ -234,31 +234,31 @@ class ActionTracker(GoalTracker):
 
     @property
     def busy(self) -> bool:
-        """Whether something is awaited, so that :meth:`tick` is needed."""
+        """Return whether something is awaited, so that :meth:`tick` is needed."""
         return self._aborted is not None or self._registry.yields or super().busy
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
         """Drive to ``goal``; if the current goal already leads there, nothing is sent."""
         drive = self._drive
         same = drive is not None and drive is self._sent_for and drive.goal_id in self._sent
-        if drive is not None and same and self._aborted is None and self._way.covers(goal):
+        if drive is not None and same and self._aborted is None and self._passed.covers(goal):
             drive.goal = goal
-            self._way.go_on()
+            self._passed.advance()
             return self._advance(now)
         return super().go_to(goal, now)
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
-        """Handle a pose; a skipped pose of a goal through several is driven to again."""
+        """Handle a pose; resend a pose that a goal through several poses has skipped."""
         drive = self._drive
-        if drive is not None and drive.reached_at is None and self._way.missed(drive.goal, pose):
-            self._give_alone(drive)
+        if drive is not None and drive.reached_at is None and self._passed.missed(drive.goal, pose):
+            self._send_alone(drive)
         return super().on_pose(pose, now)
 
     def on_places(self, goal_id: str, left: int) -> None:
-        """Handle the number of poses that navigation still has to reach."""
+        """Handle the number of poses that navigation has left to reach."""
         drive = self._drive
         if drive is not None and drive.goal_id == goal_id:
-            self._way.left(drive.goal, left)
+            self._passed.left(drive.goal, left)
 
     def on_other_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Handle the status array of the action that this agent does not use."""
@@ -268,13 +268,13 @@ class ActionTracker(GoalTracker):
         if foreign and drive is not None and drive.goal_id is not None and drive.reached_at is None:
             text = (
                 f"another client sent Nav2 a goal ({foreign}), which Nav2 rejects while it drives through "
-                "several places: this robot pauses, so that the goal can be sent again"
+                "several poses: this robot pauses, so that the goal can be resent"
             )
             self._fail(drive, DriveFailure.TAKEN_OVER, text)
         return self._advance(now)
 
     def on_goal_answer(self, goal_id: str, now: float, *, accepted: bool | None) -> list[Command]:
-        """Handle the answer to a sent goal; None: there was none, and the status array will show it."""
+        """Handle the response to a sent goal; None: there was none, and the status array shows the result."""
         drive = self._drive
         if accepted:
             self._registry.accept(goal_id)
@@ -305,13 +305,13 @@ class ActionTracker(GoalTracker):
         if drive is not self._sent_for:
             self._sent_for, self._sent, self._refused = drive, [], False
         goal_id = self._prefix.new()
-        self._way.begin(drive.goal)
+        self._passed.begin(drive.goal)
         self._sent.append(goal_id)
         self._registry.sent(now)
         self._out.append(SendGoal(drive.goal, goal_id))
 
     def _bind(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
-        """Find the goal in the array in case its answer was lost."""
+        """Find the goal in the array in case its response was lost."""
         super()._bind(drive, claimed)
         if drive.goal_id is None and drive is self._sent_for:
             listed = [each for each in self._sent if self._registry.status(each) is not None]
@@ -325,12 +325,12 @@ class ActionTracker(GoalTracker):
         elif agrees(pose, drive.goal):
             self._arrive(drive, now)
         elif drive.may_be_undriven and not near(pose, drive.goal.ahead[-1], xy=FROM_END, theta=None):
-            self._give_again(drive)
+            self._resend(drive)
         elif now - drive.reached_at >= self._settings.pose_wait:
-            self._give_alone(drive)
+            self._send_alone(drive)
 
-    def _give_alone(self, drive: GoalDrive) -> None:
-        """Resend a goal without the poses behind it."""
+    def _send_alone(self, drive: GoalDrive) -> None:
+        """Resend a goal without the poses after it."""
         log.info("a skipped node is driven to separately", generation=drive.goal.generation)
         self._drive = GoalDrive(replace(drive.goal, ahead=()))
 
@@ -344,18 +344,18 @@ class ActionTracker(GoalTracker):
                 self._aborted = None
         if self._registry.end_yielding(now):
             self._report_table()
-        self._ask_result()
+        self._request_result()
         return super()._advance(now)
 
-    def _ask_result(self) -> None:
-        """Request once the result of the current goal, also of an earlier run's."""
+    def _request_result(self) -> None:
+        """Request the result of the current goal once, including a goal of an earlier run."""
         goal_id = self.goal_id
-        if goal_id is not None and goal_id != self._asked and self._prefix.matches(goal_id):
-            self._asked = goal_id
-            self._out.append(AskResult(goal_id))
+        if goal_id is not None and goal_id != self._result_requested and self._prefix.matches(goal_id):
+            self._result_requested = goal_id
+            self._out.append(RequestResult(goal_id))
 
     def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
-        """Delay an end that needs a reason, to wait for that reason."""
+        """Delay the end of an aborted goal until its reason arrives."""
         aborted = self._registry.status(goal_id) is GoalStatus.ABORTED and self._prefix.matches(goal_id)
         if aborted and not lost and self._reason[0] != goal_id:
             self._aborted = self._aborted or (goal_id, now)
@@ -376,14 +376,14 @@ class ActionTracker(GoalTracker):
 
     def _refusal(self, drive: GoalDrive) -> str:
         if drive is self._sent_for and self._refused:
-            return f"Nav2 rejected the goal, sent {drive.times_given} times: is bt_navigator active?"
+            return f"Nav2 rejected the goal, sent {drive.times_sent} times: is bt_navigator active?"
         return super()._refusal(drive)
 
 
 class ActionSide:
-    """Carries out the tracker's commands at the action, and passes it the answers; ``apply`` does the rest.
+    """Executes the tracker's commands on the action, and passes the responses to the tracker.
 
-    rclpy is loaded with the first client, not before.
+    ``apply`` executes the tracker's other commands. rclpy is imported with the first client.
     """
 
     def __init__(
@@ -428,16 +428,16 @@ class ActionSide:
         return [self._client] if self._client else []
 
     def look(self) -> bool:
-        """Check whether a server accepts goals; if so, the next goal goes to it."""
+        """Check whether a server accepts goals; if so, the next goal is sent to it."""
         self._tracker.by_action = self._client is not None and self._client.ready
         return self._tracker.by_action
 
     def on_other_statuses(self, entries: list[GoalEntry]) -> None:
-        """Handle the statuses of the action that only others use."""
+        """Handle the statuses of the action that only other clients use."""
         self._apply(self._tracker.on_other_statuses(entries, self._clock.monotonic()))
 
     async def send(self, goal: MapGoal, goal_id: str) -> None:
-        """Send a goal and handle the server's answer."""
+        """Send a goal and handle the server's response."""
         log.info("goal sent", generation=goal.generation, goal=goal_id, x=goal.pose.x, y=goal.pose.y)
         accepted = (
             await self._client.send(goal_id, (goal.pose, *goal.ahead), goal.behavior_tree)
@@ -446,10 +446,10 @@ class ActionSide:
         )
         self._apply(self._tracker.on_goal_answer(goal_id, self._clock.monotonic(), accepted=accepted))
 
-    def ask_result(self, goal_id: str) -> None:
+    def request_result(self, goal_id: str) -> None:
         """Request the result of a goal; the server sends it when the goal ends."""
         if self._client is not None:
-            self._client.ask_result(goal_id)
+            self._client.request_result(goal_id)
 
     def _on_result(self, result: GoalResult) -> None:
         reason = (result.error_code, result.error_message)

@@ -16,14 +16,14 @@ class PublishGoal:
 
 @dataclass(frozen=True, slots=True)
 class SendGoal:
-    """Send the goal to the action's server, under this id; it answers."""
+    """Send the goal to the action's server with this ID; the server responds."""
 
     goal: MapGoal
     goal_id: str
 
 
 @dataclass(frozen=True, slots=True)
-class AskResult:
+class RequestResult:
     """Request the result of the goal, which the action's server sends when the goal has ended."""
 
     goal_id: str
@@ -38,9 +38,9 @@ class CancelGoal:
 
 @dataclass(frozen=True, slots=True)
 class OnPath:
-    """Do the same at the controller's action, for a path of our own."""
+    """Execute the command on the controller's action, for a path."""
 
-    command: SendGoal | AskResult | CancelGoal
+    command: SendGoal | RequestResult | CancelGoal
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +55,9 @@ class RequestPose:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Report the protocol core."""
+    """Report an event to the protocol core."""
 
     event: MapDriverEvent
 
 
-Command = PublishGoal | SendGoal | AskResult | CancelGoal | OnPath | StopMotion | RequestPose | Report
+Command = PublishGoal | SendGoal | RequestResult | CancelGoal | OnPath | StopMotion | RequestPose | Report

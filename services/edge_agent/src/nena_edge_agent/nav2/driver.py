@@ -1,4 +1,4 @@
-"""The driver for Nav2 by its topics: of ROS it only needs rclpy and the common interfaces.
+"""The driver for Nav2; of ROS, it only needs rclpy and the common interfaces.
 
 Everything here runs in the event loop; pure cores (goal tracker, initial position, presence) decide what to
 do, and the node sends and receives.
@@ -36,13 +36,13 @@ from nena_edge_agent.driver.port import (
 from nena_edge_agent.nav2 import presence
 from nena_edge_agent.nav2.action_tracker import ActionSide, FeedbackFilter, FeedbackReading, SilenceWatch
 from nena_edge_agent.nav2.commands import (
-    AskResult,
     CancelGoal,
     Command,
     OnPath,
     PublishGoal,
     Report,
     RequestPose,
+    RequestResult,
     SendGoal,
     StopMotion,
 )
@@ -86,15 +86,15 @@ if TYPE_CHECKING:
     from nena_edge_agent.nav2.parameters import ParameterReader
 
 TICK = 0.05
-"""Seconds between two checks of the time while something is awaited."""
+"""Interval between checks of timeouts while something is awaited, seconds."""
 FEEDBACK_TIMEOUT = GIVEN_UP_AFTER
 """Seconds without feedback of a drive after which bt_navigator counts as dead also without odometry."""
 HELD_UP = 0.3
 """Tolerated delay of the event loop, seconds; beyond it, unread feedback may be waiting."""
 GLANCE = 0.2
-"""Seconds between two checks of whether the server that drives is still in the ROS graph."""
+"""Interval between checks that the driving server is still in the ROS graph, seconds."""
 READINGS = 5
-"""Times that Nav2's parameters are read at most while one of them is unknown."""
+"""Maximum number of attempts to read Nav2's parameters while one of them is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +110,13 @@ class Nav2Options:
 NO_OPTIONS = Nav2Options()
 
 
+def _unless(problem: str, report: NavigationReport) -> NavigationReport:
+    """Return ``report``, with ``problem`` as the reason if navigation is otherwise available."""
+    return NavigationReport(available=False, reason=problem) if problem and report.available else report
+
+
 class Nav2Driver:
-    """One robot with Nav2. Events are emitted from the loop itself, never from within a call of a method."""
+    """One robot with Nav2. Events are emitted by the event loop, never during a method call."""
 
     def __init__(
         self,
@@ -152,7 +157,7 @@ class Nav2Driver:
         self._initial_position = InitialPosition(settings.localisation)
         self._battery = Battery(settings.battery_scale)
         self._looking_since, self._blocked = -inf, False
-        self._forget_place()
+        self._forget_position()
         self._navigation: NavigationReport | None = None
         self._node: Nav2Node | None = None
         self._transforms = TransformWatch(settings, self._on_pose)
@@ -167,7 +172,7 @@ class Nav2Driver:
         """Join the ROS graph, if the settings say so, and start to search for Nav2; it may appear later.
 
         Raises:
-            StartError: rclpy is missing, or what the settings require beside it.
+            StartError: rclpy is missing, or another package that the settings require.
         """
         self._loop = asyncio.get_running_loop()
         prepare_environment()
@@ -188,13 +193,13 @@ class Nav2Driver:
             self.session.report_stopped()
         await self._stack.enter_async_context(self._tasks)
         self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
-        self._tasks.start("watch the drive", forever("watch the drive", self._glance), vital=False)
+        self._tasks.start("watch the drive", forever("watch the drive", self._check_servers), vital=False)
 
     async def stop(self) -> None:
         """Stop the robot if it still drives for us, then leave the ROS graph; no more events follow."""
         self._emit = lambda _event: None
         if self._node is not None:
-            await self._stand()
+            await self._stop_robot()
         self._stopped = True
         for timer in (self._ticking, self._listening):
             if timer is not None:
@@ -209,13 +214,13 @@ class Nav2Driver:
         self._tracker.reclaim(goals, paths=self._paths is not None)
 
     def go_to(self, goal: MapGoal) -> None:
-        """Drive to ``goal``; while another one is driven, it is replaced without a stop."""
+        """Drive to ``goal``; a current goal is replaced without a stop."""
         now = self._clock.monotonic()
         problem = impossible(goal.pose, self._map_id)
         if self._limiter is not None:
             if reason := self._limiter.problem(goal.maximum_speed):
                 self._apply(self._tracker.drop(now))
-                if goal.generation < 0:  # a plug-in's drive, which is not given again
+                if goal.generation < 0:  # a plug-in's drive, which is not resent
                     self._report(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, reason))
                     return
                 self._too_fast = reason
@@ -255,7 +260,7 @@ class Nav2Driver:
     def initialize_position(self, pose: MapPose) -> None:
         """Set the robot's pose in the localisation.
 
-        Answered by ``PositionInitialized``; a newer call replaces an older one, and one answer is for both.
+        Answered by ``PositionInitialized``; a newer call replaces an older one, and one event answers both.
         """
         problem = impossible(pose, self._map_id)
         if problem is not None:
@@ -265,7 +270,7 @@ class Nav2Driver:
 
     @property
     def drives(self) -> bool:
-        """Whether a goal of ours is active, or may be."""
+        """Return whether a goal of ours is active, or may be."""
         return self._tracker.may_drive
 
     def await_map(self, reason: str) -> None:
@@ -277,17 +282,18 @@ class Nav2Driver:
     def use_map(self, map_id: str) -> None:
         """Use another map: an initial position must set the robot's pose on it.
 
-        A waiting goal lies on the previous map. The order's goal is made again once navigation is back.
+        A waiting goal is dropped: it is on the previous map. The core resends the order's goal once
+        navigation is available.
         """
         waiting = self._tracker.wanted
         if waiting is not None:
             self._apply(self._tracker.drop(self._clock.monotonic()))
-            if waiting.generation < 0:  # a plug-in's drive, which is not given again
+            if waiting.generation < 0:  # a plug-in's drive, which is not resent
                 text = f"the map '{map_id}' was enabled before the drive began"
                 self._report(DriveFailed(waiting.generation, DriveFailure.NOT_TAKEN_UP, text))
         report = self._localisation.report()
         self._map_id, self._unplaced = map_id, True
-        self._forget_place()
+        self._forget_position()
         self.keep_out(self._areas)
         self._report_unplaced(report)
 
@@ -295,9 +301,8 @@ class Nav2Driver:
         if report is not None:
             problem = f"the map '{self._map_id}' was enabled, but the position on it is not set"
             pose = replace(report.pose, map_id=self._map_id)
-            self._report(
-                MapPoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
-            )
+            lost = MapPoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
+            self._report(lost)
 
     async def _open_node(self, address: RosAddress) -> None:
         from nena_edge_agent.nav2.node import Listeners, Nav2Node  # noqa: PLC0415 - needs rclpy
@@ -325,21 +330,21 @@ class Nav2Driver:
         self._silence = SilenceWatch()  # this one's robot may have no odometry
         self._planner = presence.PlannerWatch()
         self._node, self._looking_since = node, self._clock.monotonic()
-        if self._tracker.busy:  # a goal of an earlier run may have to be stopped
+        if self._tracker.busy:  # it may have to stop a goal of an earlier run
             node.prepare_stop()
 
     async def _close_node(self) -> None:
         """Leave the graph after the robot has stopped."""
         if (self._tracker.busy or self._tracker.driving) and not self._stopped:
-            await self._stand()
+            await self._stop_robot()
         node, self._node = self._node, None
         if node is not None:
             await node.stop()
 
-    def _lose_place(self, problem: str, *, moves: bool = False) -> None:
+    def _lose_position(self, problem: str, *, moves: bool = False) -> None:
         """Report that the robot's position is unknown; ``moves``: the odometry still shows its velocity."""
         before, report = self._localisation, self._localisation.lost(problem, moves=moves)
-        self._forget_place()
+        self._forget_position()
         self._tracker.forget_pose()
         if moves:
             self._localisation.keep_velocity(before)
@@ -347,7 +352,7 @@ class Nav2Driver:
             self._log.warning("the robot's position is no longer known", reason=problem)
             self._report(report)
 
-    def _forget_place(self) -> None:
+    def _forget_position(self) -> None:
         """Discard the robot's position: it may be another robot, or may have been moved."""
         settings = self._settings
         self._localisation = Localisation(settings, self._map_id)
@@ -362,11 +367,11 @@ class Nav2Driver:
         watch, inactive = self._localiser_watch, seen.localiser is presence.Lifecycle.INACTIVE
         problem = watch.look(seen.localisers, inactive=inactive)
         if problem is not None:
-            self._lose_place(problem, moves=True)
+            self._lose_position(problem, moves=True)
             self._localiser_watch = watch
             self._apply([RequestPose()])
 
-    async def _stand(self) -> None:
+    async def _stop_robot(self) -> None:
         self.halt()
         if not await set_within(self._halted, self._settings.stop_timeout):
             self._log.warning(
@@ -374,12 +379,12 @@ class Nav2Driver:
             )
 
     async def _watch(self) -> None:
-        """Check Nav2 once; a session that has failed is begun again first."""
+        """Check Nav2 once, after restarting a failed session."""
         await self.session.look()
         async with self.session.step:
             if self._node is not None:
-                self._look_at_transforms()
-                self._look_at_planner(self._node)
+                self._check_transforms()
+                self._check_planner(self._node)
                 seen = await self._node.presence()
                 seen = replace(seen, action=self._action.look(), planner_gone=self._planner.gone)
                 report = presence.judge(
@@ -395,18 +400,18 @@ class Nav2Driver:
                 self._watch_drive()
         await asyncio.sleep(self._settings.watch_period)
 
-    async def _glance(self) -> None:
-        """Check between two looks at Nav2 whether the servers that drive are there: it is stopped soon."""
+    async def _check_servers(self) -> None:
+        """Check the driving servers more often than the rest of Nav2, to stop soon after a crash."""
         await asyncio.sleep(GLANCE)
         if self._node is not None and self._tracker.active:
             self._see_servers(self._node.servers())
-            self._look_at_planner(self._node)
+            self._check_planner(self._node)
 
-    def _look_at_planner(self, node: Nav2Node) -> None:
+    def _check_planner(self, node: Nav2Node) -> None:
         if self._planner.look(node.planners()):
             self._apply(self._tracker.on_planner_gone(self._clock.monotonic()))
 
-    def _look_at_transforms(self) -> None:
+    def _check_transforms(self) -> None:
         lost = bool(self._transforms.problem)
         self._transforms.look()
         if lost or self._transforms.problem:
@@ -419,33 +424,25 @@ class Nav2Driver:
         self._limiter.look()
         if self._limiter.listened:
             self._too_fast = ""
-        if not report.available or not self._too_fast:
-            return report
-        return NavigationReport(available=False, reason=self._too_fast)
+        return _unless(self._too_fast, report)
 
     def _with_map(self, report: NavigationReport) -> NavigationReport:
         """Wait for Nav2 to load the enabled map."""
-        if self._map_server is None:
-            return report
-        if self._map_server.look():
+        if self._map_server is not None and self._map_server.look():
             self._tasks.start("load the map", self._map_server.load_again(), vital=False)
         return self._while_map_stays(report)
 
     def _with_paths(self, report: NavigationReport) -> NavigationReport:
         """Wait for a controller that accepts paths if the next goal has one."""
         wanted = self._tracker.wanted
-        if not report.available or wanted is None or not wanted.path or self._tracker.controller_takes_paths:
+        if wanted is None or not wanted.path or self._tracker.controller_takes_paths:
             return report
         action = self._settings.names.follow_path
-        reason = f"no node serves the action {action}: is controller_server running?"
-        return NavigationReport(available=False, reason=reason)
+        return _unless(f"no node serves the action {action}: is controller_server running?", report)
 
     def _while_map_stays(self, report: NavigationReport) -> NavigationReport:
         """Return an up-to-date report: another map may have been enabled since the report."""
-        problem = self._map_server.problem if self._map_server is not None else ""
-        if not report.available or not problem:
-            return report
-        return NavigationReport(available=False, reason=problem)
+        return _unless(self._map_server.problem if self._map_server is not None else "", report)
 
     async def _read_limits(self, report: NavigationReport) -> None:
         """Read Nav2's goal tolerance and limits each time that it becomes available.
@@ -462,7 +459,7 @@ class Nav2Driver:
         self._readings = 0 if known else self._readings - 1
         if self._limiter is not None and parameters.speed is not None:
             self._limiter.controller_drives(parameters.speed)
-        # by topics, and on a path of our own, the robot's position is rarely known
+        # with topics, and on a path of our own, the robot's position is rarely updated
         known_each = 0.0 if self._action.look() and self._paths is None else STALE_XY
         self._report(parameters.limits(self._settings.goals.goal_tolerance, known_each, self._map_id))
 
@@ -510,7 +507,7 @@ class Nav2Driver:
         """Report the session; without one Nav2 is unavailable, and with a new one it is searched for."""
         self._report(report)
         if report.state in (SessionState.NOT_ACTIVE, SessionState.FAILED):
-            self._lose_place("its ROS session is not active")
+            self._lose_position("its ROS session is not active")
             text = f"its ROS session is {report.state}"
             reason = f"{text}: {report.reason}" if report.reason else text
             self._on_navigation(frozenset(), NavigationReport(available=False, reason=reason))
@@ -531,7 +528,7 @@ class Nav2Driver:
         confirmed = self._initial_position.on_pose(pose)
         if self._unplaced and not confirmed:
             report = self._localisation.report()
-            self._forget_place()  # a place of the map before
+            self._forget_position()  # a position on the previous map
             self._report_unplaced(report)
             return
         if self._unplaced and self._map_server is not None:
@@ -567,7 +564,7 @@ class Nav2Driver:
                 self._report(progress)
 
     def _is_of_goal(self, reading: FeedbackReading, now: float) -> bool:
-        """Return whether feedback is of the current goal; that of the one before is a sign of life, too."""
+        """Return whether feedback is of the current goal; any of our goals counts as a sign of life."""
         if reading.goal_id in self._tracker.live:
             self._silence.heard(reading.goal_id, now)
             self._tracker.on_feedback()
@@ -585,7 +582,7 @@ class Nav2Driver:
         self._listening = self._loop.call_at(due, self._check_feedback, due)
 
     def _check_feedback(self, due: float) -> None:
-        """Stop a robot without odometry if the navigator is silent; after a delay of the loop, wait again."""
+        """Stop a robot without odometry if the navigator is silent; if the loop was delayed, wait again."""
         self._listening = None
         now = self._clock.monotonic()
         if self._silence.by_odometry or self._stopped:
@@ -660,8 +657,8 @@ class Nav2Driver:
             case SendGoal(goal, goal_id):
                 self._tasks.start("send a goal", self._action.send(goal, goal_id), vital=False)
                 self._loop.call_soon(node.prepare_stop)
-            case AskResult(goal_id):
-                self._action.ask_result(goal_id)
+            case RequestResult(goal_id):
+                self._action.request_result(goal_id)
             case PublishInitialPose(pose):
                 node.publish_initial_pose(pose)
             case CancelGoal(goal_id):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 SEVERAL = 100
-"""Offset of the planner's codes for a route over several places."""
+"""Offset of the planner's codes for a route through several poses."""
 
 
 class Meaning(NamedTuple):
-    """Why a goal has failed, and a hint for fixing it; "": no better one than the default."""
+    """Why a goal failed, and a hint for fixing it; "": the default hint."""
 
     reason: str
     hint: str = ""
@@ -17,8 +17,8 @@ class Meaning(NamedTuple):
 
 _NO_TRANSFORM = "check localisation and clocks on the robot, and set its position"
 _SETTINGS = "compare the names in Nav2's behaviour tree with the plug-ins in its parameters"
-_STANDS_IN_WALL = "clear the area, or move the robot out by hand and check its position on the map"
-_NO_WAY = (
+_INSIDE_OBSTACLE = "clear the area, or move the robot out by hand and check its position on the map"
+_NO_PATH = (
     "clear the path, and compare the position with the map; Nav2 keeps obstacles until it sees them gone"
 )
 _MEANINGS = {
@@ -35,10 +35,10 @@ _MEANINGS = {
     202: Meaning("the planner lacks a transform", _NO_TRANSFORM),
     203: Meaning("the robot is outside of the map", "set the robot's position, and check its map"),
     204: Meaning("the goal is outside of the map", "compare the plant model with the robot's map"),
-    205: Meaning("the robot's position is occupied on the map", _STANDS_IN_WALL),
+    205: Meaning("the robot's position is occupied on the map", _INSIDE_OBSTACLE),
     206: Meaning("the goal is occupied", "clear the goal, or compare the plant model with the map"),
     207: Meaning("the planner is too slow", "check the load of the robot's computer"),
-    208: Meaning("no path leads to the goal", _NO_WAY),
+    208: Meaning("no path leads to the goal", _NO_PATH),
     309: Meaning("the goal has no poses"),
     901: Meaning("the docking server does not know this dock", "name a dock of its database"),
     902: Meaning("the docking server cannot use this dock", "check the dock's type and pose in its database"),
@@ -58,8 +58,8 @@ _FAMILIES = {
     900: "docking has failed",
     9000: "the navigator has failed",
 }
-"""From these codes on, the specific meanings do not help a person at the robot."""
-_UNKNOWN = "unknown error code of Nav2"
+"""Ranges of codes, by their first one, whose specific meanings do not help a person at the robot."""
+_UNKNOWN = "unknown Nav2 error code"
 
 
 def meaning_of(code: int, message: str = "") -> Meaning | None:

@@ -1,8 +1,8 @@
-"""Send goals to Nav2 by topic and follow them: which are ours, their status, what to do next.
+"""Track goals sent to Nav2 by topic.
 
-Its input is events and the time (monotonic seconds), its output commands. A goal waits (for Nav2, or for the
-end of a cancelled goal), is sent until the status array confirms it, is followed by its ID, and counts as
-reached when a pose agrees. If the navigator ignores a halt, the controller itself is stopped.
+Inputs are events and the time (monotonic seconds), outputs are commands. A goal waits for Nav2 or for the end
+of a cancelled goal, is resent until the status array confirms it, is tracked by its ID, and counts as reached
+when a pose confirms it. If the navigator ignores a halt, the controller itself is stopped.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from nena_shared.log import get_logger
 from nena_shared.ros import GoalStatus
 
 LATE_AT_MOST = 8.0
-"""Seconds after an arrival in which poses that show the robot driving count as late ones."""
+"""Time after an arrival in which poses of a moving robot count as late, seconds."""
 STANDS = 0.1
 """Difference between poses of a robot at standstill, m and rad."""
 
 
 @dataclass(slots=True)
 class GoalDrive:
-    """The goal that the protocol core wants driven; times are monotonic seconds."""
+    """The goal requested by the protocol core; times are monotonic seconds."""
 
     goal: MapGoal
-    times_given: int = 0
+    times_sent: int = 0
     counted_from: int = 0
-    """How often it had been sent when Nav2 was last unavailable; these do not count."""
+    """``times_sent`` when Nav2 was last unavailable; attempts before that do not count."""
     preempts: bool = False
     """Whether it was sent while another goal was active, whose result it may get."""
     interrupted: bool = False
@@ -59,14 +59,14 @@ class GoalDrive:
     reached_at: float | None = None
     pose_asked_at: float | None = None
     late_at: float = -inf
-    """When a pose last showed the robot driving, although it has arrived."""
+    """When a pose last showed the robot driving after its arrival."""
     _shown_driving: bool = False
     """Whether the last pose shows the robot driving."""
 
     @property
     def tries(self) -> int:
-        """Return how often it was sent since Nav2 is available."""
-        return self.times_given - self.counted_from
+        """Return the number of attempts since Nav2 became available."""
+        return self.times_sent - self.counted_from
 
     @property
     def may_be_undriven(self) -> bool:
@@ -74,7 +74,7 @@ class GoalDrive:
         return self.preempts or self.interrupted
 
     def on_pose(self, pose: MapPose, before: MapPose, now: float) -> None:
-        """Note a pose and the one before it; on busy computers they are received long after the arrival."""
+        """Record a pose and its predecessor; on busy computers, poses are received long after the arrival."""
         self._shown_driving = not near(pose, before, xy=STANDS, theta=STANDS)
         if self.reached_at is not None and self._shown_driving:
             self.late_at = min(now, self.reached_at + LATE_AT_MOST)
@@ -86,7 +86,7 @@ class GoalDrive:
         return self._shown_driving and now - self.reached_at < LATE_AT_MOST
 
     def pose_may_come(self, now: float, wait: float) -> bool:
-        """Return whether a pose may yet confirm the arrival: within ``wait`` s of it, or of a late one."""
+        """Return whether a pose may still confirm the arrival: within ``wait`` s of it, or of a late pose."""
         return self.reached_at is not None and now - max(self.reached_at, self.late_at) < wait
 
 
@@ -106,22 +106,22 @@ SAME = 0.001
 RECLAIM_TIME = 10.0
 """Seconds after a restart in which the order may still request Nav2's current goal."""
 OBEYED_WITHIN = 0.5
-"""Seconds after a halt in which the navigator has the robot slow down; then its controller is stopped."""
+"""Timeout for the robot to slow down after a halt, seconds; then its controller is stopped."""
 STOPPED_AFTER = 0.5
-"""Seconds without feedback, which Nav2 sends each 10 ms, after which the controller is stopped."""
+"""Seconds without feedback, which Nav2 sends every 10 ms, after which the controller is stopped."""
 OBEYED_AFTER = 1.0
-"""Seconds without feedback after which a robot that has not become slower fails its drive."""
+"""Seconds without feedback after which the drive fails if the robot has not slowed down."""
 GIVEN_UP_AFTER = 2.0
-"""Seconds without feedback after which the drive fails also where the robot has stopped."""
+"""Seconds without feedback after which the drive fails even if the robot has stopped."""
 RECLAIM_SERVER_WAIT = 5.0
 """Timeout for the navigator of an earlier run's goal to appear, seconds; then the robot is stopped."""
 
 
 @dataclass(slots=True)
 class _Halt:
-    """A stop to be confirmed: requested at ``asked_at``, enforced since ``since``.
+    """A stop that is not confirmed yet: requested at ``asked_at``, enforced since ``since``.
 
-    ``quiet_at``: when no goal of ours was left. ``failed``: ``HaltFailed`` has been reported.
+    ``quiet_at``: when the last of our goals had ended. ``failed``: ``HaltFailed`` has been reported.
     """
 
     asked_at: float
@@ -132,10 +132,10 @@ class _Halt:
 
 
 class GoalTracker:
-    """The rules of driving by topics; every method returns what to do now."""
+    """Tracks goals sent by topic; its methods return the commands to execute now."""
 
     server = "bt_navigator"
-    """The node that drives, for texts."""
+    """The name of the driving node, for error messages."""
 
     def __init__(self, settings: GoalSettings) -> None:
         self._settings = settings
@@ -150,9 +150,9 @@ class GoalTracker:
         """Another tracker of the same robot: this one answers a halt only after it."""
         self._cancels: dict[str, float] = {}
         self._runaway = False
-        """Whether the robot may drive without the navigator that was to stop it."""
+        """Whether the robot may drive although its navigator is gone or does not respond."""
         self._silent = False
-        """Whether only the navigator's silence shows that."""
+        """Whether the only evidence for that is the navigator's silence."""
         self._stop_again_at = -float("inf")
         self._stop_answered = False
         self._no_server_since: float | None = None
@@ -167,7 +167,7 @@ class GoalTracker:
 
     @property
     def busy(self) -> bool:
-        """Whether something is awaited, so that :meth:`tick` is needed."""
+        """Return whether something is awaited, so that :meth:`tick` is needed."""
         drive = self._drive
         waiting = drive is not None and (drive.goal_id is None or drive.reached_at is not None)
         stopping = self._halt is not None or bool(self._cancels) or self._runaway
@@ -175,23 +175,23 @@ class GoalTracker:
 
     @property
     def driving(self) -> bool:
-        """Whether Nav2 drives to the current goal."""
+        """Return whether Nav2 drives to the current goal."""
         drive = self._drive
         return drive is not None and drive.goal_id is not None and drive.reached_at is None
 
     @property
     def active(self) -> bool:
-        """Whether a goal of ours has not ended: the one that is wanted, or one before it."""
+        """Return whether a goal of ours has not ended: the current one, or an earlier one."""
         return self.driving or bool(self._registry.live)
 
     @property
     def live(self) -> tuple[str, ...]:
-        """The IDs of our goals that have not ended."""
+        """Return the IDs of our goals that have not ended."""
         return self._registry.live
 
     @property
     def wanted(self) -> MapGoal | None:
-        """The active or waiting goal."""
+        """Return the active or waiting goal."""
         return self._drive.goal if self._drive is not None else None
 
     @property
@@ -203,12 +203,12 @@ class GoalTracker:
 
     @property
     def others_run(self) -> bool:
-        """Whether Nav2 drives for another client."""
+        """Return whether Nav2 drives for another client."""
         return self._registry.others_run
 
     @property
     def halting(self) -> bool:
-        """Whether a halt has not been answered by ``Halted``."""
+        """Return whether a halt has not been answered by ``Halted``."""
         return self._halt is not None
 
     def awaits_goal(self, now: float) -> bool:
@@ -228,7 +228,7 @@ class GoalTracker:
         self._reclaimed = goals
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
-        """Drive to ``goal``; one that is driven is replaced, and not stopped for it."""
+        """Drive to ``goal``; a current goal is replaced without a stop."""
         self._drive = GoalDrive(goal)
         return self._advance(now)
 
@@ -248,14 +248,14 @@ class GoalTracker:
 
     def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Handle a status array: all goals that the server remembers."""
-        news = self._registry.update(entries, now)
+        changes = self._registry.update(entries, now)
         self._runaway = False  # the navigator responds, and its goals can be cancelled
         self._report_table()
         drive = self._drive
-        if drive is not None and drive.times_given:
-            self._bind(drive, news.claimed)
+        if drive is not None and drive.times_sent:
+            self._bind(drive, changes.claimed)
         if drive is not None and drive.goal_id is not None and drive.reached_at is None:
-            self._follow(drive, drive.goal_id, now, lost=drive.goal_id in news.lost)
+            self._follow(drive, drive.goal_id, now, lost=drive.goal_id in changes.lost)
         return self._advance(now)
 
     def _bind(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
@@ -272,15 +272,15 @@ class GoalTracker:
         return self._advance(now)
 
     def on_stop_answer(self, now: float, *, answered: bool) -> list[Command]:
-        """Note whether the controller has answered that its goals are cancelled."""
+        """Record whether the controller has answered that its goals are cancelled."""
         self._stop_answered = self._stop_answered or answered
         return self._advance(now)
 
     def on_silence(self, seconds: float, now: float) -> list[Command]:
-        """Note that the server that drives for us has sent no feedback for ``seconds``; stop the controller.
+        """Stop the controller: the server that drives for us has sent no feedback for ``seconds``.
 
-        At first the goal stays: a server that was only busy takes the stop for success, and is given the goal
-        again.
+        The goal is kept at first: a server that was only busy mistakes the stop for success, and the goal is
+        resent.
         """
         self._run_away(now, silent=self._silent or not self._runaway)
         drive, standstill = self._drive, self._standstill
@@ -294,7 +294,7 @@ class GoalTracker:
         return self._advance(now)
 
     def on_feedback(self) -> None:
-        """Note feedback of a goal of ours: a navigator that was only silent for a while drives on."""
+        """Record feedback for a goal of ours: a navigator that was only silent for a while may drive on."""
         if self._silent:
             self._runaway = self._silent = False
 
@@ -333,11 +333,11 @@ class GoalTracker:
                 text = "Nav2 stopped or restarted during the drive"
                 self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
             else:
-                drive.counted_from, drive.give_up_at = drive.times_given, None
+                drive.counted_from, drive.give_up_at = drive.times_sent, None
         return self._advance(now)
 
     def on_planner_gone(self, now: float) -> list[Command]:
-        """Stop: the planner has died, and until it is needed Nav2 would drive on."""
+        """Stop the robot: the planner has died, and Nav2 would drive on until it needs the planner."""
         drive = self._drive
         if drive is not None and drive.goal_id is not None and drive.reached_at is None:
             self._run_away(now)
@@ -345,7 +345,7 @@ class GoalTracker:
         return self._advance(now)
 
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
-        """Note whether goals can be sent."""
+        """Record whether goals can be sent."""
         lost = self._navigation.available and not report.available
         if lost and self._registry.live:
             self._run_away(now)
@@ -361,9 +361,9 @@ class GoalTracker:
     def _advance(self, now: float) -> list[Command]:
         self._answer_halt(now)
         self._judge_arrival(now)
-        self._give(now)
+        self._send_or_give_up(now)
         self._stop_motion(now)
-        self._let_go_of_reclaimed(now)
+        self._release_reclaimed(now)
         self._cancel_leftovers(now)
         self._refresh_pose(now)
         commands, self._out = self._out, []
@@ -439,7 +439,7 @@ class GoalTracker:
 
     @property
     def _left_alone(self) -> bool:
-        """Whether the navigator that drove for us has gone without ending the drive."""
+        """Return whether the navigator that drove for us has gone without ending the drive."""
         return self._registry.orphaned or self._runaway
 
     def _why_not_halted(self, now: float) -> str:
@@ -474,40 +474,40 @@ class GoalTracker:
             self._out.append(StopMotion())
 
     def _judge_arrival(self, now: float) -> None:
-        """Accept success only if the pose agrees; request a pose that may be old again."""
+        """Accept success only if the pose confirms it; request a new pose if the last one may be old."""
         drive = self._drive
         if drive is None or drive.reached_at is None:
             return
         if self._pose is not None and agrees(self._pose, drive.goal):
             self._arrive(drive, now)
         elif drive.may_be_undriven and not self._may_agree(drive.goal):
-            self._give_again(drive)
+            self._resend(drive)
         elif drive.pose_may_come(now, self._settings.pose_wait):
-            self._ask_for_pose(drive, now)
+            self._request_pose(drive, now)
         elif drive.may_be_undriven:
-            self._give_again(drive)
+            self._resend(drive)
         elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
             self._arrive(drive, now)
         elif not drive.poses_are_late(now):
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
 
-    def _give_again(self, drive: GoalDrive) -> None:
-        """Send a goal again that succeeded although the robot is elsewhere.
+    def _resend(self, drive: GoalDrive) -> None:
+        """Resend a goal that succeeded although the robot is elsewhere.
 
-        Nav2 plans again once a second (through poses: each 3 s), and a new goal does not hasten that: until
-        then the controller follows the old path, and if that ends first, the new goal gets its result without
-        being driven. The goal sent now has nothing to pre-empt, so this happens once for each goal.
+        Nav2 replans once a second (through poses: every 3 s), and not sooner for a new goal: until then, the
+        controller follows the old path, and if that ends first, the new goal succeeds without being driven.
+        The resent goal has nothing to preempt, so this happens once per goal.
         """
         log.info("goal succeeded elsewhere; sending it again", generation=drive.goal.generation)
         self._drive = GoalDrive(drive.goal)
 
-    def _ask_for_pose(self, drive: GoalDrive, now: float) -> None:
+    def _request_pose(self, drive: GoalDrive, now: float) -> None:
         if drive.pose_asked_at is None or self._pose_at > drive.pose_asked_at:
             drive.pose_asked_at = now
             self._out.append(RequestPose())
 
     def _may_agree(self, goal: MapGoal) -> bool:
-        """Whether a pose from before the stop can belong to a robot at the goal."""
+        """Return whether a pose from before the stop is compatible with a robot at the goal."""
         pose = self._pose
         return pose is not None and agrees(pose, goal, xy_slack=STALE_XY, theta_slack=STALE_THETA)
 
@@ -520,13 +520,13 @@ class GoalTracker:
             f"x {goal.pose.x:.2f} m, y {goal.pose.y:.2f} m, heading {goal.pose.theta:.2f} rad"
         )
 
-    def _give(self, now: float) -> None:
-        """Publish the goal or resend it, or give up."""
+    def _send_or_give_up(self, now: float) -> None:
+        """Publish the goal, resend it, or give up."""
         drive = self._drive
         if drive is None or drive.goal_id is not None or self._halt is not None:
             return
-        if not self._navigation.available:  # it waits for Nav2, however long that takes
-            drive.counted_from, drive.give_up_at = drive.times_given, None
+        if not self._navigation.available:  # wait for Nav2 without a timeout
+            drive.counted_from, drive.give_up_at = drive.times_sent, None
             return
         timeout = self._settings.confirmation_time * (self._settings.resends + 1)
         drive.give_up_at = now + timeout if drive.give_up_at is None else drive.give_up_at
@@ -534,8 +534,8 @@ class GoalTracker:
             return
         if now >= drive.give_up_at or drive.tries > self._settings.resends:
             self._fail(drive, DriveFailure.NOT_TAKEN_UP, self._refusal(drive))
-        elif self._may_give(now) and not self._goes_on(drive, now):
-            drive.times_given += 1
+        elif self._may_send(now) and not self._continue_earlier(drive, now):
+            drive.times_sent += 1
             drive.preempts = drive.preempts or self._registry.running
             self._publish(drive, now)
 
@@ -543,7 +543,7 @@ class GoalTracker:
         self._registry.given(now)
         self._out.append(PublishGoal(drive.goal))
 
-    def _goes_on(self, drive: GoalDrive, now: float) -> bool:
+    def _continue_earlier(self, drive: GoalDrive, now: float) -> bool:
         """Continue the goal of an earlier run, if it has the same pose and is active or succeeded."""
         goals, self._reclaimed = self._reclaimed, None
         goal_id, place = self._earlier(goals) if goals else (None, None)
@@ -556,7 +556,7 @@ class GoalTracker:
         log.info(
             "continuing with a goal from before the restart", goal=goal_id, generation=drive.goal.generation
         )
-        drive.goal_id, drive.times_given = goal_id, 1
+        drive.goal_id, drive.times_sent = goal_id, 1
         drive.interrupted = True  # the earlier run may have stopped its controller, or preempted another goal
         drive.reached_at = now if reached else None
         return True
@@ -567,8 +567,8 @@ class GoalTracker:
             return self._registry.given_before, goals.given
         return next(reversed(goals.goal_ids), None), goals.pose
 
-    def _let_go_of_reclaimed(self, now: float) -> None:
-        """Wait a while until the order wants the goal of an earlier run."""
+    def _release_reclaimed(self, now: float) -> None:
+        """Release the goal of an earlier run if the order does not request it within ``RECLAIM_TIME``."""
         if self._reclaimed is None or not self._registry.settled(now):
             return
         if self._reclaimed_until is None:
@@ -576,7 +576,7 @@ class GoalTracker:
         if now >= self._reclaimed_until:
             self._reclaimed = None
 
-    def _may_give(self, now: float) -> bool:
+    def _may_send(self, now: float) -> bool:
         """Return whether a goal can be sent: while another is cancelled, a new one would end with it."""
         clear = not self._registry.canceling and not any(
             goal_id in self._cancels for goal_id in self._registry.live
@@ -584,9 +584,9 @@ class GoalTracker:
         return clear and self._registry.settled(now)
 
     def _refusal(self, drive: GoalDrive) -> str:
-        if drive.times_given:
+        if drive.times_sent:
             return (
-                f"Nav2 has not accepted the goal, sent {drive.times_given} times: "
+                f"Nav2 has not accepted the goal, sent {drive.times_sent} times: "
                 "is bt_navigator active, and does it subscribe to this topic?"
             )
         return "no goal can be sent: Nav2 does not finish cancelling the previous goal"
@@ -594,7 +594,7 @@ class GoalTracker:
     def _cancel_leftovers(self, now: float) -> None:
         """Cancel our obsolete goals, repeatedly until they end.
 
-        While a drive is wanted, goals before it are left to be pre-empted: a cancel could meet the new one.
+        Before a new goal, earlier goals are left to be preempted: a cancel could hit the new one.
         """
         live = self._registry.live
         self._cancels = {goal_id: again for goal_id, again in self._cancels.items() if goal_id in live}
@@ -606,7 +606,7 @@ class GoalTracker:
                 self._out.append(CancelGoal(goal_id))
 
     def _refresh_pose(self, now: float) -> None:
-        """Request a pose once the robot has stopped at its goal: the last one is from the way there."""
+        """Request a pose once the robot has stopped at its goal: the last one is from before the stop."""
         arrived_at, stands = self._arrived_at, self._standstill
         if arrived_at is None:
             return
@@ -627,7 +627,7 @@ class GoalTracker:
         self._report(DriveFailed(drive.goal.generation, failure, description, hint, code))
 
     def _report_table(self) -> None:
-        """Report the listed goals, before their effects on a drive."""
+        """Report the listed goals before their effects on a drive."""
         table = self._registry.table
         if table != self._table:
             self._table = table

@@ -17,19 +17,19 @@ from nena_shared.ros import GoalStatus
 
 @dataclass(frozen=True, slots=True)
 class GoalEntry:
-    """One goal of the array: its id in hexadecimal digits, and its status."""
+    """One goal of the status array: its ID in hexadecimal digits, and its status."""
 
     goal_id: str
     status: GoalStatus
 
 
 ENDED_SHOWN = 5
-"""Goals that have ended and are still in the table; navigation itself lists them for a quarter of an hour."""
+"""Maximum number of ended goals in the table; Nav2 itself lists them for 15 minutes."""
 
 
 @dataclass(frozen=True, slots=True)
-class News:
-    """The changes of an array: IDs that turn out to be ours, IDs of ours that are lost."""
+class StatusChanges:
+    """The changes in a status array: IDs that are newly recognised as ours, and lost IDs of ours."""
 
     claimed: tuple[str, ...]
     lost: frozenset[str]
@@ -45,7 +45,7 @@ class Goal:
 
 
 class GoalRegistry:
-    """Keeps the goals of the last array. Times are monotonic seconds.
+    """Keeps the goals of the last status array; times are monotonic seconds.
 
     A sent goal is awaited for ``confirmation_time``, and can claim an ID for twice as long. A server that has
     been present for ``settle_time`` without an array has no earlier goals.
@@ -65,18 +65,18 @@ class GoalRegistry:
         self._awaited = False
         self._given_at = -float("inf")
         self.given_before: str | None = None
-        """The goal that an earlier run sent last and did not see listed, once it is."""
+        """The last goal of an earlier run that it did not see listed, once it is listed."""
 
     @property
     def live(self) -> tuple[str, ...]:
-        """Ids of ours that have not ended."""
+        """Return the IDs of our goals that have not ended."""
         return tuple(
             goal_id for goal_id, goal in self._goals.items() if goal.ours and not goal.status.terminal
         )
 
     @property
     def running(self) -> bool:
-        """Whether any goal has not ended, from any client."""
+        """Return whether any goal has not ended, from any client."""
         return any(not goal.status.terminal for goal in self._goals.values())
 
     @property
@@ -86,7 +86,7 @@ class GoalRegistry:
 
     @property
     def table(self) -> GoalTable:
-        """The goals of the last array: those that run, and the newest of those that have ended."""
+        """Return the goals of the last array: those that run, and the newest of those that have ended."""
         rows = [
             GoalReport(goal_id, not goal.ours, goal.status.name, goal.status.terminal)
             for goal_id, goal in self._goals.items()
@@ -106,7 +106,7 @@ class GoalRegistry:
         return bool(self._orphans)
 
     def may_still_drive(self, now: float) -> bool:
-        """Return whether a server is back that has yet to show whether it still drives for us."""
+        """Return whether a server is back, but has not shown yet whether it still drives for us."""
         return self.orphaned and bool(self._servers) and not self.settled(now)
 
     def status(self, goal_id: str) -> GoalStatus | None:
@@ -115,7 +115,7 @@ class GoalRegistry:
         return None if goal is None else goal.status
 
     def taken_over(self, goal_id: str) -> str | None:
-        """Return the id of an external goal that runs and was accepted after ``goal_id``."""
+        """Return the ID of a running external goal that was accepted after ``goal_id``."""
         ids = list(self._goals)
         later = ids[ids.index(goal_id) + 1 :] if goal_id in self._goals else []
         running = (other for other in later if not self._goals[other].status.terminal)
@@ -129,9 +129,9 @@ class GoalRegistry:
     def set_servers(self, servers: frozenset[str], now: float) -> bool:
         """Set the IDs of the array's publishers.
 
-        Return True if an earlier one has gone: all goal IDs are void.
+        Return whether an earlier one has gone, which invalidates all goal IDs.
 
-        A server that appears beside another one is that one, restarted: DDS lists a crashed publisher for
+        A server that appears next to another one is a restart of it: DDS lists a crashed publisher for
         another 20 s.
         """
         servers = self._without_crashed(servers)
@@ -140,7 +140,7 @@ class GoalRegistry:
             self._servers_since = now if servers else None
         self._servers = servers
         if gone:
-            # The same server may return after a break of the network, and list its current goals.
+            # The same server may return after a network failure, and list its current goals.
             self._orphans = self._orphans | frozenset(self.live)
             self._goals.clear()
             self._array_seen = self._awaited = False
@@ -149,7 +149,7 @@ class GoalRegistry:
         return bool(gone)
 
     def _without_crashed(self, servers: frozenset[str]) -> frozenset[str]:
-        """Remove the servers that others have replaced; one that outlives its successors was never gone."""
+        """Remove servers that others have replaced; one that outlives its successors had not crashed."""
         if servers - self._servers - self._replaced:
             self._replaced |= self._servers
         self._replaced &= servers
@@ -165,7 +165,7 @@ class GoalRegistry:
         self._given_behind = given_behind
 
     def given(self, now: float) -> None:
-        """Note that a goal is sent at ``now``."""
+        """Record that a goal is sent at ``now``."""
         self._expire(now)
         self._claims += 1
         self._awaited = True
@@ -180,11 +180,11 @@ class GoalRegistry:
         if goal_id in self._goals:
             self._goals[goal_id].status = GoalStatus.ABORTED
 
-    def update(self, entries: Sequence[GoalEntry], now: float) -> News:
+    def update(self, entries: Sequence[GoalEntry], now: float) -> StatusChanges:
         """Handle an array; ignore a late one."""
         self._expire(now)
         if self._is_late(entries):
-            return News((), frozenset())
+            return StatusChanges((), frozenset())
         first, self._array_seen = not self._array_seen, True
         before, self._goals = self._goals, {}
         self._find_given_before([entry.goal_id for entry in entries])
@@ -201,7 +201,7 @@ class GoalRegistry:
             for goal_id, goal in before.items()
             if goal.ours and not goal.status.terminal and goal_id not in self._goals
         )
-        return News(claimed, lost)
+        return StatusChanges(claimed, lost)
 
     def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
         """Return whether a newer array was already received: it had a goal that this one lacks."""
@@ -213,7 +213,7 @@ class GoalRegistry:
         return goal_id in claimed or goal_id in self._orphans
 
     def _claim(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
-        """Return the new ids that are ours: of a first array, full of old goals, the last at most."""
+        """Return the new IDs that are ours: of a first array, which lists old goals, at most the last one."""
         strange = [goal_id for goal_id in fresh if goal_id not in self._orphans]
         claimed = tuple((strange[-1:] if first else strange)[: self._claims])
         self._claims -= len(claimed)
@@ -222,7 +222,7 @@ class GoalRegistry:
         return claimed
 
     def _find_given_before(self, listed: list[str]) -> None:
-        """Find a goal that an earlier run sent, and could not see listed any more."""
+        """Find a goal that an earlier run sent but did not see listed."""
         behind, self._given_behind = self._given_behind, None
         if behind is None or (behind and behind not in listed):
             return
@@ -249,11 +249,11 @@ YIELD_TIME = 10.0
 """Seconds in which another client can resend a goal that Nav2 rejected because this agent drove."""
 
 LENGTH = 8
-"""Bytes of an id, of 16, that are the same in all ids of an agent; the others are random."""
+"""Number of the 16 bytes of an ID that are the same for all goals of an agent; the others are random."""
 
 
 class GoalIdPrefix:
-    """The prefix of the agent whose ROS node has the name ``node_name``; ids are hexadecimal digits."""
+    """The prefix of the agent whose ROS node has the name ``node_name``; IDs are hexadecimal digits."""
 
     def __init__(self, node_name: str) -> None:
         self._prefix = hashlib.sha256(f"nena {node_name}".encode()).digest()[:LENGTH].hex()
@@ -263,14 +263,14 @@ class GoalIdPrefix:
         return self._prefix + secrets.token_hex(16 - LENGTH)
 
     def matches(self, goal_id: str) -> bool:
-        """Return whether a goal is one of this agent, of this run or an earlier one."""
+        """Return whether a goal is from this agent, in this run or an earlier one."""
         return goal_id.startswith(self._prefix)
 
 
 class PrefixedGoalRegistry(GoalRegistry):
-    """Nothing is inferred: an ID with the agent's prefix is ours, and no other one.
+    """A registry that recognises our goals by the prefix of their IDs, not by inference.
 
-    Goals sent by topic, before or in between, are handled as usual.
+    Goals sent by topic are still handled as in the base class.
     """
 
     def __init__(self, prefix: GoalIdPrefix, *, confirmation_time: float, settle_time: float) -> None:
@@ -282,7 +282,7 @@ class PrefixedGoalRegistry(GoalRegistry):
 
     @property
     def table(self) -> GoalTable:
-        """The goals of the last array, and before them those that run at the other action."""
+        """Return the goals of the last array, and before them those that run at the other action."""
         return GoalTable((*self._others, *super().table.goals))
 
     @property
@@ -329,17 +329,17 @@ class PrefixedGoalRegistry(GoalRegistry):
         return True
 
     def sent(self, now: float) -> None:
-        """Note that a goal with an id of ours is sent; its answer is awaited."""
+        """Record that a goal with an ID of ours is sent; its answer is awaited."""
         self._expire(now)
         self._awaited, self._given_at = True, now
 
     def accept(self, goal_id: str) -> None:
-        """Note that the server has accepted a goal of ours; its array may arrive later."""
+        """Record that the server has accepted a goal of ours; its array may arrive later."""
         self._awaited = False
         self._goals.setdefault(goal_id, Goal(ours=True, status=GoalStatus.ACCEPTED))
 
     def settle(self, goal_id: str, status: GoalStatus) -> None:
-        """Note the end of a goal by its result, which may arrive before the array."""
+        """Record the end of a goal by its result, which may arrive before the array."""
         goal = self._goals.get(goal_id)
         if goal is not None and not goal.status.terminal and status.terminal:
             goal.status = status

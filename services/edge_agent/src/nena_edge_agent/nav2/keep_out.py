@@ -1,4 +1,4 @@
-"""Areas that the robot must not enter, as a mask for Nav2's costmaps: it plans around them."""
+"""Keep-out areas, published as a mask for Nav2's costmaps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 log = get_logger(__name__)
 
 CELLS_LIMIT = 4_000_000
-"""Cells of a mask at most; above that they become larger."""
+"""Maximum number of cells of a mask; beyond it, the cells become larger."""
 CLOSED = 100
 """Value of a cell that must not be entered."""
 KEEP_OUT = 0
@@ -47,7 +47,7 @@ NOTHING = Mask(0.0, 0.0, 1.0, 1, 1, b"\0")
 
 
 def mask_of(polygons: Sequence[Sequence[Point]], resolution: float) -> Mask:
-    """Return the mask of all cells that a polygon touches; it reaches no further than the polygons."""
+    """Return the mask of all cells that a polygon touches; it extends no further than the polygons."""
     points = [point for polygon in polygons for point in polygon]
     if not points:
         return NOTHING
@@ -65,7 +65,7 @@ def mask_of(polygons: Sequence[Sequence[Point]], resolution: float) -> Mask:
 
 
 def _fill(rows: list[bytearray], sides: list[tuple[Point, Point]]) -> None:
-    """Close the cells whose middle lies inside."""
+    """Close the cells whose centre is inside."""
     for number, row in enumerate(rows):
         middle = number + 0.5
         cuts = sorted(
@@ -80,7 +80,7 @@ def _fill(rows: list[bytearray], sides: list[tuple[Point, Point]]) -> None:
 
 
 def _draw(rows: list[bytearray], sides: Iterable[tuple[Point, Point]]) -> None:
-    """Close the cells that a side runs through: a narrow area would fall between them."""
+    """Close the cells that a side crosses: a narrow area may contain no cell's centre."""
     for (x1, y1), (x2, y2) in sides:
         steps = int(2 * math.dist((x1, y1), (x2, y2))) + 1
         for step in range(steps + 1):
@@ -111,8 +111,8 @@ class KeepOutMask:
     async def show(self, areas: Iterable[MapArea], map_id: str) -> None:
         """Publish the areas of one map as the only ones to avoid.
 
-        A thread draws them: a large mask takes a tenth of a second. One that is replaced meanwhile is not
-        published.
+        A thread draws the mask, because a large one takes 0.1 s. It is not published if it is replaced
+        meanwhile.
         """
         polygons = [each.points for each in areas if each.map_id == map_id]
         if not polygons and self._mask is None and not self._wanted:

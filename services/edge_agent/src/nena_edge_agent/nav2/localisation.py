@@ -1,4 +1,4 @@
-"""Where the robot is: its newest pose, whether poses still arrive, and setting the initial position."""
+"""The robot's localisation: its newest pose, whether poses still arrive, and the initial position."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Localisation:
     def on_reading(self, reading: PoseReading, *, old: bool = False) -> MapPose | None:
         """Handle a pose; return the position if it is new and in the frame of the settings.
 
-        ``old``: more recent positions arrive continuously from elsewhere, so the pose does not replace them.
+        ``old``: newer positions arrive continuously from another source, and the pose does not replace them.
         """
         if reading.frame.removeprefix("/") != self._settings.frame:
             self._log_frame(reading.frame)
@@ -66,7 +66,7 @@ class Localisation:
 
     @property
     def velocity(self) -> VelocityReport:
-        """The newest velocity of the odometry."""
+        """Return the newest velocity of the odometry."""
         return VelocityReport(*(self._velocity or (None, None)))
 
     def on_velocity(self, velocity: tuple[float, float], now: float) -> bool:
@@ -92,7 +92,7 @@ class Localisation:
         return MapPoseReport(pose, localized=sure, vx=vx, omega=omega, problem=problem)
 
     def lost(self, problem: str, *, moves: bool) -> MapPoseReport | None:
-        """Return the newest pose as one that no longer counts; ``moves``: its velocity still does."""
+        """Return the newest pose as no longer valid; ``moves``: its velocity is still valid."""
         report = self.report()
         if report is None:
             return None
@@ -100,7 +100,7 @@ class Localisation:
         return replace(report, localized=False, vx=vx, omega=omega, problem=problem)
 
     def keep_velocity(self, before: Localisation) -> None:
-        """Use the velocity of the odometry that was known before."""
+        """Take over the odometry's velocity from ``before``."""
         self._velocity, self._velocity_at = before._velocity, before._velocity_at
 
     def _pose(self, reading: PoseReading) -> MapPose:
@@ -113,11 +113,11 @@ class Localisation:
 
 
 class LocaliserWatch:
-    """Notices that the localisation has died, was started again or deactivated; its pose counts no more then.
+    """Detects that the localisation has died, restarted or been deactivated, which invalidates its pose.
 
-    One that is missing at two looks has gone. A publisher that turns up beside another one is that one,
-    started again: DDS shows one that has crashed for another 20 s. It may also have died before the first
-    look, which takes as long as Nav2's answers: then only its pose shows that it ran.
+    A localisation that is missing in two checks has died. A publisher that appears next to another one is a
+    restart of it: DDS lists a crashed publisher for another 20 s. The localisation may also have died before
+    the first check, which waits for Nav2's responses: then only its pose shows that it was running.
     """
 
     def __init__(self) -> None:
@@ -125,19 +125,19 @@ class LocaliserWatch:
         self._heard = self._missed = self._inactive = False
 
     def on_pose(self) -> None:
-        """Note that the localisation has published a pose."""
+        """Record that the localisation has published a pose."""
         self._heard = True
 
     def look(self, publishers: frozenset[str], *, inactive: bool) -> str | None:
         """Handle the endpoint IDs of the pose's publishers.
 
-        Return why the pose is to be forgotten, if it is.
+        Return why the pose is invalid, None if it is still valid.
         """
         before, was_missed, was_inactive = self._publishers, self._missed, self._inactive
         ran = bool(before) or self._heard
         self._missed, self._inactive = ran and not publishers, inactive
         if self._missed and not was_missed:
-            return None  # all of Nav2 may be stopping, which is reported first
+            return None  # all of Nav2 may be stopping, and that is reported first
         self._publishers, self._heard = publishers, False
         if self._missed:
             return "the localisation is not running: nothing publishes its pose"
@@ -153,12 +153,10 @@ def _is_past(reading: PoseReading, newest: PoseReading) -> bool:
 
 
 def _spread(reading: PoseReading) -> str:
-    """Describe how unsure the localisation is; a variance below 0 is no measure of anything."""
+    """Describe the uncertainty of the localisation; a negative variance is treated as 0."""
     deviations = [math.sqrt(max(0.0, each)) for each in (reading.x_variance, reading.y_variance)]
     turn = math.sqrt(max(0.0, reading.yaw_variance))
-    return (
-        f"the localisation is uncertain: position ± {max(deviations):.2f} m and its heading to {turn:.2f} rad"
-    )
+    return f"the localisation is uncertain: position ± {max(deviations):.2f} m, heading ± {turn:.2f} rad"
 
 
 def _moves(velocity: tuple[float, float]) -> bool:
@@ -189,17 +187,17 @@ class InitialPosition:
 
     @property
     def busy(self) -> bool:
-        """Whether an answer is owed."""
+        """Return whether an initial position is not confirmed yet."""
         return self._attempt is not None
 
     def ask(self, pose: MapPose, now: float) -> list[PublishInitialPose | Report]:
-        """Start; earlier poses do not count, however near they are."""
+        """Set an initial position; poses received before it do not confirm it."""
         self._latest = None
         self._attempt = _Attempt(pose, 1, now + self._settings.initial_wait)
         return [PublishInitialPose(pose)]
 
     def on_pose(self, pose: MapPose) -> list[PublishInitialPose | Report]:
-        """Handle a pose of the localisation, newer by its stamp than all before."""
+        """Handle a pose of the localisation that is newer than all before."""
         attempt = self._attempt
         self._latest = pose
         if attempt is None or not near(
@@ -257,7 +255,7 @@ class PoseWatch:
         self.lost = False
 
     def on_pose(self, now: float) -> None:
-        """Note that a pose was received."""
+        """Record that a pose was received."""
         self._pose_at, self._promised_at, self._way, self.lost = now, None, 0.0, False
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
@@ -267,12 +265,12 @@ class PoseWatch:
             self._way += max(abs(speed), abs(omega)) * seconds
 
     def on_answer(self, now: float) -> None:
-        """Note that the localisation has accepted the request for a pose."""
+        """Record that the localisation has accepted the request for a pose."""
         if self._promised_at is None:
             self._promised_at = now
 
     def look(self, *, driving: bool, unsure: bool, now: float) -> bool:
-        """Return whether to request a pose; ``unsure``: the newest one is not to be trusted."""
+        """Return whether to request a pose; ``unsure``: the newest one is unreliable."""
         if self._pose_at is None:
             return False
         if not driving and not unsure and not self.lost:

@@ -1,4 +1,4 @@
-"""Maps of Nav2 as fleet control sends them: an archive (zip or tar) of a YAML file and its image."""
+"""Nav2 maps from fleet control: an archive (zip or tar) of a YAML file and its image."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from typing import Final
 from nena_shared.fleet_api.plant import png_size
 
 FILES_LIMIT = 100
-"""Files of an archive that are read."""
+"""Maximum number of files that are read from an archive."""
 ENTRIES_LIMIT = 1000
-"""Files of a zip; the header of each takes memory, however few are read."""
+"""Maximum number of files in a zip; the header of each takes memory, even if few are read."""
 YAML_LIMIT = 64 * 1024
 """Largest YAML file, bytes."""
 IMAGE_LIMIT = 256 * 1024 * 1024
@@ -29,7 +29,7 @@ IMAGE_LIMIT = 256 * 1024 * 1024
 UNPACKED_LIMIT = 320 * 1024 * 1024
 """Largest compressed tar, bytes, unpacked."""
 PIXELS_LIMIT = 64 * 1024 * 1024
-"""map_server unpacks an image: a PNG of a few kB may have more pixels than the robot has memory for."""
+"""Maximum number of pixels: map_server unpacks the image, and a PNG of a few kB may exceed the memory."""
 DICTIONARY_LIMIT = 128 * 1024 * 1024
 """Memory limit of the reader of an xz file, bytes."""
 IMAGES = (".pgm", ".png", ".bmp")
@@ -43,8 +43,8 @@ _KEPT: Final = {
     "occupied_thresh": re.compile(_NUMBER),
     "free_thresh": re.compile(_NUMBER),
 }
-"""Keys that map_server reads beside image and origin, and their values. The file is written again with these
-alone: map_server would follow a second `image` to any file of the robot, or to another machine."""
+"""Keys that map_server reads besides image and origin, and their valid values. The file is rewritten with
+these only: map_server would follow a second `image` to any file of the robot, or to another machine."""
 _ENTRY: Final = re.compile(r"^(?P<key>[a-z_]+)[ \t]*:(?P<value>.*)$", re.MULTILINE)
 _ORIGIN: Final = re.compile(
     rf"^origin[ \t]*:\s*(?:\[\s*({_NUMBER})\s*,\s*({_NUMBER})\s*,\s*({_NUMBER})\s*\]"
@@ -65,7 +65,7 @@ _UNPACKERS: Final[Mapping[bytes, Callable[[bytes, int], bytes]]] = {
         content, limit
     ),
 }
-"""By the first bytes of a compressed tar; each unpacks so many bytes at most."""
+"""Decompressors by the first bytes of a compressed tar; their second argument limits the output, bytes."""
 
 _UNREADABLE: Final = (
     tarfile.TarError,
@@ -78,7 +78,7 @@ _UNREADABLE: Final = (
     ValueError,
     ArithmeticError,
     LookupError,
-    RuntimeError,  # passwords, methods of compression, heads of heads of heads
+    RuntimeError,  # passwords, compression methods, nested headers
 )
 """Exceptions of the archive readers for damaged or forged archives."""
 
@@ -89,7 +89,7 @@ class BadBundleError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class MapBundle:
-    """A map as map_server reads it: ``description`` (YAML) names the image ``image_name``, beside it."""
+    """A map as map_server reads it: ``description`` (YAML) names the image ``image_name``."""
 
     description: str
     image_name: str
@@ -100,7 +100,7 @@ class MapBundle:
         """Read an archive.
 
         Raises:
-            BadBundleError: it is no archive, or contains no map.
+            BadBundleError: it is not an archive, or contains no map.
         """
         try:
             return cls._read(_opened(content))
@@ -133,11 +133,10 @@ class MapBundle:
 
 
 def _entries(name: str, text: str) -> dict[str, str]:
-    """Return the part of a YAML file for map_server.
+    """Return the entries of a YAML file that map_server may read.
 
     Raises:
         BadBundleError: a key is missing or duplicate, or a value is invalid.
-
     """
     lines = [(found["key"], _value(found["value"])) for found in _ENTRY.finditer(text)]
     entries = dict(lines)
@@ -166,15 +165,14 @@ def _value(text: str) -> str:
 
 
 def _check_size(name: str, suffix: str, image: bytes) -> None:
-    """Read the number of pixels of an image before map_server allocates memory for them.
+    """Check the number of pixels of an image before map_server allocates memory for them.
 
     Raises:
-        BadBundleError: it is no such image, or has too many pixels.
-
+        BadBundleError: it is not such an image, or has too many pixels.
     """
     size = _size(suffix, image)
     if size is None:
-        message = f"{name} is no {suffix[1:].upper()} image"
+        message = f"{name} is not a {suffix[1:].upper()} image"
         raise BadBundleError(message)
     width, height = size
     if width * height > PIXELS_LIMIT:

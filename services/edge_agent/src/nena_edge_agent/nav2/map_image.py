@@ -1,4 +1,4 @@
-"""Watch the robot's map topic and convert it to a small PNG whose colour the viewer chooses."""
+"""The robot's map topic, converted to a small PNG whose colour the viewer chooses."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _OPACITIES: Final = bytes(
     UNKNOWN_OPACITY if value > SURE else round(value / SURE * 255) for value in range(256)
 )
 _RANKS: Final = bytes((value + 1) % 256 if value <= SURE or value == UNKNOWN else 0 for value in range(256))
-"""Unknown 0, free 1, surely occupied 101: the maximum counts if cells are merged."""
+"""Unknown 0, free 1, certainly occupied 101; merged cells get the maximum."""
 _VALUES: Final = bytes((rank - 1) % 256 for rank in range(256))
 
 
 @dataclass(frozen=True, slots=True)
 class OccupancyImage:
-    """A PNG image, and how many cells each of its pixels is wide."""
+    """A PNG image, and the width of each pixel in cells."""
 
     png: bytes
     cells_per_pixel: int
@@ -47,15 +47,13 @@ class OccupancyImage:
 def occupancy_image(cells: bytes, width: int, height: int, *, side_limit: int) -> OccupancyImage:
     """Draw the cells of a nav_msgs/OccupancyGrid: rows from the lower left, 0 to 100, or -1 for unknown.
 
-    Where a side has more than ``side_limit`` cells, several make one pixel, which shows what is most surely
-    occupied of them.
+    If a side has more than ``side_limit`` cells, several are merged into one pixel with their maximum.
 
     Raises:
         ValueError: there are not ``width`` times ``height`` cells, or none.
-
     """
     if width < 1 or height < 1 or len(cells) != width * height:
-        message = f"{len(cells)} cells are no grid of {width} by {height}"
+        message = f"{len(cells)} cells do not make a grid of {width} by {height}"
         raise ValueError(message)
     factor = -(-max(width, height) // side_limit)
     rows = list(_rows(cells, width, factor))
@@ -87,17 +85,14 @@ def _chunk(kind: bytes, content: bytes) -> bytes:
 log = get_logger(__name__)
 
 CELLS_LIMIT = 64 * 1024 * 1024
-"""Cells of a grid that are read."""
+"""Maximum number of cells of a grid; a larger one is refused."""
 
 
 class MapWatch:
-    """An extension of the robot's nodes.
-
-    ``on_map`` gets each map whose content or position differs from the last.
-    """
+    """A node extension that calls ``on_map`` for each map whose content or position has changed."""
 
     def __init__(self, topic: str, map_id: Callable[[], str], frame: PlantFrame) -> None:
-        """``map_id`` returns the robot's map ID, ``frame`` is the plant's position on it."""
+        """Prepare; ``map_id`` returns the robot's map ID, ``frame`` converts from that map to the plant."""
         self._topic = topic
         self._map_id = map_id
         self._frame = frame
@@ -113,11 +108,10 @@ class MapWatch:
         session.subscribe(node, OccupancyGrid, self._topic, LATCHED, read=self.read, handle=self._on_map)
 
     def read(self, grid: Any) -> MapImage | None:  # noqa: ANN401
-        """Build the map of a nav_msgs/OccupancyGrid; None: unchanged.
+        """Convert a nav_msgs/OccupancyGrid; return None if it is unchanged.
 
         Raises:
-            ValueError: it is too large, or no grid.
-
+            ValueError: it is too large, or not a grid.
         """
         info, cells = grid.info, memoryview(grid.data).tobytes()
         if len(cells) > CELLS_LIMIT:

@@ -1,4 +1,4 @@
-"""The map of Nav2's map_server: loaded when it is enabled, and again when map_server was restarted."""
+"""Loads maps into Nav2's map_server: when they are enabled, and after a restart of map_server."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PROBLEMS = {
     2: "the image is not a map",
     3: "the YAML file does not describe a map",
 }
-"""Meaning of a result of load_map."""
+"""Meanings of load_map's results."""
 
 
 class MapNotLoadedError(Exception):
@@ -31,11 +31,11 @@ class MapNotLoadedError(Exception):
 
 
 class MapUser(Protocol):
-    """The user of the loaded map."""
+    """A driver that uses the loaded map."""
 
     @property
     def drives(self) -> bool:
-        """Return whether the robot drives on it now, or has a goal that it may start."""
+        """Return whether the robot is driving, or has a goal that it may start."""
         ...
 
     def await_map(self, reason: str) -> None:
@@ -48,9 +48,9 @@ class MapUser(Protocol):
 
 
 class MapServer:
-    """Nav2's map_server, and the costmaps that are made of its map.
+    """Nav2's map_server, and the costmaps built from its map.
 
-    ``map_id`` is the map that it has or is about to have. The file "" is that of map_server's own settings.
+    ``map_id`` is the current map, or the one being loaded. The file "" is that of map_server's own settings.
     """
 
     def __init__(self, settings: RosSettings, map_id: str) -> None:
@@ -70,11 +70,11 @@ class MapServer:
         """Held while map_server loads a map: it loads one at a time."""
 
     def attach(self, user: MapUser) -> None:
-        """Notify a driver of each change."""
+        """Set the driver that is notified of each change."""
         self._user = user
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Build the clients on a new node."""
+        """Create the clients on a new node."""
         from rcl_interfaces.srv import GetParameters  # noqa: PLC0415 - the loopback needs no ROS
 
         names = self._settings.names
@@ -88,11 +88,11 @@ class MapServer:
 
     @property
     def problem(self) -> str:
-        """Why Nav2 does not have the enabled map; empty: it has."""
+        """Return why Nav2 does not have the enabled map; empty if it does."""
         return self._change or self._problem
 
     def expect(self, map_id: str, file: str) -> None:
-        """Note which map was enabled in an earlier run of the program."""
+        """Record which map an earlier run of the program had enabled."""
         self.map_id, self._file = map_id, file
         if file:
             self._problem = f"map_server has not loaded the map '{map_id}'"
@@ -103,27 +103,28 @@ class MapServer:
 
     @property
     def unplaced(self) -> bool:
-        """Whether a map was enabled, also in an earlier run, and no position on it was set since."""
+        """Return whether a map was enabled, even in an earlier run, and no position on it was set since."""
         return self._mark is not None and self._mark.exists()
 
     def placed(self) -> None:
-        """Note that the robot's pose on the map is known."""
+        """Record that the robot's pose on the map is known."""
         if self._mark is None:
             return
         try:
             self._mark.unlink(missing_ok=True)
         except OSError as error:
-            log.warning("set the position again after a restart", error=str(error))
+            log.warning(
+                "cannot record that the position is set; set it again after a restart", error=str(error)
+            )
 
     async def use(self, map_id: str, file: str) -> None:
         """Switch Nav2 and the driver to another map.
 
         Raises:
-            MapNotLoadedError: map_server refuses, or the robot drives; all stays as it was.
-
+            MapNotLoadedError: map_server refuses, or the robot drives; nothing is changed.
         """
         if self._user is not None and self._user.drives:
-            message = "the robot is moving: enable the map while it stands"
+            message = "the robot is moving: enable the map at standstill"
             raise MapNotLoadedError(message)
         self._change = f"map_server loads the map '{map_id}'"
         before, self.map_id = self.map_id, map_id
@@ -142,9 +143,9 @@ class MapServer:
             self._user.use_map(map_id)
 
     def look(self) -> bool:
-        """Return whether :meth:`load_again` is due: a map_server has appeared, and has its own map.
+        """Return whether :meth:`load_again` is due: a map_server has appeared, with its own map.
 
-        While a map is being loaded nothing is due.
+        While a map is being loaded, it is not due.
         """
         if self._turn.locked():
             return False
@@ -172,7 +173,7 @@ class MapServer:
                 self._problem = ""
 
     async def _load_in_turn(self, file: str) -> None:
-        """Make map_server load a file, and clear the costmaps of the map before."""
+        """Make map_server load a file, and clear the costmaps of the previous map."""
         session = self._session
         if session is None:
             message = "the robot's ROS session is not active"

@@ -1,7 +1,7 @@
-"""Builds all outgoing messages.
+"""Build outgoing ROS messages, and read incoming ones.
 
-ROS accepts any object in a number's field and sends its memory as garbage, so each number passes through
-:func:`_number` here and nowhere else.
+rclpy accepts any object in a numeric field and sends its memory as garbage, so each outgoing number passes
+through :func:`_number`.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from nena_edge_agent.nav2.robot_base import BatteryReading
 from nena_shared.ros import GoalStatus, yaw_of
 
 X_VARIANCE, Y_VARIANCE, YAW_VARIANCE = 0, 7, 35
-"""Their indices in the covariance of a pose, a matrix of 6 by 6 in rows."""
+"""Indices in the covariance of a pose, a 6 by 6 matrix in row-major order."""
 
 
 class NotFiniteError(ValueError):
-    """A number that no robot can drive to."""
+    """A coordinate is NaN or infinite."""
 
     def __init__(self, number: float) -> None:
         super().__init__(f"{number} is not a finite number")
@@ -32,11 +32,10 @@ class NotFiniteError(ValueError):
 
 
 def goal_message(pose: MapPose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries no types
-    """Build the geometry_msgs/PoseStamped of a goal; stamp zero means: by the newest transforms.
+    """Build the geometry_msgs/PoseStamped of a goal; stamp zero selects the newest transforms.
 
     Raises:
         NotFiniteError: a number is NaN or infinite.
-
     """
     message = PoseStamped()
     message.header.frame_id = frame
@@ -67,7 +66,7 @@ def cancel_request(goal_id: str) -> Any:  # noqa: ANN401
 
 
 def cancel_all_request() -> Any:  # noqa: ANN401
-    """Return the action_msgs/srv/CancelGoal request for all goals of a server: no id and no stamp."""
+    """Return the action_msgs/srv/CancelGoal request for all goals of a server: no ID and no stamp."""
     return CancelGoal.Request()
 
 
@@ -141,7 +140,7 @@ def plan_points(message: Any) -> tuple[str, tuple[tuple[float, float], ...]]:  #
 
 
 def velocity(message: Any) -> tuple[float, float]:  # noqa: ANN401
-    """Read m/s forward and rad/s of a nav_msgs/Odometry."""
+    """Read the velocity of a nav_msgs/Odometry: m/s forward, and rad/s."""
     twist = message.twist.twist
     return twist.linear.x, twist.angular.z
 

@@ -40,15 +40,15 @@ SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Matches every publisher, and never gets a latched message."""
 
 NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
-"""Reliable and volatile fits every subscription but a latched one, which makes no sense for these topics."""
+"""No QoS events: reliable and volatile matches all but latched subscriptions, which make no sense here."""
 
 STATUS_ARRAYS = 10
-"""Status arrays that may wait for the loop; each is complete, so the oldest can be dropped."""
+"""Maximum number of status arrays waiting for the loop; each is complete, so the oldest can be dropped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listeners:
-    """The handlers of incoming messages, called in the event loop."""
+    """Handlers of incoming messages, called in the event loop."""
 
     statuses: Callable[[list[GoalEntry]], None]
     other_statuses: Callable[[list[GoalEntry]], None]
@@ -59,7 +59,7 @@ class Listeners:
 
 
 class Nav2Node:
-    """Sends to Nav2 and receives from it; call ``start`` first, ``stop`` last."""
+    """The node for Nav2; call :meth:`start` first and :meth:`stop` last."""
 
     def __init__(
         self, settings: RosSettings, listeners: Listeners, extensions: Sequence[NodeExtension] = ()
@@ -69,7 +69,7 @@ class Nav2Node:
         self._settings = settings
         self._listeners = listeners
         self._lifecycle_watch, self._localiser_watch = LifecycleWatch(), LifecycleWatch()
-        self._hears_all_localisers = False
+        self._volatile_poses = False
         self._session = RosSession(
             node_name=settings.node_name, namespace=settings.namespace, domain_id=settings.domain_id
         )
@@ -80,10 +80,10 @@ class Nav2Node:
         Raises:
             SessionError: ROS refuses.
         """
-        await self._session.start(self._furnish, on_failure=on_failure)
+        await self._session.start(self._populate, on_failure=on_failure)
 
     async def stop(self) -> None:
-        """Leave the ROS graph in order."""
+        """Leave the ROS graph."""
         await self._session.stop()
 
     def publish_goal(self, pose: MapPose) -> None:
@@ -107,7 +107,7 @@ class Nav2Node:
         return None if answer is None else int(answer.return_code)
 
     async def stop_motion(self) -> bool:
-        """Cancel all goals of the servers that move the robot; return whether the controller has answered."""
+        """Cancel all goals of servers that move the robot; return whether the controller answered."""
         request, seconds = messages.cancel_all_request(), self._settings.call_timeout
         answered, *_ = await asyncio.gather(
             self._call(self._controller, request),
@@ -116,22 +116,22 @@ class Nav2Node:
         return answered is not None
 
     def prepare_stop(self) -> None:
-        """Find the servers that may move the robot, so that a stop does not wait for that."""
+        """Discover the servers that may move the robot, so that a stop need not wait for discovery."""
         for client in self._motions:
             client.prepare()
 
     async def request_pose(self) -> bool:
-        """Make the localisation send a pose at standstill; return whether it has agreed."""
+        """Make the localisation send a pose at standstill; return whether it accepted the request."""
         seconds = self._settings.call_timeout
         return await self._fresh_pose.call(Empty.Request(), seconds=seconds) is not None
 
     async def presence(self) -> Presence:
-        """Return whether Nav2 is present; takes at most the timeout of a call."""
+        """Return what the ROS graph shows of Nav2; takes at most the timeout of one call."""
         there, localiser = self._lifecycle.service_is_ready(), self._localiser.service_is_ready()
         active, state = await asyncio.gather(
             self._call(self._lifecycle, Trigger.Request()), self._call(self._localiser, GetState.Request())
         )
-        self._hear_localiser_that_does_not_latch()
+        self._subscribe_to_volatile_poses()
         return Presence(
             servers=self.servers(),
             goal_listeners=self._goals.get_subscription_count(),
@@ -150,7 +150,7 @@ class Nav2Node:
         return self._publishers(status_of(self._settings.action))
 
     def planners(self) -> frozenset[str]:
-        """Return the endpoint IDs by which the planner publishes plans; other nodes may come and go."""
+        """Return the endpoint IDs of the planner's publishers; those of other nodes may come and go."""
         names = self._settings.names
         found = self._node.get_publishers_info_by_topic(names.plan)
         return endpoints(found, node_name=names.planner.rpartition("/")[2])
@@ -162,7 +162,7 @@ class Nav2Node:
     async def _call(self, client: Any, request: Any) -> Any:  # noqa: ANN401 - rclpy carries no types
         return await self._session.call(client, request, seconds=self._settings.call_timeout)
 
-    def _furnish(self, node: Any) -> None:  # noqa: ANN401
+    def _populate(self, node: Any) -> None:  # noqa: ANN401
         names = self._settings.names
         self._node = node
         self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE, event_callbacks=NO_EVENTS)
@@ -180,15 +180,15 @@ class Nav2Node:
         for extension in self._extensions:
             extension.enter(self._session, node)
 
-    def _hear_localiser_that_does_not_latch(self) -> None:
+    def _subscribe_to_volatile_poses(self) -> None:
         """Add a volatile subscription when needed.
 
         With both from the start, each pose of AMCL would arrive twice.
         """
         publishers = self._node.get_publishers_info_by_topic(self._settings.names.pose)
         latches = (each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in publishers)
-        if not self._hears_all_localisers and not all(latches):
-            self._hears_all_localisers = True
+        if not self._volatile_poses and not all(latches):
+            self._volatile_poses = True
             self._subscribe_to_pose(SENSOR)
 
     def _subscribe_to_pose(self, qos: QoSProfile) -> None:

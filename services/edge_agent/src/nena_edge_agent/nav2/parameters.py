@@ -21,18 +21,18 @@ log = get_logger(__name__)
 Value = float | int | str | list[str] | None
 Contour = tuple[tuple[float, float], ...]
 SPEEDS = ("desired_linear_vel", "vx_max", "max_speed_xy", "max_vel_x")
-"""Names of the controllers' own speed: Regulated Pure Pursuit, MPPI, DWB."""
+"""Parameters with the controller's own speed: Regulated Pure Pursuit, MPPI, DWB."""
 CORNERS = 16
-"""Of the polygon around a round robot."""
+"""Number of corners of the polygon around a round robot."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nav2Parameters:
     """Metres, radians and milliseconds; None if Nav2 has no such parameter, or does not answer.
 
-    ``approach`` is the distance from a goal in which Regulated Pure Pursuit slows down, ``speed`` the
-    controller's own in m/s, ``contour`` the robot's outline around its base frame. ``complete``: all servers
-    have answered.
+    ``approach`` is the distance from a goal at which Regulated Pure Pursuit slows down, ``speed`` the
+    controller's own speed in m/s, ``contour`` the robot's outline around its base frame. ``complete``: all
+    servers answered.
     """
 
     xy_tolerance: float | None = None
@@ -43,9 +43,9 @@ class Nav2Parameters:
     complete: bool = True
 
     def limits(self, tolerance: float | None, known_each: float, map_id: str) -> DriveLimits:
-        """Return what they mean for a drive; ``tolerance`` replaces that of Nav2.
+        """Return the resulting limits of a drive; ``tolerance`` replaces that of Nav2.
 
-        ``known_each`` is the distance in m that the robot may drive until its position is known again.
+        ``known_each`` is the distance in m that the robot may drive between two updates of its position.
         """
         within = tolerance or self.xy_tolerance or GOAL_TOLERANCE
         hand_over = max(within, self.approach or 0.0) + known_each
@@ -54,7 +54,7 @@ class Nav2Parameters:
 
 
 def contour_of(footprint: str, radius: float | None) -> Contour:
-    """Return the outline that a costmap's parameters name: a polygon, or a circle if there is none."""
+    """Return the outline from a costmap's parameters: the polygon, or a circle if there is none."""
     try:
         points = tuple((float(x), float(y)) for x, y in json.loads(footprint or "[]"))
     except (ValueError, TypeError):
@@ -75,7 +75,7 @@ class ParameterReader:
         self._answered = True
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Build the clients."""
+        """Create the clients."""
         names = self._settings.names
         self._controller, self._navigator = (
             session.late_client(node, GetParameters, f"{server}/get_parameters")
@@ -111,7 +111,7 @@ class ParameterReader:
         return contour_of(text if isinstance(text, str) else "", radius)
 
     async def _first(self, client: LateClient, name: str, default: str) -> str:
-        """Return the first of a list of plug-ins."""
+        """Return the first plug-in of a list."""
         value = await self._ask(client, name)
         return value[0] if isinstance(value, list) and value else default
 
@@ -120,7 +120,7 @@ class ParameterReader:
         return float(value) if isinstance(value, int | float) else None
 
     async def _ask(self, client: LateClient, name: str) -> Value:
-        """Read one parameter; with several names, a server that lacks one of them returns none."""
+        """Read one parameter: asked for several, a server that lacks one of them returns none."""
         request = GetParameters.Request(names=[name])
         answer = await client.call(request, seconds=self._settings.call_timeout)
         self._answered = self._answered and answer is not None

@@ -1,7 +1,7 @@
-"""Paths of our own that Nav2's controller follows, without planner and behaviour tree.
+"""Paths that Nav2's controller follows directly, without planner and behaviour tree.
 
-A goal with a path goes to the controller's action, any other one to the navigator. Each has a tracker of its
-own, and one of them drives: the other one begins once the goals before have ended.
+A goal with a path is sent to the controller's action, any other to the navigator. Each has its own tracker;
+one drives at a time, and the other starts once the earlier goals have ended.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from nena_edge_agent.driver.map_port import MapGoal, MapOwnGoals, MapPose
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, GoalTable, Halted, NavigationReport
 from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker, FeedbackReading
-from nena_edge_agent.nav2.commands import AskResult, CancelGoal, Command, OnPath, Report, SendGoal
+from nena_edge_agent.nav2.commands import CancelGoal, Command, OnPath, Report, RequestResult, SendGoal
 from nena_edge_agent.nav2.goal_tracker import GoalDrive
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.settings import GoalSettings, RosSettings
@@ -50,13 +50,13 @@ class PathTracker(ActionTracker):
 
     def _refusal(self, drive: GoalDrive) -> str:
         return (
-            f"Nav2's controller has not accepted the path, sent {drive.times_given} times: "
+            f"Nav2's controller has not accepted the path, sent {drive.times_sent} times: "
             "is controller_server active?"
         )
 
 
 class Trackers:
-    """The tracker of the navigator's goals and that of the controller's, as one."""
+    """The trackers of the navigator and of the controller, with one interface."""
 
     def __init__(self, settings: GoalSettings, prefix: GoalIdPrefix) -> None:
         self.navigator = ActionTracker(settings, prefix)
@@ -68,42 +68,42 @@ class Trackers:
 
     @property
     def busy(self) -> bool:
-        """Whether something is awaited, so that :meth:`tick` is needed."""
+        """Return whether something is awaited, so that :meth:`tick` is needed."""
         return self._next is not None or self.navigator.busy or self.controller.busy
 
     @property
     def driving(self) -> bool:
-        """Whether Nav2 drives to the current goal."""
+        """Return whether Nav2 drives to the current goal."""
         return self._current.driving
 
     @property
     def active(self) -> bool:
-        """Whether a goal of ours has not ended at the server that drives."""
+        """Return whether a goal of ours has not ended at the driving server."""
         return self._current.active
 
     @property
     def live(self) -> tuple[str, ...]:
-        """The goals of ours that have not ended at the server that drives."""
+        """Return our goals that have not ended at the driving server."""
         return self._current.live
 
     @property
     def goal_id(self) -> str | None:
-        """The goal that Nav2 drives to for us, once it has accepted it."""
+        """Return the goal that Nav2 drives to for us, once it has accepted it."""
         return self._current.goal_id
 
     @property
     def wanted(self) -> MapGoal | None:
-        """The active or waiting goal."""
+        """Return the active or waiting goal."""
         return self._next or self._current.wanted
 
     @property
     def may_drive(self) -> bool:
-        """Whether Nav2 drives for us, or may still accept a sent goal."""
+        """Return whether Nav2 drives for us, or may still accept a sent goal."""
         return self.navigator.may_drive or self.controller.may_drive
 
     @property
     def by_action(self) -> bool:
-        """Whether goals are sent to the navigator by its action."""
+        """Return whether goals are sent to the navigator by its action."""
         return self.navigator.by_action
 
     def wants(self, place: tuple[float, float]) -> bool:
@@ -111,7 +111,7 @@ class Trackers:
         return self.navigator.wants(place)
 
     def reclaim(self, goals: MapOwnGoals, *, paths: bool = False) -> None:
-        """Treat the goals of an earlier run as ours; a path of that run is ended, and sent again.
+        """Treat the goals of an earlier run as ours; a path of that run is ended and resent.
 
         ``paths``: the earlier run may have followed one.
         """
@@ -120,7 +120,7 @@ class Trackers:
             self.controller.expect_earlier()
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
-        """Drive to ``goal``; one that is driven in the same way is replaced, and not stopped for it."""
+        """Drive to ``goal``; a current goal at the same server is replaced without a stop."""
         wanted = self.controller if goal.path else self.navigator
         if wanted is self._current:
             self._next = None
@@ -159,7 +159,7 @@ class Trackers:
         return self.navigator.on_planner_gone(now)
 
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
-        """Note whether goals can be sent; the controller follows its path also without a navigator."""
+        """Record whether goals can be sent; the controller follows its path even without a navigator."""
         own = report
         if not self.controller_takes_paths:
             own = NavigationReport(available=False, reason="no controller takes paths")
@@ -175,15 +175,15 @@ class Trackers:
         return self.navigator.on_cancel_answer(goal_id, code, now)
 
     def on_stop_answer(self, now: float, *, answered: bool) -> list[Command]:
-        """Note whether the controller has answered that its goals are cancelled."""
+        """Record whether the controller has answered that its goals are cancelled."""
         return self._both(lambda tracker: tracker.on_stop_answer(now, answered=answered), now)
 
     def on_silence(self, seconds: float, now: float) -> list[Command]:
-        """Note that the server which drives for us has sent no feedback for ``seconds``."""
+        """Record that the server which drives for us has sent no feedback for ``seconds``."""
         return self._of(self._current, self._current.on_silence(seconds, now))
 
     def on_feedback(self) -> None:
-        """Note that the server which drives for us works."""
+        """Record that the server which drives for us works."""
         self._current.on_feedback()
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
@@ -221,16 +221,16 @@ class Trackers:
         return self._of(self._current, self._current.go_to(goal, now))
 
     def _of(self, tracker: ActionTracker, commands: Iterable[Command]) -> list[Command]:
-        """Return commands of a tracker; those of the controller's are for its own action.
+        """Return the commands of a tracker; those of the controller's are directed to its own action.
 
-        The goals that are reported are the navigator's: they show which other clients drive.
+        Only the navigator's goals are reported: they show which other clients drive.
         """
         if tracker is self.navigator:
             return list(commands)
         found: list[Command] = []
         for command in commands:
             match command:
-                case SendGoal() | AskResult() | CancelGoal():
+                case SendGoal() | RequestResult() | CancelGoal():
                     found.append(OnPath(command))
                 case Report(GoalTable()):
                     pass
@@ -246,7 +246,7 @@ class Trackers:
 
 
 class PathSide(ActionSide):
-    """Carries out the tracker's commands at the controller's action, and passes it the answers."""
+    """Executes the tracker's commands on the controller's action, and passes the responses to the tracker."""
 
     def __init__(
         self,
@@ -266,7 +266,7 @@ class PathSide(ActionSide):
         self._path_client: PathClient | None = None
 
     def new_path_client(self, settings: RosSettings) -> PathClient:
-        """Return the extension for a new node."""
+        """Return the client, which extends a new node."""
         from nena_edge_agent.nav2.path_client import PathClient, PathListeners  # noqa: PLC0415 - loads rclpy
 
         listeners = PathListeners(self._on_result, self._take_feedback, self._on_statuses)
@@ -279,13 +279,13 @@ class PathSide(ActionSide):
         self._trackers.controller_takes_paths = client is not None and client.ready
         return client.servers() if client is not None else frozenset()
 
-    async def do(self, command: SendGoal | AskResult | CancelGoal) -> None:
-        """Carry out a command of the tracker."""
+    async def do(self, command: SendGoal | RequestResult | CancelGoal) -> None:
+        """Execute a command of the tracker."""
         match command:
             case SendGoal(goal, goal_id):
                 await self._send_path(goal, goal_id)
-            case AskResult(goal_id):
-                self.ask_result(goal_id)
+            case RequestResult(goal_id):
+                self.request_result(goal_id)
             case CancelGoal(goal_id):
                 log.info("path cancelled", goal=goal_id)
                 code = await self._path_client.cancel(goal_id) if self._path_client else None

@@ -1,4 +1,4 @@
-"""Poses in the plane: headings and quaternions, agreement with a goal, sureness of the localisation."""
+"""Poses in the plane: headings and quaternions, tolerances of goals, uncertainty of the localisation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nena_edge_agent.nav2.settings import LocalisationSettings
 from nena_shared.ros import wrap
 
 PLAN_POINTS = 100
-"""Maximum number of reported points of a plan, beside its end."""
+"""Maximum number of reported points of a plan, excluding its end."""
 
 
 def thinned(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
@@ -41,7 +41,7 @@ def quaternion_of(yaw: float) -> tuple[float, float]:
 
 
 def localized(reading: PoseReading, settings: LocalisationSettings) -> bool:
-    """Whether the localisation is sure enough of the pose; one without a valid variance is not."""
+    """Return whether the pose is certain enough; one without a valid variance is not."""
     xy_limit, yaw_limit = settings.xy_spread_limit**2, settings.theta_spread_limit**2
     return (
         0.0 <= reading.x_variance <= xy_limit
@@ -51,20 +51,20 @@ def localized(reading: PoseReading, settings: LocalisationSettings) -> bool:
 
 
 def near(pose: MapPose, place: MapPose, *, xy: float, theta: float | None) -> bool:
-    """Whether ``pose`` is within ``xy`` m and ``theta`` rad (None: any heading) of ``place``."""
+    """Return whether ``pose`` is within ``xy`` m and ``theta`` rad (None: any heading) of ``place``."""
     if math.hypot(pose.x - place.x, pose.y - place.y) > xy:
         return False
     return theta is None or abs(wrap(pose.theta - place.theta)) <= theta
 
 
 def agrees(pose: MapPose, goal: MapGoal, *, xy_slack: float = 0.0, theta_slack: float = 0.0) -> bool:
-    """Whether the robot at ``pose`` has reached ``goal``; the slacks (m, rad) widen what is allowed."""
+    """Return whether a robot at ``pose`` has reached ``goal``; the slacks (m, rad) widen the tolerance."""
     theta = None if goal.deviation_theta is None else goal.deviation_theta + theta_slack
     return near(pose, goal.pose, xy=goal.deviation_xy + xy_slack, theta=theta)
 
 
 def impossible(pose: MapPose, map_id: str) -> str | None:
-    """Return why a robot on the map ``map_id`` cannot be sent to ``pose``; None: it can."""
+    """Return why a robot on the map ``map_id`` cannot be sent to ``pose``, None if it can."""
     if pose.map_id != map_id:
         return f"the goal is on map '{pose.map_id}', the robot on '{map_id}'"
     if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):

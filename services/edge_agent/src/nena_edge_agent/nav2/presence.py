@@ -1,4 +1,4 @@
-"""Whether Nav2 is present and accepts goals, and if not, what is missing."""
+"""Detects whether Nav2 is present and accepts goals, and if not, what is missing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nena_edge_agent.driver.port import NavigationReport
 from nena_edge_agent.nav2.settings import Navigation, RosSettings, status_of
 
 MISSES = 2
-"""Calls without an answer after which a service counts as silent."""
+"""Unanswered calls after which a service counts as silent."""
 
 
 DISCOVERY = 5.0
@@ -43,8 +43,8 @@ LIFECYCLE_PROBLEMS = {
 }
 
 
-UNTOLD = frozenset({Lifecycle.ABSENT, Lifecycle.ACTIVE})
-"""States in which the lifecycle manager does not explain the problem."""
+INCONCLUSIVE = frozenset({Lifecycle.ABSENT, Lifecycle.ACTIVE})
+"""States that do not explain why Nav2 is unavailable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +75,9 @@ def endpoints(publishers: Iterable[Any], *, node_name: str | None = None) -> fro
 
 
 class PlannerWatch:
-    """Detects that the planner has died: Nav2 itself notices only when it plans again.
+    """Detects that the planner has died, which Nav2 itself notices only when it replans.
 
-    Some robots plan elsewhere: one that was never present is not missed.
+    A planner that was never present is not reported: some robots plan elsewhere.
     """
 
     def __init__(self) -> None:
@@ -93,14 +93,14 @@ class PlannerWatch:
 
 
 class LifecycleWatch:
-    """Determines the state by the lifecycle manager's answers: a single missing answer can be chance."""
+    """Determines the state from the lifecycle manager's responses; a single missing response is ignored."""
 
     def __init__(self) -> None:
         self._misses = 0
         self._known = Lifecycle.ABSENT
 
     def judge(self, *, there: bool, active: bool | None) -> Lifecycle:
-        """Note whether the service is present, and its answer (None: no answer)."""
+        """Record whether the service is present, and its answer (None: no answer)."""
         if not there:
             self._misses, self._known = 0, Lifecycle.ABSENT
         elif active is None and self._known in (Lifecycle.ABSENT, Lifecycle.STARTING):
@@ -119,7 +119,7 @@ def judge(
     """Return whether goals can be sent now; ``seconds`` is how long Nav2 has been searched for."""
     missing = _missing(presence, settings, pose_known=pose_known)
     there = presence.servers and _takes_goals(presence, settings) and pose_known
-    if missing and not there and seconds < DISCOVERY and presence.lifecycle in UNTOLD:
+    if missing and not there and seconds < DISCOVERY and presence.lifecycle in INCONCLUSIVE:
         missing = f"the agent has just started and is searching for Nav2 {_where(settings)}"
         return NavigationReport(available=False, reason=missing, starting=True)
     return NavigationReport(available=missing is None, reason=missing or "")
@@ -144,7 +144,7 @@ def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> 
 
 
 def _inactive(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
-    """Return what is missing of a Nav2 that is present."""
+    """Return what a Nav2 that is present still lacks."""
     names, where = settings.names, _where(settings)
     problem = LIFECYCLE_PROBLEMS.get(presence.lifecycle)
     if problem and not pose_known:

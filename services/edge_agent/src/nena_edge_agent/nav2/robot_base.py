@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 HOLD = 0.2
-"""Seconds that it must have been standing."""
+"""Seconds at standstill before a robot counts as standing."""
 STALE = 1.0
 """Seconds after which odometry is outdated."""
 SLOWING = 0.02
-"""m/s or rad/s by which the velocity has to fall to count as slowing down."""
+"""Decrease of the velocity that counts as slowing down, m/s or rad/s."""
 
 
 def without_noise(velocity: tuple[float, float], noise: float) -> tuple[float, float]:
@@ -33,7 +33,7 @@ def without_noise(velocity: tuple[float, float], noise: float) -> tuple[float, f
 
 
 class Standstill:
-    """Follows velocities; times are monotonic seconds."""
+    """Detects standstill by odometry; times are monotonic seconds."""
 
     def __init__(self) -> None:
         self._heard_at: float | None = None
@@ -68,20 +68,21 @@ class Standstill:
 
 
 REACH = 0.1
-"""Metres, or radians, that count as movement."""
+"""Distance that counts as movement, metres or radians."""
 AWAY = 0.5
-"""Metres that a robot must progress after recoveries to count as moving again (Nav2 backs up by 0.3 m)."""
+"""Distance that a robot must drive after recoveries to count as moving again, metres (Nav2 backs up 0.3 m).
+"""
 TURNED = 4.0
-"""Radians that a robot may turn on one spot and count as moving; Nav2's recoveries turn again and again."""
+"""Turning on the spot that counts as movement, radians at most; Nav2's recoveries turn repeatedly."""
 LONGEST_GAP = 1.0
 """Maximum interval between two velocities for integrating the distance between them, seconds."""
 
 
 class MovementWatch:
-    """Follows odometry and poses; ``timeout`` is in seconds, times are monotonic seconds.
+    """Detects a blocked robot by odometry and poses; ``timeout`` and times are in (monotonic) seconds.
 
-    Nav2's recoveries (it spins, backs up and waits) are no progress: while they are counted, and if they
-    cannot be, a robot counts as moving only where it gets away from its place.
+    Nav2's recoveries (spin, back up, wait) are not progress: after one, and after turning by ``TURNED``, a
+    robot counts as moving only once it has left its place.
     """
 
     def __init__(self, timeout: float) -> None:
@@ -108,20 +109,20 @@ class MovementWatch:
         self._way += speed * seconds
         self._turn += omega * seconds
         if math.dist((self._x, self._y), self._spot) >= AWAY:
-            self._get_on(now)
+            self._record_progress(now)
         elif abs(self._way) >= REACH or abs(self._turn) >= REACH:
             self._turned += abs(self._turn)
             self._way, self._turn = 0.0, 0.0
-            self._stir(now)
+            self._record_movement(now)
 
     def on_pose(self, pose: MapPose, now: float) -> None:
         """Handle a pose of the localisation."""
         stirred = self._anchor is None or not near(pose, self._anchor, xy=REACH, theta=REACH)
         self._anchor = pose if stirred else self._anchor
         if self._pose_spot is None or not near(pose, self._pose_spot, xy=AWAY, theta=None):
-            self._get_on(now)
+            self._record_progress(now)
         elif stirred:
-            self._stir(now)
+            self._record_movement(now)
 
     def on_recoveries(self, count: int) -> None:
         """Handle the number of recoveries that navigation has counted in the current drive."""
@@ -132,18 +133,18 @@ class MovementWatch:
         self._recoveries = count
 
     def blocked(self, *, driving: bool, now: float) -> bool:
-        """Return whether the robot has been at standstill for too long, with an active goal all the time."""
+        """Return whether the robot has been at standstill for too long with an active goal."""
         if not driving or self._moved_at is None:
-            self._get_on(now)
+            self._record_progress(now)
         return self._moved_at is not None and now - self._moved_at >= self._timeout
 
-    def _get_on(self, now: float) -> None:
-        """Note that the robot has left its earlier position."""
+    def _record_progress(self, now: float) -> None:
+        """Record that the robot has left its earlier position."""
         self._moved_at, self._recovering, self._turned = now, False, 0.0
         self._spot, self._pose_spot = (self._x, self._y), self._anchor
 
-    def _stir(self, now: float) -> None:
-        """Note that the robot has moved, possibly only on the spot."""
+    def _record_movement(self, now: float) -> None:
+        """Record that the robot has moved, possibly only on the spot."""
         if not self._recovering and self._turned < TURNED:
             self._moved_at = now
 
@@ -201,11 +202,11 @@ def _measured(value: float) -> float | None:
 
 
 STOP = 1
-"""Value of ``action_type`` while the robot is stopped; above, it is slowed down."""
+"""Value of ``action_type`` while the robot is stopped; at higher values, it is slowed down."""
 
 
 class CollisionMonitor:
-    """Handles the state of a collision monitor, which reports each change."""
+    """Reports each change in the state of Nav2's collision monitor."""
 
     def __init__(self, topic: str, on_report: Callable[[CollisionReport], None]) -> None:
         self._topic = topic

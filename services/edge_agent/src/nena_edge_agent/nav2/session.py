@@ -1,4 +1,4 @@
-"""A bounded way from the ROS thread into the event loop."""
+"""A ROS session in its own thread, and its bounded mailbox to the event loop."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 class RosMailbox(Generic[T]):
-    """Accepts plain data in one thread and passes it to ``deliver`` in another, in order.
+    """Accepts items in one thread and passes them to ``deliver`` in another, in order.
 
     ``post`` runs a function in the other thread. When more than ``limit`` items wait, the oldest is dropped:
     every topic read here reports a state, of which the newest counts.
@@ -186,7 +186,7 @@ class RosSession:
             self._executor.create_task(self._stop.set)
 
     def _run(self, populate: Callable[[Any], None]) -> None:
-        """Run the thread: open, spin, close."""
+        """Run the session's thread: open, spin, close."""
         reason = "its thread has ended"
         try:
             with ExitStack() as stack:
@@ -232,11 +232,11 @@ class RosSession:
 
 
 LOOK_PERIOD = 0.01
-"""Seconds between two looks of a new client for its server."""
+"""Interval between checks whether a new client has found its server, seconds."""
 
 
 class LateClient:
-    """A client of a service that is seldom called: each one costs milliseconds of every session's start."""
+    """A client created on demand for a service that is seldom called: each delays the start of a session."""
 
     def __init__(self, session: RosSession, create: Callable[[], Any]) -> None:
         self._session = session
@@ -245,7 +245,7 @@ class LateClient:
         self._created_at = 0.0
 
     def prepare(self) -> None:
-        """Create the client, so that it has found its server by its first call."""
+        """Create the client in advance, so that it has found its server by its first call."""
         if self._client is None and self._session.state is SessionState.ACTIVE:
             self._client = self._create()
             self._created_at = asyncio.get_running_loop().time()
@@ -253,7 +253,7 @@ class LateClient:
     async def call(self, request: Any, *, seconds: float) -> Any:  # noqa: ANN401 - rclpy carries no types
         """Call the service and return its answer; None if it is missing or silent for ``seconds``.
 
-        A new client searches for its server for ``seconds``, whichever number of calls it has meanwhile.
+        A new client searches for its server for ``seconds`` in total, however many calls are waiting.
         """
         self.prepare()
         if self._client is None:
@@ -270,7 +270,7 @@ class LateClient:
 
 
 def _events(qos: QoSProfile) -> SubscriptionEventCallbacks:
-    """Log publishers that a subscription cannot receive; a best-effort one receives all of them.
+    """Return handlers that log incompatible publishers; a best-effort subscription is compatible with all.
 
     Each additional event type makes each wake-up of the thread more expensive.
     """

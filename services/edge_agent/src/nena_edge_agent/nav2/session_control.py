@@ -1,6 +1,6 @@
-"""The life of the robot's ROS session: its environment, its start, end and retries, and where it is kept.
+"""The life cycle of the robot's ROS session: environment, start, stop, retries, and its stored address.
 
-Nothing here loads rclpy.
+Nothing here imports rclpy.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ POOLS = 2
 
 
 def prepare_environment() -> None:
-    """Set up this process for rclpy; what the user has set stays.
+    """Set up this process for rclpy; variables that the user has set are kept.
 
-    UDP alone, since shared memory of a process that was killed can block its neighbours forever. Fields of
-    messages check their types, since a number of the wrong type would be sent as garbage. The log files that
-    rclpy insists on go to a directory that is removed when the program ends. Threads share memory pools, for
-    those of each new session would fill pools of their own, some megabytes until all are in use.
+    Fast DDS uses UDP only, because the shared memory of a killed process can block others forever. Message
+    fields check their types, because a number of the wrong type would be sent as garbage. rclpy's log files
+    go to a directory that is removed when the program ends. Threads share memory pools, because each new
+    session would otherwise fill pools of its own, some megabytes in all.
     """
     _limit_memory_pools()
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
@@ -52,13 +52,13 @@ def prepare_environment() -> None:
 
 
 def _limit_memory_pools() -> None:
-    """Set what MALLOC_ARENA_MAX would set; other C libraries have no such parameter."""
+    """Set glibc's equivalent of MALLOC_ARENA_MAX; other C libraries have none."""
     if "MALLOC_ARENA_MAX" not in os.environ and hasattr(own := ctypes.CDLL(None), "mallopt"):
         own.mallopt(M_ARENA_MAX, POOLS)
 
 
 class SessionError(Exception):
-    """The session could not begin; ``reason`` is ROS's own."""
+    """The session could not start; ``reason`` is from ROS."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"the ROS session has failed: {reason}")
@@ -76,7 +76,7 @@ class NodeExtension(Protocol):
 log = get_logger(__name__)
 
 LONGEST_RETRY = 60.0
-"""Maximum seconds between two attempts to begin."""
+"""Maximum interval between two attempts to start, seconds."""
 
 
 class SessionManager:
@@ -96,7 +96,7 @@ class SessionManager:
         clock: Clock,
         retry: float,
     ) -> None:
-        """Prepare; ``retry``: seconds before the second try to begin."""
+        """Prepare; ``retry``: seconds before the second attempt to start."""
         self.address = address
         self.state = SessionState.NOT_ACTIVE
         self.reason = ""
@@ -120,18 +120,17 @@ class SessionManager:
         self._become(SessionState.NOT_ACTIVE)
 
     async def start(self) -> None:
-        """Begin the session, unless it is active.
+        """Start the session, unless it is active.
 
         Raises:
-            SessionError: it cannot begin now; retried until it is stopped.
-
+            SessionError: it cannot start now; retried until it is stopped.
         """
         async with self.step:
             if self.state is not SessionState.ACTIVE:
                 await self._open()
 
     async def stop(self) -> None:
-        """End the session, or the tries to begin it."""
+        """End the session, or the attempts to start it."""
         async with self.step:
             await self._close()
 
@@ -159,7 +158,7 @@ class SessionManager:
                 await self._try()
 
     def failed(self, reason: str) -> None:
-        """Note that the session has ended unasked."""
+        """Record that the session has ended unexpectedly."""
         if self.state is SessionState.ACTIVE:
             self._again_at = self._clock.monotonic()
             self._become(SessionState.FAILED, reason)
@@ -210,7 +209,7 @@ class _Record(BaseModel):
 
 
 class SessionStore:
-    """One robot's file. It counts for as long as the settings are those that it was written against."""
+    """The stored ROS address of one robot; it is valid until the address in the settings changes."""
 
     def __init__(self, folder: Path, robot: RobotKey) -> None:
         """Prepare; the folder may not exist yet."""

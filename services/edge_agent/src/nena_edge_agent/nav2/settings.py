@@ -1,4 +1,4 @@
-"""Settings of the ROS side: position of the robot in the ROS graph, and the driver's timeouts."""
+"""Settings for ROS: the robot's address and names in the ROS graph, and the driver's timeouts."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ Namespace = Annotated[str, Field(max_length=200), AfterValidator(_ros_namespace)
 RosName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_ros_name)]
 NodeName = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_ros_node_name)]
 DomainId = Annotated[int, Field(ge=0, le=232)]
-"""Above, Fast DDS ends the program without a message."""
+"""Above 232, Fast DDS ends the program without a message."""
 Seconds = Annotated[float, Field(gt=0, le=600, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Radians = Annotated[float, Field(gt=0, le=math.pi)]
 
 
 GOAL_TOLERANCE = 0.25
-"""Default goal tolerance of Nav2, metres, if it is unknown."""
+"""Nav2's default goal tolerance, used if the actual one is unknown, metres."""
 
 
 class Navigation(StrEnum):
@@ -158,7 +158,7 @@ class RosNames(SettingsGroup):
 
     @property
     def status(self) -> str:
-        """Topic of the goal statuses of the action for one pose."""
+        """Return topic of the goal statuses of the action for one pose."""
         return status_of(self.action)
 
 
@@ -322,13 +322,13 @@ class RosSettings(SettingsGroup):
 
     @property
     def action(self) -> str:
-        """Return the action that goals are sent to, and whose statuses also show those sent by topic."""
+        """Return the action for goals; its statuses also show goals sent by topic."""
         through = self.navigation is Navigation.THROUGH_POSES
         return self.names.through_poses if through else self.names.action
 
     @property
     def other_action(self) -> str:
-        """Return the action that only others use."""
+        """Return the action that only other clients use."""
         through = self.navigation is Navigation.THROUGH_POSES
         return self.names.action if through else self.names.through_poses
 
@@ -344,7 +344,7 @@ class BadAddressError(Exception):
 
 @checked(frozen=True, config=ConfigDict(strict=True))
 class RosAddress:
-    """A namespace with its leading slash, and a domain id."""
+    """A namespace with its leading slash, and a domain ID."""
 
     namespace: Namespace
     domain_id: DomainId
@@ -374,5 +374,5 @@ class RosAddress:
         return settings.model_copy(update={"namespace": self.namespace, "domain_id": self.domain_id})
 
     def __str__(self) -> str:
-        """Return it as text for people."""
+        """Return the address as text."""
         return f"namespace {self.namespace}, domain {self.domain_id}"

@@ -1,4 +1,4 @@
-"""Speed limits, which Nav2's controller receives on a topic (nav2_msgs/SpeedLimit)."""
+"""Speed limits for Nav2's controller, sent by topic (nav2_msgs/SpeedLimit)."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ log = get_logger(__name__)
 NO_LIMIT = 0.0
 """Value that withdraws a limit."""
 SLOWEST = 0.01
-"""Lowest limit that is sent, m/s: 0 would withdraw it."""
+"""Lowest limit that is sent, m/s; 0 would withdraw it."""
 REPEATED_AFTER = 0.3
-"""Seconds after which a limit that holds is resent while the robot drives."""
+"""Interval at which a current limit is resent while the robot drives, seconds."""
 
 
 class SpeedLimiter:
     """Sends the lower one of two limits to the controller: that of the goal, and that of the position.
 
-    Nav2 treats a limit above its own speed as its speed, so such a limit is not sent. The topic is not
-    latched: a controller that appears gets the limit. A current limit is repeated, because MPPI drops it
-    whenever it resets itself: after idling, in its fallback, and at the end of a goal. After a restart of the
-    agent nothing is sent as long as Nav2 may still drive to a goal of the earlier run, whose limit is only
-    known with the next goal.
+    A limit above the controller's own speed would become its speed, so it is not sent. The topic is not
+    latched, so the limit is sent to each controller that appears. A current limit is repeated, because MPPI
+    drops it whenever it resets itself: after idling, in its fallback, and at the end of a goal. After a
+    restart of the agent, nothing is sent while Nav2 may still drive to a goal of the earlier run, whose limit
+    is known only with the next goal.
     """
 
     def __init__(self, topic: str, own_speed: float) -> None:
@@ -59,7 +59,7 @@ class SpeedLimiter:
         self._listeners, self._sent = frozenset(), None
 
     def controller_drives(self, speed: float) -> None:
-        """Note the controller's own speed by its parameters, m/s: a limit above that would make it faster."""
+        """Record the controller's own speed from its parameters, m/s: a higher limit would make it faster."""
         if speed != self._own_speed:
             log.warning(
                 "the controller's speed differs from description.maximum_speed: set the latter to it",
@@ -81,7 +81,7 @@ class SpeedLimiter:
         self._reclaimed = True
 
     def problem(self, goal_limit: float | None) -> str:
-        """Return why the robot would be too fast for a goal with this limit; empty: it would not."""
+        """Return why the robot would be too fast for a goal with this limit; empty if it would not."""
         too_fast = goal_limit is not None and goal_limit < self._own_speed
         if not too_fast or self.listened:
             return ""
@@ -98,7 +98,7 @@ class SpeedLimiter:
     def on_event(self, event: MapDriverEvent) -> None:
         """End the goal's limit if the robot no longer drives to a goal of ours."""
         if isinstance(event, DriveFailed):
-            # after these the controller may drive on to the goal of before
+            # after these, the controller may drive on to the previous goal
             ends = event.failure not in (DriveFailure.NAVIGATION_GONE, DriveFailure.NOT_TAKEN_UP)
         else:
             ends = isinstance(event, Arrived | Halted)

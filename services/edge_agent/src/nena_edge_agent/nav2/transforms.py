@@ -1,4 +1,4 @@
-"""The robot's pose by the transforms of its frames, if no localisation publishes a pose.
+"""The robot's pose from transforms, if no localisation publishes one.
 
 SLAM, nav2_loopback_sim and other localisers publish the transform ``map`` → ``odom`` alone; the robot's
 odometry publishes ``odom`` → ``base_link`` many times a second.
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 log = get_logger(__name__)
 
 LONGEST_CHAIN = 20
-"""Frames between the robot and the map at most."""
+"""Maximum number of frames between the robot and the map."""
 MOST_FRAMES = 1000
-"""Frames above which those are dropped whose transforms are out of date: names may be new each time."""
+"""Number of frames beyond which outdated ones are dropped: their names may be new each time."""
 STEP = 0.05
 """Distance between two reported poses, m or rad."""
 PERIOD = 1.0
@@ -40,7 +40,7 @@ WAITING = 50
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """How the frame ``child`` lies in ``parent``, in the plane: m, rad; stamp in ns."""
+    """The position of the frame ``child`` in ``parent``, in the plane: m, rad; stamp in ns."""
 
     parent: str
     child: str
@@ -54,7 +54,7 @@ class Chain:
     """Keeps the newest transform of each frame; times are monotonic seconds of arrival."""
 
     def __init__(self, top: str, bottom: str, *, timeout: float) -> None:
-        """``top`` is the map's frame, ``bottom`` the robot's; each transform lasts ``timeout`` seconds."""
+        """Prepare; ``top`` is the map's frame, ``bottom`` the robot's; transforms last ``timeout`` s."""
         self._top = top
         self._bottom = bottom
         self._timeout = timeout
@@ -72,7 +72,7 @@ class Chain:
         return any(each.child == self._bottom or each.parent == self._top for each in transforms)
 
     def pose(self, now: float) -> PoseReading | None:
-        """Return where the robot is, None: a transform is missing or too old."""
+        """Return the robot's pose, None if a transform is missing or too old."""
         frame, x, y, yaw, stamp = self._bottom, 0.0, 0.0, 0.0, 0
         for _ in range(LONGEST_CHAIN):
             if frame == self._top:
@@ -120,7 +120,7 @@ class TransformWatch:
         self._reported_at = -math.inf
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
-        """Use a new node; subscribe once that is needed."""
+        """Use a new node; subscribe when needed."""
         self._session, self._node = session, node
         self._looks, self._subscriptions = 0, []
         self._chain, self._reported = self._new_chain(), None
@@ -144,7 +144,7 @@ class TransformWatch:
             return ""
         self._chain.pose(time.monotonic())
         missing = self._chain.missing
-        return missing and f"{missing} since {self._settings.transform_timeout:g} s"
+        return missing and f"{missing} for {self._settings.transform_timeout:g} s"
 
     def look(self) -> None:
         """Subscribe if nothing publishes poses, and unsubscribe if something does."""
@@ -182,14 +182,14 @@ class TransformWatch:
         if not self._chain.put(transforms, now):
             return
         pose = self._chain.pose(now)
-        if pose is not None and (self._is_news(pose) or now - self._reported_at >= PERIOD):
+        if pose is not None and (self._has_moved(pose) or now - self._reported_at >= PERIOD):
             self._reported, self._reported_at = pose, now
             self._on_pose(pose)
 
     def _on_static(self, transforms: tuple[Transform, ...]) -> None:
         self._chain.put(transforms, math.inf)
 
-    def _is_news(self, pose: PoseReading) -> bool:
+    def _has_moved(self, pose: PoseReading) -> bool:
         last = self._reported
         if last is None:
             return True

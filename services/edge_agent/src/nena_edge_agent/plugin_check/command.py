@@ -17,7 +17,6 @@ from nena_edge_agent.actions.builtin import Wait
 from nena_edge_agent.actions.messages import (
     FieldError,
     Record,
-    UnknownTypeError,
     action_type,
     conformed,
     message_type,
@@ -36,21 +35,22 @@ from nena_edge_agent.actions.plugin import (
 )
 from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import PluginBrokenError, make, names_installed
+from nena_edge_agent.actions.ros_port import installed
 from nena_edge_agent.actions.run import Watchdog
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.plugin_check.contract import CHECKS, Check, Finding, Subject, Verdict, examine
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
-from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED
+from nena_shared.program import EXIT_FAILED, report_misconfigured
 from nena_shared.settings import ConfigurationError, LogSettings, load
 from nena_shared.vda5050.topics import RobotKey
 
 DRIVE_TIME = 0.2
-"""Seconds of every drive."""
+"""Duration of every simulated drive, seconds."""
 
 
 class DryRos:
-    """Simulated ROS: accepts valid messages and publishes none; services answer with success."""
+    """Simulated ROS: accepts valid messages and publishes none; services report success."""
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
         """Return a publisher with one subscriber.
@@ -59,10 +59,7 @@ class DryRos:
             RosError: the type is not installed.
 
         """
-        try:
-            return _DryPublisher(topic, message_type(type_name))
-        except UnknownTypeError as error:
-            raise RosError(str(error)) from error
+        return _DryPublisher(topic, installed(message_type, type_name))
 
     def subscribe(
         self,
@@ -78,22 +75,16 @@ class DryRos:
             RosError: the type is not installed.
 
         """
-        try:
-            message_type(type_name)
-        except UnknownTypeError as error:
-            raise RosError(str(error)) from error
+        installed(message_type, type_name)
 
     def client(self, service: str, type_name: str) -> ServiceClient:
-        """Return a client whose service only answers.
+        """Return a client whose service always answers.
 
         Raises:
             RosError: the type is not installed.
 
         """
-        try:
-            return _DryClient(service, *service_type(type_name))
-        except UnknownTypeError as error:
-            raise RosError(str(error)) from error
+        return _DryClient(service, *installed(service_type, type_name))
 
     def action(self, name: str, type_name: str) -> RosActionClient:
         """Return a client whose goals all succeed.
@@ -102,14 +93,11 @@ class DryRos:
             RosError: the type is not installed.
 
         """
-        try:
-            return _DryAction(name, *action_type(type_name))
-        except UnknownTypeError as error:
-            raise RosError(str(error)) from error
+        return _DryAction(name, *installed(action_type, type_name))
 
 
 class DryDrive:
-    """Simulated drive: arrives after a moment."""
+    """Simulated drive, which arrives after DRIVE_TIME."""
 
     def __init__(self) -> None:
         self.pose: Pose | None = Pose(0.0, 0.0, 0.0, "map")
@@ -190,9 +178,7 @@ def main(argv: Sequence[str]) -> int:
         log.configure(LogSettings(level="error", form="text"))
         plugins = _plugins(own.name, settings)
     except ConfigurationError as error:
-        for problem in error.problems:
-            sys.stderr.write(f"{PROGRAM}: setting {problem}\n")
-        return EXIT_MISCONFIGURED
+        return report_misconfigured(PROGRAM, error)
     except PluginBrokenError as error:
         sys.stdout.write(f"{own.name}\n  BROKEN    Loads: {error}\n")
         return EXIT_FAILED
@@ -206,7 +192,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def findings_of(subject: Subject, checks: Sequence[Check] = CHECKS) -> list[Finding]:
-    """Check a plug-in in a separate thread, which it may block forever."""
+    """Check a plug-in in a separate thread, as it may block forever."""
     run = _Run(subject, checks)
     thread = threading.Thread(target=run.work, name="trial", daemon=True)
     thread.start()

@@ -1,7 +1,7 @@
-"""Checks of the contract that every action plug-in has to keep.
+"""Checks of the contract of action plug-ins.
 
-Each check starts actions of the plug-in as the agent would and watches what they do. A broken plug-in cannot
-harm the agent (see ``run``), but its actions fail.
+Each check starts actions of the plug-in as the agent would, and observes them. A broken plug-in cannot harm
+the agent (see ``run``), but its actions fail.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ METHODS: Final = ("pause", "resume", "cancel")
 
 
 class BrokenError(Exception):
-    """The plug-in breaks the contract."""
+    """The plug-in violates the contract."""
 
     def __init__(self, text: str, remedy: str) -> None:
         super().__init__(text)
@@ -47,7 +47,7 @@ class BrokenError(Exception):
 
 
 class NotSeenError(Exception):
-    """The plug-in offers nothing to check; the text says why."""
+    """The plug-in cannot be checked here; the message explains why."""
 
 
 @dataclass(slots=True)
@@ -62,11 +62,11 @@ class Subject:
 
     @property
     def declaration(self) -> ActionDeclaration:
-        """What the plug-in declares."""
+        """Declaration of the plug-in."""
         return self.plugin.declaration
 
     def action(self) -> Action:
-        """Build another action."""
+        """Create an action with a new ID."""
         given = {each.key: sample(each) for each in self.declaration.parameters if each.required}
         parameters = (
             ActionParameter(key=key, value=value) for key, value in (given | {**self.parameters}).items()
@@ -82,7 +82,7 @@ class Subject:
 
 
 class Trial:
-    """One action of the plug-in and its reports."""
+    """An action of the plug-in and its reports."""
 
     def __init__(self, subject: Subject) -> None:
         self.subject = subject
@@ -108,7 +108,7 @@ class Trial:
 
     @property
     def statuses(self) -> list[ActionStatus]:
-        """The statuses reported so far."""
+        """Statuses reported so far."""
         return [each.status for each in self.reports if isinstance(each, ActionReport)]
 
     @property
@@ -153,7 +153,7 @@ class Trial:
         self.sound()
 
     def sound(self) -> None:
-        """Check all reports so far, and raise BrokenError on a wrong one."""
+        """Check all reports so far; raise BrokenError for an invalid one."""
         for report in self.reports:
             if flaw := flaw_of(report, self.action.action_id):
                 text = f"it reported {flaw}"
@@ -196,7 +196,7 @@ def sample(parameter: Parameter) -> JsonValue:
 
 
 SETTLE: Final = 0.2
-"""Seconds to wait for unwanted reports."""
+"""Time to wait for unwanted reports, seconds."""
 
 
 class Verdict(StrEnum):
@@ -209,7 +209,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Result of one check, with what to do about it."""
+    """Result of a check, with what to do about it."""
 
     check: str
     verdict: Verdict

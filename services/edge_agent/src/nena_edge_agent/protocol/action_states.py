@@ -13,7 +13,7 @@ from nena_shared.vda5050.state import Load
 ACTIVE = frozenset(
     {ActionStatus.INITIALIZING, ActionStatus.RUNNING, ActionStatus.PAUSED, ActionStatus.RETRIABLE}
 )
-"""Started and not ended."""
+"""Statuses of an action that has started and not ended."""
 
 _BEFORE: dict[ActionStatus, frozenset[ActionStatus]] = {
     ActionStatus.WAITING: frozenset(),
@@ -24,14 +24,14 @@ _BEFORE: dict[ActionStatus, frozenset[ActionStatus]] = {
     ActionStatus.FINISHED: ACTIVE | {ActionStatus.WAITING},
     ActionStatus.FAILED: ACTIVE | {ActionStatus.WAITING},
 }
-"""From which states each state may follow; FINISHED and FAILED are final."""
+"""Allowed predecessors of each status (section 6.6.9, figure 21); FINISHED and FAILED are final."""
 DESCRIPTOR_SHOWN = 200
-"""Characters of an actionDescriptor that a state repeats."""
+"""Maximum length of an actionDescriptor in the state; the rest is cut off."""
 
 
 @dataclass(slots=True)
 class ActionRecord:
-    """One action with its state; ``sequence_id`` is that of its node or edge, -1 for an instant action."""
+    """An action and its status; ``sequence_id`` is that of its node or edge, -1 for an instant action."""
 
     action: Action
     scope: ActionScope
@@ -41,7 +41,7 @@ class ActionRecord:
 
     @property
     def active(self) -> bool:
-        """Whether it has started and not ended."""
+        """Return whether the action has started and not ended."""
         return self.status in ACTIVE
 
 
@@ -92,13 +92,13 @@ class ActionStates:
         return True
 
     def restart(self, action_id: str) -> None:
-        """Reset an action to its start: the plug-ins of this run do not know it."""
+        """Reset an action to INITIALIZING: after a restart of the agent, its plug-in does not know it."""
         self._records[action_id].status = ActionStatus.INITIALIZING
         self._touch(action_id)
 
     @property
     def all_ended(self) -> bool:
-        """Whether nothing waits or runs."""
+        """Return whether all actions have ended."""
         return all(record.status.ended for record in self._records.values())
 
     @property
@@ -135,16 +135,16 @@ def _short(descriptor: str | None) -> str | None:
     return None if descriptor is None else descriptor[:DESCRIPTOR_SHOWN]
 
 
-ALONE = (BlockingType.SINGLE, BlockingType.HARD)
-STANDING = (BlockingType.SOFT, BlockingType.HARD)
+EXCLUSIVE = (BlockingType.SINGLE, BlockingType.HARD)
+STOPPING = (BlockingType.SOFT, BlockingType.HARD)
 
 
-def lets_drive(actions: Iterable[Action]) -> bool:
-    """Return whether none of ``actions`` needs the robot to stop: blockingType SOFT or HARD.
+def allow_driving(actions: Iterable[Action]) -> bool:
+    """Return whether the robot may drive during ``actions``: none has the blockingType SOFT or HARD.
 
     VDA 5050 3.0 section 6.2.2.
     """
-    return all(action.blocking_type not in STANDING for action in actions)
+    return all(action.blocking_type not in STOPPING for action in actions)
 
 
 class ActionQueue:
@@ -171,7 +171,7 @@ class ActionQueue:
     @property
     def driving_allowed(self) -> bool:
         """Return whether no SOFT or HARD action is left (section 6.2.2)."""
-        return all(blocking not in STANDING for blocking in self._actions.values())
+        return all(blocking not in STOPPING for blocking in self._actions.values())
 
     def runnable(self) -> list[str]:
         """Return the actions that may run now, including those that run already (section 6.2.2).
@@ -181,20 +181,20 @@ class ActionQueue:
         """
         gathered: list[str] = []
         for action_id, blocking in self._actions.items():
-            if blocking in ALONE:
+            if blocking in EXCLUSIVE:
                 return gathered or [action_id]
             gathered.append(action_id)
         return gathered
 
 
 UNKNOWN_LOAD = Load()
-"""A load of which nothing else is known."""
+"""A load whose ID and type are unknown."""
 
 
 def loads_after(
     action: Action, declaration: ActionDeclaration | None, loads: tuple[Load, ...]
 ) -> tuple[Load, ...]:
-    """Return the loads of a robot with ``loads`` after ``action``, which may name its load."""
+    """Return the robot's loads after ``action``, given ``loads`` before it."""
     match declaration.load if declaration else None:
         case LoadChange.TAKE:
             return (Load(load_id=_text(action, "loadId"), load_type=_text(action, "loadType")),)
@@ -207,7 +207,7 @@ def loads_after(
 def loaded_after(
     actions: Iterable[Action], declarations: Mapping[str, ActionDeclaration], *, loaded: bool
 ) -> bool:
-    """Return whether the robot carries something after ``actions``, one after the other."""
+    """Return whether the robot is loaded after executing ``actions`` in order."""
     for action in actions:
         declaration = declarations.get(action.action_type)
         if declaration and declaration.load:
@@ -218,7 +218,7 @@ def loaded_after(
 def first_load_problem(
     actions: Iterable[Action], declarations: Mapping[str, ActionDeclaration], *, loaded: bool
 ) -> tuple[Action, str] | None:
-    """Return the first action that does not match the load at that time, and why."""
+    """Return the first action that the load at that point makes impossible, and the reason."""
     for action in actions:
         declaration = declarations.get(action.action_type)
         problem = declaration.load_problem(loaded=loaded) if declaration else None
@@ -229,7 +229,7 @@ def first_load_problem(
 
 
 def sensed(loads: tuple[Load, ...], *, loaded: bool) -> tuple[Load, ...]:
-    """Return the loads by the load sensor, which has no IDs; a known load keeps its ID."""
+    """Return the loads after a report of the load sensor; a known load keeps its ID."""
     if not loaded:
         return ()
     return loads or (UNKNOWN_LOAD,)

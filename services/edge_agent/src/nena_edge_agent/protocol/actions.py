@@ -1,4 +1,4 @@
-"""The life of the order's actions: queued, started, paused, ended (sections 6.2.2, 6.2.3 and 6.6.9)."""
+"""The life cycle of an order's actions: queue, start, pause, end (sections 6.2.2, 6.2.3 and 6.6.9)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CoreAction = Callable[[RobotState, Action], tuple[ActionStatus, str | None]]
 
 
 def enqueue(robot: RobotState, actions: Sequence[Action]) -> None:
-    """Queue the actions of a reached node or an entered edge, and start those whose turn it is.
+    """Queue the actions of a reached node or an entered edge, and start those that may run now.
 
     VDA 5050 3.0 section 6.2.2.
     """
@@ -42,9 +42,9 @@ def enqueue(robot: RobotState, actions: Sequence[Action]) -> None:
 
 
 def schedule(robot: RobotState) -> None:
-    """Start every queued action whose turn it is (section 6.2.2)."""
+    """Start every queued action that may run now (section 6.2.2)."""
     while not robot.held and not robot.clearing and (waiting := _startable(robot)):
-        for action_id in waiting:  # one that ends at once may release others
+        for action_id in waiting:  # an action that ends at once may unblock others
             robot.actions.change(action_id, ActionStatus.INITIALIZING)
             _start(robot, action_id)
 
@@ -69,7 +69,7 @@ def apply_report(robot: RobotState, report: ActionReport) -> None:
     if record and states is robot.actions:
         _apply_hold(robot, record)
     if record and report.status is ActionStatus.FAILED and states is robot.instant_actions:
-        robot.errors.report(_instant_failure(record), Until.INSTANT_ACTION_ACCEPTED)
+        robot.errors.report(_failure(robot, record), Until.INSTANT_ACTION_ACCEPTED)
     elif record and report.status is ActionStatus.FAILED and not robot.clearing:
         robot.errors.report(_failure(robot, record), Until.ORDER_OVER)
 
@@ -82,7 +82,7 @@ def pause(robot: RobotState) -> None:
 
 
 def resume(robot: RobotState) -> None:
-    """Resume paused actions; those that a restart interrupted start again."""
+    """Resume paused actions; restart those that a restart of the agent interrupted."""
     interrupted, robot.interrupted = robot.interrupted, set()
     for record in robot.actions:
         action_id = record.action.action_id
@@ -116,12 +116,12 @@ def end_with_edge(robot: RobotState, edge: Edge) -> None:
 
 
 def continue_after_restart(robot: RobotState) -> None:
-    """Start interrupted actions again if their declaration allows it, and fail the others."""
+    """Restart interrupted actions if their declaration allows it; fail the others."""
     for states in (robot.actions, robot.instant_actions):
         for record in [each for each in states if each.active]:
             if record.status is ActionStatus.RETRIABLE:
                 robot.errors.report(_failure(robot, record), Until.ORDER_OVER)
-            elif record.action.action_type not in PREDEFINED:  # the core continues its own
+            elif record.action.action_type not in PREDEFINED:  # the core continues its own actions
                 _continue(robot, states, record)
 
 
@@ -129,9 +129,9 @@ def continue_after_restart(robot: RobotState) -> None:
 
 
 def retry(robot: RobotState, action: Action) -> str | None:
-    """Start the RETRIABLE action that ``action`` names again (section 6.2.3).
+    """Restart the RETRIABLE action named by ``action`` (section 6.2.3).
 
-    Return why that is refused, if it is.
+    Return the reason for a refusal, None on success.
     """
     record, problem = _retriable(robot, action)
     if record is None:
@@ -145,9 +145,9 @@ def retry(robot: RobotState, action: Action) -> str | None:
 
 
 def skip_retry(robot: RobotState, action: Action) -> str | None:
-    """Fail the RETRIABLE action that ``action`` names, and continue (section 6.2.3).
+    """Fail the RETRIABLE action named by ``action``, and continue (section 6.2.3).
 
-    Return why that is refused, if it is.
+    Return the reason for a refusal, None on success.
     """
     record, problem = _retriable(robot, action)
     if record is None:
@@ -168,7 +168,7 @@ def _retriable(robot: RobotState, action: Action) -> tuple[ActionRecord | None, 
     return record, ""
 
 
-# Actions that the core does itself on nodes
+# Node actions that the core executes
 
 
 def release(robot: RobotState, trigger_type: str) -> bool:
@@ -183,7 +183,7 @@ def release(robot: RobotState, trigger_type: str) -> bool:
 def clear_instant_actions(robot: RobotState, _: Action) -> tuple[ActionStatus, str | None]:
     """Remove ended instant actions from the state (section 6.2.3).
 
-    The clearing itself is shown until the next one.
+    The action itself stays in the state until the next clearInstantActions.
     """
     robot.instant_actions.remove(lambda record: record.status.ended)
     return ActionStatus.FINISHED, None
@@ -208,7 +208,7 @@ def _waits_for(record: ActionRecord, trigger_type: str) -> bool:
     return isinstance(types, list) and trigger_type in types
 
 
-# Steps of the above
+# Helpers
 
 
 def _startable(robot: RobotState) -> list[str]:
@@ -231,13 +231,13 @@ def _start(robot: RobotState, action_id: str) -> None:
 
 
 def _end(robot: RobotState, record: ActionRecord, status: ActionStatus, result: str | None) -> None:
-    """End an action of the order that no plug-in will end."""
+    """End an order action that is not running in a plug-in."""
     robot.actions.change(record.action.action_id, status, result)
     robot.queue.remove(record.action.action_id)
 
 
 def _is_retriable(robot: RobotState, report: ActionReport) -> bool:
-    """Return whether fleet control may have a failed action retried (section 6.6.9)."""
+    """Return whether a failed action becomes RETRIABLE (section 6.6.9)."""
     record = robot.actions.get(report.action_id)
     return (
         report.status is ActionStatus.FAILED
@@ -250,7 +250,7 @@ def _is_retriable(robot: RobotState, report: ActionReport) -> bool:
 
 
 def _apply_hold(robot: RobotState, record: ActionRecord) -> None:
-    """Pause an action that began to run during a pause, and resume one that was paused only after it."""
+    """Pause an action that started during a pause; resume one that was paused after the pause ended."""
     action_id = record.action.action_id
     if robot.held and record.status is ActionStatus.RUNNING and _declares(robot, record, "pause_allowed"):
         robot.effects.append(PauseAction(action_id))
@@ -267,18 +267,18 @@ def _continue(robot: RobotState, states: ActionStates, record: ActionRecord) -> 
         states.restart(action_id)
         _start(robot, action_id)
     else:
-        result = "the agent was interrupted while the action ran"
+        result = "the agent was interrupted while the action was running"
         apply_report(robot, ActionReport(action_id, ActionStatus.FAILED, result))
 
 
 def _starts_after_pause(robot: RobotState, record: ActionRecord) -> bool:
-    """Return whether the action may start again, but only once the robot is no longer held."""
+    """Return whether the action may restart, but not before the pause ends."""
     waits = robot.held and not robot.clearing and record.scope is not ActionScope.INSTANT
     return waits and _declares(robot, record, "restartable") and _declares(robot, record, "pause_allowed")
 
 
 def _load_problem(robot: RobotState, record: ActionRecord) -> str | None:
-    """Check the load again: an action before this one may have failed."""
+    """Return why the load makes the action impossible; an earlier action may have failed."""
     declaration = _declaration(robot, record)
     return declaration.load_problem(loaded=bool(robot.loads)) if declaration else None
 
@@ -308,26 +308,17 @@ def _declaration(robot: RobotState, record: ActionRecord) -> ActionDeclaration |
 
 
 def _failure(robot: RobotState, record: ActionRecord) -> ErrorEntry:
-    """Report the failure as a warning: the order continues, fleet control decides how it continues."""
-    retriable = record.status is ActionStatus.RETRIABLE
-    entry = error(
+    """Return the error of a failed action: a warning, because the order continues."""
+    order_id = robot.progress.order_id or None
+    hint = "the order continues; cancel it, or send the action again in another order"
+    if record.scope is ActionScope.INSTANT:
+        order_id, hint = None, "fix the cause, and send it again with another actionId"
+    elif record.status is ActionStatus.RETRIABLE:
+        hint = "send retry or skipRetry"
+    return error(
         ErrorType.ACTION_FAILED,
         f"action '{record.action.action_type}' failed: {record.result or 'no reason given'}",
-        hint="send retry or skipRetry"
-        if retriable
-        else "the order continues; cancel it, or send the action again in another order",
+        hint=hint,
         action_id=record.action.action_id,
-        order_id=robot.progress.order_id or None,
-    )
-    return entry.model_copy(update={"error_level": ErrorLevel.WARNING})
-
-
-def _instant_failure(record: ActionRecord) -> ErrorEntry:
-    """Report the failure of an instant action as a warning; no order depends on it."""
-    entry = error(
-        ErrorType.ACTION_FAILED,
-        f"action '{record.action.action_type}' failed: {record.result or 'no reason given'}",
-        hint="remove the cause, and send it again under another actionId",
-        action_id=record.action.action_id,
-    )
-    return entry.model_copy(update={"error_level": ErrorLevel.WARNING})
+        order_id=order_id,
+    ).with_level(ErrorLevel.WARNING)

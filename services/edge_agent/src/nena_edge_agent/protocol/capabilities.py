@@ -1,4 +1,4 @@
-"""The robot's configured abilities, and how they differ between the versions of VDA 5050."""
+"""The capabilities of a robot, by its settings and its version of VDA 5050."""
 
 from __future__ import annotations
 
@@ -17,57 +17,56 @@ from nena_shared.vda5050.zone_set import ZoneType
 
 
 class LinkLossPolicy(StrEnum):
-    """How a robot drives while its broker connection is lost."""
+    """What a robot does while its broker connection is lost."""
 
     ASSERTIVE = "assertive"
-    """It drives the base to its end, as the standard defines."""
+    """Drive to the end of the base, as the standard specifies."""
     PREVENTIVE_AT_ONCE = "preventive_at_once"
-    """It stops where it is, and waits."""
+    """Stop immediately, and wait."""
     PREVENTIVE_NEXT_NODE = "preventive_next_node"
-    """It drives to the next node, and waits there."""
+    """Drive to the next node, and wait there."""
 
 
 class DriveStrategy(StrEnum):
     """How the robot drives from node to node."""
 
     STOP_AT_NODES = "stop_at_nodes"
-    """Each node is a separate goal, at which the robot stops."""
+    """Stop at each node; each is a separate goal."""
     PASS_THROUGH = "pass_through"  # noqa: S105 - a drive strategy, no password
-    """The next goal is sent within the deviation of a node that needs no stop."""
+    """Send the next goal within the deviation of a node that requires no stop."""
 
 
 class ExternalGoals(StrEnum):
     """What happens to an order while navigation drives to a goal of another program."""
 
     PAUSE = "pause"
-    """It waits for the end of the other drive, and continues."""
+    """Wait until the other goal has ended, then continue."""
     FAIL = "fail"
-    """Its drive fails; fleet control decides."""
+    """Fail the drive; fleet control decides what to do."""
 
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:
-    """A robot's set-up; distances in m, angles in rad, speeds in m/s.
+    """What a robot can do, and how it is configured; in m, rad, m/s and s.
 
-    ``maximum_speed`` is the robot's own; ``limits_speed``: its driver can limit it further. ``keeps_out``: it
-    plans around closed areas. ``follows_paths``: it follows trajectories.
+    ``limits_speed``: the driver accepts speed limits below ``maximum_speed``. ``keeps_out``: it plans around
+    closed areas. ``follows_paths``: it follows trajectories. ``drives_ahead``: it drives through several
+    poses of one goal without a stop.
 
-    ``drives_ahead``: its driver drives over several poses of one goal without a stop.
+    To pass a node at full speed, the next goal must arrive ``hand_over_distance`` m plus ``hand_over_time`` s
+    of driving before the end of the current one. ``base_request_time`` is the corresponding time at the end
+    of the base, including fleet control's response time.
 
-    Navigation accepts a new goal in time if it arrives ``hand_over_distance`` m plus the distance of
-    ``hand_over_time`` s before the end of the old one. ``base_request_time`` is the same at the end of the
-    base, with the time for fleet control's answer.
-
-    ``braking_distance`` is the braking distance in m from full speed; ``footprint`` is its contour.
+    ``braking_distance`` is from full speed.
 
     ``link_loss`` applies once the link to the broker has been lost for ``link_loss_timeout`` seconds.
 
-    A failed drive is retried ``drive_retries`` times, each time after ``retry_wait`` seconds.
+    A failed drive is retried ``drive_retries`` times, after ``retry_wait`` seconds each.
 
-    ``frame`` names the frame of all coordinates, by how the plant lies on the robot's maps.
+    ``frame`` identifies the frame of all coordinates by the transforms from the plant to the robot's maps.
 
-    ``tolerated_parameters`` are optional fields of the order that are ignored instead of refused, by their
-    path, e.g. ``edges.trajectory``.
+    ``tolerated_parameters`` are optional order fields to ignore instead of rejecting the order, by path:
+    ``edges.trajectory``.
     """
 
     map_id: str
@@ -109,12 +108,12 @@ class Capabilities:
 
 
 SPEED = "edges.maximumSpeed"
-"""Optional field that only a driver which can limit the speed acts on."""
+"""Optional field that requires a driver with speed limits."""
 TRAJECTORY = "edges.trajectory"
 CORRIDOR = "edges.corridor"
-"""Optional fields that only a driver which follows paths of our own acts on."""
+"""Optional fields that require a driver that follows paths."""
 ZONE_SET = "zoneSetId"
-"""Optional field of a 2.x order, which no robot here acts on: 2.x has no zone sets."""
+"""Optional field of 2.x orders; not supported, because 2.x has no zone sets."""
 
 _ALWAYS: tuple[OptionalParameter, ...] = (
     OptionalParameter(
@@ -129,7 +128,7 @@ _ALWAYS: tuple[OptionalParameter, ...] = (
 
 
 def _speed(edge: Edge, capabilities: Capabilities) -> bool:
-    """Return whether the robot would be too fast; an edge cannot be driven at 0 m/s."""
+    """Return whether the robot cannot obey the edge's speed limit; a limit of 0 m/s cannot be driven."""
     limit = edge.maximum_speed
     if limit is None or limit >= capabilities.maximum_speed:
         return False
@@ -155,8 +154,9 @@ DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
     TRAJECTORY: lambda edge, robot: edge.trajectory is not None and not robot.follows_paths,
     CORRIDOR: lambda edge, robot: edge.corridor is not None and not robot.follows_paths,
 }
-"""Whether an edge requires something that the robot cannot do, for each field that may require it. What the
-robot does anyway (drive forwards, turn freely, keep to its own speed) is no requirement."""
+"""For each optional edge field: whether an edge requires something that the robot cannot do. Values that
+match the robot's default behaviour (drive forwards, turn freely, keep to its own speed) are no requirement.
+"""
 TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
 """Fields that the setting ``tolerated_parameters`` may name."""
 
@@ -164,9 +164,7 @@ TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
 def supported(capabilities: Capabilities, tolerance: float | None = None) -> tuple[OptionalParameter, ...]:
     """Return the optional fields for the factsheet (section 6.10).
 
-    Fields that it does not list are unsupported.
-
-    ``tolerance`` is the distance in m from a goal within which navigation counts it as reached.
+    Unlisted fields are unsupported. ``tolerance`` is navigation's goal tolerance, m.
     """
     least = f"at least {tolerance:g} m: Nav2's goal tolerance" if tolerance else None
     deviation = OptionalParameter(
@@ -186,7 +184,7 @@ def supported(capabilities: Capabilities, tolerance: float | None = None) -> tup
 
 
 def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | None] | None:
-    """Return the first optional field that the robot cannot act on, and its edge, if any.
+    """Return the first optional field that the robot does not support, and its edge, if any.
 
     VDA 5050 3.0 section 6.1.4.2.
     """

@@ -34,7 +34,7 @@ RECOVERY_SHOWN = 15.0
 """Seconds for which a recovery is reported."""
 
 SESSION_OFF = frozenset({SessionState.NOT_ACTIVE, SessionState.TERMINATING})
-"""The session is off on purpose; in the other states it is active, or about to be."""
+"""States of a session that was stopped on request; in all others it is active or starting."""
 SWITCHING = (STOP_ROS_SESSION, CONFIGURE_ROS_SESSION)
 
 
@@ -62,7 +62,7 @@ def check_conditions(robot: RobotState) -> None:
 def switched_off(robot: RobotState) -> str:
     """Return why the ROS session keeps the robot from taking orders; empty if it does not.
 
-    A session that has failed does not: it is started again automatically, and an order waits for it.
+    A failed session does not: it restarts automatically, and an order waits for it.
     """
     session = robot.reports.session
     if session is None:
@@ -93,13 +93,12 @@ def session_information(session: SessionReport | None) -> tuple[Information, ...
 
 
 def journal_lost(problem: str) -> ErrorEntry:
-    """Make the error of a robot whose journal is lost; ``problem`` contains what to do."""
-    return ErrorEntry(
-        error_type=JOURNAL_LOST,
-        error_level=ErrorLevel.FATAL,
-        error_description=f"it is unknown what the robot was doing: {problem}",
-        error_hint="check where the robot is and what it carries, then follow the description",
-    )
+    """Return the error of a robot whose journal is lost; ``problem`` includes what to do."""
+    return error(
+        JOURNAL_LOST,
+        f"it is unknown what the robot was doing: {problem}",
+        hint="check where the robot is and what it carries, then follow the description",
+    ).with_level(ErrorLevel.FATAL)
 
 
 def _localization(robot: RobotState) -> ErrorEntry | None:
@@ -108,9 +107,9 @@ def _localization(robot: RobotState) -> ErrorEntry | None:
     if (pose is None or pose.localized) and not unknown_in_order:
         return None
     if pose is None and robot.reports.navigation.starting:
-        return None  # it has not been looked for long enough
+        return None  # still searching for navigation
     if switched_off(robot) and robot.idle:
-        return None  # expected then, and NAVIGATION_NOT_AVAILABLE explains it
+        return None  # expected, and explained by NAVIGATION_NOT_AVAILABLE
     return error(
         ErrorType.LOCALIZATION_ERROR,
         f"the robot is not localised and does not drive{_why(pose)}",
@@ -123,7 +122,7 @@ def _why(pose: PoseReport | None) -> str:
 
 
 def _navigation(robot: RobotState) -> ErrorEntry | None:
-    """Report that navigation is missing, also without an order, so that fleet control sends none."""
+    """Report missing navigation, even without an order, so that fleet control sends none."""
     navigation = robot.reports.navigation
     order_id = robot.progress.order_id if robot.progress.next_node else None
     if navigation.available or (navigation is NOT_REPORTED and order_id is None):
@@ -144,24 +143,23 @@ def _not_stopped(robot: RobotState) -> ErrorEntry | None:
     problem = robot.goal.halt_problem
     if not problem:
         return None
-    return ErrorEntry(
-        error_type=ROBOT_NOT_STOPPED,
-        error_level=ErrorLevel.FATAL,
-        error_description=f"the robot was asked to stop, but its standstill is not confirmed: {problem}",
-        error_hint="stop the robot at its emergency stop, then check Nav2 and the odometry on the robot",
-    )
+    return error(
+        ROBOT_NOT_STOPPED,
+        f"the robot was asked to stop, but its standstill is not confirmed: {problem}",
+        hint="stop the robot at its emergency stop, then check Nav2 and the odometry on the robot",
+    ).with_level(ErrorLevel.FATAL)
 
 
 def _blocked(robot: RobotState) -> ErrorEntry | None:
     blocked, node = robot.reports.blocked, robot.progress.next_node
     if blocked is None or node is None:
         return None
-    return ErrorEntry(
-        error_type=ROBOT_BLOCKED,
-        error_level=ErrorLevel.WARNING,
-        error_description=f"the robot has not moved for {blocked.seconds:g} s on its way to '{node.node_id}'",
-        error_hint="clear its path; navigation keeps trying; if it fails, so does the drive",
-        error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
+    return error(
+        ROBOT_BLOCKED,
+        f"the robot has not moved for {blocked.seconds:g} s on its way to '{node.node_id}'",
+        hint="clear its path; the drive fails when navigation gives up",
+        node_id=node.node_id,
+        order_id=robot.progress.order_id,
     )
 
 
@@ -170,30 +168,29 @@ def _collision(robot: RobotState) -> ErrorEntry | None:
     stop, node = robot.reports.collision, robot.progress.next_node
     if stop is None or node is None or robot.goal.target is None:
         return None
-    return ErrorEntry(
-        error_type=COLLISION_STOP,
-        error_level=ErrorLevel.WARNING,
-        error_description=f"the collision monitor stops the robot on its way to '{node.node_id}' (field "
-        f"'{stop.polygon}')",
-        error_hint="clear the area around the robot to continue; if it is clear, check the sensors",
-        error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
+    return error(
+        COLLISION_STOP,
+        f"the collision monitor stops the robot on its way to '{node.node_id}' (field '{stop.polygon}')",
+        hint="clear the area around the robot to continue; if it is clear, check the sensors",
+        node_id=node.node_id,
+        order_id=robot.progress.order_id,
     )
 
 
 def _recovers(robot: RobotState) -> ErrorEntry | None:
-    """Report that navigation tries to free the robot, for a while after each attempt."""
+    """Report a recovery of navigation for ``RECOVERY_SHOWN`` seconds."""
     progress, node, at = robot.reports.progress, robot.progress.next_node, robot.reports.recovered_at
     if progress is None or not progress.recoveries or node is None or at is None:
         return None
     if robot.now - at > RECOVERY_SHOWN or robot.goal.target is None:
         return None
-    return ErrorEntry(
-        error_type=DRIVE_RECOVERS,
-        error_level=ErrorLevel.WARNING,
-        error_description=f"navigation cannot drive to '{node.node_id}' and tries to free the robot: "
-        "it clears its obstacles, spins, waits and backs up",
-        error_hint="clear the path to the node; the drive fails when navigation gives up",
-        error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
+    return error(
+        DRIVE_RECOVERS,
+        f"navigation cannot drive to '{node.node_id}' and runs its recoveries: "
+        "it clears its costmaps, spins, waits and backs up",
+        hint="clear the path to the node; the drive fails when navigation gives up",
+        node_id=node.node_id,
+        order_id=robot.progress.order_id,
     )
 
 
@@ -203,17 +200,17 @@ def _retried(robot: RobotState) -> ErrorEntry | None:
     if not goal.failures or goal.failed_at is not None or node is None:
         return None
     number, most = goal.failures, robot.capabilities.drive_retries
-    return ErrorEntry(
-        error_type=DRIVE_RETRIED,
-        error_level=ErrorLevel.WARNING,
-        error_description=f"retry {number} of {most} to reach node '{node.node_id}': {goal.problem}",
-        error_hint="check the robot's path; the drive fails after the last retry",
-        error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
+    return error(
+        DRIVE_RETRIED,
+        f"retry {number} of {most} to reach node '{node.node_id}': {goal.problem}",
+        hint="check the robot's path; the drive fails after the last retry",
+        node_id=node.node_id,
+        order_id=robot.progress.order_id,
     )
 
 
 def _deviation(robot: RobotState) -> ErrorEntry | None:
-    """Report a node that navigation can only reach by chance, before driving to it."""
+    """Report a coming node whose allowed deviation is below Nav2's goal tolerance."""
     limits, default = robot.reports.limits, robot.capabilities.default_deviation_xy
     if limits is None:
         return None
@@ -225,62 +222,59 @@ def _deviation(robot: RobotState) -> ErrorEntry | None:
     node, allowed = next(narrow, (None, 0.0))
     if node is None:
         return None
-    return ErrorEntry(
-        error_type=DEVIATION_TOO_SMALL,
-        error_level=ErrorLevel.WARNING,
-        error_description=f"node '{node.node_id}' allows a deviation of {allowed:g} m, but Nav2's goal "
+    return error(
+        DEVIATION_TOO_SMALL,
+        f"node '{node.node_id}' allows a deviation of {allowed:g} m, but Nav2's goal "
         f"tolerance is {limits.tolerance:g} m: the drive can fail",
-        error_hint="increase the node's allowed deviation, or lower xy_goal_tolerance of Nav2's goal checker",
-        error_references=_references(nodeId=node.node_id, orderId=robot.progress.order_id),
+        hint="increase the node's allowed deviation, or lower xy_goal_tolerance of Nav2's goal checker",
+        node_id=node.node_id,
+        order_id=robot.progress.order_id,
     )
 
 
 def _external_goal(robot: RobotState) -> ErrorEntry | None:
-    """Report the goal of another program that the order waits for."""
+    """Report another program's goal that the order is waiting for."""
     waits = robot.waits_for_external_goal and robot.progress.next_node is not None
     if not waits or robot.goal.target is not None:
         return None
     (goal, *_) = robot.reports.goals.external
-    return ErrorEntry(
-        error_type=EXTERNAL_GOAL,
-        error_level=ErrorLevel.WARNING,
-        error_description=f"the order waits: navigation drives to a goal of another program ({goal.goal_id})",
-        error_hint="the order continues when that goal has ended; cancel either of them to end the wait",
-        error_references=_references(goalId=goal.goal_id, orderId=robot.progress.order_id),
+    return error(
+        EXTERNAL_GOAL,
+        f"the order waits: navigation is driving to another program's goal ({goal.goal_id})",
+        hint="the order continues when that goal has ended; cancel either of them to end the wait",
+        goal_id=goal.goal_id,
+        order_id=robot.progress.order_id,
     )
 
 
 def _journal(robot: RobotState) -> ErrorEntry | None:
     if not robot.journal_problem:
         return None
-    return ErrorEntry(
-        error_type=JOURNAL_NOT_WRITTEN,
-        error_level=ErrorLevel.FATAL,
-        error_description=f"the journal cannot be written: {robot.journal_problem}",
-        error_hint="fix the agent's disk; until then no action starts, no order is accepted, and the state "
+    return error(
+        JOURNAL_NOT_WRITTEN,
+        f"the journal cannot be written: {robot.journal_problem}",
+        hint="fix the agent's disk; until then no action starts, no order is accepted, and the state "
         "shows what is on the disk",
-    )
+    ).with_level(ErrorLevel.FATAL)
 
 
 def _subscriptions(robot: RobotState) -> ErrorEntry | None:
     if not robot.refused_topics:
         return None
-    return ErrorEntry(
-        error_type=SUBSCRIPTION_REFUSED,
-        error_level=ErrorLevel.URGENT,
-        error_description=f"the broker refuses the robot's subscriptions: {', '.join(robot.refused_topics)}",
-        error_hint="allow the robot to subscribe to its own topics in the broker's access list",
-    )
+    return error(
+        SUBSCRIPTION_REFUSED,
+        f"the broker refuses the robot's subscriptions: {', '.join(robot.refused_topics)}",
+        hint="allow the robot to subscribe to its own topics in the broker's access list",
+    ).with_level(ErrorLevel.URGENT)
 
 
 def _plugins(robot: RobotState) -> ErrorEntry | None:
     if not robot.plugin_problems:
         return None
-    return ErrorEntry(
-        error_type=ACTION_PLUGIN_UNUSABLE,
-        error_level=ErrorLevel.WARNING,
-        error_description=f"actions are missing: {'; '.join(robot.plugin_problems)}",
-        error_hint="fix the plug-in, or list the wanted ones in actions.plugins, and restart the agent",
+    return error(
+        ACTION_PLUGIN_UNUSABLE,
+        f"actions are missing: {'; '.join(robot.plugin_problems)}",
+        hint="fix the plug-in, or list the wanted ones in actions.plugins, and restart the agent",
     )
 
 
@@ -293,7 +287,3 @@ def _instant_actions(robot: RobotState) -> ErrorEntry | None:
         f"{INSTANT_ACTIONS_SHOWN} instant actions are running; the robot starts no more",
         hint="wait until some of them have ended",
     )
-
-
-def _references(**values: str) -> tuple[ErrorReference, ...]:
-    return tuple(ErrorReference(reference_key=key, reference_value=value) for key, value in values.items())

@@ -1,6 +1,6 @@
-"""Paths that edges define: trajectories, and the straight lines in the middle of corridors (6.1.5 and 7.3).
+"""Paths of edges: trajectories, and the centre lines of corridors (sections 6.1.5 and 7.3).
 
-Metres of the plant's frame.
+Coordinates are in metres in the plant's frame.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.geometry import Footprint, Point
-from nena_shared.plant.lif import curve
+from nena_shared.plant import curve
 from nena_shared.plant.track import PathTrajectory, TrajectoryPoint
 from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.order import Corridor, CorridorReferencePoint, Edge, Node, NodePosition, Trajectory
@@ -29,15 +29,15 @@ ENDS_WITHIN = 0.1
 LONGEST = 1000.0
 """Maximum length of one path, metres."""
 MOST_POINTS = 10_000
-"""Maximum control points of a trajectory, times its degree squared: the cost of computing it."""
+"""Maximum number of control points times the degree squared: the cost of evaluating a trajectory."""
 DETOUR = 0.5
-"""Metres by which the rest of a path that returns to its end is longer than navigation's goal tolerance."""
+"""Length beyond navigation's goal tolerance from which a loop back to a path's end is refused, metres."""
 DEFAULT_TOLERANCE = 0.5
-"""Metres from a goal in which navigation may count it as reached, if it has not reported its tolerance."""
+"""Goal tolerance to assume until navigation reports its own, metres."""
 CORNER = 0.02
-"""Metres by which a path may be off the straight lines that stand for it."""
+"""Maximum deviation of a simplified path, metres."""
 OFF_TRAJECTORY = 0.5
-"""Metres that a robot may be off a trajectory without a corridor; controllers cut bends."""
+"""Allowed distance from a trajectory without a corridor, metres; controllers cut bends."""
 
 
 class Fault(NamedTuple):
@@ -49,11 +49,11 @@ class Fault(NamedTuple):
 
 
 class _NoCurveError(Exception):
-    """An invalid trajectory; the text is a predicate."""
+    """The trajectory is invalid; the text continues "its trajectory ..."."""
 
 
 def follows(edge: Edge, capabilities: Capabilities) -> bool:
-    """Return whether the robot drives ``edge`` along a path of its own."""
+    """Return whether the robot follows the trajectory or corridor of ``edge``."""
     return capabilities.follows_paths and (edge.trajectory is not None or edge.corridor is not None)
 
 
@@ -64,12 +64,12 @@ def fault(
     footprint: Footprint,
     tolerance: float | None = None,
 ) -> Fault | None:
-    """Return why a robot cannot follow ``edge``, which leads from one node to another; None: it can.
+    """Return why the robot cannot follow ``edge`` from ``start`` to ``end``, None if it can.
 
-    ``tolerance`` is that of navigation at a goal, m; None: unknown.
+    ``tolerance`` is navigation's goal tolerance, m; None: unknown.
     """
     if end is None:
-        return None  # refused anyway
+        return None  # refused by another check
     found = (
         _straight_fault(start, end) if edge.trajectory is None else _curve_fault(edge.trajectory, start, end)
     )
@@ -95,7 +95,7 @@ def _length_fault(length: float) -> Fault | None:
     if length <= LONGEST:
         return None
     text = f"its path is {length:.0f} m long, the robot follows {LONGEST:g} m at most"
-    return Fault(ErrorType.INSUFFICIENT_MEMORY, text, "divide the edge by another node")
+    return Fault(ErrorType.INSUFFICIENT_MEMORY, text, "divide the edge with another node")
 
 
 def _curve_fault(trajectory: Trajectory, start: NodePosition | None, end: NodePosition) -> Fault | None:
@@ -121,14 +121,14 @@ def _curve_fault(trajectory: Trajectory, start: NodePosition | None, end: NodePo
 
 
 def _return_fault(path: Sequence[Point], tolerance: float) -> Fault | None:
-    """Refuse a path that passes its end: a controller counts it as driven as soon as the robot is near it."""
+    """Refuse a path that passes its own end: a controller finishes as soon as the robot is near it."""
     left = 0.0
     for after, before in pairwise(reversed(path)):
         left += dist(before, after)
         away = dist(before, path[-1])
         if away <= tolerance and left > tolerance + DETOUR:
             text = f"its trajectory passes {away:.2f} m from its end, {left:.1f} m before it ends"
-            return Fault(ErrorType.UNSUPPORTED_PARAMETER, text, "divide the edge by a node halfway")
+            return Fault(ErrorType.UNSUPPORTED_PARAMETER, text, "divide the edge with a node halfway")
     return None
 
 
@@ -167,14 +167,14 @@ def _curve(trajectory: Trajectory) -> PathTrajectory:
 def course(edge: Edge, start: NodePosition | None, end: NodePosition) -> tuple[Point, ...]:
     """Return the path of an edge: points at most ``STEP`` m apart, the last one at the node.
 
-    Empty for an edge with a fault, which an order of before a change of the settings may have.
+    Empty for an invalid edge, which an order from before a change of the settings may have.
     """
     begin = (start.x, start.y) if start and edge.trajectory is None else None
     return _course(edge.trajectory, begin, (end.x, end.y))
 
 
 def shown(edge: Edge, start: Node | None, end: Node, capabilities: Capabilities) -> tuple[Point, ...]:
-    """Return the corners of the path behind its start, for the planned path of the state message."""
+    """Return the corners of the edge's path after its start, for plannedPath in the state (section 6.6.2)."""
     position = end.node_position
     if position is None or not follows(edge, capabilities):
         return ()
@@ -197,7 +197,7 @@ def _course(trajectory: Trajectory | None, start: Point | None, end: Point) -> t
 
 
 def rest(path: Sequence[Point], place: Point) -> tuple[Point, ...]:
-    """Return the rest of a path from ``place`` on; if it crosses itself, the longer part."""
+    """Return the part of a path from ``place`` on; where the path crosses itself, the longer part."""
     away = [dist(each, place) for each in path]
     limit = min(away) + STEP / 2
     index = next(index for index, each in enumerate(away) if each <= limit)
@@ -205,7 +205,7 @@ def rest(path: Sequence[Point], place: Point) -> tuple[Point, ...]:
 
 
 def beginning(path: Sequence[Point], length: float) -> tuple[Point, ...]:
-    """Return the first metres of a path."""
+    """Return the beginning of a path, at least ``length`` m long."""
     kept = list(path[:1])
     for before, after in pairwise(path):
         length -= dist(before, after)
@@ -216,7 +216,7 @@ def beginning(path: Sequence[Point], length: float) -> tuple[Point, ...]:
 
 
 def poses(path: Sequence[Point], map_id: str, theta: float | None = None) -> tuple[Pose, ...]:
-    """Return the points of a path with the heading of travel; at its end with ``theta``, if there is one."""
+    """Return the path's points with the heading of travel; the last one with ``theta``, rad, if given."""
     headings = [atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(path)] or [0.0]
     headings.append(headings[-1] if theta is None else theta)
     return tuple(Pose(x, y, heading, map_id) for (x, y), heading in zip(path, headings, strict=False))
@@ -224,7 +224,7 @@ def poses(path: Sequence[Point], map_id: str, theta: float | None = None) -> tup
 
 @lru_cache(maxsize=256)
 def corners(path: tuple[Point, ...]) -> tuple[Point, ...]:
-    """Return corners whose straight lines are off ``path`` by at most ``CORNER`` m."""
+    """Return the corners of a polyline that deviates from ``path`` by at most ``CORNER`` m."""
     kept, waiting = {0, len(path) - 1}, [(0, len(path) - 1)]
     while waiting:
         first, last = waiting.pop()
@@ -242,7 +242,7 @@ def _apart(place: Point, start: Point, end: Point) -> float:
 
 
 def offset(path: Sequence[Point], place: Point) -> float:
-    """Return the distance of a point from a path with straight continuations: m, left of it above 0."""
+    """Return the signed distance (m, positive to the left) from a path that is extended at both ends."""
     last = len(path) - 2
     found = (
         _beside(place, a, b, -inf if index == 0 else 0.0, inf if index == last else 1.0)
@@ -252,7 +252,7 @@ def offset(path: Sequence[Point], place: Point) -> float:
 
 
 def _beside(place: Point, start: Point, end: Point, least: float, most: float) -> float:
-    """Return the distance from the part of a line between ``least`` and ``most``, left of it above 0."""
+    """Return the signed distance from the part of a line between ``least`` and ``most``; positive: left."""
     along, across = (end[0] - start[0], end[1] - start[1]), (place[0] - start[0], place[1] - start[1])
     square = along[0] ** 2 + along[1] ** 2
     share = 0.0
@@ -263,9 +263,9 @@ def _beside(place: Point, start: Point, end: Point, least: float, most: float) -
 
 
 def leaves(path: Sequence[Point], corridor: Corridor | None, pose: Pose, footprint: Footprint) -> float:
-    """Return by how many metres a robot at ``pose`` is outside of where it may be beside ``path``; 0: inside.
+    """Return by how many metres a robot at ``pose`` exceeds its allowed distance from ``path``; 0: inside.
 
-    A corridor that needs a release is not used: the robot stays on the trajectory.
+    A corridor with releaseRequired is not used: the robot stays on the trajectory.
     """
     widths = (OFF_TRAJECTORY, OFF_TRAJECTORY)
     places: Sequence[Point] = ((pose.x, pose.y),)
@@ -278,7 +278,7 @@ def leaves(path: Sequence[Point], corridor: Corridor | None, pose: Pose, footpri
 
 
 def _stays_inside(path: tuple[Point, ...], corridor: Corridor, footprint: Footprint) -> bool:
-    """Return whether a robot that keeps to ``path`` stays in its corridor, if need be with its contour."""
+    """Return whether a robot on ``path`` stays in its corridor, with its contour if required."""
     ways = corners(path)
     on_the_way = [pose for a, b in pairwise(ways) for pose in poses((a, b), "")]
     return all(leaves(ways, corridor, pose, footprint) <= CORNER for pose in on_the_way)

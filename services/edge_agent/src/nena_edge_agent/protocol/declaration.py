@@ -1,4 +1,4 @@
-"""Actions as plug-ins declare them, and the predefined ones of the core (sections 6.2.3 and 7.10)."""
+"""Declarations of actions, and those of the predefined actions (sections 6.2.3 and 7.10)."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from nena_shared.vda5050.rules import Rules
 ALL_BLOCKING_TYPES = tuple(BlockingType)
 
 Check = Callable[[Action], str | None]
-"""Returns why an action cannot be executed, None if it can; called before the robot drives, so it must return
-at once."""
+"""Returns why an action cannot be executed, None if it can; called before the robot drives, so it must not
+block."""
 
 
 class LoadChange(StrEnum):
@@ -91,9 +91,9 @@ class Parameter:
         return self._range_problem(value)
 
     def read(self, value: JsonValue) -> JsonValue:
-        """Return a number or truth value that is given as text as what it is; any other value as it stands.
+        """Convert a number or boolean that was sent as text; return any other value unchanged.
 
-        Some fleet controls can send texts only.
+        Some fleet controls can only send strings.
         """
         if not isinstance(value, str) or self.data_type not in _FROM_TEXT:
             return value
@@ -104,7 +104,7 @@ class Parameter:
 
     @property
     def words(self) -> str:
-        """The description for people, with the values that are allowed."""
+        """Return the description, followed by the allowed values."""
         limits = [self.description, self._range, f"one of {self._listed}" if self.choices else ""]
         return ", ".join(each for each in limits if each)
 
@@ -130,12 +130,11 @@ class Parameter:
 class ActionDeclaration:
     """One action type (section 7.10, mobileRobotActions).
 
-    ``open_ended``: it has no end of its own, like a lamp, and has succeeded when its edge ends.
-    ``restartable``: it may start again after a restart of the agent interrupted it. ``result``: description
-    of its result. ``load``: its effect on the load, which must be possible. ``check``: returns whether its
-    parameters make sense. ``unavailable``: why this robot never executes it, empty if it does. ``timeout``:
-    maximum duration, seconds, without pauses; None: unlimited. ``needs_idle``: it is refused while an order
-    is active.
+    ``open_ended``: it has no end of its own, like a lamp, and is FINISHED when its edge ends.
+    ``restartable``: it may be restarted if a restart of the agent interrupted it. ``result``: description of
+    its actionResult. ``load``: its effect on the load. ``check``: an additional check of its parameters.
+    ``unavailable``: why this robot cannot execute it; empty if it can. ``timeout``: maximum duration without
+    pauses, seconds; None: unlimited. ``needs_idle``: it is refused while an order is active.
     """
 
     action_type: str
@@ -155,7 +154,7 @@ class ActionDeclaration:
     needs_idle: bool = False
 
     def problem(self, action: Action, scope: ActionScope) -> str | None:
-        """Return why ``action`` cannot be done in ``scope``; None if it can."""
+        """Return why ``action`` cannot be executed in ``scope``, None if it can."""
         if self.unavailable:
             return f"action '{self.action_type}' is not possible: {self.unavailable}"
         if scope not in self.scopes:
@@ -170,9 +169,9 @@ class ActionDeclaration:
         return found and f"action '{self.action_type}': {found}"
 
     def read(self, action: Action) -> Action:
-        """Return the action with its parameters as :meth:`Parameter.read` returns them.
+        """Return the action with its parameter values converted by :meth:`Parameter.read`.
 
-        The load handling device of pick and drop gets the key that is declared: 3.0.1 has renamed it.
+        The load handling device of pick and drop gets the declared key, which 3.0.1 has renamed.
         """
         declared = {each.key: each for each in self.parameters}
         key = next((each for each in LOAD_HANDLING_DEVICE if each in declared), None)
@@ -183,16 +182,16 @@ class ActionDeclaration:
         )
 
     def load_problem(self, *, loaded: bool) -> str | None:
-        """Return why the action cannot be done by a robot that is loaded, or is not; None if it can."""
+        """Return why the robot's load makes the action impossible, None if it does not."""
         if self.load is LoadChange.TAKE and loaded:
-            return f"action '{self.action_type}' takes a load, but the robot is already loaded"
+            return f"action '{self.action_type}' picks up a load, but the robot is already loaded"
         if self.load is LoadChange.GIVE and not loaded:
-            return f"action '{self.action_type}' unloads the robot, but the robot carries none"
+            return f"action '{self.action_type}' drops a load, but the robot carries none"
         return None
 
 
 def _two_devices(action: Action) -> str | None:
-    """Return what is wrong with a pick or drop that names two load handling devices, by both keys."""
+    """Return the problem of a pick or drop that names two load handling devices under both keys."""
     given = [action.parameter(each) for each in LOAD_HANDLING_DEVICE]
     if action.action_type not in STATION_ACTIONS or None in given or given[0] == given[1]:
         return None
@@ -222,7 +221,7 @@ _PYTHON_TYPES: dict[ValueDataType, tuple[type, ...]] = {
 
 
 def _fits(value: JsonValue, data_type: ValueDataType) -> bool:
-    """Return whether ``value`` is of the type; a number is one that a float64 can hold (section 7.1)."""
+    """Return whether ``value`` has the type; a number must fit a float64 (section 7.1)."""
     if type(value) not in _PYTHON_TYPES[data_type]:
         return False
     return not isinstance(value, int) or abs(value) <= float_info.max
@@ -249,7 +248,7 @@ DELETE_MAP = "deleteMap"
 MAP_ACTIONS = frozenset({DOWNLOAD_MAP, ENABLE_MAP, DELETE_MAP})
 HIBERNATION = frozenset({START_HIBERNATION, STOP_HIBERNATION})
 POWER_ACTIONS = HIBERNATION | {SHUTDOWN}
-"""Offered only by a robot that is set up for them."""
+"""Offered only by a robot that is configured for them."""
 TRIGGER_TYPE = "triggerType"
 
 _POSITION = (
@@ -339,9 +338,9 @@ PREDEFINED: dict[str, ActionDeclaration] = {
 def supported_actions(
     declarations: Mapping[str, ActionDeclaration], rules: Rules, power: frozenset[str] = frozenset()
 ) -> dict[str, ActionDeclaration]:
-    """Remove the predefined actions that a version of the standard does not have (section 6.2.3).
+    """Return the declarations without predefined actions that the version lacks (section 6.2.3).
 
-    Of hibernation and shutdown, keep those of ``power``.
+    Of the actions for hibernation and shutdown, only those in ``power`` are kept.
     """
     unknown = set(POWER_ACTIONS - power if rules.hibernation else POWER_ACTIONS)
     if ActionStatus.RETRIABLE not in rules.action_statuses:

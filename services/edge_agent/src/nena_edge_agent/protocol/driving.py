@@ -1,9 +1,9 @@
-"""Driving along the order: edges entered, goals sent, nodes traversed (sections 6.6.1 to 6.6.3)."""
+"""Drive along the order: enter edges, send goals, traverse nodes (sections 6.6.1 to 6.6.3)."""
 
 from __future__ import annotations
 
 from itertools import islice, pairwise
-from math import atan2, dist, hypot, pi, sin
+from math import atan2, dist, pi, sin
 
 from nena_edge_agent.driver.port import (
     Arrived,
@@ -14,7 +14,7 @@ from nena_edge_agent.driver.port import (
     Pose,
 )
 from nena_edge_agent.protocol import actions, following, zones
-from nena_edge_agent.protocol.action_states import lets_drive
+from nena_edge_agent.protocol.action_states import allow_driving
 from nena_edge_agent.protocol.capabilities import Capabilities, DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.courses import follows
 from nena_edge_agent.protocol.errors import Until
@@ -28,9 +28,9 @@ from nena_shared.vda5050.own_actions import BEHAVIOR_TREE, USE_BEHAVIOR_TREE
 HALT_TIMEOUT = 5.0
 """Seconds after which a halt without an answer is requested again."""
 POSES_AHEAD = 20
-"""Poses ahead that a goal carries at most; the others follow while the robot drives."""
+"""Maximum number of poses ahead in a goal; later ones are sent while the robot drives."""
 CUT_WITHIN = 0.7
-"""Metres before a pose at which Nav2's default tree drops it and heads for the next one."""
+"""Distance from a pose at which Nav2's default tree drops it and heads for the next one, metres."""
 TRANSIENT = frozenset(
     {
         DriveFailure.ABORTED,
@@ -39,11 +39,11 @@ TRANSIENT = frozenset(
         DriveFailure.NAVIGATION_GONE,
     }
 )
-"""Failures that another try may overcome; a canceled or replaced goal was ended on purpose."""
+"""Failures that are worth a retry; a cancelled or replaced goal was ended on purpose."""
 
 
 def advance(robot: RobotState) -> None:
-    """Do what the state allows: repeat a halt, stop, or drive on."""
+    """Take the next steps that the state allows: repeat a halt, stop, or drive on."""
     _repeat_halt(robot)
     if _must_stop(robot):
         # after a restart navigation may continue the earlier goal until the first pose arrives
@@ -52,7 +52,7 @@ def advance(robot: RobotState) -> None:
     _update_ahead(robot)
     while _may_drive(robot):
         if goals := robot.reports.goals.external:
-            text = f"navigation drives to a goal of another program ({goals[0].goal_id})"
+            text = f"navigation is driving to another program's goal ({goals[0].goal_id})"
             _fail(robot, DriveFailure.TAKEN_OVER, text)
             return
         _enter_edge(robot)
@@ -61,14 +61,14 @@ def advance(robot: RobotState) -> None:
 
 
 def halt(robot: RobotState) -> None:
-    """Stop the robot, unless it has no goal."""
+    """Stop the robot if it has a goal."""
     if robot.goal.target is not None:
         robot.goal.target = None
         request_halt(robot)
 
 
 def stop(robot: RobotState) -> None:
-    """Stop the robot as requested: also from a goal of an earlier run that was not adopted yet."""
+    """Stop the robot, even if its goal is from an earlier run and not adopted yet."""
     if robot.goal.left_over and not robot.goal.halting:
         robot.goal.target = None
         request_halt(robot)
@@ -76,7 +76,7 @@ def stop(robot: RobotState) -> None:
 
 
 def request_halt(robot: RobotState) -> None:
-    """Stop the robot regardless of its activity: after a restart that is unknown."""
+    """Stop the robot whatever it is doing, which is unknown after a restart."""
     robot.goal.halting_since = robot.now
     robot.effects.append(Halt())
 
@@ -90,7 +90,7 @@ def has_leftover_goal(robot: RobotState) -> bool:
 def new_base_request(robot: RobotState) -> bool:
     """Return whether the end of the base is near while a horizon is left (section 6.6.3).
 
-    A robot that passes nodes requests the base early enough to pass its end as well, at full speed.
+    A robot that passes nodes requests a new base early enough to pass the end of the old one at full speed.
     """
     if not robot.progress.horizon_left or robot.clearing:
         return False
@@ -114,7 +114,7 @@ def arrived(robot: RobotState, event: Arrived) -> None:
 def failed(robot: RobotState, event: DriveFailed) -> None:
     """Retry later, or stop and report the failure (section 6.6.5.1).
 
-    The order stays, and fleet control decides.
+    The order stays active; fleet control decides what to do.
     """
     if not robot.goal.is_current(event.generation):
         return
@@ -132,28 +132,28 @@ def failed(robot: RobotState, event: DriveFailed) -> None:
 
 
 def halted(robot: RobotState) -> None:
-    """Note that the robot has stopped and has no goal."""
+    """Record that the robot has stopped and has no goal."""
     robot.goal.halting_since, robot.goal.halt_problem = None, ""
     robot.goal.target, robot.goal.path = None, ()
     robot.goal.settle()
 
 
 def halt_failed(robot: RobotState, description: str) -> None:
-    """Note that the robot's standstill is not confirmed; the stop is repeated until it is."""
+    """Record that the robot's standstill is not confirmed; the stop is repeated until it is."""
     robot.goal.halt_problem = description
     if robot.goal.halting_since is None:
         robot.goal.halting_since = robot.now
 
 
 def navigation_changed(robot: RobotState, report: NavigationReport) -> None:
-    """Send the goal again once navigation is back: it may have lost it."""
+    """Resend the goal when navigation is available again: it may have lost it."""
     if report.available and not robot.reports.navigation.available:
         robot.goal.target = None
     robot.reports.navigation = report
 
 
 def pose_changed(robot: RobotState) -> None:
-    """Traverse the next node if the robot is within its deviation and need not stop there (section 6.6.2)."""
+    """Traverse the next node if the robot is within its deviation and need not stop (section 6.6.2)."""
     node = robot.progress.next_node
     passing = robot.capabilities.strategy is DriveStrategy.PASS_THROUGH
     if passing and node and robot.goal.target is not None and _may_pass(robot, node):
@@ -190,7 +190,7 @@ def _may_drive(robot: RobotState) -> bool:
 
 
 def _is_barred(robot: RobotState) -> bool:
-    """Return whether a zone keeps the robot from driving on, or it has left the path that it is to follow."""
+    """Return whether a zone stops the robot, or it has left its path."""
     return zones.must_stop(robot) or following.has_left(robot)
 
 
@@ -205,8 +205,8 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
     return (
         robot.queue.driving_allowed
         and not robot.link.out_of_reach(robot.now)
-        and lets_drive(node.actions)
-        and lets_drive(beyond.actions)
+        and allow_driving(node.actions)
+        and allow_driving(beyond.actions)
         and on_path == follows(beyond, capabilities)
         and _behavior_tree(beyond) == _behavior_tree(edge)
         and ((capabilities.drives_ahead and not on_path) or distance(pose, position) <= _pass_radius(robot))
@@ -223,27 +223,27 @@ def _pass_radius(robot: RobotState) -> float:
 
 
 def _hand_over(robot: RobotState) -> float:
-    """Return the distance in m before its end at which navigation slows down or has reached a goal."""
+    """Return the distance from a goal, m, at which navigation slows down or counts it as reached."""
     limits = robot.reports.limits
     return limits.hand_over if limits else robot.capabilities.hand_over_distance
 
 
 def _barred_behind(robot: RobotState, position: NodePosition) -> bool:
-    """Return whether a zone keeps the robot from driving on behind the next node, at ``position``."""
+    """Return whether a zone closes the edge after the next node, which is at ``position``."""
     beyond = next(islice(robot.progress.nodes, 1, None), None)
     end = beyond.node_position if beyond else None
     return end is not None and zones.first_barred(robot, position, end, edge=1) is not None
 
 
 def _stands_at(robot: RobotState, position: NodePosition, pose: Pose) -> bool:
-    """Return whether an edge of no length leads to ``position``, and the robot is at it."""
+    """Return whether the edge to ``position`` has no length and the robot is already there."""
     last = robot.progress.last_node if robot.progress.on_last_node else None
     same = last and last.node_position and same_place(last.node_position, position)
     return bool(same) and in_place(pose, position, robot.capabilities.default_deviation_xy)
 
 
 def _base_length_left(robot: RobotState) -> float:
-    """Return the straight length in m from the robot over the base's nodes to its end."""
+    """Return the straight-line distance, m, from the robot through the base's nodes to its end."""
     pose = robot.reports.localized_pose
     if pose is None:
         return 0.0
@@ -297,7 +297,7 @@ def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: Pose
 
 
 def _make_goal(robot: RobotState, position: NodePosition, pose: Pose) -> DriveGoal:
-    """Make the goal for ``position``; without a theta the robot arrives with its heading of travel."""
+    """Return the goal for ``position``; without a theta, the robot arrives with its heading of travel."""
     capabilities = robot.capabilities
     allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
     path = following.poses_from(robot, pose, position)
@@ -316,13 +316,13 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: Pose) -> DriveGo
 
 
 def _behavior_tree(edge: Edge) -> str:
-    """Return the behaviour tree that an action of ``edge`` names; empty: navigation's own."""
+    """Return the behaviour tree that an action of ``edge`` names; empty: navigation's default."""
     found = (each for each in edge.actions if each.action_type == USE_BEHAVIOR_TREE)
     return next((str(each.parameter(BEHAVIOR_TREE)) for each in found), "")
 
 
 def _heading(pose: Pose, position: NodePosition) -> float:
-    """Return the direction from ``pose`` to ``position``; on the spot that is the robot's own."""
+    """Return the direction from ``pose`` to ``position``, rad; the robot's heading if both coincide."""
     if distance(pose, position) == 0:
         return pose.theta
     return atan2(position.y - pose.y, position.x - pose.x)
@@ -344,7 +344,7 @@ def _fail(robot: RobotState, failure: DriveFailure, description: str, hint: str 
         error(
             ErrorType.NODE_UNREACHABLE,
             f"node '{node.node_id}' was not reached: {description} ({failure})",
-            hint=f"{hint or 'remove the cause'}, then update the order or cancel it",
+            hint=f"{hint or 'fix the cause'}, then update the order or cancel it",
             node_id=node.node_id,
             order_id=robot.progress.order_id,
             order_update_id=robot.progress.order_update_id,
@@ -355,11 +355,11 @@ def _fail(robot: RobotState, failure: DriveFailure, description: str, hint: str 
     )
 
 
-# Poses behind the next node, for a driver that drives over several without a stop
+# Poses after the next node, for a driver that drives through several without a stop
 
 
 def _update_ahead(robot: RobotState) -> None:
-    """Send the goal again if the poses that follow it have changed."""
+    """Resend the goal if the poses after it have changed."""
     node, pose = robot.progress.next_node, robot.reports.localized_pose
     if robot.goal.target is None or node is None or node.node_position is None or pose is None:
         return
@@ -368,10 +368,10 @@ def _update_ahead(robot: RobotState) -> None:
 
 
 def _poses_ahead(robot: RobotState) -> tuple[Pose, ...]:
-    """Return the poses behind the next node, up to the next stop or the end of the base.
+    """Return the poses after the next node, up to the next stop or the end of the base.
 
-    A stop is a node with a theta or with actions that need one, a bend that navigation would cut by more than
-    the node allows, and a zone that keeps the robot out.
+    The robot stops at a node with a theta or with actions that require it, at a bend that navigation would
+    cut by more than the node allows, and before a zone that it must not enter.
     """
     capabilities, pose = robot.capabilities, robot.reports.localized_pose
     passes = capabilities.strategy is DriveStrategy.PASS_THROUGH and capabilities.drives_ahead
@@ -399,18 +399,18 @@ def _poses_ahead(robot: RobotState) -> tuple[Pose, ...]:
 def _drives_over(
     node: Node, edge: Edge, before: Pose | NodePosition, there: NodePosition, capabilities: Capabilities
 ) -> bool:
-    """Return whether nothing at ``node`` or on ``edge`` behind it needs a stop, and the bend is allowed."""
+    """Return whether the robot can drive through ``node`` onto ``edge`` without a stop."""
     here = node.node_position
     if here is None or here.theta is not None or not edge.released or follows(edge, capabilities):
         return False
-    if not lets_drive(node.actions) or not lets_drive(edge.actions):
+    if not allow_driving(node.actions) or not allow_driving(edge.actions):
         return False
     return _cut(before, here, there) <= radius(here, capabilities.default_deviation_xy)
 
 
 def _cut(before: Pose | NodePosition, here: NodePosition, there: NodePosition) -> float:
-    """Return how far from ``here`` navigation passes it, in m, where the path bends there."""
-    if (before.x, before.y) == (here.x, here.y) or hypot(there.x - here.x, there.y - here.y) == 0:
+    """Return the distance, m, by which navigation cuts the bend at ``here``."""
+    if distance(before, here) == 0 or distance(here, there) == 0:
         return 0.0
     inward = atan2(here.y - before.y, here.x - before.x)
     bend = abs(turn(inward, atan2(there.y - here.y, there.x - here.x)))
@@ -418,9 +418,9 @@ def _cut(before: Pose | NodePosition, here: NodePosition, there: NodePosition) -
 
 
 def limit_speed(robot: RobotState) -> None:
-    """Apply the lowest limit of zones and edges, early enough to slow down before it applies (section 6.4).
+    """Apply the lowest limit of zones and edges, early enough to slow down for it (section 6.4).
 
-    The limit of the edge that the robot drives on is part of its goal.
+    The limit of the current edge is part of the goal.
     """
     if not robot.capabilities.limits_speed or robot.reports.localized_pose is None:
         return
@@ -431,22 +431,22 @@ def limit_speed(robot: RobotState) -> None:
 
 
 def _limits_of_edges(robot: RobotState) -> list[float]:
-    """Return the limits of the edges behind the next nodes, as far as the robot needs to slow down."""
+    """Return the speed limits (m/s) of the coming edges within the braking distance."""
     pose = robot.reports.localized_pose
     passes = robot.capabilities.strategy is DriveStrategy.PASS_THROUGH and robot.goal.target is not None
     if pose is None or not passes:
         return []
-    place = (pose.x, pose.y)
+    place: Pose | NodePosition = pose
     found: list[float] = []
     left = robot.capabilities.braking_distance
     for node, edge in zip(robot.progress.nodes, islice(robot.progress.edges, 1, None), strict=False):
         position = node.node_position
         if position is None or not edge.released:
             break
-        left -= dist(place, (position.x, position.y))
+        left -= distance(place, position)
         if left < 0:
             break
         if edge.maximum_speed is not None:
             found.append(edge.maximum_speed)
-        place = (position.x, position.y)
+        place = position
     return found

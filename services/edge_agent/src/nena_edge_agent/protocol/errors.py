@@ -7,7 +7,7 @@ from enum import Enum, auto
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 
 LIMIT = 50
-"""Active errors at most; beyond it the oldest refusal is dropped."""
+"""Maximum number of active errors; beyond it, the oldest refusal is dropped."""
 
 ErrorKey = tuple[str, frozenset[tuple[str, str]]]
 
@@ -38,7 +38,7 @@ REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.ZONE_SET_A
 class ActiveErrors:
     """All active errors, at most one per type and references (section 6.6.5).
 
-    The headerId does not count: a message that is resent is the same mistake under another number.
+    The headerId is ignored: a resent message repeats the same mistake with another headerId.
     """
 
     def __init__(self) -> None:
@@ -74,13 +74,13 @@ class ActiveErrors:
 
     @property
     def stop_robot(self) -> bool:
-        """Whether a reported error keeps the robot from continuing (section 6.6.5.1)."""
+        """Return whether a reported error keeps the robot from continuing (section 6.6.5.1)."""
         return self.worst_reported in (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
 
     def set_condition(self, kind: ErrorType | str, error: ErrorEntry | None) -> None:
         """Report ``error`` as the only one of its ``kind`` while its cause lasts (section 6.6.5).
 
-        None ends it.
+        None withdraws it.
         """
         if error is None and not self._active:
             return
@@ -101,7 +101,7 @@ class ActiveErrors:
         return [key for key, (_, until) in self._active.items() if until is Until.CONDITION_OVER]
 
     def _least_needed(self) -> ErrorKey:
-        """Return the oldest refusal, else the oldest error: the reason of a stop is kept longest."""
+        """Return the key of the oldest refusal, else of the oldest error: reasons for a stop stay longest."""
         refusals = (key for key, (_, until) in self._active.items() if until in REFUSED)
         return next(refusals, next(iter(self._active)))
 
@@ -113,6 +113,6 @@ class ActiveErrors:
 
 
 def error_key(error: ErrorEntry) -> ErrorKey:
-    """Return what identifies an error: its type, and its references but for the headerId."""
+    """Return the key of an error: its type, and its references without the headerId."""
     references = ((each.reference_key, each.reference_value) for each in error.error_references)
     return error.error_type, frozenset(each for each in references if each[0] != "headerId")

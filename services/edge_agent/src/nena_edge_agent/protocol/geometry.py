@@ -1,4 +1,4 @@
-"""Plane geometry: polygons, the robot's footprint, and poses compared with nodes. Metres and radians."""
+"""Plane geometry in metres and radians: polygons, the robot's footprint, poses at nodes."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from nena_shared.vda5050.order import NodePosition
 
 Point = tuple[float, float]
 Polygon = tuple[Point, ...]
-"""Corners of a simple polygon in their order, the first one not repeated."""
+"""Corners of a simple polygon in order; the first one is not repeated."""
 TURNS_ON_SPOT = 0.5
-"""Radians of a bend at which a robot may turn on the spot."""
+"""Bend at which a robot may turn on the spot, radians."""
 Box = tuple[float, float, float, float]
-"""Least x and y, greatest x and y."""
+"""Minimum x and y, maximum x and y."""
 
 
 def rectangle(start: Point, end: Point, *, length: float, width: float, theta: float) -> Polygon:
-    """Return the area covered by a rectangle that moves to ``end``; on the spot it heads to ``theta``."""
+    """Return the area covered by a rectangle that moves to ``end``; if it stays, its heading is ``theta``."""
     run = hypot(end[0] - start[0], end[1] - start[1])
     heading = atan2(end[1] - start[1], end[0] - start[0]) if run else theta
     ahead, side = (cos(heading), sin(heading)), (-sin(heading), cos(heading))
@@ -47,18 +47,18 @@ def turning_circle(centre: Point, *, length: float, width: float) -> Polygon:
 
 
 def box(polygon: Polygon) -> Box:
-    """Return the upright rectangle around ``polygon``."""
+    """Return the axis-aligned bounding box of ``polygon``."""
     xs, ys = zip(*polygon, strict=True)
     return min(xs), min(ys), max(xs), max(ys)
 
 
 def boxes_meet(one: Box, other: Box) -> bool:
-    """Return whether two boxes have a point in common; if not, their contents have none."""
+    """Return whether two boxes intersect; if not, neither do their contents."""
     return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
 
 
 def overlap(one: Polygon, other: Polygon) -> bool:
-    """Return whether the two have a point in common."""
+    """Return whether two polygons intersect."""
     return (
         any(_cross(*side, *cut) for side in _sides(one) for cut in _sides(other))
         or contains(one, other[0])
@@ -67,7 +67,7 @@ def overlap(one: Polygon, other: Polygon) -> bool:
 
 
 def contains(polygon: Polygon, point: Point) -> bool:
-    """Return whether ``point`` lies inside; on the border the result is undefined."""
+    """Return whether ``point`` is inside ``polygon``; on the border, the result is undefined."""
     x, y = point
     inside = False
     for (x1, y1), (x2, y2) in _sides(polygon):
@@ -103,24 +103,24 @@ def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:
-    """Return twice the area of the triangle: above 0 where c lies to the left of a-b."""
+    """Return twice the area of the triangle; positive if c is to the left of a-b."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _between(start: Point, end: Point, point: Point) -> bool:
-    """Return whether a point of the line through both lies on the segment."""
+    """Return whether ``point``, on the line through ``start`` and ``end``, is between them."""
     return all(min(s, e) <= p <= max(s, e) for s, e, p in zip(start, end, point, strict=True))
 
 
 def radius(position: NodePosition, default: float) -> float:
-    """Return the deviation that is allowed in every direction; 0 or none means the robot's own."""
+    """Return the deviation allowed in every direction, m; ``default`` if it is 0 or missing."""
     allowed = position.allowed_deviation_xy
     return min(allowed.a, allowed.b) or default if allowed else default
 
 
-def distance(pose: Pose, position: NodePosition) -> float:
-    """Return the straight distance."""
-    return hypot(pose.x - position.x, pose.y - position.y)
+def distance(start: Pose | NodePosition, end: Pose | NodePosition) -> float:
+    """Return the straight-line distance, m."""
+    return hypot(start.x - end.x, start.y - end.y)
 
 
 def in_place(pose: Pose, position: NodePosition, default: float) -> bool:
@@ -142,7 +142,7 @@ def in_place(pose: Pose, position: NodePosition, default: float) -> bool:
 def heading_fits(pose: Pose, position: NodePosition, default: float) -> bool:
     """Return whether the robot's heading fits ``position`` (section 6.6.2).
 
-    Any heading does without a theta.
+    Without a theta, any heading fits.
     """
     if position.theta is None:
         return True
@@ -155,14 +155,14 @@ def turn(start: float, end: float) -> float:
 
 
 def same_place(one: NodePosition, other: NodePosition) -> bool:
-    """Return whether a robot at ``one`` need not move to be at ``other``."""
+    """Return whether a robot at ``one`` is also at ``other``, with the required heading."""
     there = (one.x, one.y, one.map_id) == (other.x, other.y, other.map_id)
     return there and other.theta in (None, one.theta)
 
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """The robot's contour: a rectangle around its centre, in m."""
+    """The robot's contour: a rectangle around its centre, m."""
 
     length: float
     width: float
@@ -173,7 +173,7 @@ class Footprint:
         return (rectangle(place, place, length=self.length, width=self.width, theta=pose.theta),)
 
     def along_path(self, start: Pose | NodePosition, end: NodePosition) -> tuple[Polygon, ...]:
-        """Return the area that the robot covers on the straight path to ``end``, and when it turns there."""
+        """Return the area that the robot covers on the straight path to ``end``, and by turning there."""
         begin, place = (start.x, start.y), (end.x, end.y)
         return (
             rectangle(begin, place, length=self.length, width=self.width, theta=start.theta or 0.0),
@@ -181,7 +181,7 @@ class Footprint:
         )
 
     def along_corners(self, corners: Sequence[Point]) -> tuple[Polygon, ...]:
-        """Return the area that the robot covers on the path over ``corners``, and when it turns there."""
+        """Return the area that the robot covers on the path through ``corners``, and by turning there."""
         size = {"length": self.length, "width": self.width}
         sharp = [
             b

@@ -1,6 +1,6 @@
-"""Instant actions, which fleet control sends beside the order (sections 6.2.1, 6.2.3 and 7.4).
+"""Instant actions, which fleet control sends independently of the order (sections 6.2.1, 6.2.3 and 7.4).
 
-Each action is checked separately, and none runs twice.
+Each action is checked on its own, and a repeated actionId is ignored.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
 
 MESSAGE_LIMIT = 100
-"""Actions that one message may hold; a longer one is refused as a whole."""
+"""Maximum number of actions in a message; a longer message is refused as a whole."""
 IDS_KNOWN = 1000
-"""Ids of instant actions that are recognised when they are resent."""
+"""Number of recent actionIds that are recognised when they are resent."""
 IN_EVERY_MODE = frozenset({STATE_REQUEST, FACTSHEET_REQUEST})
 """Accepted in every operating mode."""
 POSITION_TIMEOUT = 30.0
-"""Seconds that the localisation has to accept a position."""
+"""Timeout for the localisation to accept a position, seconds."""
 FLEET_CONTROL = "FLEET_CONTROL"
 """The type of trigger that fleet control releases."""
 
@@ -91,7 +91,7 @@ def _problem(robot: RobotState, action: Action) -> str | None:
         return problem
     declaration = robot.capabilities.actions.get(action.action_type)
     if declaration is None:
-        return f"the robot has no action '{action.action_type}'"
+        return f"the robot does not support action '{action.action_type}'"
     if action.action_type not in _CORE_ACTIONS and robot.instant_actions_running > INSTANT_ACTIONS_SHOWN:
         return f"{INSTANT_ACTIONS_SHOWN} instant actions are running already"
     if declaration.needs_idle and (problem := _order_problem(robot)):
@@ -101,14 +101,14 @@ def _problem(robot: RobotState, action: Action) -> str | None:
 
 
 def _order_problem(robot: RobotState) -> str | None:
-    """Return the order that prevents an action which needs an idle robot."""
+    """Return why an action that requires an idle robot is refused, None if the robot is idle."""
     if robot.idle and not robot.clearing and not robot.goal.moving:
         return None
     return f"order '{robot.progress.order_id}' is active; wait for its end or cancel it"
 
 
 def _mode_problem(robot: RobotState, action: Action) -> str | None:
-    """Return why fleet control may not send this: the robot shuts down, or a person controls it (6.6.6)."""
+    """Return why the action is not accepted: the robot shuts down, or a person controls it (6.6.6)."""
     if robot.power is PowerPhase.SHUTTING_DOWN and action.action_type != SHUTDOWN:
         return "the robot is about to shut down"
     mode = robot.next_mode
@@ -241,8 +241,8 @@ def position_initialized(robot: RobotState, answer: PositionInitialized) -> None
 
 
 def position_interrupted(robot: RobotState) -> None:
-    """Fail what a restart of the agent has interrupted."""
-    text = "the agent was interrupted before the localisation answered"
+    """Fail an initializePosition that a restart of the agent has interrupted."""
+    text = "the agent was interrupted before the localisation responded"
     robot.end_instant_actions(INITIALIZE_POSITION, ActionStatus.FAILED, text)
 
 
@@ -251,7 +251,7 @@ def advance_position(robot: RobotState) -> None:
     request = robot.position_request
     if request and robot.now - request.requested_at >= POSITION_TIMEOUT:
         robot.position_request = None
-        text = f"the localisation has not answered in {POSITION_TIMEOUT:.0f} s"
+        text = f"the localisation did not respond within {POSITION_TIMEOUT:.0f} s"
         robot.end_instant_actions(INITIALIZE_POSITION, ActionStatus.FAILED, text)
 
 
@@ -262,7 +262,7 @@ def _position_problem(robot: RobotState, action: Action) -> str | None:
     if abs(_number(action, "theta")) > ANGLE_LIMIT:
         return "theta must be within -π and π"
     if robot.goal.moving and not _waits_for_navigation(robot):
-        return "the robot drives; pause it or cancel its order first"
+        return "the robot is driving; pause it or cancel its order first"
     if not robot.idle and node_id != robot.progress.last_node_id:
         return f"an order is active at node '{robot.progress.last_node_id}'; cancel it first"
     if len(robot.running_instant_actions(INITIALIZE_POSITION)) > 1:
@@ -296,10 +296,7 @@ def _text(action: Action, key: str) -> str:
 
 
 def _trigger(robot: RobotState, action: Action) -> None:
-    """Release all actions that wait for fleet control.
-
-    The standard does not say which, if there are several.
-    """
+    """Release all actions that wait for fleet control, as 3.0.1 specifies (section 6.2.3)."""
     if actions.release(robot, FLEET_CONTROL):
         robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
     else:
@@ -330,11 +327,13 @@ def _start_hibernation(robot: RobotState, action: Action) -> None:
 
 def _shut_down(robot: RobotState, action: Action) -> None:
     if problem := power.shut_down(robot, action):
-        _refuse(robot, action, problem, hint="the robot's state shows what it does")
+        _refuse(robot, action, problem, hint="the robot's state shows what it is doing")
 
 
 def _state_request(robot: RobotState, action: Action) -> None:
-    robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)  # each message is answered by one
+    robot.instant_actions.change(
+        action.action_id, ActionStatus.FINISHED
+    )  # every instantActions message triggers a state
 
 
 def _factsheet_request(robot: RobotState, action: Action) -> None:

@@ -1,4 +1,4 @@
-"""The journal's record of a robot: its form on disk, and conversion from and to the state."""
+"""The journal's record of a robot: its format, and conversion to and from the robot's state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.zone_set import ZoneSet
 
 FORMAT = 1
-"""Version of the record; another one is refused."""
+"""Format version of the record; records of other versions are refused."""
 
 
 class ActionMemory(BaseModel):
@@ -97,25 +97,14 @@ class AccessMemory(BaseModel):
     lease_expiry: datetime | None
 
 
-class PoseMemory(BaseModel):
-    """A pose on the robot's map; the fields are those of ``Pose``."""
-
-    model_config = ConfigDict(frozen=True, from_attributes=True)
-
-    x: float
-    y: float
-    theta: float
-    map_id: str
-
-
 class OwnGoalsMemory(BaseModel):
     """Goals that navigation drives to; the fields are those of ``OwnGoals``."""
 
     model_config = ConfigDict(frozen=True, from_attributes=True)
 
     goal_ids: tuple[str, ...]
-    pose: PoseMemory
-    given: PoseMemory | None = None
+    pose: Pose
+    given: Pose | None = None
     behind: str = ""
 
 
@@ -141,18 +130,18 @@ class Memory(BaseModel):
     last_zone_request: int = 0
     own_goals: OwnGoalsMemory | None = None
     frame: str = ""
-    """The frame of all coordinates; the field is that of ``Capabilities``."""
+    """The frame of all coordinates, as in ``Capabilities``."""
     ended_orders: tuple[str, ...] = ()
-    """Digests of the orders that have ended; the field is that of ``OrderHistory``."""
+    """Digests of the orders that have ended, as in ``OrderHistory``."""
     last_order_header: OrderHeaderMemory | None = None
     power: PowerPhase = PowerPhase.AWAKE
     wake_up_at: datetime | None = None
     header_ids: tuple[tuple[Topic, int], ...] = ()
-    """The headerId of each topic from which the next run of the program counts on."""
+    """The first headerId of each topic for the next run of the program."""
 
 
 def memory_of(robot: RobotState) -> Memory:
-    """Return what must survive the end of the process."""
+    """Return the record of ``robot``: the data that must survive the end of the process."""
     last_header = robot.history.last_header
     return Memory(
         format=FORMAT,
@@ -181,7 +170,7 @@ def memory_of(robot: RobotState) -> Memory:
 
 
 def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
-    """Return the state of a robot from the journal."""
+    """Return the state of a robot from its record."""
     header = memory.last_order_header
     robot = RobotState(
         capabilities,
@@ -206,8 +195,7 @@ def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
         ),
     )
     if own := memory.own_goals:
-        given = _pose(own.given) if own.given else None
-        robot.goal.restore(OwnGoals(own.goal_ids, _pose(own.pose), given, own.behind))
+        robot.goal.restore(OwnGoals(own.goal_ids, own.pose, own.given, own.behind))
     robot.zone_sets.restore(tuple((each.zone_set, each.enabled) for each in memory.zone_sets))
     robot.actions.add(_record(kept) for kept in memory.actions)
     robot.instant_actions.add(_record(kept) for kept in memory.instant_actions)
@@ -225,12 +213,8 @@ def _progress(memory: ProgressMemory) -> OrderProgress:
     return progress
 
 
-def _pose(kept: PoseMemory) -> Pose:
-    return Pose(kept.x, kept.y, kept.theta, kept.map_id)
-
-
 def _kept(record: ActionRecord) -> ActionMemory:
-    """Return the stored form of an action; an ended one is only shown, and needs no parameters."""
+    """Return the stored form of an action; an ended one needs no parameters."""
     action = record.action
     if record.status.ended and action.action_parameters:
         action = action.model_copy(update={"action_parameters": ()})

@@ -1,8 +1,8 @@
-"""Whether an order is accepted: the decision procedure of sections 6.1.2 and 6.1.4, check by check, in order.
+"""Order acceptance: the decision procedure of sections 6.1.2 and 6.1.4, check by check.
 
-Nothing changes in the robot here; the verdict is what to do. Checks for well-formedness (schema and graph
-rules) are done before, in the codec. The numbers at the checks are the project's own: 2 to 5 for every
-message, A for a new order, B for an update.
+Nothing here changes the robot: the caller acts on the verdict. The codec has already checked the schema and
+the graph rules. The numbers of the checks are the project's own: 1 to 5 for every message, A for a new order,
+B for an update.
 """
 
 from __future__ import annotations
@@ -31,15 +31,14 @@ from nena_shared.vda5050.state import OperatingMode
 class Situation:
     """Input of the decision about an order (section 6.1.2).
 
-    ``off`` is why the robot's ROS session keeps it from accepting orders, empty if it does not. ``fatal``: a
-    reported error keeps the robot from accepting orders. ``cancelled``: the held order was cancelled, or is
-    being ended; ``cleared``: it was ended before its end, perhaps far from its base. ``pose`` is None unless
-    it can be trusted, ``no_route`` are the areas that navigation has no route to. ``maps`` are the areas that
-    the robot has a map of, ``closed`` the zones that it must not drive in. ``stands_on`` is the node that the
-    robot has reached and not left, or empty. ``loaded``: whether it will carry something at the end of its
-    base. ``history`` has the orders that have ended. ``dated``: the timestamp of the order at hand could be
-    read. ``tolerance`` is that of navigation at a goal, m; None: unknown. ``falls_asleep``: it is about to
-    hibernate.
+    ``off``: why the robot's ROS session prevents orders; empty if it does not. ``fatal``: a reported error
+    prevents orders. ``cancelled``: the current order was cancelled, or is being cleared; ``cleared``: it
+    ended early, possibly far from the end of its base. ``pose`` is None unless the robot is localised.
+    ``no_route`` are areas that navigation has no route to, ``maps`` the mapIds of the robot's maps,
+    ``closed`` the zones that it must not enter. ``stands_on`` is the node that the robot has reached and not
+    left, or empty. ``loaded``: it will carry a load at the end of its base. ``dated``: the timestamp of this
+    order could be read. ``tolerance`` is navigation's goal tolerance, m; None: unknown. ``falls_asleep``: the
+    robot is about to hibernate.
     """
 
     operating_mode: OperatingMode
@@ -72,7 +71,7 @@ STRAY = 1.0
 
 
 def general_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Run the checks of every order, whether it is new or an update: 2 to 5 (section 6.1.4)."""
+    """Run checks 2 to 5, which apply to new orders and updates (section 6.1.4)."""
     return (
         _mode_fault(order, situation)
         or _size_fault(order, capabilities)
@@ -83,46 +82,26 @@ def general_fault(order: Order, situation: Situation, capabilities: Capabilities
 
 
 def _mode_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check 2."""
+    """Check 2: the robot is available."""
     if situation.falls_asleep:
-        return refusal(
-            ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
-            order,
-            "the robot is about to hibernate and accepts no orders",
-            hint=f"wake it by the instant action {STOP_HIBERNATION}",
-        )
-    if situation.operating_mode.takes_orders:
-        return _off_fault(order, situation) or (_fatal_fault(order) if situation.fatal else None)
-    return refusal(
-        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
-        order,
-        f"the robot is in mode {situation.operating_mode} and accepts no orders",
-        hint="switch the robot to AUTOMATIC",
-    )
-
-
-def _off_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    if not situation.off:
+        text = "the robot is about to hibernate and accepts no orders"
+        hint = f"wake it with the instant action {STOP_HIBERNATION}"
+    elif not situation.operating_mode.takes_orders:
+        text = f"the robot is in mode {situation.operating_mode} and accepts no orders"
+        hint = "switch the robot to AUTOMATIC"
+    elif situation.off:
+        text = f"the robot accepts no orders: {situation.off}"
+        hint = f"start it with the instant action {START_ROS_SESSION}"
+    elif situation.fatal:
+        text = "the robot has a fatal error and accepts no orders"
+        hint = "see the hints of its errors of level FATAL"
+    else:
         return None
-    return refusal(
-        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
-        order,
-        f"the robot accepts no orders: {situation.off}",
-        hint=f"start it by the instant action {START_ROS_SESSION}",
-    )
-
-
-def _fatal_fault(order: Order) -> ErrorEntry:
-    return refusal(
-        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
-        order,
-        "the robot has a fatal error and accepts no orders",
-        hint="the errors of level FATAL say what to do",
-    )
+    return refusal(ErrorType.MOBILE_ROBOT_NOT_AVAILABLE, order, text, hint=hint)
 
 
 def _size_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check 3."""
+    """Check 3: the numbers of nodes and actions."""
     actions = sum(1 for _ in _scoped_actions(order))
     for count, limit, what in (
         (len(order.nodes), capabilities.maximum_nodes, "nodes"),
@@ -139,7 +118,7 @@ def _size_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
 
 
 def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check 4."""
+    """Check 4: the optional fields."""
     found = unsupported(order, capabilities)
     if found is None:
         return None
@@ -155,7 +134,7 @@ def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
 
 
 def _path_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check that each path to be followed is valid, and leads from node to node."""
+    """Check that each trajectory or corridor is valid and leads from node to node."""
     for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
         if not courses.follows(edge, capabilities):
             continue
@@ -168,13 +147,13 @@ def _path_fault(order: Order, situation: Situation, capabilities: Capabilities) 
 
 
 def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check 5, for the horizon as well."""
+    """Check 5: the actions, including those of the horizon."""
     for scope, action in _scoped_actions(order):
         declaration = capabilities.actions.get(action.action_type)
         problem = (
             declaration.problem(action, scope)
             if declaration
-            else f"the robot has no action '{action.action_type}'"
+            else f"the robot does not support action '{action.action_type}'"
         )
         if problem:
             return refusal(
@@ -190,9 +169,9 @@ def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None
 def load_fault(
     order: Order, situation: Situation, capabilities: Capabilities, *, skip: int = 0
 ) -> ErrorEntry | None:
-    """Check that each action which picks up or drops a load fits the load at that time.
+    """Check that each pick or drop is possible with the load at that point.
 
-    The actions are executed one after the other in driving order; the first ``skip`` nodes do not count.
+    Actions are considered in driving order; those of the first ``skip`` nodes are ignored.
     """
     placed = [(node.sequence_id, node.actions) for node in order.nodes[skip:]]
     placed += [(edge.sequence_id, edge.actions) for edge in order.edges]
@@ -206,7 +185,7 @@ def load_fault(
 
 
 def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check A3 (section 6.1.4.10)."""
+    """Check A3: the robot has the maps (section 6.1.4.10)."""
     for node in order.nodes:
         position = node.node_position
         if position and position.map_id not in situation.maps:
@@ -221,10 +200,10 @@ def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 
 def route_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check A5: a route leads to each node. The first one is where the robot is (section 6.1.4.8)."""
+    """Check A5: a route leads to each node after the first, where the robot is (section 6.1.4.8)."""
     for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
         start = _start(before, node, capabilities)
-        fault = _way_fault(start, node, situation)
+        fault = _reach_fault(start, node, situation)
         fault = fault or _closed_fault(edge, start, node, situation, capabilities)
         if fault is not None:
             problem, hint = fault
@@ -233,7 +212,7 @@ def route_fault(order: Order, situation: Situation, capabilities: Capabilities) 
 
 
 def _start(before: Node, node: Node, capabilities: Capabilities) -> NodePosition | None:
-    """Return where the edge to ``node`` begins: on another map where an action changes the map before it."""
+    """Return the start of the edge to ``node``: on the next map if an action before it changes the map."""
     start, end = before.node_position, node.node_position
     if start is None or end is None or start.map_id == end.map_id:
         return start
@@ -252,7 +231,7 @@ def _changes_map(node: Node, map_id: str, capabilities: Capabilities) -> bool:
     )
 
 
-def _way_fault(start: NodePosition | None, node: Node, situation: Situation) -> tuple[str, str] | None:
+def _reach_fault(start: NodePosition | None, node: Node, situation: Situation) -> tuple[str, str] | None:
     """Return why no route leads to ``node``, and what to do about it."""
     place = node.node_position
     if place is None:
@@ -290,12 +269,12 @@ def _closed_fault(
 
 
 def map_list(maps: Iterable[str]) -> str:
-    """Name the maps that a robot has."""
+    """Return the names of maps as text."""
     return ", ".join(f"'{each}'" for each in sorted(maps)) or "none"
 
 
 def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) -> ErrorEntry | None:
-    """Check that no actionId is used twice; the first ``skip`` nodes do not count (section 6.1.1)."""
+    """Check that no actionId is used twice; the first ``skip`` nodes are ignored (section 6.1.1)."""
     for _, action in _scoped_actions(order, skip=skip):
         if action.action_id in used:
             return refusal(
@@ -326,7 +305,7 @@ def _scoped_actions(order: Order, *, skip: int = 0) -> Iterator[tuple[ActionScop
 def refusal(
     kind: ErrorType, order: Order, description: str, *, hint: str, **references: str | None
 ) -> ErrorEntry:
-    """Make the error of a refused order; unknown references are left out (section 6.6.5.4)."""
+    """Return the error of a rejected order; references that are None are omitted (section 6.6.5.4)."""
     return error(
         kind,
         description,
@@ -340,7 +319,7 @@ def refusal(
 
 
 def update_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Return what is wrong with an update of the held order that no general check has found.
+    """Run the checks of an update, after the general ones.
 
     VDA 5050 3.0 section 6.1.2.
     """
@@ -357,12 +336,12 @@ def update_fault(order: Order, situation: Situation, capabilities: Capabilities)
 
 
 def repeats(order: Order, situation: Situation) -> bool:
-    """Return whether the update has the number of the one that is held (section 6.1.4.5)."""
+    """Return whether the update has the current orderUpdateId (section 6.1.4.5)."""
     return order.order_update_id == situation.order_update_id
 
 
 def _outdated_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Checks B1 and B2."""
+    """Checks B1 and B2: the update is not outdated, and the order was not cancelled."""
     if order.order_update_id < situation.order_update_id:
         return refusal(
             ErrorType.OUTDATED_ORDER_UPDATE,
@@ -381,7 +360,7 @@ def _outdated_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 
 def _same_id_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check B3: a repeated message is ignored, another one must not reuse its orderUpdateId."""
+    """Check B3: an orderUpdateId is only repeated with the same content."""
     held = situation.content if capabilities.rules.equal_update_id_compared else None
     if held is None or held.whole == fingerprint(order):
         return None
@@ -394,12 +373,12 @@ def _same_id_fault(order: Order, situation: Situation, capabilities: Capabilitie
 
 
 def _stitching_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Checks B4 and B5; after a normal end the decision point is the last node."""
+    """Checks B4 and B5: the update begins at the decision point; after a normal end, the last node."""
     first = order.nodes[0]
     if (first.node_id, first.sequence_id) == situation.decision_point:
         absence = _absence_fault(first, order, situation, capabilities) if situation.cleared else None
         return absence or _changed_fault(first, order, situation, capabilities)
-    ends, hint = "was left by hand", "send a new order"
+    ends, hint = "no longer applies: the robot's last node was reset", "send a new order"
     if situation.decision_point:
         ends = "ends at '{}' with sequenceId {}".format(*situation.decision_point)
         hint = "begin the update with the last released node of the order"
@@ -450,7 +429,7 @@ class NewOrder:
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """Append the order to the base of the held one (section 6.1.2)."""
+    """Append the order to the base of the current one (section 6.1.2)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -504,7 +483,7 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
         return refusal(
             ErrorType.OTHER_ORDER_ACTIVE,
             order,
-            f"order '{situation.order_id}' is not ended",
+            f"order '{situation.order_id}' has not ended",
             hint="wait for its end or cancel it",
         )
     return (
@@ -520,7 +499,7 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
 
 
 def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check that the message is not an old one resent, whose content was already executed."""
+    """Check that the message does not repeat an order that was already executed."""
     problem = situation.history.replay(order, dated=situation.dated)
     if problem is None:
         return None
@@ -533,13 +512,13 @@ def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 
 def _epoch_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check that no other order service has replaced the sender."""
+    """Check that the sender has not been replaced by another order service."""
     problem = situation.history.outdated(order.nena_epoch)
     return refusal(ErrorType.OUTDATED_ORDER_UPDATE, order, problem, hint=EPOCH_HINT) if problem else None
 
 
 def _update_id_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check A2."""
+    """Check A2: a new order begins with orderUpdateId 0, if the version requires it."""
     if order.order_update_id == 0 or not capabilities.rules.first_update_id_is_zero:
         return None
     return refusal(
@@ -567,7 +546,7 @@ def _numbering_fault(order: Order) -> ErrorEntry | None:
 def _start_fault(
     first: Node, order: Order, situation: Situation, capabilities: Capabilities
 ) -> ErrorEntry | None:
-    """Check A4."""
+    """Check A4: the robot is at the first node."""
     if stands_on(first, situation, capabilities):
         return None
     pose = situation.pose

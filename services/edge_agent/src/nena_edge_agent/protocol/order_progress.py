@@ -1,4 +1,4 @@
-"""The current order: its rest, its content, and the orders that have ended (sections 6.1.2, 6.6.2)."""
+"""The progress of the current order, and the history of ended orders (sections 6.1.2 and 6.6.2)."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
 
 
 class BasePath:
-    """The path over the nodes of the base, measured once for each order message.
+    """The path through the nodes of the base, computed once per order message.
 
-    Navigation plans its own path between the nodes, and only the nodes are certain; ``paths`` are those of
-    our own that lead to some of them, by their sequenceIds.
+    Between the nodes, navigation plans its own path, so only the nodes are known. ``paths`` are the
+    trajectories and corridors to follow, by the sequenceId of the node that they lead to.
     """
 
     def __init__(
@@ -30,14 +30,14 @@ class BasePath:
         self._paths = paths or {}
 
     def length_from(self, sequence_id: int) -> float:
-        """Return the length in m from a node of the base to its end; 0 if it is not known."""
+        """Return the length in m from a node of the base to its end; 0 if unknown."""
         index = self._index_of(sequence_id)
         return self._left[index] if index is not None and index < len(self._left) else 0.0
 
     def path(self, last: Node | None, sequence_id: int) -> PlannedPath | None:
-        """Return the planned path (section 6.6.2) from ``last`` over the nodes from ``sequence_id`` on.
+        """Return the planned path (section 6.6.2) from ``last`` through the nodes from ``sequence_id`` on.
 
-        None if there is none: no base is left, or a node of it has no position.
+        None if no base is left, or one of its nodes has no position.
         """
         index = self._index_of(sequence_id)
         if index is None or len(self._corners) != len(self._base):
@@ -66,7 +66,7 @@ class BasePath:
 
     @cached_property
     def _ways(self) -> list[tuple[ControlPoint, ...]]:
-        """The points that lead to each node of the base: those of its path, or only its own."""
+        """Return for each node of the base the points that lead to it: its path, or only the node."""
         own = self._paths
         return [
             tuple(starmap(_corner, own[node.sequence_id])) if node.sequence_id in own else (corner,)
@@ -79,12 +79,12 @@ class BasePath:
 
     @cached_property
     def _starts(self) -> list[int]:
-        """For each node the index of the first point that leads to it."""
+        """Return for each node the index of the first point that leads to it."""
         return [0, *accumulate(map(len, self._ways))]
 
     @cached_property
     def _left(self) -> list[float]:
-        """For each corner the length from it to the last one."""
+        """Return for each corner the length from it to the last one, m."""
         corners, left = self._corners, [0.0] * len(self._corners)
         for index in range(len(corners) - 2, -1, -1):
             here, there = corners[index], corners[index + 1]
@@ -100,7 +100,7 @@ def _corner(x: float, y: float) -> ControlPoint:
 
 @lru_cache(maxsize=256)
 def _knots(points: int) -> tuple[float, ...]:
-    """Return the knots of a curve of degree 1, which has a corner at each of its control points."""
+    """Return the knots of a polyline (a NURBS of degree 1) with this number of points."""
     steps = points - 1
     return (0.0, *(index / steps for index in range(steps + 1)), 1.0)
 
@@ -116,29 +116,29 @@ class HeldContent(Protocol):
 
     @property
     def whole(self) -> str:
-        """Of the whole message without its header."""
+        """Return the fingerprint of the message without its header."""
         ...
 
     @property
     def decision_node(self) -> str:
-        """Of its last released node, with which an update begins."""
+        """Return the fingerprint of its last released node, where an update begins."""
         ...
 
 
 class OrderContent:
-    """The fingerprints of one message, computed on demand: most orders are never repeated."""
+    """Fingerprints of a message, computed on demand because most orders are never repeated."""
 
     def __init__(self, order: Order) -> None:
         self._order = order
 
     @cached_property
     def whole(self) -> str:
-        """Of the whole message without its header."""
+        """Return the fingerprint of the message without its header."""
         return fingerprint(self._order)
 
     @cached_property
     def decision_node(self) -> str:
-        """Of its last released node."""
+        """Return the fingerprint of its last released node."""
         return fingerprint(next(node for node in reversed(self._order.nodes) if node.released))
 
 
@@ -148,23 +148,23 @@ def fingerprint(message: WireObject) -> str:
 
 
 ENDED_ORDERS_KEPT: Final = 200
-"""Maximum stored ended orders; the oldest is dropped for the newest."""
+"""Maximum number of stored ended orders; beyond it, the oldest is dropped."""
 CLOCK_TOLERANCE: Final = timedelta(seconds=60)
-"""How far the clocks of two fleet controls, or of fleet control and robot, may differ."""
+"""Maximum difference between the clocks of two fleet controls, or of fleet control and robot."""
 
 EPOCH_TOLERANCE: Final = timedelta(days=1)
-"""How far an epoch may be ahead of the robot's clock."""
+"""Maximum time that an epoch may be ahead of the robot's clock."""
 
 
 NONE_YET: Final = -1
-"""Less than every headerId."""
+"""Lower than any headerId."""
 
 
 class OrderHeader(NamedTuple):
-    """The stored data of the headers of accepted messages (section 7.2).
+    """The highest header values of accepted messages (section 7.2).
 
-    ``header_id`` and ``timestamp`` are the greatest so far, of the order messages of the present epoch if the
-    sender names one. ``epoch`` is the greatest so far of all commands.
+    ``header_id`` and ``timestamp`` are those of orders; ``header_id`` counts within the current epoch if the
+    sender uses epochs. ``epoch`` is the highest of all commands.
     """
 
     header_id: int
@@ -175,7 +175,7 @@ class OrderHeader(NamedTuple):
 class OrderHistory:
     """Ended orders by a digest of their orderId, oldest first, and the headers of accepted messages.
 
-    A digest has one length for every orderId, so the journal stays small.
+    Digests have a fixed length, so the journal stays small.
     """
 
     def __init__(self, ended: Iterable[str] = (), last_header: OrderHeader | None = None) -> None:
@@ -184,11 +184,11 @@ class OrderHistory:
 
     @property
     def ended(self) -> tuple[str, ...]:
-        """Digests of the ended orders, oldest first."""
+        """Return digests of the ended orders, oldest first."""
         return tuple(self._ended)
 
     def end(self, order_id: str) -> None:
-        """Store an order that another one replaces; an empty ``order_id`` means that there was none."""
+        """Store an order that is replaced by a new one; an empty ``order_id`` means there was none."""
         if not order_id:
             return
         self._ended[_digest(order_id)] = None
@@ -198,8 +198,8 @@ class OrderHistory:
     def accept(self, order: Order, utc: datetime | None) -> None:
         """Store the header of an accepted order or update; ``utc`` is the robot's time, if known.
 
-        A timestamp in the future is not remembered: once the sender's clock is corrected, every new order
-        would look old.
+        A timestamp in the future is not stored: after the sender's clock is corrected, every new order would
+        look old.
         """
         self.begin_epoch(order.nena_epoch, utc)
         last = self.last_header or OrderHeader(NONE_YET, None)
@@ -212,7 +212,7 @@ class OrderHistory:
     def begin_epoch(self, epoch: int | None, utc: datetime | None) -> None:
         """Store a greater epoch, in which headerIds restart; ``utc`` is the robot's time, if known.
 
-        An epoch is a time in seconds. One far in the future is not remembered: no order service could take
+        An epoch is a Unix time in seconds. One far in the future is not stored: no order service could take
         over from it.
         """
         last = self.last_header or OrderHeader(NONE_YET, None)
@@ -222,19 +222,19 @@ class OrderHistory:
             self.last_header = OrderHeader(NONE_YET, last.timestamp, epoch)
 
     def outdated(self, epoch: int | None) -> str | None:
-        """Return why a sender of ``epoch`` must not command the robot any more, None if it may."""
+        """Return why a sender of ``epoch`` may no longer command the robot, None if it may."""
         last = self.last_header
         if epoch is None or last is None or last.epoch is None or epoch >= last.epoch:
             return None
-        return f"it is of epoch {epoch}, and an order service of epoch {last.epoch} has taken over"
+        return f"it is of epoch {epoch}, but an order service of epoch {last.epoch} has taken over"
 
     def replay(self, order: Order, *, dated: bool) -> str | None:
         """Return why a new ``order`` is a replay of an old message, None if it is not.
 
-        Within an epoch headerIds rise. Without epochs, a sender whose counter restarts sends newer
-        timestamps, and one whose clock is set back continues to count: only a message that is older by both
-        is a replay. One that is not ``dated``, whose timestamp could not be read, is judged by its headerId,
-        unless the last sender had epochs.
+        Within an epoch, headerIds increase. Without epochs, the sender's counter may restart or its clock may
+        be set back, so only a message with both an older headerId and an older timestamp is a replay. A
+        message that is not ``dated`` (its timestamp could not be read) is judged by its headerId, unless the
+        last sender used epochs.
         """
         if _digest(order.order_id) in self._ended:
             return f"order '{order.order_id}' was received before and has ended"
@@ -263,7 +263,7 @@ def _digest(order_id: str) -> str:
 
 
 class Ahead(NamedTuple):
-    """The rest of the order, as the state message shows it."""
+    """The remaining order, as reported in the state."""
 
     node_states: tuple[NodeState, ...]
     edge_states: tuple[EdgeState, ...]
@@ -271,13 +271,13 @@ class Ahead(NamedTuple):
 
 
 class OrderProgress:
-    """Nodes and edges that are still to be driven, and the last reached node (section 6.6.2).
+    """The remaining nodes and edges of the order, and the last reached node (section 6.6.2).
 
     ``nodes`` never contains the node where the robot is. ``edges`` begins with the edge that the robot is on
     (``edge_entered``) or will enter next. ``decision_point`` is the last released node, as nodeId and
     sequenceId: there the base ends and an update begins. ``content`` identifies the last message.
-    ``on_last_node``: the robot has not left it. ``cleared``: the order was ended before its end, by a cancel
-    (``cancelled``) or a change of the mode.
+    ``on_last_node``: the robot has not left it. ``cleared``: the order ended early, because it was cancelled
+    (``cancelled``) or the operating mode changed.
     """
 
     def __init__(self) -> None:
@@ -302,12 +302,12 @@ class OrderProgress:
         self._edge_states: dict[int, EdgeState] = {}
 
     def follow_paths(self, path_of: PathOf) -> None:
-        """Set the own paths that the robot follows along some edges."""
+        """Set the function that returns the path along an edge, and measure the base again."""
         self._path_of = path_of
         self._measure()
 
     def _measure(self) -> None:
-        """Measure the path over the base; the first edge leads from the last node."""
+        """Measure the path through the base; the first edge leads from the last node."""
         paths: dict[int, tuple[Point, ...]] = {}
         before = self.last_node
         for edge, node in zip(self.edges, self.nodes, strict=False):
@@ -342,22 +342,22 @@ class OrderProgress:
 
     @property
     def next_node(self) -> Node | None:
-        """The node to drive to, if it is in the base."""
+        """Return the node to drive to, if it is in the base."""
         return self.nodes[0] if self.nodes and self.nodes[0].released else None
 
     @property
     def horizon_left(self) -> bool:
-        """Whether something is still to be released."""
+        """Return whether the order has a horizon."""
         return bool(self.nodes) and not self.nodes[-1].released
 
     def enter_edge(self) -> Edge:
-        """Begin the next edge (section 6.6.2)."""
+        """Enter the next edge (section 6.6.2)."""
         self.edge_entered = True
         self.revision += 1
         return self.edges[0]
 
     def leave_node(self) -> None:
-        """Note that the robot moves away from its last node."""
+        """Record that the robot moves away from its last node."""
         if self.on_last_node:
             self.on_last_node = False
             self.revision += 1
@@ -374,7 +374,7 @@ class OrderProgress:
     def clear(self, *, cancelled: bool) -> None:
         """End the order early (section 6.6.7); IDs and the last node stay.
 
-        One that was ``cancelled`` accepts no update; else one may follow where the base ended.
+        A ``cancelled`` order accepts no update; otherwise, an update may begin where the base ended.
         """
         self.nodes.clear()
         self.edges.clear()
@@ -383,7 +383,7 @@ class OrderProgress:
         self._changed()
 
     def place_at(self, node_id: str) -> None:
-        """Note that the robot was placed on ``node_id``; on another node the ended order cannot continue."""
+        """Record that the robot was placed on ``node_id``; elsewhere, the ended order cannot continue."""
         if node_id != self.last_node_id:
             self.last_node_id, self.last_node_sequence_id, self.last_node = node_id, 0, None
             self.decision_point = None
@@ -392,7 +392,7 @@ class OrderProgress:
 
     @property
     def ahead(self) -> Ahead:
-        """What the state message shows of the rest of the order."""
+        """Return the remaining order, as reported in the state."""
         if self._ahead is None:
             nodes, edges = self._node_states, self._edge_states
             self._ahead = Ahead(

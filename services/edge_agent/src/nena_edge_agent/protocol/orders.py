@@ -1,4 +1,4 @@
-"""Orders: accepted, extended, cancelled, cleared (sections 6.1.2, 6.1.3, 6.6.6 and 6.6.7)."""
+"""Accept, extend, cancel and clear orders (sections 6.1.2, 6.1.3, 6.6.6 and 6.6.7)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node, Order
 
 _SHOWN_UNTIL: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until.AVAILABLE}
-"""How long a rejection is shown, if not until another order is accepted."""
+"""What ends the report of a rejection, unless it is the next accepted order."""
 
 
 # Acceptance (section 6.1.2)
@@ -56,7 +56,7 @@ def receive(robot: RobotState, order: Order, *, dated: bool = True) -> Verdict:
 
 
 def _waits_for_disk(robot: RobotState, order: Order) -> bool:
-    """Return whether ``order`` is accepted but not on disk: no state shows it yet, and it is not rejected."""
+    """Return whether ``order`` was accepted before but is not on disk, so that no state reports it yet."""
     progress = robot.progress
     held = (progress.order_id, progress.order_update_id) == (order.order_id, order.order_update_id)
     return held and bool(robot.journal_problem)
@@ -115,7 +115,7 @@ def _begin(robot: RobotState, order: Order) -> None:
 
 
 def _extend(robot: RobotState, order: Order) -> None:
-    """Extend the base; the stitching node is known, and its actions do not run again."""
+    """Extend the base; the actions of the stitching node do not run again."""
     _clear_errors(robot)
     robot.actions.remove(lambda record: _in_horizon(robot, record))
     robot.history.accept(order, robot.utc_now)
@@ -148,9 +148,9 @@ def _records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]
 
 
 def cancel(robot: RobotState, action: Action) -> None:
-    """Begin to cancel (section 6.1.3).
+    """Start to cancel the order (section 6.1.3).
 
-    A second request joins the first, and one without an order to cancel fails.
+    A second request ends together with the first; without an order to cancel, the action fails.
     """
     if robot.idle or _order_to_cancel(robot, action) not in (None, robot.progress.order_id):
         _refuse_cancel(robot, action)
@@ -160,7 +160,7 @@ def cancel(robot: RobotState, action: Action) -> None:
 
 
 def _order_to_cancel(robot: RobotState, action: Action) -> JsonValue:
-    """Return the orderId to cancel, None: whichever is active."""
+    """Return the orderId to cancel; None: the active order."""
     return action.parameter("orderId") if robot.capabilities.rules.cancel_names_order else None
 
 
@@ -182,7 +182,7 @@ def _refuse_cancel(robot: RobotState, action: Action) -> None:
 
 
 def begin_clearing(robot: RobotState) -> None:
-    """Stop the robot and its actions; one that cannot be cancelled runs to its end."""
+    """Stop the robot and cancel its actions; an action that cannot be cancelled runs to its end."""
     if not robot.clearing:
         robot.clearing = True
         actions.cancel_all(robot)
@@ -192,10 +192,10 @@ def begin_clearing(robot: RobotState) -> None:
 
 
 def advance_clearing(robot: RobotState) -> None:
-    """Finish in one state when the robot has stopped and no action runs (section 6.1.3).
+    """Clear the order once the robot has stopped and no action runs, all in one state (section 6.1.3).
 
-    The order ends where the robot is: a freely navigating robot need not drive on to a node. A person who
-    takes over need not wait for the robot to stop: it may already be moved by hand.
+    The order ends where the robot is: a freely navigating robot does not drive on to a node. If a person
+    takes over, the order is cleared before the robot stops, because it may be moved by hand.
     """
     by_hand = robot.next_mode.clears_order
     if not robot.clearing or not robot.actions.all_ended or (robot.goal.moving and not by_hand):
@@ -213,7 +213,7 @@ def advance_clearing(robot: RobotState) -> None:
 
 
 def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
-    """Start to change the mode (section 6.6.6); the new mode decides at once what fleet control may send."""
+    """Start to change the operating mode (section 6.6.6); its rules for fleet control apply at once."""
     if event.mode is robot.next_mode:
         return
     robot.wanted_mode = event.mode
@@ -225,7 +225,7 @@ def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
 
 
 def advance_mode(robot: RobotState) -> None:
-    """Report the new mode once the order is cleared, and forget a last node that the robot has left.
+    """Report the new mode once the order is cleared, and clear a last node that the robot has left.
 
     VDA 5050 3.0 section 6.6.7.
     """

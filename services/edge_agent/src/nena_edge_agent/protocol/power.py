@@ -1,7 +1,7 @@
-"""Hibernation and shutdown: the robot ends its order, signs off, and wakes again (section 6.2.3).
+"""Hibernation and shutdown (section 6.2.3).
 
-A hibernating robot stays connected, sends no states, and acts on stopHibernation alone. It also wakes at its
-wake-up time. A robot that falls asleep or shuts down reports that in a last state before its command runs.
+The robot reports hibernation or shutdown in a last state before its command runs. A hibernating robot stays
+connected, sends no states, and reacts only to stopHibernation and to its wake-up time.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from nena_shared.vda5050.action import (
     ActionStatus,
     wake_up_time,
 )
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
+from nena_shared.vda5050.error import ErrorEntry, error
 
 POWER_COMMAND_FAILED = "POWER_COMMAND_FAILED"
 REST_TIMEOUT = 30.0
-"""Seconds that a robot about to hibernate waits for the end of what is not part of its order."""
+"""Timeout before hibernation for movements and actions that are not part of the order, seconds."""
 
-_DEAF = frozenset(PowerPhase) - {PowerPhase.AWAKE, PowerPhase.FALLING_ASLEEP}
+_IGNORING = frozenset(PowerPhase) - {PowerPhase.AWAKE, PowerPhase.FALLING_ASLEEP}
 """Phases in which messages are ignored."""
 
 
@@ -50,9 +50,9 @@ _DEAF = frozenset(PowerPhase) - {PowerPhase.AWAKE, PowerPhase.FALLING_ASLEEP}
 
 
 def start_hibernation(robot: RobotState, action: Action) -> str | None:
-    """Begin to clear the order and to stop; return why the robot cannot hibernate, if so.
+    """Clear the order and stop before hibernating; return why the robot cannot hibernate, if so.
 
-    A second request joins the first, with its own wake-up time.
+    A second request ends together with the first, and replaces its wake-up time.
     """
     if robot.journal_problem:
         return f"the journal cannot be written: {robot.journal_problem}"
@@ -60,13 +60,13 @@ def start_hibernation(robot: RobotState, action: Action) -> str | None:
     if at is not None and now is not None and at <= now:
         return f"the wake-up time {iso(at)} has passed; it is {iso(now)}"
     robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
-    robot.power, robot.wake_up_at, robot.restless_since = PowerPhase.FALLING_ASLEEP, at, None
+    robot.power, robot.wake_up_at, robot.kept_awake_since = PowerPhase.FALLING_ASLEEP, at, None
     orders.begin_clearing(robot)
     return None
 
 
 def stop_hibernation(robot: RobotState, action: Action) -> None:
-    """Wake the robot; one that is awake is so already."""
+    """Wake the robot; finish at once if it is awake."""
     if robot.power.silent:
         robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
         _wake(robot)
@@ -76,9 +76,9 @@ def stop_hibernation(robot: RobotState, action: Action) -> None:
 
 
 def shut_down(robot: RobotState, action: Action) -> str | None:
-    """Begin to shut an idle robot down; return why it cannot be, if so.
+    """Start to shut down an idle robot; return the reason if that is impossible.
 
-    A second request joins the first.
+    A second request finishes at once.
     """
     if robot.power is PowerPhase.SHUTTING_DOWN:
         robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
@@ -97,9 +97,9 @@ def shut_down(robot: RobotState, action: Action) -> str | None:
 # Messages
 
 
-def heard(robot: RobotState, event: Event) -> Event:
-    """Return what is left of ``event`` at a robot that ignores messages: of those only stopHibernation."""
-    if robot.power not in _DEAF:
+def filter_event(robot: RobotState, event: Event) -> Event:
+    """Return ``event``; if the robot ignores messages, without anything but stopHibernation."""
+    if robot.power not in _IGNORING:
         return event
     match event:
         case InstantActionsReceived(message):
@@ -125,9 +125,9 @@ def heard(robot: RobotState, event: Event) -> Event:
 
 
 def advance(robot: RobotState) -> None:
-    """Sign off once the order is cleared and the robot is at rest; wake it at its wake-up time.
+    """Sign off once the order is cleared and the robot is at standstill; wake it at its wake-up time.
 
-    That it hibernates must be on the disk before it is said, so a robot without a journal stays awake.
+    Hibernation must be on disk before it is reported, so a robot whose journal fails stays awake.
     """
     now = robot.utc_now
     if robot.wake_up_at is not None and now is not None and now >= robot.wake_up_at:
@@ -142,33 +142,33 @@ def advance(robot: RobotState) -> None:
 
 
 def _sign_off(robot: RobotState) -> None:
-    """End startHibernation: sign off, or fail if something beside the order keeps the robot awake."""
+    """Finish startHibernation, or fail it if something other than the order keeps the robot awake."""
     problem = _motion(robot) or _other_actions(robot)
     if not problem:
         robot.end_instant_actions(START_HIBERNATION, ActionStatus.FINISHED)
         robot.power = PowerPhase.SIGNING_OFF
-    elif robot.restless_since is None:
-        robot.restless_since = robot.now
-    elif robot.now - robot.restless_since >= REST_TIMEOUT:
+    elif robot.kept_awake_since is None:
+        robot.kept_awake_since = robot.now
+    elif robot.now - robot.kept_awake_since >= REST_TIMEOUT:
         _stay_awake(robot, f"{problem}, for {REST_TIMEOUT:.0f} s")
 
 
 def _motion(robot: RobotState) -> str | None:
     """Return what moves the robot without an order, such as a person or another program."""
     if goals := robot.reports.goals.external:
-        return f"navigation drives to a goal of another program ({goals[0].goal_id})"
+        return f"navigation is driving to another program's goal ({goals[0].goal_id})"
     return "the robot moves without an order" if robot.reports.velocity.moves else None
 
 
 def _other_actions(robot: RobotState) -> str | None:
-    """Return what runs beside startHibernation: no state could report its end."""
+    """Return the other running instant actions, whose end no state could report."""
     running = {each.action.action_type for each in robot.instant_actions if not each.status.ended}
     others = ", ".join(sorted(running - {START_HIBERNATION}))
     return f"instant actions are running ({others})" if others else None
 
 
 def signed_off(robot: RobotState, _: SignedOff) -> None:
-    """Hibernate, or shut down, now that fleet control can know; the robot may have been woken meanwhile."""
+    """Hibernate or shut down after the last state, unless the robot was woken in the meantime."""
     if robot.power is PowerPhase.SIGNING_OFF:
         robot.power = PowerPhase.HIBERNATING
         robot.effects.append(Hibernate(robot.wake_up_at))
@@ -177,7 +177,7 @@ def signed_off(robot: RobotState, _: SignedOff) -> None:
 
 
 def command_ended(robot: RobotState, event: PowerReport) -> None:
-    """Note the end of a command: if it has failed, the robot is awake, or wakes now."""
+    """Handle the end of a power command; if it failed, the robot is awake or wakes now."""
     if event.problem:
         robot.errors.report(_failure(event), Until.ORDER_ACCEPTED)
     if event.command is PowerCommand.HIBERNATE and event.problem:
@@ -196,14 +196,14 @@ def halt_failed(robot: RobotState, description: str) -> None:
 
 
 def continue_after_restart(robot: RobotState) -> None:
-    """Run the wake command again that a restart of the agent has interrupted.
+    """Rerun a wake command that a restart of the agent has interrupted.
 
-    A robot whose settings do not offer hibernation any more is awake.
+    A robot whose settings no longer offer hibernation is awake.
     """
     if robot.power is PowerPhase.AWAKE:
         return
     if START_HIBERNATION not in robot.capabilities.actions:
-        _stay_awake(robot, "the robot's settings do not offer hibernation any more")
+        _stay_awake(robot, "the robot's settings no longer offer hibernation")
         robot.end_instant_actions(STOP_HIBERNATION, ActionStatus.FINISHED)
         robot.effects.append(GoOnline())
     elif robot.power is PowerPhase.WAKING:
@@ -222,10 +222,9 @@ def _stay_awake(robot: RobotState, reason: str) -> None:
 
 
 def _failure(event: PowerReport) -> ErrorEntry:
-    return ErrorEntry(
-        error_type=POWER_COMMAND_FAILED,
-        error_level=ErrorLevel.WARNING,
-        error_description=f"power.{event.command} failed, and the robot is awake: {event.problem}",
-        error_hint="the agent's log has the output of the command; correct it or the setting",
-        error_references=(ErrorReference(reference_key="command", reference_value=event.command.value),),
+    return error(
+        POWER_COMMAND_FAILED,
+        f"power.{event.command} failed, and the robot is awake: {event.problem}",
+        hint="the agent's log has the output of the command; correct it or the setting",
+        command=event.command,
     )

@@ -1,4 +1,4 @@
-"""The protocol core of one robot: one event at a time changes its state and has effects."""
+"""The protocol core of one robot: it handles one event at a time and returns its effects."""
 
 from __future__ import annotations
 
@@ -79,17 +79,17 @@ from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.visualization import Visualization
 
 REQUESTS = (OrderReceived, InstantActionsReceived, MessageRefused)
-"""Events that are answered by a state even if nothing has changed: the sender waits for it."""
+"""Events that trigger a state even if nothing has changed: the sender waits for it."""
 
 FULL = 100.0
-"""Percent."""
+"""Maximum state of charge, percent."""
 
 
 class RobotCore:
-    """One robot as VDA 5050 sees it.
+    """One VDA 5050 robot.
 
-    Each call of :meth:`handle` handles one event completely and returns the effects. The shell performs them
-    in their order, after it has made :meth:`memory` durable if :attr:`durable_version` has changed.
+    Each call of :meth:`handle` processes one event completely and returns its effects. The caller performs
+    them in order, after making :meth:`memory` durable if :attr:`durable_version` has changed.
     """
 
     def __init__(self, capabilities: Capabilities, memory: Memory | None = None) -> None:
@@ -102,7 +102,8 @@ class RobotCore:
         """Handle ``event`` at the monotonic time ``now`` in s, and return its effects."""
         robot = self._robot
         robot.now, robot.effects = now, []
-        event = power.heard(robot, event)
+        event = power.filter_event(robot, event)
+        _note_time(robot, event)
         _HANDLERS[type(event)](robot, event)
         instant_actions.apply_hold(robot)
         zones.expire(robot)
@@ -126,31 +127,31 @@ class RobotCore:
         return tuple(robot.effects)
 
     def state(self, header: dict[str, Any]) -> State:
-        """Make the state message under ``header``, its five header fields by their neutral names.
+        """Return the state message; ``header`` has its five header fields by their neutral names.
 
         VDA 5050 3.0 section 7.8.
         """
         return make_state(header, self._robot)
 
     def visualization(self, header: dict[str, Any], state_header_id: int) -> Visualization:
-        """Make the visualization message that belongs to the state of ``state_header_id`` (section 7.9)."""
+        """Return the visualization message; ``state_header_id`` is that of its state (section 7.9)."""
         return make_visualization(header, self._robot, state_header_id=state_header_id)
 
     @property
     def robot(self) -> RobotState:
-        """The robot's state, to be read."""
+        """Return the robot's state, for reading only."""
         return self._robot
 
     @property
     def last_position(self) -> Pose | None:
-        """Return the position of the last node, None if it is not known."""
+        """Return the position of the last node, None if unknown."""
         node = self._robot.progress.last_node
         position = node.node_position if node else None
         return Pose(position.x, position.y, position.theta or 0.0, position.map_id) if position else None
 
     @property
     def own_goals(self) -> OwnGoals | None:
-        """The goals that navigation drove to for this robot when last reported, None: there were none."""
+        """Return the robot's own goals that navigation last reported, None if there were none."""
         return self._robot.goal.own
 
     @property
@@ -164,12 +165,12 @@ class RobotCore:
 
     @property
     def power(self) -> PowerPhase:
-        """How far the robot is on its way into hibernation and back."""
+        """Return the robot's phase of hibernation or shutdown."""
         return self._robot.power
 
     @property
     def waits(self) -> bool:
-        """Whether a timeout is running; then :class:`TimePassed` events are needed."""
+        """Return whether a timeout is running; then :class:`TimePassed` events are needed."""
         robot = self._robot
         if robot.power is not PowerPhase.AWAKE:
             return True
@@ -179,7 +180,7 @@ class RobotCore:
 
     @property
     def durable_version(self) -> tuple[object, ...]:
-        """A value that differs when :meth:`memory` does."""
+        """Return a value that changes whenever :meth:`memory` does."""
         return (*self._durable(), self._robot.header_ids)
 
     def memory(self) -> Memory:
@@ -187,7 +188,7 @@ class RobotCore:
         return memory_of(self._robot)
 
     def _durable(self) -> tuple[object, ...]:
-        """Return what differs when the memory does, except for the header ids."""
+        """Return the values of :attr:`durable_version` without the header IDs."""
         robot = self._robot
         return (
             robot.progress.revision,
@@ -207,7 +208,7 @@ class RobotCore:
         )
 
     def _visible(self) -> tuple[object, ...]:
-        """Return what triggers a state when it changes (section 6.6)."""
+        """Return the values whose change triggers a state (section 6.6)."""
         robot = self._robot
         pose, battery = robot.reports.pose, robot.reports.battery
         return (
@@ -226,9 +227,23 @@ class RobotCore:
         )
 
 
-def _started(robot: RobotState, event: Started) -> None:
-    """Continue the interrupted work; the robot's actions in the meantime are unknown."""
-    robot.utc = (event.utc, robot.now) if event.utc else None
+def _note_time(robot: RobotState, event: Event) -> None:
+    """Record the time of day, if ``event`` contains it."""
+    match event:
+        case Started(utc) | TimePassed(utc) if utc:
+            robot.utc = (utc, robot.now)
+        case OrderReceived(_, utc) | InstantActionsReceived(_, utc) | ResponsesReceived(_, utc) if utc:
+            robot.utc = (utc, robot.now)
+        case _:
+            pass
+
+
+def _time_passed(_robot: RobotState, _event: TimePassed) -> None:
+    """Do nothing: only the time has changed."""
+
+
+def _started(robot: RobotState, _: Started) -> None:
+    """Continue interrupted work; what the robot did in the meantime is unknown."""
     robot.link.lost_since = robot.now
     instant_actions.position_interrupted(robot)
     if robot.clearing or robot.paused or driving.has_leftover_goal(robot):
@@ -239,14 +254,10 @@ def _started(robot: RobotState, event: Started) -> None:
 
 
 def _order_received(robot: RobotState, event: OrderReceived) -> None:
-    if event.utc:
-        robot.utc = (event.utc, robot.now)
     orders.receive(robot, event.order, dated=event.dated)
 
 
 def _instant_actions_received(robot: RobotState, event: InstantActionsReceived) -> None:
-    if event.utc:
-        robot.utc = (event.utc, robot.now)
     instant_actions.receive(robot, event.message)
 
 
@@ -273,34 +284,33 @@ def _load_sensed(robot: RobotState, event: LoadSensed) -> None:
     robot.loads = sensed(robot.loads, loaded=event.loaded)
 
 
-def _plugins_reported(robot: RobotState, event: PluginsReport) -> None:
-    robot.plugin_problems = event.problems
-
-
-def _journal_reported(robot: RobotState, event: JournalReport) -> None:
-    robot.journal_problem = event.problem
-
-
-def _maps_reported(robot: RobotState, event: MapsReport) -> None:
-    robot.maps = event.maps
-
-
-def _subscriptions_reported(robot: RobotState, event: SubscriptionsReport) -> None:
-    robot.refused_topics = event.refused
+def _store(robot: RobotState, event: Event) -> None:
+    """Store a report that has no other effect."""
+    match event:
+        case PluginsReport(problems):
+            robot.plugin_problems = problems
+        case JournalReport(problem):
+            robot.journal_problem = problem
+        case MapsReport(maps):
+            robot.maps = maps
+        case SubscriptionsReport(refused):
+            robot.refused_topics = refused
+        case SafetyReport():
+            robot.reports.safety = event
+        case PauseButton(pressed):
+            robot.reports.pause_button = pressed
+        case VelocityReport():
+            robot.reports.velocity = event
+        case SessionReport():
+            robot.reports.session = event
+        case PlanReport():
+            robot.reports.plan = event
 
 
 def _link_reported(robot: RobotState, event: LinkReport) -> None:
     robot.link.lost_since = None if event.connected else robot.now
     if event.connected and robot.power.signs_off:
         robot.effects.append(ReportState())  # the last one may not have been sent
-
-
-def _safety_reported(robot: RobotState, event: SafetyReport) -> None:
-    robot.reports.safety = event
-
-
-def _pause_button(robot: RobotState, event: PauseButton) -> None:
-    robot.reports.pause_button = event.pressed
 
 
 def _error_switched(robot: RobotState, event: ErrorSwitched) -> None:
@@ -312,12 +322,6 @@ def _error_switched(robot: RobotState, event: ErrorSwitched) -> None:
 
 def _local_trigger(robot: RobotState, event: LocalTrigger) -> None:
     actions.release(robot, event.trigger_type)
-
-
-def _time_passed(robot: RobotState, event: TimePassed) -> None:
-    """Note the time of day; otherwise only the time has changed."""
-    if event.utc:
-        robot.utc = (event.utc, robot.now)
 
 
 def _halted(robot: RobotState, _: Halted) -> None:
@@ -333,12 +337,8 @@ def _pose_reported(robot: RobotState, event: PoseReport) -> None:
         driving.pose_changed(robot)
 
 
-def _velocity_reported(robot: RobotState, event: VelocityReport) -> None:
-    robot.reports.velocity = event
-
-
 def _halt_failed(robot: RobotState, event: HaltFailed) -> None:
-    """Fail what waits for the robot's standstill; a cancelled order is cleared once it is confirmed."""
+    """Fail the actions that wait for standstill; a cancelled order is cleared once it is confirmed."""
     driving.halt_failed(robot, event.description)
     for action_type in (CANCEL_ORDER, START_PAUSE):
         robot.end_instant_actions(action_type, ActionStatus.FAILED, event.description)
@@ -349,10 +349,6 @@ def _battery_reported(robot: RobotState, event: BatteryReport) -> None:
     """Store a battery report; one with a charge outside of 0 to 100 % is ignored."""
     if 0.0 <= event.state_of_charge <= FULL:
         robot.reports.battery = event
-
-
-def _session_reported(robot: RobotState, event: SessionReport) -> None:
-    robot.reports.session = event
 
 
 def _collision_reported(robot: RobotState, event: CollisionReport) -> None:
@@ -367,7 +363,7 @@ def _progress_reported(robot: RobotState, event: DriveProgress) -> None:
 
 
 def _limits_reported(robot: RobotState, event: DriveLimits) -> None:
-    """Note navigation's goal tolerance, and send a factsheet that reports it."""
+    """Record navigation's goal tolerance, and send a factsheet that reports it."""
     if event != robot.reports.limits:
         robot.reports.limits = event
         robot.effects.append(SendFactsheet())
@@ -375,10 +371,6 @@ def _limits_reported(robot: RobotState, event: DriveLimits) -> None:
 
 def _blocked_reported(robot: RobotState, event: BlockedReport) -> None:
     robot.reports.blocked = event if event.blocked else None
-
-
-def _plan_reported(robot: RobotState, event: PlanReport) -> None:
-    robot.reports.plan = event
 
 
 def _no_route_reported(robot: RobotState, event: NoRouteReport) -> None:
@@ -396,17 +388,17 @@ _HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
     InstantActionsReceived: _instant_actions_received,
     ZoneSetReceived: _zone_set_received,
     ResponsesReceived: _responses_received,
-    MapsReport: _maps_reported,
+    MapsReport: _store,
     MessageRefused: _message_refused,
     ActionReport: _action_reported,
     LoadSensed: _load_sensed,
-    PluginsReport: _plugins_reported,
-    JournalReport: _journal_reported,
+    PluginsReport: _store,
+    JournalReport: _store,
     LinkReport: _link_reported,
-    SubscriptionsReport: _subscriptions_reported,
+    SubscriptionsReport: _store,
     OperatingModeSwitched: orders.switch_mode,
-    SafetyReport: _safety_reported,
-    PauseButton: _pause_button,
+    SafetyReport: _store,
+    PauseButton: _store,
     ErrorSwitched: _error_switched,
     LocalTrigger: _local_trigger,
     TimePassed: _time_passed,
@@ -416,9 +408,9 @@ _HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
     DriveFailed: driving.failed,
     Halted: _halted,
     HaltFailed: _halt_failed,
-    VelocityReport: _velocity_reported,
+    VelocityReport: _store,
     NavigationReport: driving.navigation_changed,
-    PlanReport: _plan_reported,
+    PlanReport: _store,
     DriveProgress: _progress_reported,
     DriveLimits: _limits_reported,
     BlockedReport: _blocked_reported,
@@ -428,5 +420,5 @@ _HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
     BatteryReport: _battery_reported,
     PositionInitialized: instant_actions.position_initialized,
     GoalTable: _goals_reported,
-    SessionReport: _session_reported,
+    SessionReport: _store,
 }

@@ -35,7 +35,7 @@ from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, Opera
 from nena_shared.vda5050.topics import Topic
 
 INSTANT_ACTIONS_SHOWN = 200
-"""States of instant actions that are kept; beyond it ended ones are dropped, then no more actions start."""
+"""Maximum number of instant action states; beyond it, ended ones are dropped, then new actions refused."""
 SAFE = SafetyReport()
 UNKNOWN_VELOCITY = VelocityReport(None, None)
 NO_GOALS = GoalTable()
@@ -69,7 +69,7 @@ class Reports:
 
     @property
     def unsafe(self) -> bool:
-        """Return whether an emergency stop or the protective field keeps the robot from moving.
+        """Return whether an emergency stop or a field violation prevents the robot from moving.
 
         VDA 5050 3.0 section 7.8.
         """
@@ -77,7 +77,7 @@ class Reports:
 
     @property
     def localized_pose(self) -> Pose | None:
-        """The pose of a localised robot, None if it is not localised."""
+        """Return the pose of a localised robot, None if it is not localised."""
         return self.pose.pose if self.pose and self.pose.localized else None
 
 
@@ -86,13 +86,13 @@ class CurrentGoal:
     """The driver's goal.
 
     ``target`` is the sequenceId of the node that it drives to, None: no goal. ``halting_since`` is the time
-    in s at which the stop was requested, until it answers; ``halt_problem`` is why standstill cannot be
+    in s at which the stop was requested, until it is confirmed; ``halt_problem`` is why standstill cannot be
     confirmed, if the driver has reported that. ``failed_at`` is the sequenceId of a node that was not
     reached; it is not retried until the order changes. ``failures`` are the failed drives to the next node,
     to be retried at ``retry_at`` in s; ``problem`` is the reason of the last failure. ``pose`` is that of the
-    last goal, ``ahead`` are the following poses that the driver has, ``path`` is the path that it follows
-    (empty: navigation plans one). ``own`` are our goals that navigation has or may have, ``listed_ids`` those
-    that it listed last. ``unsettled``: the result of ``own`` has not been reported yet.
+    last goal, ``ahead`` are the poses after it, ``path`` is the path to follow (empty: navigation plans one).
+    ``own`` are our goals that navigation has or may have, ``listed_ids`` those that it last listed.
+    ``unsettled``: the result of ``own`` has not been reported yet.
     """
 
     generation: int = 0
@@ -111,7 +111,7 @@ class CurrentGoal:
     unsettled: bool = False
 
     def listed(self, goal_ids: tuple[str, ...]) -> None:
-        """Note which of our goals navigation drives to; a new one is the goal that was sent last."""
+        """Record which of our goals navigation drives to; a new one is the goal that was sent last."""
         own, self.listed_ids = self.own, goal_ids
         if not goal_ids:
             self.own = own if self.unsettled else None  # the result follows in a moment
@@ -121,10 +121,10 @@ class CurrentGoal:
             self.own = OwnGoals(goal_ids, self.pose) if self.pose else None
 
     def give(self, pose: Pose, behind: str) -> None:
-        """Note that a goal to ``pose`` is about to be sent, and which goal is listed last before it.
+        """Record that a goal to ``pose`` is about to be sent; ``behind`` is the last goal listed before it.
 
-        An earlier run may have sent it already: then it is listed behind what was listed at that time. A goal
-        with a path is never listed: after a restart, the last one in the list is another client's.
+        If an earlier run has already sent it, it is listed after the goal that was last at that time. A goal
+        with a path is never listed: after a restart, the last goal in the list is another client's.
         """
         own = self.own or OwnGoals((), pose)
         if self.path:
@@ -135,7 +135,7 @@ class CurrentGoal:
         self.pose, self.unsettled = pose, True
 
     def settle(self) -> None:
-        """Note that the drive is over; goals that navigation still drives to remain ours."""
+        """Record that the drive is over; goals that navigation still drives to remain ours."""
         self.unsettled = False
         if self.own:
             self.own = OwnGoals(self.listed_ids, self.own.pose) if self.listed_ids else None
@@ -145,7 +145,7 @@ class CurrentGoal:
         self.failed_at, self.failures, self.retry_at, self.problem = None, 0, None, ""
 
     def retry(self, at: float, problem: str) -> None:
-        """Note that the drive has failed and is retried at the time ``at`` in s."""
+        """Record that the drive has failed and is retried at the time ``at`` in s."""
         self.target, self.failures, self.retry_at, self.problem = None, self.failures + 1, at, problem
 
     def restore(self, own: OwnGoals) -> None:
@@ -154,29 +154,29 @@ class CurrentGoal:
 
     @property
     def moving(self) -> bool:
-        """Whether the robot drives or has not stopped yet."""
+        """Return whether the robot drives or has not stopped yet."""
         return self.target is not None or self.halting_since is not None
 
     @property
     def left_over(self) -> bool:
-        """Return whether navigation may drive to a goal, also of an earlier run, whose result is unknown."""
+        """Return whether navigation may drive to a goal whose result is unknown, also of an earlier run."""
         return self.own is not None and self.unsettled
 
     @property
     def halting(self) -> bool:
-        """Whether a halt has not been answered."""
+        """Return whether a halt is not confirmed yet."""
         return self.halting_since is not None
 
     def is_current(self, generation: int) -> bool:
-        """Return whether an event of ``generation`` is about the goal that the driver has now."""
+        """Return whether an event of ``generation`` is about the current goal."""
         return self.target is not None and generation == self.generation
 
 
 @dataclass(slots=True)
 class LinkWatch:
-    """Time in s since which the link to the broker is lost (section 4.1), None: connected.
+    """Monotonic time in s at which the broker was lost (section 4.1), None: connected.
 
-    The robot may drive without it for ``timeout`` seconds.
+    The robot may drive without the broker for ``timeout`` seconds.
     """
 
     policy: LinkLossPolicy
@@ -185,7 +185,7 @@ class LinkWatch:
 
     @property
     def waits(self) -> bool:
-        """Whether the timeout of a lost link is running."""
+        """Return whether the timeout of a lost link is running."""
         return self.lost_since is not None and self.policy is not LinkLossPolicy.ASSERTIVE
 
     def out_of_reach(self, now: float) -> bool:
@@ -200,7 +200,7 @@ class LinkWatch:
 
 @dataclass(slots=True)
 class RouteProgress:
-    """Distances driven, in m: since the last node and in the order (section 6.6.2)."""
+    """Distances driven since the last node and in the order, m (section 6.6.2)."""
 
     pose: Pose | None = None
     node: tuple[str, int] | None = None
@@ -218,7 +218,7 @@ class PositionRequest:
 
 
 class PowerPhase(StrEnum):
-    """How far the robot is on its way into hibernation and back, or to its shutdown (section 6.2.3)."""
+    """The phase of hibernation or shutdown (section 6.2.3)."""
 
     AWAKE = "AWAKE"
     FALLING_ASLEEP = "FALLING_ASLEEP"
@@ -247,15 +247,14 @@ class RobotState:
     """The state of one robot, and the effects of the current event.
 
     ``now`` is the monotonic time in s of the current event. ``paused`` is fleet control's own pause,
-    ``hold_applied``: driving and actions are paused, for whatever reason. ``clearing``: the order is being
-    ended early. ``wanted_mode`` is the mode that a person has selected and the state does not report yet.
-    ``utc`` is a time of day with the monotonic time in s at which it was read, None: unknown. ``speed_limit``
-    in m/s is what the zones allow, ``areas`` are those that navigation plans around, of the zone sets as they
-    were at ``areas_revision``. ``maps`` are those on the robot. ``header_ids`` are those from which the next
-    run of the program continues to count. ``interrupted`` are actions that a restart has ended during a
-    pause; they start again after it. ``zones_checked``: zones mattered at the last event. ``wake_up_at``: the
-    end of the hibernation. ``restless_since``: the monotonic time in s since which something beside the order
-    keeps the robot from hibernating, None: nothing does.
+    ``hold_applied``: driving and actions are paused, for any reason. ``clearing``: the order is being ended
+    early. ``wanted_mode`` is the mode that a person has selected and the state does not report yet. ``utc``
+    is a time of day with the monotonic time in s at which it was read, None: unknown. ``speed_limit`` in m/s
+    is what the zones allow, ``areas`` are those that navigation plans around, of the zone sets as they were
+    at ``areas_revision``. ``header_ids`` are the first ones of the next run of the program. ``interrupted``
+    are actions that a restart has ended during a pause; they restart after it. ``zones_checked``: zones were
+    relevant at the last event. ``wake_up_at``: the end of the hibernation. ``kept_awake_since``: monotonic
+    time in s since which something other than the order prevents hibernation, None: nothing does.
     """
 
     capabilities: Capabilities
@@ -280,7 +279,7 @@ class RobotState:
     clearing: bool = False
     power: PowerPhase = PowerPhase.AWAKE
     wake_up_at: datetime | None = None
-    restless_since: float | None = None
+    kept_awake_since: float | None = None
     journal_problem: str = ""
     header_ids: tuple[tuple[Topic, int], ...] = ()
     refused_topics: tuple[str, ...] = ()
@@ -315,28 +314,28 @@ class RobotState:
 
     @property
     def map_ids(self) -> frozenset[str]:
-        """The mapIds of the maps on the robot."""
+        """Return the mapIds of the maps on the robot."""
         return frozenset(each.map_id for each in self.maps)
 
     @property
     def idle(self) -> bool:
-        """Whether nothing of the order is left to do (section 6.6.8)."""
+        """Return whether the robot is idle: nothing of the order is left to do (section 6.6.8)."""
         return not self.progress.nodes and not self.progress.edges and self.actions.all_ended
 
     @property
     def waits_for_external_goal(self) -> bool:
-        """Whether driving waits for the end of a goal that was sent by another program."""
+        """Return whether driving waits for the end of a goal that was sent by another program."""
         pauses = self.capabilities.external_goals is ExternalGoals.PAUSE
         return pauses and bool(self.reports.goals.external)
 
     @property
     def next_mode(self) -> OperatingMode:
-        """Return the selected mode, also before the state reports it (section 6.6.6)."""
+        """Return the selected mode, even before the state reports it (section 6.6.6)."""
         return self.wanted_mode or self.operating_mode
 
     @property
     def fatal(self) -> bool:
-        """Return whether a reported error or the disk keeps the robot from accepting orders.
+        """Return whether a reported error or a failed disk prevents new orders.
 
         VDA 5050 3.0 section 6.6.5.1.
         """
@@ -344,7 +343,7 @@ class RobotState:
 
     @property
     def held(self) -> bool:
-        """Whether the robot must stop, and no action that can be paused may start or continue."""
+        """Return whether the robot must stop, and no action that can be paused may start or continue."""
         return (
             self.paused
             or self.reports.pause_button
@@ -355,11 +354,11 @@ class RobotState:
 
     @property
     def instant_actions_running(self) -> int:
-        """How many instant actions have not ended."""
+        """Return the number of instant actions that have not ended."""
         return sum(not record.status.ended for record in self.instant_actions)
 
     def running_instant_actions(self, action_type: str) -> list[str]:
-        """Return the ids of the instant actions of one type that have not ended."""
+        """Return the IDs of the instant actions of one type that have not ended."""
         return [
             record.action.action_id
             for record in self.instant_actions

@@ -9,6 +9,7 @@ from itertools import pairwise
 from math import dist
 
 from nena_edge_agent.driver.port import PlanReport, Pose
+from nena_edge_agent.protocol.geometry import distance
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.vda5050.error import ErrorReference
 from nena_shared.vda5050.state import InfoLevel, Information, IntermediatePath, PathPoint
@@ -16,21 +17,21 @@ from nena_shared.vda5050.state import InfoLevel, Information, IntermediatePath, 
 JITTER = 0.03
 """Metres by which the poses of a stopped robot may differ."""
 JUMP = 3.0
-"""Metres between two poses beyond which the localisation has corrected itself."""
+"""Distance between two poses beyond which the localisation has corrected itself, metres."""
 PLAN_TOLERANCE = 0.75
-"""Metres from a goal at which navigation may end its plan."""
+"""Maximum distance between a goal and the end of navigation's plan, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Distance:
-    """Metres driven and left."""
+    """The distances driven and left, m."""
 
     driven: float
     left: float
 
     @property
     def percent(self) -> int:
-        """Share of the distance that is driven."""
+        """Return the driven share of the distance, percent."""
         whole = self.driven + self.left
         return round(100 * self.driven / whole) if whole > 0 else 100
 
@@ -40,7 +41,7 @@ def pose_changed(robot: RobotState) -> None:
     route, pose = robot.route, robot.reports.localized_pose
     if pose is None:
         return
-    step = _apart(route.pose, pose) if route.pose else 0.0
+    step = distance(route.pose, pose) if route.pose else 0.0
     if route.pose is None or step >= JITTER:
         route.pose = pose
     if JITTER <= step <= JUMP:
@@ -49,7 +50,7 @@ def pose_changed(robot: RobotState) -> None:
 
 
 def advance(robot: RobotState) -> None:
-    """Start from 0 at each reached node, and with each order; after a restart at the last node."""
+    """Restart the distances at each reached node and with each order; after a restart, at the last node."""
     route, progress = robot.route, robot.progress
     node = (progress.last_node_id, progress.last_node_sequence_id)
     if progress.order_id != route.order_id:
@@ -81,7 +82,7 @@ def to_end(robot: RobotState) -> Distance | None:
     if node is None or position is None or pose is None:
         return None
     goal = to_goal(robot)
-    first = goal.left if goal else dist((pose.x, pose.y), (position.x, position.y))
+    first = goal.left if goal else distance(pose, position)
     return Distance(robot.route.in_order, first + progress.base_path.length_from(node.sequence_id))
 
 
@@ -99,16 +100,15 @@ def information(robot: RobotState) -> tuple[Information, ...]:
     VDA 5050 3.0 section 6.6.4.
     """
     distances = {"goal": to_goal(robot), "order": to_end(robot)}
-    known = {name: distance for name, distance in distances.items() if distance}
+    known = {name: found for name, found in distances.items() if found}
     if not known:
         return ()
-    references = [each for name, distance in known.items() for each in _references(name, distance)]
+    references = [each for name, found in known.items() for each in _references(name, found)]
     drive = robot.reports.progress
     if drive and drive.recoveries and robot.goal.target is not None:
         references.append(_reference("recoveries", str(drive.recoveries)))
     sentences = [
-        f"{distance.left:.1f} m of the {name} left, {distance.percent} % driven"
-        for name, distance in known.items()
+        f"{found.left:.1f} m of the {name} left, {found.percent} % driven" for name, found in known.items()
     ]
     return (
         Information(
@@ -145,7 +145,7 @@ def _left_to(robot: RobotState, goal: Pose, pose: Pose) -> float:
     plan, progress = current_plan(robot), robot.reports.progress
     if plan:
         return _along(plan, pose)
-    return progress.left if progress and progress.left is not None else _apart(pose, goal)
+    return progress.left if progress and progress.left is not None else distance(pose, goal)
 
 
 def _from_node(robot: RobotState) -> float:
@@ -154,7 +154,7 @@ def _from_node(robot: RobotState) -> float:
     position = progress.last_node.node_position if progress.last_node else None
     if position is None or pose is None or progress.on_last_node:
         return 0.0
-    return dist((position.x, position.y), (pose.x, pose.y))
+    return distance(position, pose)
 
 
 def _along(plan: PlanReport, pose: Pose) -> float:
@@ -165,14 +165,10 @@ def _along(plan: PlanReport, pose: Pose) -> float:
     return sum(dist(start, end) for start, end in pairwise(rest)) + dist(here, rest[0])
 
 
-def _apart(one: Pose, other: Pose) -> float:
-    return dist((one.x, one.y), (other.x, other.y))
-
-
-def _references(name: str, distance: Distance) -> tuple[ErrorReference, ErrorReference]:
+def _references(name: str, found: Distance) -> tuple[ErrorReference, ErrorReference]:
     return (
-        _reference(f"{name}DistanceLeft", f"{distance.left:.2f}"),
-        _reference(f"{name}Percent", str(distance.percent)),
+        _reference(f"{name}DistanceLeft", f"{found.left:.2f}"),
+        _reference(f"{name}Percent", str(found.percent)),
     )
 
 

@@ -23,7 +23,7 @@ from nena_shared.vda5050.state import (
 )
 from nena_shared.vda5050.visualization import Visualization
 
-PERMANENTLY_FED = 100.0
+CHARGE_WITHOUT_BATTERY = 100.0
 """State of charge of a robot that reports no battery."""
 
 
@@ -36,7 +36,7 @@ DURABLE_FIELDS = (
 
 
 def make_state(header: dict[str, Any], robot: RobotState) -> State:
-    """Make the state message (section 7.8); ``header`` has its five header fields by their neutral names."""
+    """Return the state message (section 7.8); ``header`` has its header fields by their neutral names."""
     progress = robot.progress
     ahead = progress.ahead
     return State(
@@ -74,9 +74,9 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
 
 
 def _drives(robot: RobotState) -> bool:
-    """Return whether the robot drives or may drive: after a restart, this is unknown until odometry arrives.
+    """Return whether the robot drives or may drive; after a restart, that is unknown until odometry arrives.
 
-    A robot whose goal waits for navigation is at standstill, once its odometry shows that.
+    A robot whose goal waits for navigation is at standstill if its odometry confirms it.
     """
     velocity = robot.reports.velocity
     not_known = robot.goal.left_over and velocity.vx is None
@@ -86,10 +86,10 @@ def _drives(robot: RobotState) -> bool:
 
 
 def as_recorded(state: State, before: State, *, last: bool = False) -> State:
-    """Return ``state`` with its durable fields as in ``before``: as far as a restart would not revert it.
+    """Return ``state`` with its durable fields as in ``before``, so that a restart does not revert it.
 
-    A goal that waits for the disk is not sent, so the robot drives if it moves. ``last``: the state is the
-    last one before a shutdown, and also reports its end.
+    A goal that waits for the disk is not sent, so the robot drives only if it moves. ``last``: the state is
+    the last one before a shutdown, and also reports the end of that action.
     """
     speed = state.velocity
     stands = speed is not None and not speed.vx and not speed.omega
@@ -100,7 +100,7 @@ def as_recorded(state: State, before: State, *, last: bool = False) -> State:
 
 
 def make_visualization(header: dict[str, Any], robot: RobotState, *, state_header_id: int) -> Visualization:
-    """Make the visualization message (section 7.9); ``header`` as in :func:`make_state`."""
+    """Return the visualization message (section 7.9); ``header`` as in :func:`make_state`."""
     return Visualization(
         **header,
         reference_state_header_id=state_header_id,
@@ -140,7 +140,7 @@ def _safety_state(safety: SafetyReport) -> SafetyState:
 @lru_cache(maxsize=1024)
 def _power_supply(battery: BatteryReport | None, *, charging: bool) -> PowerSupply:
     if battery is None:
-        return PowerSupply(state_of_charge=PERMANENTLY_FED, charging=charging)
+        return PowerSupply(state_of_charge=CHARGE_WITHOUT_BATTERY, charging=charging)
     return PowerSupply(
         state_of_charge=battery.state_of_charge,
         battery_voltage=battery.voltage,

@@ -14,11 +14,11 @@ from nena_shared.vda5050.state import RobotZoneSetStatus, ZoneSetState
 from nena_shared.vda5050.zone_set import Zone, ZoneSet, ZoneType
 
 CLOSED = (ZoneType.BLOCKED, ZoneType.LINE_GUIDED)
-"""Zones that a freely navigating robot must not drive in: it cannot follow a trajectory."""
+"""Zones that a freely navigating robot must not enter, because it does not follow lines."""
 
 
 def zones_in(ground: Iterable[Polygon], map_id: str, zones: Iterable[EnabledZone]) -> list[EnabledZone]:
-    """Return the zones of one map that ``ground`` touches."""
+    """Return the zones of one map that intersect ``ground``."""
     parts = [(part, box(part)) for part in ground]
     return [
         each
@@ -29,7 +29,7 @@ def zones_in(ground: Iterable[Polygon], map_id: str, zones: Iterable[EnabledZone
 
 
 def first_closed(zones: Iterable[EnabledZone]) -> EnabledZone | None:
-    """Return the first of ``zones`` that the robot must not drive in."""
+    """Return the first of ``zones`` that the robot must not enter."""
     return next((each for each in zones if each.zone.zone_type in CLOSED), None)
 
 
@@ -43,7 +43,7 @@ class ZoneSetRefusedError(Exception):
 
 
 class DuplicateZoneSetError(ZoneSetRefusedError):
-    """A set with this id exists (section 6.4.1): the content of a zoneSetId never changes."""
+    """A set with this ID exists (section 6.4.1): the content of a zoneSetId never changes."""
 
 
 class NoRoomForZoneSetError(ZoneSetRefusedError):
@@ -62,12 +62,12 @@ class EnabledZone:
 
     @property
     def key(self) -> tuple[str, str]:
-        """Name it among the zones of all sets."""
+        """Return the zone's key among the zones of all sets."""
         return self.zone_set_id, self.zone.zone_id
 
 
 class ZoneSets:
-    """Zone sets by their id (section 6.4.2); at most one of each map is enabled."""
+    """Zone sets by their ID (section 6.4.2); at most one of each map is enabled."""
 
     def __init__(self, supported: frozenset[ZoneType]) -> None:
         self._supported = supported
@@ -79,7 +79,7 @@ class ZoneSets:
 
     @property
     def held(self) -> tuple[tuple[ZoneSet, bool], ...]:
-        """All sets, each with whether it is enabled."""
+        """Return all sets, each with whether it is enabled."""
         return tuple((each, self._is_enabled(each)) for each in self._sets.values())
 
     def restore(self, held: tuple[tuple[ZoneSet, bool], ...]) -> None:
@@ -89,7 +89,7 @@ class ZoneSets:
         self._changed()
 
     def add(self, zone_set: ZoneSet) -> None:
-        """Add a set, DISABLED (section 6.4).
+        """Add a set as DISABLED (section 6.4).
 
         Raises:
             ZoneSetRefusedError: it is not accepted.
@@ -150,7 +150,7 @@ class ZoneSets:
     def _changed(self) -> None:
         self.revision += 1
         self.enabled = tuple(
-            _counting(each, zone) for each, enabled in self.held if enabled for zone in each.zones
+            _enabled_zone(each, zone) for each, enabled in self.held if enabled for zone in each.zones
         )
         self.states = tuple(
             ZoneSetState(
@@ -162,7 +162,7 @@ class ZoneSets:
         )
 
 
-def _counting(zone_set: ZoneSet, zone: Zone) -> EnabledZone:
+def _enabled_zone(zone_set: ZoneSet, zone: Zone) -> EnabledZone:
     contour = _contour(zone)
     return EnabledZone(zone_set.map_id, zone_set.zone_set_id, zone, contour, box(contour))
 
@@ -190,16 +190,16 @@ class AccessRequest:
 
     @property
     def key(self) -> ZoneKey:
-        """The zone."""
+        """Return the key of the zone."""
         return self.zone_set_id, self.zone_id
 
     def with_status(self, status: RequestStatus, lease_expiry: datetime | None = None) -> AccessRequest:
-        """Return it with another status."""
+        """Return a copy with another status."""
         return AccessRequest(self.zone_set_id, self.zone_id, self.request_id, status, lease_expiry)
 
 
 class ZoneRequests:
-    """The active requests, at most one for each zone (section 6.9); their ids are not used twice."""
+    """The active requests, at most one for each zone (section 6.9); their IDs are not used twice."""
 
     def __init__(self, requests: Iterable[AccessRequest] = (), last_number: int = 0) -> None:
         self._requests = {each.key: each for each in requests}
@@ -209,12 +209,12 @@ class ZoneRequests:
 
     @property
     def requests(self) -> tuple[AccessRequest, ...]:
-        """All active requests."""
+        """Return all active requests."""
         return tuple(self._requests.values())
 
     @property
     def states(self) -> tuple[ZoneRequest, ...]:
-        """As the state message shows them."""
+        """Return the requests as reported in the state."""
         return tuple(
             ZoneRequest(
                 request_id=each.request_id,
@@ -228,7 +228,7 @@ class ZoneRequests:
 
     @property
     def waits(self) -> bool:
-        """Whether the passing of time may change something."""
+        """Return whether a lease or a delay is running."""
         return bool(self._refused) or any(each.lease_expiry for each in self._requests.values())
 
     def status(self, key: ZoneKey) -> RequestStatus | None:
@@ -258,7 +258,7 @@ class ZoneRequests:
                 pass  # the request stays REQUESTED: 3.0.0 has no other status for it
 
     def request(self, zones: Iterable[EnabledZone], now: float) -> None:
-        """Request each of ``zones`` that has no request yet, unless it was rejected a moment ago.
+        """Request each of ``zones`` that has no request yet, unless it was rejected recently.
 
         VDA 5050 3.0 section 6.4.3.
         """
@@ -282,7 +282,7 @@ class ZoneRequests:
                 self._lose(request, RequestStatus.EXPIRED, inside)
 
     def _lose(self, request: AccessRequest, status: RequestStatus, inside: frozenset[ZoneKey]) -> None:
-        """Report the loss while the robot is in the zone, else drop the request."""
+        """Report the loss while the robot is in the zone; otherwise drop the request."""
         if request.key in inside:
             self._put(request.with_status(status))
         else:

@@ -88,7 +88,6 @@ def apply_responses(robot: RobotState, message: Responses, utc: datetime) -> Non
 
     A grant that has expired is ignored.
     """
-    robot.utc = (utc, robot.now)
     inside = _possibly_inside(robot)
     for response in message.responses:
         if response.lease_expiry is None or response.lease_expiry > utc:
@@ -103,10 +102,10 @@ def expire(robot: RobotState) -> None:
 
 
 def advance(robot: RobotState) -> None:
-    """Request the zones ahead, drop requests behind, and report what is wrong."""
+    """Request the zones ahead, drop obsolete requests, and report zone errors."""
     relevant = bool(robot.zone_sets.enabled or robot.zone_requests.requests)
     if not relevant and not robot.zones_checked:
-        return  # again behind the last zone, to undo its effects
+        return  # run once more after the last zone, to withdraw its errors and requests
     robot.zones_checked = relevant
     inside = _inside(robot)
     _update_requests(robot, inside)
@@ -140,13 +139,13 @@ def _release_zones_ahead(robot: RobotState) -> list[EnabledZone]:
     return found
 
 
-# What zones mean for driving (section 6.4)
+# Effects on driving (section 6.4)
 
 
 def first_barred(
     robot: RobotState, start: Pose | NodePosition, end: NodePosition, edge: int | None = None
 ) -> EnabledZone | None:
-    """Return the first zone on the path to ``end`` that the robot must not drive in now.
+    """Return the first zone on the path to ``end`` that the robot must not enter now.
 
     The path is straight, unless the robot follows one along the edge of the order with the index ``edge``.
     """
@@ -155,7 +154,7 @@ def first_barred(
 
 
 def must_stop(robot: RobotState) -> bool:
-    """Return whether a zone keeps the robot from driving on from where it is (section 6.4)."""
+    """Return whether a zone prevents the robot from driving on (section 6.4)."""
     pose, node = robot.reports.localized_pose, robot.progress.next_node
     if not robot.zone_sets.enabled or pose is None:
         return False
@@ -190,7 +189,7 @@ def speed_limits(robot: RobotState) -> list[float]:
 
 
 def _on_path_while_braking(robot: RobotState, pose: Pose, end: NodePosition) -> list[EnabledZone]:
-    """Return the zones on the path up to where the robot has slowed down at the earliest."""
+    """Return the zones on the path within the braking distance."""
     path = following.path_of(robot)
     if not path:
         return _on_path(robot, pose, _braking_point(robot, pose, end))
@@ -200,7 +199,7 @@ def _on_path_while_braking(robot: RobotState, pose: Pose, end: NodePosition) -> 
 
 
 def _braking_point(robot: RobotState, pose: Pose, end: NodePosition) -> NodePosition:
-    """Return where the robot has slowed down at the earliest on its path to ``end``."""
+    """Return the point on the way to ``end`` where the braking distance ends."""
     length = distance(pose, end)
     share = min(1.0, robot.capabilities.braking_distance / length) if length else 1.0
     return NodePosition(
@@ -237,7 +236,7 @@ def _possibly_inside(robot: RobotState) -> frozenset[ZoneKey]:
 
 
 def _is_open(robot: RobotState, zone: EnabledZone) -> bool:
-    """Return whether the robot may be in ``zone`` and drive in it."""
+    """Return whether the robot may enter ``zone`` and drive in it."""
     if zone.zone.zone_type is not ZoneType.RELEASE:
         return True
     status = robot.zone_requests.status(zone.key)
@@ -247,7 +246,7 @@ def _is_open(robot: RobotState, zone: EnabledZone) -> bool:
 
 
 def _may_continue(robot: RobotState, zone: EnabledZone) -> bool:
-    """Return whether the robot drives on in a zone after its release was lost (releaseLossBehavior)."""
+    """Return whether the robot may drive on in a zone whose release was lost (releaseLossBehavior)."""
     match zone.zone.release_loss_behavior:
         case ZoneReleaseLossBehavior.CONTINUE:
             return True
@@ -258,7 +257,7 @@ def _may_continue(robot: RobotState, zone: EnabledZone) -> bool:
 
 
 def _leaves(robot: RobotState, zone: EnabledZone) -> bool:
-    """Return whether the base ends outside of ``zone``: then driving on evacuates it."""
+    """Return whether the base ends outside ``zone``, so that driving on evacuates it."""
     base = [node.node_position for node in robot.progress.nodes if node.released]
     end = base[-1] if base else None
     if end is None:

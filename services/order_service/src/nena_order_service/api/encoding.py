@@ -50,7 +50,7 @@ class EncodedPage:
 
 async def encode(body: BaseModel, *, exclude_none: bool = False) -> bytes:
     """Return an answer as JSON."""
-    long = {name for name, value in body if _is_long(value)}
+    long = {name for name, value in vars(body).items() if _is_long(value)}
     short = body.model_dump_json(by_alias=True, exclude_none=exclude_none, exclude=long or None).encode()
     if not long:
         return short
@@ -66,7 +66,7 @@ async def encode(body: BaseModel, *, exclude_none: bool = False) -> bytes:
 def _is_long(value: object) -> bool:
     if isinstance(value, tuple):
         return len(value) > SLICE and all(isinstance(each, BaseModel) for each in value)
-    return isinstance(value, BaseModel) and any(_is_long(each) for _, each in value)
+    return isinstance(value, BaseModel) and any(map(_is_long, vars(value).values()))
 
 
 async def _encode_long(value: Any, *, exclude_none: bool) -> bytes:  # noqa: ANN401 - checked by _is_long

@@ -17,7 +17,6 @@ from nena_order_service.errors import (
     OrderAssignedError,
     OrderEndedError,
     OrderWithdrawnError,
-    SequenceNameTakenError,
     SequenceRefusesError,
     UnknownDependencyError,
     UnknownOrderError,
@@ -30,7 +29,7 @@ from nena_order_service.errors import (
 from nena_order_service.fleet.instant_actions import LEAVES
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.fleet.robot import LinkStatus, RobotView, VdaOrderPhase
-from nena_order_service.fleet.vda_order import fresh_id, order_id
+from nena_order_service.fleet.vda_order import order_id, unique_id
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
 from nena_order_service.orders.validation import check_request
@@ -170,12 +169,8 @@ class HostRequests:
             finally:  # a robot must not wait for its order while the log is written
                 log.info("order created", order=name, state=known.state.value)
             return self._visible(known), True
-        if known.idempotency_key != request.idempotency_key:
-            raise NameTakenError(name)
-        named = known.name.startswith(f"{request.name or ORDER_PREFIX}-") if complete else known.name == name
-        if not (named and known.asked_for_by(request)):
-            key = request.idempotency_key
-            raise NameTakenError(name) if key is None else KeyReusedError(key, known.name)
+        name = f"{request.name or ORDER_PREFIX}-" if complete else name
+        _check_same(known, request, name, complete=complete, same=known.asked_for_by(request))
         await self._engine.unit_of_work.wait_committed()
         return self._visible(known), False
 
@@ -350,7 +345,7 @@ class HostRequests:
             raise VehicleBusyError(name, self._engine.status(vehicle).transport_order or "")
         action = Action(
             action_type=action_type,
-            action_id=fresh_id(),
+            action_id=unique_id(),
             blocking_type=blocking_type,
             action_parameters=parameters,
         )
@@ -462,7 +457,8 @@ class SequenceRequests:
         known = await self._find(None if complete else name, request.idempotency_key)
         if known is None:
             return await self._make(request, name), True
-        _check_same(known, request, f"{prefix}-" if complete else name, complete=complete)
+        name = f"{prefix}-" if complete else name
+        _check_same(known, request, name, complete=complete, same=known.asked_for_by(request))
         await self._engine.unit_of_work.wait_committed()
         return self._visible(known), False
 
@@ -525,14 +521,24 @@ class SequenceRequests:
         ).status
 
 
-def _check_same(known: OrderSequence, request: OrderSequenceRequest, name: str, *, complete: bool) -> None:
-    """Refuse a repeated request that differs from the first one; ``complete``: ``name`` was only a prefix."""
-    key = request.idempotency_key
+def _check_same(
+    known: TransportOrder | OrderSequence,
+    request: TransportOrderRequest | OrderSequenceRequest,
+    name: str,
+    *,
+    complete: bool,
+    same: bool,
+) -> None:
+    """Refuse a repeated request that is not the ``same`` one; ``complete``: ``name`` is only a prefix."""
+    key, kind = (
+        request.idempotency_key,
+        "Order sequence" if isinstance(known, OrderSequence) else "Transport order",
+    )
     if known.idempotency_key != key:
-        raise SequenceNameTakenError(name)
+        raise NameTakenError(name, kind)
     named = known.name.startswith(name) if complete else known.name == name
-    if not (named and known.asked_for_by(request)):
-        raise SequenceNameTakenError(name) if key is None else KeyReusedError(key, known.name)
+    if not (named and same):
+        raise NameTakenError(name, kind) if key is None else KeyReusedError(key, known.name)
 
 
 @dataclass(frozen=True, slots=True)

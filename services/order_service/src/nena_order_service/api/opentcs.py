@@ -26,7 +26,6 @@ from nena_order_service.errors import (
     NotReroutableError,
     OrderAssignedError,
     OrderEndedError,
-    SequenceNameTakenError,
 )
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
@@ -357,7 +356,7 @@ def _add_sequences(app: FastAPI, requests: SequenceRequests, vehicles: HostReque
     async def create(name: str, body: OrderSequenceCreation) -> Response:
         sequence, new = await requests.create(body.request(name))
         if not new:
-            raise SequenceNameTakenError(name)
+            raise NameTakenError(name, "Order sequence")
         return _json(OrderSequenceState.of(sequence))
 
     @_serve(app, table.COMPLETE_SEQUENCE, response_class=Response)

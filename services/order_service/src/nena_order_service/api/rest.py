@@ -110,10 +110,8 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     }
     app.add_middleware(BodyLimit, limit=service.max_body, larger=larger)
     problems.install(app)
-    router = APIRouter()
     for each in OPERATIONS:
-        _add_route(router, each, operations.handlers[each.name])
-    app.include_router(router)
+        _add_route(app.router, each, operations.handlers[each.name])
     app.include_router(_events(stream))
     app.include_router(plant_model_router(service.plant_json, service.change_plant))
     app.include_router(_probes(service))

@@ -30,18 +30,18 @@ class LocatedCandidate:
     """What was known of its robot; None: irrelevant."""
 
     @property
-    def matters(self) -> tuple[object, ...]:
+    def significant_fields(self) -> tuple[object, ...]:
         """Return what is relevant for the assignment of orders; energy alone is not."""
         where = self.standing and self.standing.point
-        return *self.hindrance, self.seen.restriction, self.seen.gives_up, self.seen.carried, where
+        return *self.reason_key, self.seen.restriction, self.seen.gives_up, self.seen.carried, where
 
     @property
-    def hindrance(self) -> Hindrance:
+    def reason_key(self) -> ReasonKey:
         """Return what decides a vehicle's reason towards orders that do not name or exclude it."""
         return self.seen.obstacle, self.order_types, self.sequence
 
 
-Hindrance = tuple[str, tuple[AcceptableOrderType, ...], str | None]
+ReasonKey = tuple[str, tuple[AcceptableOrderType, ...], str | None]
 
 
 class Candidates:
@@ -60,14 +60,14 @@ class Candidates:
         self._registry = registry
         self._consider = consider
         self._known: dict[str, LocatedCandidate] = {}
-        self._hindered: dict[Hindrance, dict[str, None]] = {}
+        self._unavailable: dict[ReasonKey, dict[str, None]] = {}
 
     def look_at(self, vehicle: FleetVehicle) -> bool:
         """Update a vehicle; return whether anything relevant for the assignment has changed."""
         name, found = vehicle.name, self._consider(vehicle)
         before = self._known.get(name)
         self._known[name] = found
-        is_new = before is None or before.matters != found.matters
+        is_new = before is None or before.significant_fields != found.significant_fields
         if found.seen.soon:
             self.soon[name] = None
         else:
@@ -80,12 +80,12 @@ class Candidates:
             if is_new:
                 self.fresh[name] = None
         if before and before.seen.obstacle and is_new:
-            alike = self._hindered[before.hindrance]
+            alike = self._unavailable[before.reason_key]
             del alike[name]
             if not alike:
-                del self._hindered[before.hindrance]
+                del self._unavailable[before.reason_key]
         if found.seen.obstacle and is_new:
-            self._hindered.setdefault(found.hindrance, {})[name] = None
+            self._unavailable.setdefault(found.reason_key, {})[name] = None
         return is_new
 
     def refresh(self, names: Iterable[str]) -> None:
@@ -123,6 +123,6 @@ class Candidates:
 
     def relevant(self, named: Iterable[str]) -> dict[str, LocatedCandidate]:
         """Return the free vehicles and those that soon will be, these, and one of each kind of the others."""
-        examples = [next(iter(each)) for each in self._hindered.values()][:EXAMPLES_AT_MOST]
+        examples = [next(iter(each)) for each in self._unavailable.values()][:EXAMPLES_AT_MOST]
         names = sorted({*self.free, *self.soon, *examples, *(name for name in named if name in self._known)})
         return {name: self._known[name] for name in names}

@@ -297,7 +297,7 @@ NOTHING_KEPT: Final[Mapping[int, str]] = MappingProxyType({})
 class Knowledge(Protocol):
     """Queries of the dispatcher about orders and vehicles."""
 
-    def misfit(self, order: TransportOrder, vehicle: str) -> str:
+    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
         """Return why a vehicle must not execute an order, regardless of its current work; empty if it may.
 
         The answer is the same for all orders of one :class:`OrderKind`.
@@ -320,7 +320,7 @@ class Knowledge(Protocol):
         """Return how often vehicles will still visit the order's destinations for other orders."""
         ...
 
-    def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
+    def why_no_route(self, order: TransportOrder, vehicle: str) -> str:
         """Return why there is no route."""
         ...
 
@@ -514,12 +514,12 @@ class _Round:
         found = {}
         for order in orders:
             kind, is_kept = self._kind(order), order.number in self._kept
-            hindrances = None if is_kept else known.get(kind)
-            if hindrances is None:
-                hindrances = {each.name: self._why_not(order, each) for each in self._meant(order)}
+            wait_reasons = None if is_kept else known.get(kind)
+            if wait_reasons is None:
+                wait_reasons = {each.name: self._why_not(order, each) for each in self._meant(order)}
             if not is_kept:
-                known[kind] = hindrances
-            free = [name for name, hindrance in hindrances.items() if not hindrance]
+                known[kind] = wait_reasons
+            free = [name for name, wait_reason in wait_reasons.items() if not wait_reason]
             pairs = [*self._possible((order, self._vehicles[name]) for name in free)]
             if pairs and not is_kept:
                 later = (each for each in soon.values() if not self._why_not(order, each))
@@ -531,7 +531,7 @@ class _Round:
                     nearest, len(free), self._settings.vehicle_candidates[0], dearer
                 )
             else:
-                self.decisions.reasons[order.name] = self._why_waiting(order, hindrances, free)
+                self.decisions.reasons[order.name] = self._why_waiting(order, wait_reasons, free)
         return found
 
     def let_orders_choose(self, orders: Sequence[TransportOrder]) -> None:
@@ -545,12 +545,12 @@ class _Round:
             if kind in unassignable and order.number not in self._kept:
                 self.decisions.reasons[order.name] = unassignable[kind]
                 continue
-            hindrances = {each.name: self._why_not(order, each) for each in self._meant(order)}
-            free = [name for name, hindrance in hindrances.items() if not hindrance]
+            wait_reasons = {each.name: self._why_not(order, each) for each in self._meant(order)}
+            free = [name for name, wait_reason in wait_reasons.items() if not wait_reason]
             if free:
                 self._choose(order, free, rank)
                 continue
-            reason = self.decisions.reasons[order.name] = self._why_waiting(order, hindrances, free)
+            reason = self.decisions.reasons[order.name] = self._why_waiting(order, wait_reasons, free)
             if order.number not in self._kept:
                 unassignable[kind] = reason
 
@@ -562,11 +562,13 @@ class _Round:
         else:
             self.decisions.reasons[order.name] = self._why_waiting(order, {}, free)
 
-    def _why_waiting(self, order: TransportOrder, hindrances: Mapping[str, str], free: Sequence[str]) -> str:
+    def _why_waiting(
+        self, order: TransportOrder, wait_reasons: Mapping[str, str], free: Sequence[str]
+    ) -> str:
         """Return why no vehicle takes an order: none is ``free`` for it, or the free ones have no route."""
         if not free:
-            return why_nobody(self._intended(order), hindrances)
-        why = self._knowledge.why_no_way(order, free[-1])
+            return why_no_vehicle(self._intended(order), wait_reasons)
+        why = self._knowledge.why_no_route(order, free[-1])
         return f"waits: vehicle {free[-1]!r} has no route: {why}"
 
     def _possible(self, pairs: Iterable[tuple[TransportOrder, DispatchedVehicle]]) -> Iterator[Candidate]:
@@ -600,9 +602,9 @@ class _Round:
         intended = self._intended(order)
         if intended not in (None, vehicle.name):
             return "is not the intended vehicle"
-        misfit = self._knowledge.misfit(order, vehicle.name)
-        if misfit:
-            return misfit
+        why_unsuitable = self._knowledge.why_unsuitable(order, vehicle.name)
+        if why_unsuitable:
+            return why_unsuitable
         return vehicle.why_not(order, recharges=self._recharges(order), pick=self._pick(order))
 
     def _recharges(self, order: TransportOrder) -> bool:
@@ -624,13 +626,13 @@ class _Round:
         return f"first by {key} of {choices} free vehicles"
 
 
-def why_nobody(intended: str | None, hindrances: Mapping[str, str]) -> str:
+def why_no_vehicle(intended: str | None, wait_reasons: Mapping[str, str]) -> str:
     """Return why an order waits, from the reasons of all vehicles."""
     if intended is not None:
-        return f"waits for vehicle {intended!r}, which {hindrances.get(intended, 'takes no orders')}"
-    if not hindrances:
+        return f"waits for vehicle {intended!r}, which {wait_reasons.get(intended, 'takes no orders')}"
+    if not wait_reasons:
         return "waits for a vehicle: none in the plant model takes orders"
-    kinds = sorted(set(hindrances.values()))
+    kinds = sorted(set(wait_reasons.values()))
     more = " or something else" if len(kinds) > KINDS_NAMED else ""
     return f"waits for a vehicle: each of them {' or '.join(kinds[:KINDS_NAMED])}{more}"
 
@@ -680,12 +682,14 @@ def _fit(
         if wanted not in (None, vehicle.name):
             return VehicleFit(vehicle.name, fits=False, reason=why)
     recharges, pick = knowledge.recharges(order), knowledge.pick(order)
-    reason = knowledge.misfit(order, vehicle.name) or vehicle.why_not(order, recharges=recharges, pick=pick)
+    reason = knowledge.why_unsuitable(order, vehicle.name) or vehicle.why_not(
+        order, recharges=recharges, pick=pick
+    )
     if reason:
         return VehicleFit(vehicle.name, fits=False, reason=reason)
     cost = knowledge.cost(order, vehicle.name).complete
     if cost == inf:
         return VehicleFit(
-            vehicle.name, fits=False, reason=f"has no route: {knowledge.why_no_way(order, vehicle.name)}"
+            vehicle.name, fits=False, reason=f"has no route: {knowledge.why_no_route(order, vehicle.name)}"
         )
     return VehicleFit(vehicle.name, fits=True, reason=COULD, cost=cost)

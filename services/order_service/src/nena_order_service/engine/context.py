@@ -1,4 +1,4 @@
-"""The context of the engine's flows: plant, state, traffic, fleet, settings and clock."""
+"""The context of the engine's flows: plant, state, traffic, fleet control, settings and clock."""
 
 from __future__ import annotations
 
@@ -89,10 +89,10 @@ class EngineSettings(SettingsGroup):
 
 
 class FleetControl(Protocol):
-    """The port to the robots; its events go to the engine's ``on_events``."""
+    """Fleet control as the engine uses it; it reports events to the engine's ``on_events``."""
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        """Send a VDA order; raises RobotBusyError."""
+        """Send a VDA order (section 6.1.1); raises RobotBusyError."""
         ...
 
     def adopt_vda_order(
@@ -102,23 +102,23 @@ class FleetControl(Protocol):
         ...
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        """Update the robot's VDA order to a newer plan; raises BaseChangedError."""
+        """Send an order update (section 6.1.2); raises BaseChangedError."""
         ...
 
     def cancel_vda_order(self, robot: RobotKey) -> None:
-        """End the robot's VDA order early."""
+        """Cancel the robot's VDA order (section 6.1.3)."""
         ...
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
-        """Send an instant action."""
+        """Send an instant action (section 6.2.1)."""
         ...
 
     def all_known(self) -> bool:
-        """Return whether each robot that is connected according to the broker has reported its state."""
+        """Return whether every robot that is connected, according to the broker, has reported its state."""
         ...
 
     def connected_for(self) -> float:
-        """Return for how many seconds the link to the broker has been up; 0 while it is down."""
+        """Return how long the link to the broker has been up, seconds; 0 while it is down."""
         ...
 
     def view(self, robot: RobotKey) -> RobotView:
@@ -127,7 +127,7 @@ class FleetControl(Protocol):
 
 
 class Context:
-    """The state, and everything that flows need to change it; passed to each flow."""
+    """The state, and everything that the flows need to change it."""
 
     def __init__(
         self,
@@ -152,14 +152,14 @@ class Context:
         self._fleet: FleetControl | None = None
 
     def connect(self, fleet: FleetControl) -> None:
-        """Use this port to the robots."""
+        """Connect fleet control."""
         self._fleet = fleet
 
     @property
     def fleet(self) -> FleetControl:
-        """The port to the robots; RuntimeError before :meth:`connect`."""
+        """Fleet control; raises RuntimeError before :meth:`connect`."""
         if self._fleet is None:
-            message = "connect the fleet before it is used"
+            message = "fleet control is not connected yet"
             raise RuntimeError(message)
         return self._fleet
 

@@ -1,4 +1,4 @@
-"""Dependencies: which orders wait for which, and the effect of an order's end on others."""
+"""Dependencies between orders: which order waits for which, and the effect of an order's end on others."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ NAMES_SHOWN = 3
 
 
 class Dependencies:
-    """Tracks, for each waiting order, which others must end first."""
+    """Tracks which other orders each waiting order depends on."""
 
     def __init__(self) -> None:
         self._waits_for: dict[int, set[str]] = {}
         self._dependents: dict[str, set[int]] = {}
 
     def wait(self, order: TransportOrder, pending: Iterable[str]) -> None:
-        """Make an order wait for the orders of these names."""
+        """Make an order wait for the orders with these names."""
         names = set(pending)
         if names:
             self._waits_for[order.number] = names
@@ -45,7 +45,7 @@ class Dependencies:
                 del self._dependents[name]
 
     def why_waiting(self, order: TransportOrder) -> str:
-        """Return what an order waits for; empty for nothing."""
+        """Return what an order waits for; empty if it does not wait."""
         names = sorted(self._waits_for.get(order.number, ()))
         if not names:
             return ""
@@ -62,8 +62,8 @@ HOLDER = "failure of a dependency"
 class Conditions:
     """Makes orders wait for their dependencies and for their turn in their sequence.
 
-    The effects of an order's end on other orders are applied in the same unit of work. An order stored as
-    ACTIVE therefore waits exactly for those of its dependencies that have not ended, also after a restart.
+    An order's end takes effect on other orders in the same unit of work. A stored ACTIVE order therefore
+    waits exactly for those of its dependencies that have not ended, also after a restart.
     """
 
     def __init__(self, context: Context, sequences: Sequences) -> None:
@@ -73,10 +73,9 @@ class Conditions:
         self._dependencies = Dependencies()
 
     def begin(self, order: TransportOrder, ended: Mapping[str, TransportOrderState]) -> TransportOrder:
-        """Check a new order; return it with its resulting state.
+        """Check a new order's dependencies; return the order with its resulting state.
 
-        ``ended`` has the final states of dependencies that ended so long ago that they are no longer in
-        memory.
+        ``ended`` has the final states of dependencies that are no longer in memory.
         """
         for name in order.status.dependencies:
             known = self._orders.named(name)
@@ -85,15 +84,15 @@ class Conditions:
                 order = self._failed_dependency(order, name, state)
                 if order.state.final:
                     return order
-        return self.take_up(order)
+        return self.restore(order)
 
-    def take_up(self, order: TransportOrder) -> TransportOrder:
-        """Make an order wait as needed, also after a restart; return it with its resulting state."""
+    def restore(self, order: TransportOrder) -> TransportOrder:
+        """Register what an order waits for, also after a restart; return it with its resulting state."""
         self._dependencies.wait(order, filter(self._is_awaited, order.status.dependencies))
         return self.look(order)
 
     def settle(self) -> bool:
-        """Apply the effects of ended orders on others; return whether any may be dispatched now."""
+        """Apply the effects of ended orders on others; return whether any of these can be dispatched now."""
         dispatchable = False
         while ended := self._orders.take_ended():
             for order in ended:
@@ -120,13 +119,13 @@ class Conditions:
         return dispatchable
 
     def _look_again(self, order: TransportOrder) -> bool:
-        """Note an order with its current conditions; return whether it may be dispatched."""
+        """Update an order's state by its current conditions; return whether it can be dispatched."""
         order = self.look(order)
         self._orders.put(order)
         return order.state is S.DISPATCHABLE
 
     def look(self, order: TransportOrder) -> TransportOrder:
-        """Return an order with its current conditions; one without conditions is unchanged."""
+        """Return an ACTIVE order in the state that its conditions imply; return others unchanged."""
         if order.state is not S.ACTIVE:
             return order
         why = self._dependencies.why_waiting(order) or self._sequences.why_waiting(order)
@@ -135,7 +134,7 @@ class Conditions:
     def _failed_dependency(
         self, order: TransportOrder, name: str, state: TransportOrderState
     ) -> TransportOrder:
-        """Apply an order's setting for the failure of a dependency."""
+        """Return an order after the failure of a dependency, as its onDependencyFailure requires."""
         if order.state.final:
             return order
         reason = f"order {name!r}, on which it depends, is {state}"

@@ -1,4 +1,4 @@
-"""Dispatching: connects the dispatcher with the current vehicles, and reports why orders wait."""
+"""Dispatching: run the dispatcher over the current vehicles, and report why orders wait."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from nena_order_service.dispatching.dispatcher import (
     best_first,
     carried,
     explain,
-    why_nobody,
+    why_no_vehicle,
     why_not_accepted,
 )
 from nena_order_service.engine.context import Context
@@ -37,9 +37,9 @@ from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.orders.vda_orders import OrderPlanner, Pick
 from nena_order_service.orders.waiting import OrderKind
 from nena_order_service.routing.graph import NoRouteError
-from nena_order_service.routing.router import NO_WAY, OrderCosts, RouteCost, RouteCosts, RoutePlan
+from nena_order_service.routing.router import NO_ROUTE, OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on
-from nena_shared.fleet_api.transport_order import Destination, DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.transport_order import Destination, TransportOrderState
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, VehicleState
 from nena_shared.plant import UnknownObjectError
 
@@ -52,7 +52,7 @@ class OrderFit:
     sequences: Sequences
 
     def order_types(self, vehicle: FleetVehicle) -> tuple[AcceptableOrderType, ...]:
-        """Return the order types that a vehicle accepts: as set by hosts, else by the plant model."""
+        """Return the order types that a vehicle accepts: those set by hosts, otherwise the plant model's."""
         chosen = self.records.of(vehicle.key).acceptable_order_types
         if chosen is not None:
             return chosen
@@ -62,22 +62,22 @@ class OrderFit:
         """Set the order types that a vehicle accepts; its current order is not affected."""
         self.records.change(vehicle.key, acceptable_order_types=types)
 
-    def misfit(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
-        """Return, as a predicate, why a vehicle must not get an order; empty if it may."""
+    def why_unsuitable(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
+        """Return, as a predicate, why a vehicle must not execute an order; empty if it may."""
         if vehicle.name in order.status.excluded_vehicles:
             return "has failed at this order"
-        why = self.sequences.misfit(order, vehicle.name)
+        why = self.sequences.why_unsuitable(order, vehicle.name)
         return why or why_not_accepted(self.order_types(vehicle), order.status.type)
 
 
 REASONS_KEPT = 1000
-"""Maximum number of cached reasons for missing routes, which waiting orders request repeatedly."""
+"""Maximum number of cached reasons for missing routes, which waiting orders need repeatedly."""
 
 COSTS_KEPT = 4_000
 """Maximum number of orders with cached costs, for each kind of vehicle."""
 
 ENTRIES_KEPT = 1_000_000
-"""Maximum number of cached costs of single points; in large plants, fewer orders are cached."""
+"""Maximum number of cached costs of single points; in large plants, it limits the orders instead."""
 
 
 class KnownCosts:
@@ -113,7 +113,7 @@ class KnownCosts:
             self._orders.move_to_end(key)
         return found
 
-    def why_no_way(self, order: TransportOrder, vehicle: str, start: str) -> str:
+    def why_no_route(self, order: TransportOrder, vehicle: str, start: str) -> str:
         """Return why a vehicle that starts at a point has no route."""
         stops = tuple(_stops(order))
         return self._why(stops, order.resources_to_avoid, vehicle, start)
@@ -129,7 +129,7 @@ class KnownCosts:
 
 
 class OrderKnowledge:
-    """Answers the dispatcher's questions during one decision."""
+    """Provides the dispatcher with facts about orders and vehicles during one decision."""
 
     def __init__(
         self,
@@ -139,9 +139,9 @@ class OrderKnowledge:
         fit: OrderFit,
         assigned: Callable[[], Iterable[TransportOrder]],
     ) -> None:
-        """``places`` maps vehicles that may get orders to the points from which they would start.
+        """``places`` maps vehicles that may get orders to their start points.
 
-        ``assigned`` contains the orders that vehicles work on.
+        ``assigned`` returns the orders that vehicles are executing.
         """
         self._costs = costs
         self._places = places
@@ -150,25 +150,25 @@ class OrderKnowledge:
         self._assigned = assigned
         self._kinds = {name: costs.finder.router.kind(each.model) for name, (each, _) in places.items()}
 
-    def misfit(self, order: TransportOrder, vehicle: str) -> str:
-        """Return, as a predicate, why a vehicle must not do an order at all; empty if it may."""
+    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
+        """Return, as a predicate, why a vehicle must never execute an order; empty if it may."""
         known = self._costs.registry.named(vehicle)
-        return "" if known is None or order.status.automatic else self._fit.misfit(order, known)
+        return "" if known is None or order.status.automatic else self._fit.why_unsuitable(order, known)
 
     def recharges(self, order: TransportOrder) -> bool:
-        """Return whether the next operation of an order is to recharge."""
+        """Return whether the next operation of an order is a recharge."""
         return self._planner.recharges(order)
 
     def pick(self, order: TransportOrder) -> Pick | None:
-        """Return what an order picks up first; None: nothing, or it drops something before."""
+        """Return what an order picks up first; None if it picks up nothing, or drops something before."""
         return self._planner.pick(order)
 
     def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
-        """Return the cost of a vehicle's route through an order's destinations; infinity: no route."""
+        """Return the cost of a vehicle's route through an order's destinations; infinite without a route."""
         try:
             return self._cost(order, vehicle)
-        except UnknownObjectError:  # the plant has lost a resource to avoid; `why_no_way` names it
-            return NO_WAY
+        except UnknownObjectError:  # the plant lacks a resource to avoid; `why_no_route` names it
+            return NO_ROUTE
 
     def _cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
         who, start = self._places[vehicle]
@@ -180,18 +180,18 @@ class OrderKnowledge:
         return self._costs.of(order, who, self._kinds[vehicle]).source(start)
 
     def crowd(self, order: TransportOrder) -> int:
-        """Return how often vehicles will still visit the order's destinations for other orders."""
+        """Return how many visits to the order's destinations are outstanding for assigned orders."""
         return sum(self._visits[each.location_name] for each in _stops(order))
 
     @cached_property
     def _visits(self) -> Counter[str | None]:
-        """Return how often vehicles will still visit each location or point."""
+        """The number of outstanding visits to each location or point."""
         stops = (each.location_name for order in self._assigned() for each in _stops(order))
         return Counter(name for name in stops if name is not None)
 
-    def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
-        """Return why there is no route."""
-        return self._costs.why_no_way(order, vehicle, self._places[vehicle][1])
+    def why_no_route(self, order: TransportOrder, vehicle: str) -> str:
+        """Return why a vehicle has no route for an order."""
+        return self._costs.why_no_route(order, vehicle, self._places[vehicle][1])
 
 
 def _stops(order: TransportOrder) -> list[Destination]:
@@ -199,7 +199,7 @@ def _stops(order: TransportOrder) -> list[Destination]:
     return [each.destination for each in order.status.drive_orders[order.index :]]
 
 
-NO_ORDER = "idle: no order waits"
+NO_ORDER = "idle: no waiting orders"
 NO_ORDER_FITS = (
     "idle: the waiting orders are for other vehicles or of types that it does not accept, are "
     "unreachable, or need room for another load"
@@ -209,22 +209,22 @@ GIVES_UP = "ends a dispensable order first"
 EXPLAINED_FIRST = 20
 """Number of orders at the head of the queue whose wait reason is updated at once; the others follow."""
 LOOKED_AT_ONCE = 500
-"""Number of orders further back whose wait reason is checked in each round."""
+"""Number of other orders whose wait reason is checked in each round."""
 EXPLAINED_AT_ONCE = 50
-"""Maximum number of vehicles whose reasons are computed at once."""
+"""Number of vehicles explained before other tasks run."""
 REASONS_AT_ONCE = 100
 """Maximum number of wait reasons updated in each round."""
 ORDERS_FOR_ONE = 32
-"""Number of orders compared for one vehicle that has become free."""
+"""Number of orders compared when vehicles have become free, plus ORDERS_FOR_EACH per vehicle."""
 ORDERS_FOR_EACH = 4
-"""Number of additional orders for each further vehicle."""
+"""Number of additional orders compared for each of these vehicles."""
 FEW = 8
-"""Maximum number of vehicles to which this applies."""
+"""Maximum number of free vehicles to which this applies."""
 ORDERS_FOR_MANY = 16
-"""Number of orders compared at once for more vehicles: assigning one takes milliseconds."""
+"""Number of orders compared at once for more vehicles; assigning an order takes milliseconds."""
 
 STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
-"""Vehicle states in which a robot could only continue its current order."""
+"""Vehicle states in which a robot can at most continue its current order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,18 +256,17 @@ class Dispatching:
         self._costs = KnownCosts(context.planner, context.registry)
         self._candidates = Candidates(context.registry, self.consider)
         self._kept: dict[int, str] = {}
-        """Vehicles that give up dispensable orders, by the numbers of the orders that they are reserved for.
-        """
+        """Vehicles that give up dispensable orders, by the number of the order for which each is reserved."""
         self._explained_to = 0
         """Position in the queue up to which wait reasons have been updated."""
 
     def due(self) -> Iterator[Sequence[TransportOrder]]:
-        """Yield orders that may be assigned now, or whose wait reason has changed; each at most once.
+        """Yield orders that may be assigned now, or whose wait reason may have changed.
 
-        These are the orders that are new to free vehicles, and the most urgent ones for vehicles that have
-        become free; of the others only the first ones of the queue, and those that name a vehicle that has
-        changed. The work therefore does not grow with the queue. If vehicles remain that have not been
-        offered all orders, ``dispatch_later`` is set.
+        These are the orders that are new to free vehicles, the most urgent ones for vehicles that have become
+        free, the first ones of the queue, and those that name a vehicle that has changed. The work therefore
+        does not grow with the queue. Sets ``dispatch_later`` if there are vehicles that have not been offered
+        all orders.
         """
         touched = self._refresh()
         self._forget_kept()
@@ -285,9 +284,9 @@ class Dispatching:
         self._state.dispatch_later = bool(self._candidates.fresh)
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
-        """Return the assignments to make, and why the other orders wait, by name.
+        """Return the assignments to make, and the wait reasons of the other orders by name.
 
-        A vehicle that has to give up a dispensable order first is reserved for its new one.
+        A vehicle that first has to give up a dispensable order is reserved for its new one.
         """
         self._refresh()
         self._forget_kept()
@@ -319,9 +318,9 @@ class Dispatching:
         self._candidates.offer_all()
 
     def outdated_reasons(self) -> Iterator[tuple[TransportOrder, str]]:
-        """Yield some of the orders further back in the queue whose wait reason has changed.
+        """Yield some of the orders further back in the queue whose wait reason has changed, with the reason.
 
-        Free vehicles are left out: :meth:`dispatch` reports to orders that wait although a vehicle is free.
+        Orders that a free vehicle could execute are left to :meth:`dispatch`.
         """
         numbers = self._orders.waiting.part(self._explained_to, LOOKED_AT_ONCE)
         self._explained_to = self._explained_to + len(numbers) if numbers else 0
@@ -339,7 +338,7 @@ class Dispatching:
                 yield order, reason
 
     async def explain(self, order: TransportOrder) -> list[VehicleFit]:
-        """Return for each vehicle why it does not execute this order, or that it could; best ones first."""
+        """Return for each vehicle whether it could execute this order, or why not; best ones first."""
         vehicles = [each for each in self._registry if not each.obstacle]
         found: list[VehicleFit] = []
         for start in range(0, len(vehicles), EXPLAINED_AT_ONCE):
@@ -357,9 +356,9 @@ class Dispatching:
         self._candidates.offer_all()
 
     def has_changed(self, vehicle: FleetVehicle) -> bool:
-        """Return whether anything relevant for dispatching has changed about a vehicle since the last check.
+        """Return whether a vehicle has changed, as far as dispatching is concerned, since the last check.
 
-        A new order of the vehicle does not count: the waiting orders were checked when it was assigned.
+        A new order does not count: the waiting orders were checked when it was assigned.
         """
         if vehicle.obstacle:
             return False
@@ -369,7 +368,7 @@ class Dispatching:
         return is_new and now is not None and now.seen.obstacle != BUSY
 
     def idle_reason(self, vehicle: FleetVehicle, *, orders_wait: bool) -> str:
-        """Return why a vehicle that works on no order has none."""
+        """Return why a vehicle without an order has none."""
         known = self._candidates.get(vehicle.name)
         if known and vehicle.name not in self._state.touched:
             view = None if known.view is None else self._view(vehicle)
@@ -379,27 +378,27 @@ class Dispatching:
         return seen.obstacle or seen.restriction or (NO_ORDER_FITS if orders_wait else NO_ORDER)
 
     def is_bound(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle does nothing but an order sequence."""
+        """Return whether a vehicle is bound to an order sequence."""
         return self.fit.sequences.bound_to(vehicle.name) is not None
 
     def consider(self, vehicle: FleetVehicle) -> LocatedCandidate:
-        """Return the current view of a vehicle for the dispatcher."""
+        """Return a vehicle as the dispatcher sees it now."""
         if vehicle.obstacle:
-            return self._hindered(vehicle, vehicle.obstacle)
+            return self._unavailable(vehicle, vehicle.obstacle)
         order = self._state.order_of(vehicle.key)
         if order is not None and not self._would_give_up(order):
             giving_up = self._is_giving_up(vehicle, order)
             soon = None if giving_up else self._free_soon(vehicle, order)
-            return soon or self._hindered(vehicle, GIVES_UP if giving_up else BUSY)
+            return soon or self._unavailable(vehicle, GIVES_UP if giving_up else BUSY)
         view = self._view(vehicle)
         if obstacle := self._obstacle(vehicle, view, order):
-            return self._hindered(vehicle, obstacle, view)
+            return self._unavailable(vehicle, obstacle, view)
         try:
             standing = self._planner.standing(vehicle, view)
         except NotLocatedError as error:
-            return self._hindered(vehicle, f"cannot be dispatched: {error.reason}", view)
+            return self._unavailable(vehicle, f"cannot be dispatched: {error.reason}", view)
         if obstacle := self._lacks_map(vehicle, view, standing):
-            return self._hindered(vehicle, obstacle, view)
+            return self._unavailable(vehicle, obstacle, view)
         energy = self.energy(vehicle, view)
         seen = DispatchedVehicle(
             vehicle.name,
@@ -416,13 +415,13 @@ class Dispatching:
         )
 
     def _free_soon(self, vehicle: FleetVehicle, order: TransportOrder) -> LocatedCandidate | None:
-        """Return a vehicle that unloads at the end of its order as it will be then.
+        """Return a vehicle that is unloading at the end of its order as it will be afterwards.
 
-        Return None if it does not unload now, cannot go on, or has no known position.
+        None if it is not unloading, cannot continue, or has no known position.
         """
         last = order.index == len(order.status.drive_orders) - 1
         unloads = self._planner.action_type(order.current.destination.operation) == DROP
-        if not (last and unloads and is_operating(order)):
+        if not (last and unloads and order.is_operating):
             return None
         view = self._view(vehicle)
         processed = order.state is TransportOrderState.BEING_PROCESSED and not order.held
@@ -444,7 +443,7 @@ class Dispatching:
         )
         return LocatedCandidate(vehicle, seen, standing, self.fit.sequences.bound_to(vehicle.name), types)
 
-    def _hindered(
+    def _unavailable(
         self, vehicle: FleetVehicle, obstacle: str, view: RobotView | None = None
     ) -> LocatedCandidate:
         seen = DispatchedVehicle(vehicle.name, obstacle)
@@ -452,7 +451,7 @@ class Dispatching:
         return LocatedCandidate(vehicle, seen, None, bound, self.fit.order_types(vehicle), view)
 
     def energy(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
-        """Return the energy of a vehicle; None if irrelevant."""
+        """Return the energy of a vehicle; None if it is unknown or the settings ignore it."""
         if view.state is None or not self._energy.respected:
             return None
         thresholds = vehicle.model.energy_thresholds if vehicle.model else self._energy.thresholds
@@ -460,14 +459,14 @@ class Dispatching:
         return Energy(power.state_of_charge, power.charging, thresholds)
 
     def _obstacle(self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None) -> str:
-        """Return why a vehicle without an order, or with one that it would give up, takes no order."""
+        """Return why a vehicle, with no order or with one that it would give up, cannot take an order."""
         if order is None:
             obstacle = self._driving.obstacle(vehicle)
             free = view.availability.can_take_order
             return obstacle or ("" if free else view.availability.reason)
         if view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
             return BUSY
-        return self._driving.obstacle_at(vehicle)
+        return self._driving.positions.obstacle(vehicle)
 
     def _lacks_map(self, vehicle: FleetVehicle, view: RobotView, standing: Standing) -> str:
         """Return why a robot cannot drive on the map of its start point; it rejects other maps itself."""
@@ -476,22 +475,22 @@ class Dispatching:
         return why_not_on(self._planner.map_id(standing.point, vehicle), view.state)
 
     def _carried(self, vehicle: FleetVehicle, view: RobotView) -> Carried | None:
-        """Return the relevant loads: not those of a vehicle whose host has planned all its orders."""
+        """Return the carried loads, unless a host plans all orders of the vehicle as a sequence."""
         if view.state is None or not self._loads_respected or self.is_bound(vehicle):
             return None
         return carried(view.state, view.factsheet)
 
     def _is_giving_up(self, vehicle: FleetVehicle, order: TransportOrder) -> bool:
-        """Return whether a vehicle is about to be free for the order that it is kept for."""
+        """Return whether a vehicle is about to be free for the order for which it is reserved."""
         if order.state is not TransportOrderState.WITHDRAWN or vehicle.name not in self._kept.values():
             return False
         return self._view(vehicle).link is LinkStatus.ONLINE
 
     def _would_give_up(self, order: TransportOrder) -> bool:
-        """Return whether an order is given up for another one; a recharge must be complete first."""
+        """Return whether an order is given up for another one; an automatic recharge only while charging."""
         if order.state is not TransportOrderState.BEING_PROCESSED or order.held:
             return False
-        return order.status.dispensable or (is_automatic_recharge(order) and is_operating(order))
+        return order.status.dispensable or (is_automatic_recharge(order) and order.is_operating)
 
     def _refresh(self) -> list[str]:
         """Update the vehicles that have changed; return their names."""
@@ -516,7 +515,7 @@ class Dispatching:
                 return decisions, candidates
 
     def _relevant(self, orders: Sequence[TransportOrder]) -> Mapping[str, LocatedCandidate]:
-        """Return the vehicles that are relevant for orders; only the named ones if each order names one."""
+        """Return the relevant vehicles for orders; only the intended ones if each order has one."""
         named: set[str] = set()
         for order in orders:
             status = order.status
@@ -528,7 +527,7 @@ class Dispatching:
         return self._candidates.relevant(named)
 
     def _with_new_reasons(self, touched: Iterable[str]) -> dict[int, None]:
-        """Return orders that may wait for other reasons now."""
+        """Return the orders whose wait reasons may have changed."""
         waiting = self._orders.waiting
         found = dict.fromkeys((*waiting.part(0, EXPLAINED_FIRST), *self._kept))
         for name in touched:
@@ -543,7 +542,7 @@ class Dispatching:
         return found
 
     def _part_limit(self) -> int:
-        """Return how many orders are offered at once to the vehicles that are free."""
+        """Return how many orders are offered at once to the free vehicles."""
         if not self._dispatcher.by_urgency:
             return len(self._orders.waiting) + 1
         fresh = len(self._candidates.fresh)
@@ -562,7 +561,7 @@ class Dispatching:
             recharges, pick = knowledge.recharges(order), knowledge.pick(order)
             return any(
                 kind.intended_vehicle in (None, name)
-                and not knowledge.misfit(order, name)
+                and not knowledge.why_unsuitable(order, name)
                 and not each.seen.why_not(order, recharges=recharges, pick=pick)
                 for name, each in seen.items()
             )
@@ -577,16 +576,17 @@ class Dispatching:
         return sorted(found, key=lambda order: order.urgency)
 
     def _why_no_vehicle(self, order: TransportOrder) -> str | None:
-        """Return why no busy vehicle executes an order; None if a free one may execute it."""
+        """Return why no vehicle can take an order now; None if a free one may execute it."""
         candidates = self._relevant((order,))
         knowledge = self._knowledge({})
         recharges, pick = knowledge.recharges(order), knowledge.pick(order)
-        hindrances = {
-            name: knowledge.misfit(order, name) or each.seen.why_not(order, recharges=recharges, pick=pick)
+        wait_reasons = {
+            name: knowledge.why_unsuitable(order, name)
+            or each.seen.why_not(order, recharges=recharges, pick=pick)
             for name, each in candidates.items()
         }
         intended = order.status.intended_vehicle
-        return why_nobody(intended, hindrances) if all(hindrances.values()) else None
+        return why_no_vehicle(intended, wait_reasons) if all(wait_reasons.values()) else None
 
     def _knowledge(self, candidates: Mapping[str, LocatedCandidate]) -> OrderKnowledge:
         places = {
@@ -607,7 +607,7 @@ class Dispatching:
         self._candidates.refresh(filter(None, (before, name)))
 
     def _forget_kept(self) -> None:
-        """Keep reservations only for waiting orders and vehicles that are about to be free."""
+        """Drop reservations unless the order still waits and the vehicle is about to be free."""
         for number, name in tuple(self._kept.items()):
             vehicle = self._registry.named(name)
             order = self._orders.find(number)
@@ -616,8 +616,3 @@ class Dispatching:
             obstacle = self.consider(vehicle).seen.obstacle if vehicle else BUSY
             if not waits or intended not in (None, name) or obstacle not in ("", GIVES_UP):
                 self._keep(number, None)
-
-
-def is_operating(order: TransportOrder) -> bool:
-    """Return whether an order's vehicle is executing the operation at its destination."""
-    return order.current.state is DriveOrderState.OPERATING

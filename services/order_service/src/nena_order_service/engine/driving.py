@@ -1,10 +1,10 @@
-"""Driving: which vehicles can drive, and what is sent to their robots as traffic control permits."""
+"""Driving: request routes from traffic control, and send robots what it grants."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from typing import Final
 
 from nena_order_service.engine.context import Context
@@ -38,9 +38,9 @@ log = get_logger(__name__)
 
 MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
 ROUTES_AT_ONCE = 4
-"""Routes that are searched in one turn of the event loop; each takes milliseconds."""
+"""Maximum number of routes searched in one turn of the event loop; each search takes milliseconds."""
 EVASION_PAUSE = 10.0
-"""Seconds before a robot that did not make room is asked again."""
+"""Delay before a robot that did not make room is sent away again, seconds."""
 CAUSES: Final = {
     WaitReason.HELD: WaitCause.PASSES,
     WaitReason.RESTING: WaitCause.STANDS,
@@ -49,10 +49,10 @@ CAUSES: Final = {
 
 
 class RestartGate:
-    """Opens once, when every connected robot has reported its state, or at the latest after a timeout.
+    """Opens once, as soon as every connected robot has reported its state, or after a timeout.
 
-    It also waits for robots known from before the restart that the broker has not reported yet. Robots that
-    are offline keep the resources that they held.
+    It also waits for robots from before the restart whose connection the broker has not reported yet. Robots
+    that are offline keep the resources that they held.
     """
 
     def __init__(self, context: Context) -> None:
@@ -75,16 +75,16 @@ class RestartGate:
             late = self._context.clock.monotonic() >= self._until and fleet.connected_for() >= self._timeout
             self._open = late or (not missing and fleet.all_known())
             if self._open and missing:
-                log.warning("robots that did not report keep the resources they held", vehicles=missing)
+                log.warning("robots without a state keep their resources", vehicles=missing)
         return self._open
 
     @property
     def reason(self) -> str:
-        """Why nothing is sent yet, in words; empty when the gate is open."""
+        """Why nothing is sent yet; empty when the gate is open."""
         if self.is_open:
             return ""
         whom = ", ".join(self._missing()) or "each robot"
-        return f"it waits after the start for the state of {whom}"
+        return f"it waits for the first state of {whom}"
 
     def _missing(self) -> list[str]:
         views = ((vehicle.name, self._context.view(vehicle)) for vehicle in self._remembered)
@@ -92,10 +92,10 @@ class RestartGate:
 
 
 class Pauses:
-    """Vehicles that wait with an order until they can continue.
+    """Vehicles that are paused with an order until they can continue.
 
-    The order is on hold or retried later, the vehicle is not localised, or locked paths close its route. The
-    vehicle keeps its position meanwhile: it is not sent away to make room.
+    The order is on hold or will be retried later, the vehicle is not localised, or locked paths close its
+    route. A paused vehicle stays where it is: it is not sent away to make room.
     """
 
     def __init__(self, context: Context) -> None:
@@ -104,7 +104,7 @@ class Pauses:
         self._numbers = context.state.pauses
 
     def __contains__(self, vehicle: str) -> bool:
-        """Return whether the vehicle of this name waits with an order."""
+        """Return whether the vehicle of this name is paused."""
         return vehicle in self._numbers
 
     def __iter__(self) -> Iterator[tuple[str, TransportOrder]]:
@@ -124,13 +124,13 @@ class Pauses:
         return not self._orders.get(self._numbers[vehicle.name]).held and not self.why(vehicle)
 
     def why(self, vehicle: FleetVehicle) -> str:
-        """Return why a vehicle cannot continue; empty if it can, or if the order's hold has the reason."""
+        """Return why a vehicle cannot continue; empty if it can, or if its order is on hold."""
         order = self._orders.get(self._numbers[vehicle.name])
         status = order.status
         if status.held:
             return ""
         if status.next_try and self._context.clock.now() < status.next_try:
-            return f"its next try is at {status.next_try:%H:%M:%S} UTC"
+            return f"it retries at {status.next_try:%H:%M:%S} UTC"
         view = self._context.view(vehicle)
         try:
             standing = self._context.planner.standing(vehicle, view)
@@ -141,7 +141,7 @@ class Pauses:
 
 
 class Mobility:
-    """Which vehicles at rest could drive away now, by their states, positions and orders."""
+    """Determines which vehicles at rest could drive away now, by their states, positions and orders."""
 
     def __init__(self, context: Context, positions: Positions, pauses: Pauses) -> None:
         self._context = context
@@ -151,11 +151,11 @@ class Mobility:
         self._no_evasion_until: dict[str, float] = {}
 
     def evasion_failed(self, vehicle: FleetVehicle) -> None:
-        """Do not send a vehicle away again for a while."""
+        """Do not send a vehicle away again for EVASION_PAUSE."""
         self._no_evasion_until[vehicle.name] = self._context.clock.monotonic() + EVASION_PAUSE
 
     def movable(self, name: str, *, wants: bool = False) -> bool:
-        """Return whether a vehicle at rest could drive away now; ``wants``: it is to drive for its order."""
+        """Return whether a vehicle at rest could drive away now; ``wants``: its order needs it to drive."""
         vehicle = self._context.registry.named(name)
         if vehicle is None or vehicle.obstacle or name in self._pauses:
             return False
@@ -175,12 +175,12 @@ class Mobility:
         if self._context.view(vehicle).link is not LinkStatus.ONLINE:
             return True
         if self._traffic.journey(name):
-            return False  # it is on its way, and will continue
+            return False  # it is under way and will continue
         works = self._context.state.sent_orders.order_number(vehicle.key) is not None
         return not works and not self.movable(name)
 
     def why_it_stays(self, vehicle: FleetVehicle) -> str:
-        """Return what keeps a vehicle from beginning to drive for its order; empty for nothing."""
+        """Return why a vehicle cannot start to drive for its order; empty if it can."""
         view = self._context.view(vehicle)
         if not view.availability.can_take_order:
             return f"the robot {view.availability.reason}"
@@ -194,7 +194,7 @@ class Mobility:
 
 @dataclass(frozen=True, slots=True)
 class _Wanted:
-    """An order with an unsent drive order, and the route request of its vehicle."""
+    """An order whose current drive order is not sent yet, and the vehicle's route request."""
 
     order: TransportOrder
     route_request: RouteRequest
@@ -209,8 +209,20 @@ class Stuck:
     reason: str
 
 
+def _asked_once(question: Callable[[str], bool]) -> Callable[[str], bool]:
+    """Return ``question`` with its answers kept; unlike ``functools.cache``, it is made at no cost."""
+    answers: dict[str, bool] = {}
+
+    def asked(name: str) -> bool:
+        if name not in answers:
+            answers[name] = question(name)
+        return answers[name]
+
+    return asked
+
+
 def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) -> float:
-    """Return how far a robot drives in this time at the full speed that robot and vehicle name."""
+    """Return how far, mm, a robot drives in this time at the lower of its declared maximum speeds."""
     of_robot = factsheet.physical_parameters.maximum_speed * MM_PER_M if factsheet else 0.0
     given = vehicle.model and "max_velocity_mm_s" in vehicle.model.model_fields_set
     of_vehicle = vehicle.model.max_velocity_mm_s if vehicle.model and given else 0
@@ -219,14 +231,13 @@ def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) 
 
 
 class Driving:
-    """Joins traffic and the fleet.
+    """Connects traffic control with fleet control.
 
-    An order's vehicle requests the route of its drive order. Once traffic grants it, a VDA 5050 order is sent
-    with a base of what is allocated, and the rest as horizon; order updates extend the base. It ends what the
-    robot drives in ``release_seconds`` behind its next node, unless ``release_ahead`` sets how many nodes it
-    has (*preventive*); without either setting it is all that can be allocated (*assertive*). An order whose
-    first step cannot be allocated yet is not sent yet. All changes are committed before anything
-    is sent.
+    A vehicle requests the route of its drive order. Once traffic control grants it, a VDA 5050 order is sent:
+    what is allocated is its base, the rest its horizon. Order updates extend the base (section 6.1.2). The
+    base extends beyond the robot's next node by the distance that it drives in ``release_seconds``, or over
+    ``release_ahead`` nodes (*preventive*); without either setting, over everything that can be allocated
+    (*assertive*). Nothing is sent before the first step is allocated and all changes are committed.
     """
 
     def __init__(self, context: Context, positions: Positions, pauses: Pauses, gate: RestartGate) -> None:
@@ -241,13 +252,13 @@ class Driving:
         self._registry = context.registry
         self._gate = gate
         self._wanted: dict[str, _Wanted] = {}
-        """Orders of whose drive orders nothing is sent yet, by vehicle."""
+        """Orders whose current drive order is not sent yet, by vehicle."""
         self._unsent: dict[str, SentOrder] = {}
-        """VDA 5050 orders of which nothing is allocated yet, by vehicle."""
+        """Granted VDA 5050 orders without any allocated step, by vehicle."""
         self._reported: dict[str, str] = {}
-        """The wait reasons reported last, by vehicle."""
+        """The last reported wait reasons, by vehicle."""
         self._await_report = False
-        """Whether a vehicle that was granted a route is not where it was last known."""
+        """Whether a vehicle that was granted a route has left its last known position."""
 
     def want(
         self,
@@ -260,8 +271,8 @@ class Driving:
     ) -> None:
         """Request a vehicle's route for its current drive order, the first leg of ``way``.
 
-        ``first``: its request goes to the front of the queue, because it had its turn before.
-        ``retriable``: its actions may be retried by the robot.
+        ``first``: serve it before others, because it already had its turn. ``retriable``: the robot may
+        retry its actions.
         """
         self.positions.see(vehicle)
         route_request = self._planner.route_request(order, vehicle, way.legs[0])
@@ -270,7 +281,7 @@ class Driving:
         self._state.drive_due = True
 
     def abandon(self, vehicle: FleetVehicle) -> None:
-        """Drop a vehicle's request for its order; what was sent to the robot is handled elsewhere."""
+        """Drop a vehicle's request for its order; an order already sent to the robot is not affected."""
         self._wanted.pop(vehicle.name, None)
         self._traffic.drop(vehicle.name)
         if self._unsent.pop(vehicle.name, None):
@@ -279,12 +290,12 @@ class Driving:
     def cancel(self, record: SentOrder) -> None:
         """Send cancelOrder to a robot after the commit."""
         self._shorten(record)
-        granted = record.way[: record.allocated]  # all that a restart is to hold for it
+        granted = record.way[: record.allocated]  # what a restart restores for it
         self._sent.put(record.model_copy(update={"cancelled": True, "way": granted}))
         self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(record.robot))
 
     def instruct(self, record: SentOrder, action: Action) -> None:
-        """Send a robot an instant action about its VDA order after the commit."""
+        """Send a robot an instant action for its VDA order after the commit."""
         self._state.after_commit(lambda: self._context.fleet.instant_action(record.robot, action))
 
     def end_early(self, record: SentOrder, *, partial: bool) -> None:
@@ -294,35 +305,35 @@ class Driving:
         if shorter is not record:
             self.send_on(shorter)
 
-    def reconsider(self, misfits: Callable[[SentOrder], bool]) -> None:
-        """Request routes again for unsent VDA orders that ``misfits`` finds unfit."""
-        for name in [each for each, record in self._unsent.items() if misfits(record)]:
+    def reconsider(self, is_unsuitable: Callable[[SentOrder], bool]) -> None:
+        """Request routes again for those unsent VDA orders for which ``is_unsuitable`` returns True."""
+        for name in [each for each, record in self._unsent.items() if is_unsuitable(record)]:
             self._request_again(name)
 
     def resume(self, vehicle: FleetVehicle, record: SentOrder) -> None:
-        """Restore a VDA order after a restart: its robot holds all resources that it was granted."""
+        """Restore a VDA order after a restart: its robot holds everything that it was granted."""
         self._traffic.resume(vehicle.name, record.way, record.allocated)
 
     def passed(self, order_id: str, sequence_id: int) -> None:
-        """Note that a robot has passed a node: what is behind it is free."""
+        """Free the resources behind a robot that has passed a node."""
         record = self._sent.find(order_id)
         if record and (vehicle := self._under_way(record)):
             self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
 
     def base_wanted(self, order_id: str) -> None:
-        """Extend the base of a robot at once as it approaches its end, if traffic control grants it."""
+        """Extend the base of a robot that requests it (newBaseRequest), if traffic control grants more."""
         record = self._sent.find(order_id)
         if record and self._gate.is_open and (vehicle := self._under_way(record)):
             self._go_on(vehicle, more=self._context.settings.release_ahead or 1)
 
     def ahead_of(self, record: SentOrder) -> tuple[str, ...]:
-        """Return the next path and point of a robot; empty at the end of its order."""
+        """Return the next path and point on a robot's route; empty at its end."""
         vehicle = self._under_way(record)
         journey = self._traffic.journey(vehicle.name) if vehicle else None
         return record.ahead(journey.reached) if journey else ()
 
     def finished(self, record: SentOrder) -> None:
-        """End a VDA order: its robot rests at the end of it."""
+        """End a finished VDA order: its robot is at rest at the end of the route."""
         self._sent.end(record)
         vehicle = self._registry.discover(record.robot)
         if self._traffic.journey(vehicle.name):
@@ -331,9 +342,9 @@ class Driving:
             self._rest(vehicle)
 
     def broken_off(self, record: SentOrder, news: object) -> None:
-        """Keep what a robot holds after its VDA order has ended early, until it is seen standing.
+        """End a VDA order early: its robot keeps what it holds until it is seen standing.
 
-        Its earlier reports count only if it was known to have the VDA order.
+        Its earlier states count only if it was known to have the VDA order.
         """
         self._sent.end(record)
         vehicle = self._registry.discover(record.robot)
@@ -350,19 +361,19 @@ class Driving:
         self._state.drive_due = True
 
     def robot_changed(self, vehicle: FleetVehicle) -> None:
-        """Note a new report of a robot; progress of a robot under way is handled separately."""
+        """Handle a new state of a robot at rest; a robot under way reports its progress separately."""
         if not self._traffic.journey(vehicle.name):
             self._state.drive_due = True
 
     def let_drive(self) -> Iterator[FleetVehicle | Stuck]:
-        """Extend the bases of vehicles; yield vehicles that are stuck or have a new wait reason."""
+        """Grant routes and extend bases; yield vehicles that are stuck or have a new wait reason."""
         self._state.drive_due = self._await_report = False
         if self._gate.is_open:
             unsent = filter(self._traffic.journey, self._unsent)
             for name in dict.fromkeys([*(name for name, _ in self._traffic.extending()), *unsent]):
                 self._go_on(self._vehicle(name))
             self._reconsider()
-            movable, lost = cache(self._movable), cache(self.mobility.lost)
+            movable, lost = _asked_once(self._movable), _asked_once(self.mobility.lost)
             for granted in self._traffic.decide(
                 lambda name: not self._traffic.journey(name) and movable(name), lost, ROUTES_AT_ONCE
             ):
@@ -388,7 +399,7 @@ class Driving:
             self._request_again(name)
 
     def _request_again(self, name: str) -> None:
-        """Withdraw a route of which nothing was sent, and request it again."""
+        """Withdraw a route that was not sent yet, and request it again."""
         del self._unsent[name]
         self._traffic.revoke(name)
         if name in self._wanted:
@@ -398,14 +409,14 @@ class Driving:
     def _replan(self) -> None:
         """End VDA orders at their bases if their routes are blocked by robots that will not make room.
 
-        These robots are then at rest, too: the vehicle with the order requests a route again, and drives
-        around them or swaps with them.
+        The vehicle with the order is then at rest, too: it requests a new route around those robots, or
+        swaps positions with them.
         """
         for name in tuple(self._traffic.stuck(self._movable, self.mobility.lost)):
             self._end_way_here(name)
 
     def _end_way_here(self, name: str) -> None:
-        """End the route of a waiting vehicle at the end of its base, so that it requests another one."""
+        """End the route of a waiting vehicle at the end of its base, so that it requests a new one."""
         record = self._sent.of_robot(self._vehicle(name).key)
         if name in self._unsent:
             self._request_again(name)
@@ -414,7 +425,7 @@ class Driving:
             self.end_early(record, partial=True)
 
     def note(self, vehicle: FleetVehicle) -> str:
-        """Return what keeps a vehicle from executing its order; empty for nothing."""
+        """Return what a vehicle waits for with its order; empty if it does not wait."""
         record = self._sent.of_robot(vehicle.key)
         if record and record.evasion:
             return "it makes room for others first"
@@ -428,7 +439,7 @@ class Driving:
         return f"it {why}" if why else ""
 
     def wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
-        """Return which vehicles a vehicle waits for, where and why; None: nothing keeps it."""
+        """Return which vehicles a vehicle waits for, where and why; None if it does not wait."""
         reason, refusal = self.note(vehicle), self._traffic.refusal(vehicle.name)
         if refusal is None:
             return TrafficWait(reason=reason) if reason else None
@@ -442,13 +453,9 @@ class Driving:
         )
 
     def obstacle(self, vehicle: FleetVehicle) -> str:
-        """Return, as a predicate, why a vehicle takes no order because of its drive; empty if it does."""
+        """Return, as a predicate, why its drive or position keeps a vehicle from orders; or empty."""
         if self._traffic.journey(vehicle.name):
             return "makes room for others"
-        return self.obstacle_at(vehicle)
-
-    def obstacle_at(self, vehicle: FleetVehicle) -> str:
-        """Return, as a predicate, why a vehicle takes no order because of its position; empty if it does."""
         return self.positions.obstacle(vehicle)
 
     def _vehicle(self, name: str) -> FleetVehicle:
@@ -474,13 +481,13 @@ class Driving:
             self._rest(vehicle)
             if isinstance(granted, RouteGrant):
                 self._traffic.request_route(granted.route_request, first=True)
-            self._state.drive_due, self._await_report = False, True  # not again before a new report or check
+            self._state.drive_due, self._await_report = False, True  # until a new state or the next check
             return
         try:
             self._unsent[vehicle.name] = self._record(granted, vehicle, standing)
         except ValueError as error:
             self._traffic.revoke(vehicle.name)
-            yield Stuck(vehicle, f"no VDA 5050 order is possible: {error}")
+            yield Stuck(vehicle, f"cannot build a VDA 5050 order: {error}")
             return
         self._go_on(vehicle)
 
@@ -499,7 +506,7 @@ class Driving:
         return SentOrder.of(vehicle.key, vda_order, wanted.order.index, granted.way)
 
     def _go_on(self, vehicle: FleetVehicle, *, more: int = 0) -> None:
-        """Allocate what the robot needs, or ``more`` nodes than it has, and send the extension."""
+        """Allocate what the robot needs, or ``more`` nodes, and send the order or its update."""
         name = vehicle.name
         allocated = self._allocate(vehicle, more)
         journey = self._traffic.journey(name)
@@ -517,7 +524,7 @@ class Driving:
             self.send_on(known.released(journey).updated())
 
     def _allocate(self, vehicle: FleetVehicle, more: int) -> bool:
-        """Allocate what the settings reserve ahead of a robot; ``more``: at least so many nodes more."""
+        """Allocate as far ahead as the settings require; ``more``: at least this many additional nodes."""
         name, settings = vehicle.name, self._context.settings
         ahead = more and self._traffic.ahead(name) + more
         if settings.release_ahead or not settings.release_seconds:

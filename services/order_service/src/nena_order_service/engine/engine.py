@@ -1,8 +1,8 @@
-"""The engine: the one place where orders, vehicles and traffic change, in one event loop.
+"""The engine: all changes of orders, vehicles and traffic happen here, in one event loop.
 
-Each event is a *unit of work*: it changes the state and notes effects, such as a VDA 5050 order to send. The
-changes are committed first; then the effects run and the changes are published. So everything that hosts or
-robots have received survives a restart.
+Each event is a *unit of work*: it changes the state and records effects, such as a VDA 5050 order to send.
+The changes are committed first; then the effects run and the changes are published. Everything that hosts or
+robots have received therefore survives a restart.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ from nena_shared.vda5050.topics import RobotKey
 log = get_logger(__name__)
 
 LOOK_INTERVAL = 2.0
-"""Seconds between checks of what changes without an event: positions, and reasons of idle vehicles."""
+"""Seconds between checks for changes without an event, such as positions."""
 
 FIRST_LOOKS = 0.2
 """Seconds between checks while the first states of robots are awaited after the start."""
@@ -75,7 +75,7 @@ LOOKED_AT_ONCE = 100
 """Number of vehicles checked before other tasks run; each takes about 0.1 ms."""
 
 UNPUBLISHED_AT_MOST = 20
-"""Units of work after which a vehicle is published even if a later unit that changes it is waiting."""
+"""Units of work after which a vehicle is published even if later ones that change it are pending."""
 
 
 class Listener(Protocol):
@@ -97,8 +97,8 @@ class Listener(Protocol):
 class UnitOfWork:
     """Commits changes together, then runs their effects and publishes them; units are never nested.
 
-    Of vehicles only the current status is published: if several uncommitted units change one, the last of
-    them publishes it, or one of them if they never stop.
+    Only the current status of a vehicle is published: if several uncommitted units change it, the last one
+    publishes it, or every :data:`UNPUBLISHED_AT_MOST`-th one.
     """
 
     def __init__(
@@ -110,10 +110,10 @@ class UnitOfWork:
         *,
         timeout: float,
     ) -> None:
-        """``on_event`` receives the events that effects return; hosts wait ``timeout`` s for a commit."""
+        """``on_event`` receives the events that effects return; ``timeout`` is for commits, seconds."""
         self.listeners: list[Listener] = []
         self.closed = ""
-        """Why changes are no longer made; empty while they are."""
+        """Why no more changes are accepted; empty while they are."""
         self._state = state
         self._store = store
         self._vehicle_status = vehicle_status
@@ -127,10 +127,10 @@ class UnitOfWork:
 
     @contextmanager
     def begin(self) -> Iterator[None]:
-        """Make changes; at the end they go to the store, and are published once they are committed.
+        """Collect the changes made in this context, commit them at its end, and publish them afterwards.
 
         Raises:
-            StoreNotReadyError: no more changes are made here.
+            StoreNotReadyError: this engine accepts no more changes.
 
         """
         if self.closed:
@@ -151,7 +151,7 @@ class UnitOfWork:
         return future
 
     def require_store(self) -> None:
-        """Raise StoreNotReadyError while no change can be committed."""
+        """Raise StoreNotReadyError if no change can be committed."""
         if not self._store.ready:
             raise StoreNotReadyError(self._store.why_not_ready)
         if self.closed:
@@ -162,7 +162,7 @@ class UnitOfWork:
         await self._answered(self.committed())
 
     async def commit(self, changes: Changes, then: Callable[[], None]) -> None:
-        """Commit what hosts keep beside the state; ``then`` is called once it is committed.
+        """Commit changes of documents outside the state, then call ``then``.
 
         Raises:
             StoreNotReadyError: the changes may be lost.
@@ -188,7 +188,7 @@ class UnitOfWork:
             raise StoreNotReadyError(self._store.why_not_answered) from None
 
     def is_published(self, name: str, now: Essentials) -> bool:
-        """Return whether this is the last published status of a vehicle, or the next one."""
+        """Return whether this status of a vehicle is published, or is about to be."""
         return name in self._unpublished or self._published.get(name) == now
 
     @property
@@ -217,10 +217,10 @@ class UnitOfWork:
             if event := effect():
                 self._on_event(event)
         except Exception:
-            log.exception("an effect of a committed change failed")
+            log.exception("effect of a committed change failed")
 
     def _no_longer_unpublished(self, vehicles: Iterable[str]) -> list[str]:
-        """Return those of a unit's vehicles that are published now, and not by a later one."""
+        """Return the vehicles of a committed unit that are to be published now, not by a later unit."""
         self._unpublished.subtract(vehicles)
         self._passed_over.update(vehicles)
         due = [
@@ -279,11 +279,11 @@ class Engine:
         self._look_due = asyncio.Event()
 
     def prepare(self) -> None:
-        """Build what takes long in large plants; call it before :meth:`start`, in any thread."""
+        """Build the routing graphs; call it before :meth:`start`, in any thread."""
         self.context.finder.prepare(each.model for each in self.registry)
 
     async def start(self, fleet: FleetControl) -> None:
-        """Restore everything unfinished in the store; call it before the first message of a robot."""
+        """Restore unfinished orders and vehicles from the store; call it before the first robot message."""
         self.context.connect(fleet)
         found = await self.store.unfinished()
         self.state.orders.last_number = found.last_number
@@ -293,18 +293,18 @@ class Engine:
         self.state.vehicles.load(found.vehicles)
         recovery = Recovery(self.context, self._driving, self._gate)
         with self.change():
-            recovery.take_up_vehicles()
+            recovery.restore_vehicles()
             self.state.sequences.rebind(recovery.present_name)
-            self._life_cycle.take_up(found.orders, found.missions, recovery)
-            self._rerouting.keep_off_locked_paths()
+            self._life_cycle.restore(found.orders, found.missions, recovery)
+            self._rerouting.halt_before_locked_paths()
             while self._rerouting.halts:
-                self._rerouting.lead_off_locked_paths()
+                self._rerouting.reroute_off_locked_paths()
             self._dispatching.look_at(self.registry)
         await self.unit_of_work.committed()
         log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
 
     async def run(self) -> None:
-        """Check regularly for changes that cause no event, until cancelled."""
+        """Check periodically for changes without an event, until cancelled."""
         while True:
             await set_within(self._look_due, LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
             self._look_due.clear()
@@ -312,12 +312,12 @@ class Engine:
                 await asyncio.sleep(0)
 
     def close(self, reason: str) -> None:
-        """Stop making changes: another engine takes over the store."""
+        """Accept no more changes, because another engine takes over the store."""
         self.unit_of_work.closed = reason
 
     @contextmanager
     def change(self) -> Iterator[None]:
-        """Make changes, and the resulting steps of orders and vehicles, in one unit of work."""
+        """Make changes and all steps that follow from them in one unit of work."""
         with self.unit_of_work.begin():
             yield
             self._settle()
@@ -334,7 +334,7 @@ class Engine:
                 self.state.drive_due |= drive
 
     def _settle(self) -> None:
-        """Dispatch and drive until nothing follows from the changes any more."""
+        """Dispatch and drive until no more steps follow from the changes."""
         while self._life_cycle.settle_due or self.state.dispatch_due or self.state.drive_due:
             self._life_cycle.settle()
             if self.state.dispatch_due:
@@ -348,12 +348,12 @@ class Engine:
                         self._life_cycle.update_reason(outcome)
 
     def look(self) -> None:
-        """Retry everything that waits, and publish vehicles whose status has changed without an event."""
+        """Retry what waits, and publish vehicles whose status has changed without an event."""
         for _ in self._look():
             pass
 
     def _look(self) -> Iterator[None]:
-        """Do the checks of :meth:`look` in parts, so that other tasks run in between."""
+        """Perform :meth:`look` in parts, so that other tasks can run in between."""
         vehicles = [*self.registry]
         parts = [
             vehicles[start : start + LOOKED_AT_ONCE] for start in range(0, len(vehicles), LOOKED_AT_ONCE)
@@ -366,7 +366,7 @@ class Engine:
             yield
         for name in self._rerouting.kept_waiting():
             with self.change():
-                self._rerouting.lead_around(name)
+                self._rerouting.reroute_waiting(name)
             yield
         with self.change():
             self.state.dispatch_due = self.state.drive_due = True
@@ -393,7 +393,7 @@ class Engine:
         name: str,
         ended: Mapping[str, TransportOrderState] | None = None,
     ) -> TransportOrder:
-        """Create an order from a request that was checked; see :meth:`LifeCycle.create`."""
+        """Create an order from a validated request; see :meth:`LifeCycle.create`."""
         with self.change():
             order = self._life_cycle.create(request, name, ended)
         return self.state.orders.get(order.number)
@@ -414,7 +414,7 @@ class Engine:
             self._life_cycle.resume(self.state.orders.get(number), by, reason)
 
     def intend(self, number: int, vehicle: str | None) -> None:
-        """Set the intended vehicle of an unassigned order; None: any."""
+        """Set the intended vehicle of an unassigned order; None: any vehicle."""
         with self.change():
             order = self.state.orders.get(number)
             self.state.orders.put(order.intended_for(vehicle, self.context.clock.now()))
@@ -428,8 +428,8 @@ class Engine:
     def set_integration_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
         """Set the integration level of a vehicle.
 
-        A vehicle for which nothing is kept free any longer gives up its order and all resources that it
-        holds: the host has made sure that it blocks nothing.
+        At a level without resources (openTCS: TO_BE_IGNORED, TO_BE_NOTICED), the vehicle loses its order and
+        all resources that it holds: the host has made sure that it blocks no other vehicle.
         """
         with self.change():
             if not level.holds_resources:
@@ -444,7 +444,7 @@ class Engine:
             self.state.vehicle_changed(vehicle.name)
 
     def accept_order_types(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
-        """Set the order types that a vehicle accepts; it finishes its current order."""
+        """Set the order types that a vehicle accepts; its current order is not affected."""
         with self.change():
             self._dispatching.fit.accept(vehicle, types)
             self.state.dispatch_due = True
@@ -453,33 +453,30 @@ class Engine:
     def send_instant_action(
         self, vehicle: FleetVehicle, action: Action
     ) -> asyncio.Future[InstantActionEnded]:
-        """Send an instant action; the future is done at its end."""
+        """Send an instant action (section 6.2.1); the future is done when it has ended."""
         end = self.state.instant_actions.expect(action.action_id)
         self.context.fleet.instant_action(vehicle.key, action)
         return end
 
     def plant_changed(self) -> None:
-        """Replan all routes, also beyond the bases of driving vehicles, in parts.
-
-        Then check all orders in parts.
-        """
+        """Replan all routes, including the horizons of driving vehicles, then check all orders; in parts."""
         self.context.routes.forget()
         self.traffic.forget_routes()
         self._dispatching.forget()
         with self.unit_of_work.begin():
-            self._rerouting.keep_off_locked_paths()
-        self._lead_off_locked_paths()
+            self._rerouting.halt_before_locked_paths()
+        self._reroute_off_locked_paths()
 
-    def _lead_off_locked_paths(self) -> None:
-        """Lead some vehicles around locked paths, and the others in the next turns of the event loop."""
+    def _reroute_off_locked_paths(self) -> None:
+        """Reroute some vehicles around locked paths, and the others in the next turns of the event loop."""
         if self.unit_of_work.closed:
             return
         try:
             with self.unit_of_work.begin():
-                self._rerouting.lead_off_locked_paths()
+                self._rerouting.reroute_off_locked_paths()
         finally:
             if self._rerouting.halts:
-                asyncio.get_running_loop().call_soon(self._lead_off_locked_paths)
+                asyncio.get_running_loop().call_soon(self._reroute_off_locked_paths)
         if not self._rerouting.halts:
             with self.change():
                 self.state.dispatch_due = self.state.drive_due = True
@@ -492,7 +489,7 @@ class Engine:
         return self.context.view(vehicle)
 
     def works(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle works on an order."""
+        """Return whether a vehicle is executing an order."""
         return self.state.sent_orders.order_number(vehicle.key) is not None
 
     def status(self, vehicle: FleetVehicle) -> VehicleStatus:
@@ -500,17 +497,17 @@ class Engine:
         return self._reporter.status(vehicle)
 
     async def traffic_plan(self) -> TrafficPlan:
-        """Return where vehicles are expected in the next minute, and which vehicles they wait for."""
+        """Return where vehicles will be in the next minute, and which vehicles they wait for."""
         return await self._plans.plan()
 
     async def explain(self, order: TransportOrder) -> list[VehicleFit]:
-        """Return for each vehicle why it does not get an order, or that it could."""
+        """Return for each vehicle whether it could execute an order, or why not."""
         return await self._dispatching.explain(order)
 
-    # What the fleet reports
+    # Events of fleet control
 
     def on_events(self, *events: FleetOutput) -> None:
-        """Handle events of the fleet in one unit of work."""
+        """Handle events of fleet control in one unit of work."""
         if self.unit_of_work.closed:
             return
         with self.change():
@@ -557,7 +554,7 @@ class Engine:
         self._life_cycle.robot_changed(vehicle)
 
     def _ask_for_state(self, view: RobotView) -> None:
-        """Request the state of a robot that is online and has not reported one since it connected, once."""
+        """Request, once per connection, the state of an online robot that has not reported it."""
         if view.link is not LinkStatus.ONLINE or (view.state is not None and not view.stale):
             self._asked_for_state.discard(view.key)
         elif view.key not in self._asked_for_state:

@@ -1,6 +1,6 @@
-"""Choose the next measure of a failure policy for a failure.
+"""Choose the next measure of a failure policy.
 
-:func:`decide` is pure: its input is the policy, how far it is used up, and the situation; its result is a
+:func:`decide` is pure: from the policy, the number of measures already taken and the situation, it returns a
 measure. Each call uses up at least one step of a finite list, so the measures end, at the latest with FAIL.
 :class:`FailureAssessment` determines the situation.
 """
@@ -36,7 +36,7 @@ K = FailureKind
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """A failure, and what is known about it at that time."""
+    """A failure, and what was known when it happened."""
 
     kind: FailureKind
     begun: bool = False
@@ -44,18 +44,18 @@ class Situation:
     carrying: bool = False
     """Whether the vehicle carries something for the order."""
     others: bool = True
-    """Whether other vehicles may execute it."""
+    """Whether other vehicles may execute the order."""
     other_way: bool = True
-    """Whether another route avoids the position of the failure."""
+    """Whether there is a route around the position of the failure."""
     online: bool = True
     """Whether the robot is online and reports."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """The step of the policy to take, and how far the policy is used up then.
+    """The step of the policy to take, and how many of its measures are then used up.
 
-    ``passed_over`` explains why each step before it was not taken.
+    ``passed_over`` explains why earlier steps were skipped.
     """
 
     step: FailureStep
@@ -95,7 +95,7 @@ def _against_retry(step: FailureStep, situation: Situation) -> str:
     if situation.kind is K.UNFIT:
         return "the robot cannot execute it"
     useless = situation.kind is K.NO_WAY and not step.after
-    return "there would be no route again" if useless else ""
+    return "there would still be no route" if useless else ""
 
 
 def _against_other_way(_: FailureStep, situation: Situation) -> str:
@@ -135,9 +135,9 @@ def is_carrying(
 ) -> bool:
     """Return whether a vehicle carries something for an order.
 
-    ``picks`` and ``drops`` are the operations that pick up and drop loads; ``reported`` is whether its robot
-    reports a load, None: it reports no loads at all. A pick that has begun counts as done, unless the robot
-    reports otherwise; a drop not known to be done counts as not done.
+    ``picks`` and ``drops`` are the operations that pick up and drop loads. ``reported`` is whether the robot
+    reports a load; None if it does not report loads. A pick that has begun counts as done, unless the robot
+    reports otherwise; a drop counts as done only once it has finished.
     """
     taking, giving = frozenset(picks), frozenset(drops)
     carrying = False
@@ -153,7 +153,7 @@ def is_carrying(
 
 @dataclass(frozen=True, slots=True)
 class OrderFailure:
-    """How a vehicle failed, with the text for people; ``ahead`` names the next path and point."""
+    """A failure of an order at its vehicle: kind and description; ``ahead`` names the next path and point."""
 
     kind: FailureKind
     words: str
@@ -161,13 +161,13 @@ class OrderFailure:
 
 
 class FailureAssessment:
-    """Chooses the measure for an order's failures by its policy."""
+    """Chooses the measure for a failed order by its failure policy."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
 
     def policy(self, order: TransportOrder) -> FailurePolicy:
-        """Return the policy for where an order is: the destination's, the order's or the setting's."""
+        """Return the current failure policy: the destination's, the order's or the default."""
         own = order.current.destination.on_failure
         own = order.status.on_failure if own is None else own
         return self._context.on_failure if own is None else own
@@ -202,12 +202,12 @@ class FailureAssessment:
 
     def _others(self, order: TransportOrder) -> bool:
         if order.status.intended_vehicle is not None or order.status.wrapping_sequence is not None:
-            return False  # a sequence is done by one vehicle to its end
+            return False  # one vehicle executes a whole sequence
         tried = {order.vehicle, *order.status.excluded_vehicles}
         return bool(self._context.registry.names() - tried)
 
     def detour(self, order: TransportOrder, ahead: tuple[str, ...]) -> tuple[str, ...]:
-        """Return what a detour around the failure avoids: the path, and the point there if possible."""
+        """Return what a detour around the failure avoids: the path and its end point, or only the path."""
         paths = self._context.planner.paths(ahead)
         for avoided in (ahead, paths):
             if paths and self._leads_on(order, avoided):
@@ -230,5 +230,5 @@ class FailureAssessment:
 
 
 def with_others(words: str, decision: Decision) -> str:
-    """Add why other measures of the policy were not taken."""
+    """Append why other measures of the policy were skipped."""
     return f"{words} ({'; '.join(decision.passed_over)})" if decision.passed_over else words

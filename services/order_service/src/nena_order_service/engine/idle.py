@@ -1,4 +1,4 @@
-"""Idle vehicles: send them to recharge and to park."""
+"""Send idle vehicles to recharge and to park."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 
 PAUSE = 10.0
-"""Seconds before a vehicle is sent to do the same again."""
+"""Seconds before the same order is created for a vehicle again."""
 
 DISPLACES_AT_MOST = 2
-"""Maximum number of times that others make room for a parking vehicle, until a host has work for it. They may
-have to park again and displace it in turn: without a limit, two vehicles could do this forever, and a
+"""Maximum number of times that others make room for a parking vehicle between two orders of hosts. The others
+may have to park again and displace it in turn: without a limit, two vehicles could do this forever, and a
 recharging one would never finish."""
 
 
 @dataclass(slots=True)
 class _Idle:
-    """Notes about an idle vehicle."""
+    """The idle handling of one vehicle."""
 
     since: float | None = None
     """Time since which the vehicle is idle; None: it is not idle."""
     not_before: dict[str, float] = field(default_factory=dict)
     """Time from which it may be sent again, by order type."""
     displaced: int = 0
-    """Number of times that others had to make room for it to park since the last order of a host."""
+    """How often others had to make room for it to park since its last order of a host."""
     note: str = ""
-    """Why it does not recharge though it should; empty if it need not."""
+    """Why it cannot recharge although it should; empty otherwise."""
     parking_note: str = ""
-    """Why it does not park though it should."""
+    """Why it cannot park although it should; empty otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +54,9 @@ def _has_nothing_to_do(candidate: LocatedCandidate) -> bool:
 
 
 class IdleVehicles:
-    """Creates orders for idle vehicles.
+    """Creates recharge and park orders for idle vehicles.
 
-    Call it after all waiting orders were dispatched: a vehicle that is idle then is idle because no order
-    suits it.
+    Call it after dispatching: a vehicle that is still idle then is one that no waiting order suits.
     """
 
     def __init__(self, context: Context, dispatching: Dispatching, life_cycle: LifeCycle) -> None:
@@ -76,7 +75,7 @@ class IdleVehicles:
         self._idle: dict[str, _Idle] = {}
 
     def attend(self, vehicles: Iterable[FleetVehicle]) -> None:
-        """Send vehicles that need it to recharge, and those that are in the way to park."""
+        """Send idle vehicles with low energy to recharge, and the others to park."""
         if not (self._settings.recharging.enabled or self._settings.parking.enabled):
             return
         round_ = _IdleRound(self._context.clock.monotonic(), self._goals())
@@ -93,7 +92,7 @@ class IdleVehicles:
             self._attend(candidate, known, round_)
 
     def note(self, vehicle: FleetVehicle) -> str:
-        """Return why an idle vehicle does not recharge or park though it should; empty: it need not."""
+        """Return why an idle vehicle cannot recharge or park although it should; empty otherwise."""
         known = self._idle.get(vehicle.name)
         return "; ".join(filter(None, (known.note, known.parking_note))) if known else ""
 
@@ -130,7 +129,7 @@ class IdleVehicles:
             vehicle.model,
             cost=self._cost(candidate),
             taken=lambda point: self._is_taken(point, vehicle, round_),
-            held_in_vain=lambda point: urgent and self._is_held_in_vain(point, vehicle, round_),
+            idly_occupied=lambda point: urgent and self._is_idly_occupied(point, vehicle, round_),
         )
         if not found.location:
             known.note = f"it should recharge, but {found.reason}"
@@ -163,7 +162,7 @@ class IdleVehicles:
         return park_request(vehicle.name, found.point) if found.point else None
 
     def _cost(self, candidate: LocatedCandidate) -> Callable[[str], float]:
-        """Return the costs for a vehicle to reach points."""
+        """Return a function that computes the cost for a vehicle to reach a point."""
         model, standing = candidate.vehicle.model, candidate.standing
         assert standing, "a vehicle without an obstacle stands somewhere"  # noqa: S101 - for the type
         return lambda point: self._context.finder.router.costs_to(point, vehicle=model).source(standing.point)
@@ -180,14 +179,14 @@ class IdleVehicles:
         return goals
 
     def _is_taken(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
-        """Return whether another vehicle is at a point, is passing it or is going to it."""
+        """Return whether another vehicle is at a point, will pass it or is going to it."""
         return bool(self._users(point, vehicle, round_))
 
     def _users(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> set[str]:
         coming = {name for name, goal in round_.goals.items() if goal == point}
         return {*self._traffic.users(point), *coming} - {vehicle.name}
 
-    def _is_held_in_vain(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
+    def _is_idly_occupied(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
         """Return whether all vehicles at a point have enough energy and nothing to do."""
         others = (self._registry.named(name) for name in self._users(point, vehicle, round_))
         seen = (self._dispatching.consider(each).seen for each in others if each)

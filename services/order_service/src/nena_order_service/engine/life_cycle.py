@@ -1,7 +1,7 @@
 """The life cycle of transport orders: created, assigned, driven, failed, held, withdrawn, ended.
 
-From top to bottom: requests of hosts, dispatching, the drive to each destination, reports of the robots,
-measures after failures, and the end of an order. Everything here runs in the engine's units of work.
+From top to bottom: requests of hosts, dispatching, the drive to each destination, events of the robots,
+failures, the end of an order, and recovery. Everything here runs in the engine's units of work.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from datetime import datetime, timedelta
 
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.dependencies import Conditions
-from nena_order_service.engine.dispatching import GIVES_UP, Dispatched, Dispatching, is_operating
+from nena_order_service.engine.dispatching import GIVES_UP, Dispatched, Dispatching
 from nena_order_service.engine.driving import Driving, Pauses, Stuck
 from nena_order_service.engine.failure_policy import Decision, FailureAssessment, OrderFailure, with_others
 from nena_order_service.engine.recovery import LostOrderError, Recovery
@@ -28,7 +28,7 @@ from nena_order_service.fleet.outputs import (
     VdaOrderFinished,
 )
 from nena_order_service.fleet.position import NotLocatedError
-from nena_order_service.fleet.vda_order import fresh_id
+from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders import deadlines
 from nena_order_service.orders.automatic import automatic_name
 from nena_order_service.orders.deadlines import DueTimes
@@ -57,14 +57,14 @@ S = TransportOrderState
 
 BEGUN_MEANWHILE = "the vehicle was stopped during its operation; check what it has done"
 POLICY = "failure policy"
-"""Holder of an order whose vehicle has failed."""
+"""The holder (``by``) of an order that its failure policy has put on hold."""
 
 OrderEvent = VdaOrderAccepted | OperationStarted | VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled
-"""What a robot reports of a VDA 5050 order that it was sent."""
+"""Events of a VDA 5050 order at its robot."""
 
 
 class LifeCycle:
-    """Changes transport orders, and sends their vehicles."""
+    """Changes transport orders, and requests the drives of their vehicles."""
 
     def __init__(
         self,
@@ -103,9 +103,9 @@ class LifeCycle:
         *,
         automatic: bool = False,
     ) -> TransportOrder:
-        """Create an order from a request that was checked, and dispatch it if possible.
+        """Create an order from a validated request, and dispatch it if possible.
 
-        ``ended`` are the final states of dependencies that are no longer in memory.
+        ``ended`` has the final states of dependencies that are no longer in memory.
         """
         now, number = self._clock.now(), self._orders.next_number()
         order = TransportOrder.created(request, number=number, name=name, now=now, automatic=automatic)
@@ -117,13 +117,13 @@ class LifeCycle:
         if not order.state.final:
             self._watch(order)
         if order.state is S.DISPATCHABLE and not order.held:
-            self._dispatch((order,))  # every free vehicle was checked for the other orders before
+            self._dispatch((order,))  # free vehicles were already offered all other orders
         return order
 
     def create_automatic(self, request: TransportOrderRequest) -> bool:
-        """Create an order for an idle vehicle; return whether the vehicle has begun it.
+        """Create an order for an idle vehicle; return whether the vehicle has started it.
 
-        An order that does not begin at once is withdrawn: the vehicle may need another one later.
+        An order that does not start at once is withdrawn, because the vehicle may need another one later.
         """
         order = self._orders.get(self.create(request, automatic_name(request), automatic=True).number)
         begun = order.state is S.BEING_PROCESSED
@@ -132,10 +132,11 @@ class LifeCycle:
         return begun
 
     def withdraw(self, order: TransportOrder, reason: str, *, immediate: bool) -> None:
-        """Withdraw an order that has not ended; a withdrawn one can only be cancelled sooner.
+        """Withdraw an order that has not ended (openTCS: withdrawal).
 
-        With ``immediate`` its robot gets cancelOrder; else it drives to the end of its base, and performs
-        the actions there.
+        With ``immediate`` its robot is sent cancelOrder (VDA 5050 3.0, section 6.1.3); otherwise it drives to
+        the end of its base and executes the actions there. Withdrawing an order again can only make it
+        immediate.
         """
         again = order.state is S.WITHDRAWN
         if not again:
@@ -152,12 +153,11 @@ class LifeCycle:
             self._driving.end_early(sent, partial=False)
 
     def hold(self, order: TransportOrder, by: str, reason: str, *, immediate: bool) -> None:
-        """Hold an order until it is resumed.
+        """Hold an order until it is resumed; it keeps its vehicle.
 
-        An order already on hold keeps its holder, and may only stop sooner.
-
-        It keeps its vehicle. With ``immediate`` the robot gets cancelOrder, else it drives to the end of its
-        base. An operation that has begun is finished in either case.
+        With ``immediate`` the robot is sent cancelOrder, otherwise it drives to the end of its base. It
+        finishes an operation that has begun in either case. Holding an order again keeps the first holder,
+        and can only make the stop immediate.
         """
         now = self._clock.now()
         if not order.held:
@@ -174,7 +174,7 @@ class LifeCycle:
         if sent is None:
             self._driving.abandon(vehicle)
             self._pauses.begin(vehicle, order)
-        elif is_operating(order):
+        elif order.is_operating:
             return
         elif immediate and not sent.cancelled:
             self._driving.cancel(sent)
@@ -191,9 +191,9 @@ class LifeCycle:
     # Time
 
     def check_times(self) -> None:
-        """Mark orders late whose deadlines have passed, and withdraw those that have timed out."""
+        """Mark orders as late after their deadlines, and withdraw those that have timed out."""
         now = self._clock.now()
-        for number in self._deadlines.take(now - timedelta.resolution):  # at the very moment it is in time
+        for number in self._deadlines.take(now - timedelta.resolution):  # until the deadline, inclusive
             if order := self._orders.find(number):
                 self._orders.put(order.overdue(now))
         for number in self._timeouts.take(now):
@@ -212,21 +212,21 @@ class LifeCycle:
 
     @property
     def settle_due(self) -> bool:
-        """Whether orders or sequences have ended, which may affect others."""
+        """Whether orders or sequences have ended whose effects on others are pending."""
         return self._orders.any_ended or self._state.sequences.freed
 
     def settle(self) -> None:
-        """Apply the ends of orders to those that depend on them, and to their sequences."""
+        """Apply the effects of ended orders on their dependents and sequences."""
         self._state.dispatch_due |= self._conditions.settle() or self._state.sequences.freed
         self._state.sequences.freed = False
 
     def dispatch(self) -> None:
-        """Assign what can be assigned now, and continue orders whose pauses are over."""
+        """Assign waiting orders, and continue orders whose pauses are over."""
         self._state.dispatch_due = False
         for name, order in self._pauses:
             vehicle = self._registry.named(name)
             if vehicle and self._pauses.is_over(vehicle):
-                self._drive_on(order, vehicle)
+                self._resume_driving(order, vehicle)
             elif vehicle:
                 self.update_reason(vehicle)
         for orders in self._dispatching.due():
@@ -239,7 +239,7 @@ class LifeCycle:
             self._orders.put(order.deferred(reason, now))
 
     def _dispatch(self, orders: Sequence[TransportOrder]) -> None:
-        """Assign as many of these orders as possible, and note why the others wait."""
+        """Assign as many of these orders as possible, and update the wait reasons of the others."""
         dispatched, reasons = self._dispatching.dispatch(orders)
         for each in dispatched:
             if each.assignment.gives_up:
@@ -255,13 +255,13 @@ class LifeCycle:
     def _give_way(self, dispatched: Dispatched) -> str:
         """Withdraw a vehicle's dispensable order for another one; return what that one waits for.
 
-        The vehicle drives to the end of its base; one that recharges gets cancelOrder.
+        The vehicle drives to the end of its base; one that is recharging is sent cancelOrder.
         """
         wanted, given_up = dispatched.assignment.order.name, dispatched.assignment.gives_up
         order = self._orders.named(given_up)
         assert order, "vehicles work on known orders"  # noqa: S101 - for the type
         log.info("order gives way", order=given_up, vehicle=dispatched.vehicle.name, wanted=wanted)
-        self.withdraw(order, f"gives way to order {wanted}", immediate=is_operating(order))
+        self.withdraw(order, f"gives way to order {wanted}", immediate=order.is_operating)
         return f"waits for vehicle {dispatched.vehicle.name!r}, which {GIVES_UP}"
 
     def _assign(self, dispatched: Dispatched) -> None:
@@ -276,23 +276,23 @@ class LifeCycle:
 
     # The drive to each destination
 
-    def _go_on(self, order: TransportOrder, *, again: bool = False) -> None:
-        """Drive to the current destination, ``again`` or for the first time, unless the order has to wait."""
+    def _continue(self, order: TransportOrder, *, again: bool = False) -> None:
+        """Drive to the current destination, ``again`` or for the first time, unless the order must wait."""
         vehicle = self._registry.employed(order.vehicle)
         if vehicle is None:
             self._end(order.failed(f"vehicle {order.vehicle!r} no longer exists", self._clock.now()))
             return
-        order = order.begun_again() if again else order
+        order = order.restarted() if again else order
         self._orders.put(order)
         self._pauses.begin(vehicle, order)
         self._state.vehicle_changed(vehicle.name)
         if self._pauses.is_over(vehicle):
-            self._drive_on(order, vehicle, first=again)
+            self._resume_driving(order, vehicle, first=again)
         else:
             self.update_reason(vehicle)
 
-    def _drive_on(self, order: TransportOrder, vehicle: FleetVehicle, *, first: bool = False) -> None:
-        """End the pause of an order whose vehicle is localised."""
+    def _resume_driving(self, order: TransportOrder, vehicle: FleetVehicle, *, first: bool = False) -> None:
+        """End the pause of an order and drive to its current destination; fail it without a route."""
         self._pauses.end(vehicle.name)
         order, planner = order.tried(), self._context.planner
         try:
@@ -313,7 +313,7 @@ class LifeCycle:
         self._driving.want(order, vehicle, way, first=first, retriable=retriable)
 
     def stuck(self, stuck: Stuck) -> None:
-        """Fail the order of a vehicle that has no route for it, or make it wait until paths are unlocked."""
+        """Fail the order of a vehicle without a route, or pause it until paths are unlocked."""
         vehicle, order = stuck.vehicle, self._state.order_of(stuck.vehicle.key)
         if order is None:
             return
@@ -325,16 +325,18 @@ class LifeCycle:
             self.update_reason(vehicle)
 
     def update_reason(self, vehicle: FleetVehicle) -> None:
-        """Note in a vehicle's order what keeps the vehicle from continuing."""
+        """Update the wait reason of a vehicle's order."""
         order = self._state.order_of(vehicle.key)
         if order is None:
             return
-        changed = order.hindered(self._context.view(vehicle).wait_reason or self._driving.note(vehicle))
+        changed = order.with_wait_reason(
+            self._context.view(vehicle).wait_reason or self._driving.note(vehicle)
+        )
         if changed is not order:
             self._orders.put(changed)
             self._state.vehicle_changed(order.vehicle)
 
-    # What robots report
+    # Events of robots
 
     def robot_changed(self, vehicle: FleetVehicle) -> None:
         """Handle a new state of a robot."""
@@ -343,10 +345,10 @@ class LifeCycle:
         self.update_reason(vehicle)
 
     def on_order_event(self, event: OrderEvent) -> None:
-        """Handle what a robot reports of a VDA 5050 order."""
+        """Handle an event of a VDA 5050 order."""
         sent = self._sent.find(event.order_id)
         if sent is None:
-            log.warning("event of an unknown VDA 5050 order", robot=str(event.robot), order=event.order_id)
+            log.warning("event for an unknown VDA 5050 order", robot=str(event.robot), order=event.order_id)
             return
         ahead = self._driving.ahead_of(sent)
         if isinstance(event, VdaOrderAccepted):
@@ -376,7 +378,7 @@ class LifeCycle:
             case VdaOrderAccepted():
                 pass
             case OperationStarted():
-                if not sent.partial:  # else it is a required action where the order ends early
+                if not sent.partial:  # otherwise it is a required action at a premature end
                     self._orders.put(order.operating(sent.drive_order_index, self._clock.now()))
             case VdaOrderFinished():
                 self._drive_order_finished(order, sent)
@@ -392,38 +394,38 @@ class LifeCycle:
             words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle had finished its base"
             self._end(order.failed(words, now))
         elif sent.partial:
-            self._go_on(order, again=True)
+            self._continue(order, again=True)
         elif index + 1 == len(order.status.drive_orders):
             self._end(order.drive_order_finished(index, now).finished(now))
         else:
-            self._go_on(order.drive_order_finished(index, now))
+            self._continue(order.drive_order_finished(index, now))
 
     def _drive_order_failed(self, order: TransportOrder, failure: OrderFailure) -> None:
         if order.state is S.WITHDRAWN:
             words = f"withdrawn: {why_withdrawn(order.status)}; {failure.words}"
             self._end(order.failed(words, self._clock.now()))
         elif order.held:
-            self._go_on(order.failed_while_held(failure.words), again=True)
+            self._continue(order.failed_while_held(failure.words), again=True)
         else:
             self._fail(order, failure)
 
     def _drive_order_cancelled(self, order: TransportOrder, sent: SentOrder) -> None:
-        """End a withdrawn order; one held meanwhile waits, or continues if it was resumed."""
+        """End a withdrawn order; pause a held one, or continue it if it was resumed meanwhile."""
         given_up = self._given_up.pop(sent.vda_order.order_id, None)
         if order.state is S.WITHDRAWN:
             words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has released it"
             self._end(order.failed(words, self._clock.now()))
         elif given_up and not order.held:
             self._fail(order, given_up)
-        elif is_operating(order) and not given_up:
+        elif order.is_operating and not given_up:
             self._drive_order_failed(order, OrderFailure(FailureKind.UNCLEAR, BEGUN_MEANWHILE))
         else:
-            self._go_on(order, again=True)
+            self._continue(order, again=True)
 
     # Failures
 
     def _fail(self, order: TransportOrder, failure: OrderFailure) -> None:
-        """Take the policy's measure for an order whose vehicle has failed."""
+        """Take the next measure of the failure policy for an order that has failed at its vehicle."""
         if self._registry.employed(order.vehicle) is None:
             why = f"vehicle {order.vehicle!r} no longer exists; {failure.words}"
             self._end(order.failed(why, self._clock.now()))
@@ -434,7 +436,7 @@ class LifeCycle:
         match step.do:
             case FailureMeasure.RETRY:
                 order = order.retried(decision.taken, words, now=now, next_try=self._next_try(step))
-                self._go_on(order, again=True)
+                self._continue(order, again=True)
             case FailureMeasure.REPLAN:
                 self._replan(order, decision, failure)
             case FailureMeasure.OTHER_VEHICLE:
@@ -444,7 +446,7 @@ class LifeCycle:
                 self._skip(order.skipped(words, now))
             case FailureMeasure.HOLD:
                 hold = Hold(by=POLICY, reason=with_others(words, decision), since=now)
-                self._go_on(order.on_hold(hold, now), again=True)
+                self._continue(order.on_hold(hold, now), again=True)
             case FailureMeasure.FAIL:
                 self._end(order.failed(with_others(words, decision), now))
 
@@ -456,30 +458,30 @@ class LifeCycle:
             avoided=self._failures.detour(order, failure.ahead),
             next_try=self._next_try(decision.step),
         )
-        self._go_on(order, again=True)
+        self._continue(order, again=True)
 
     def _skip(self, order: TransportOrder) -> None:
         if order.current.state is DriveOrderState.TRAVELLING:
-            self._go_on(order)
+            self._continue(order)
         else:
             self._end(order.finished(self._clock.now()))
 
     def _next_try(self, step: FailureStep) -> datetime | None:
         return self._clock.now() + timedelta(seconds=step.after) if step.after else None
 
-    # Actions that may be retried at the robot (VDA 5050 3.0 sections 6.2.3 and 6.6.9)
+    # Retriable actions (VDA 5050 3.0, sections 6.2.3 and 6.6.9)
 
     def on_retriable_action(self, event: ActionRetriable) -> None:
-        """Answer a robot that waits with a RETRIABLE action by ``retry`` or ``skipRetry`` (VDA 5050 3.0).
+        """Send ``retry`` or ``skipRetry`` to a robot that waits with a RETRIABLE action (section 6.6.9).
 
-        ``retry`` if the policy retries at once; else ``skipRetry``: the VDA 5050 order then fails, as with
-        robots that know no retry, and the policy continues.
+        ``retry`` if the failure policy retries at once, otherwise ``skipRetry``: the VDA 5050 order then
+        fails, as with robots without retries, and the policy continues.
         """
         sent, order = self._sent.find(event.order_id), self._state.order_of(event.robot)
         if sent is None or sent.cancelled or sent.evasion or order is None:
             return
         words = with_details(event.reason, event.details)
-        action = retry_or_skip(fresh_id(), event.action_id, retry=self._retries_action(order, words))
+        action = retry_or_skip(unique_id(), event.action_id, retry=self._retries_action(order, words))
         self._answers[action.action_id] = event.order_id, words
         log.info("action has failed", vda_order=event.order_id, answer=action.action_type, reason=words)
         self._driving.instruct(sent, action)
@@ -494,14 +496,14 @@ class LifeCycle:
         return True
 
     def on_instant_action(self, event: InstantActionEnded) -> None:
-        """Cancel the VDA 5050 order of a robot that did not accept the answer about its failed action."""
+        """Cancel the VDA 5050 order of a robot that did not execute ``retry`` or ``skipRetry``."""
         order_id, words = self._answers.pop(event.action.action_id, ("", ""))
         sent = self._sent.find(order_id)
         if sent and not sent.cancelled and event.status is not ActionStatus.FINISHED:
             log.warning(
-                "robot accepts no answer to its failed action", vda_order=order_id, reason=event.reason
+                "robot rejected the answer about its failed action", vda_order=order_id, reason=event.reason
             )
-            known = event.status is ActionStatus.FAILED  # else it may be trying again right now
+            known = event.status is ActionStatus.FAILED  # otherwise it may be retrying right now
             self._given_up[order_id] = OrderFailure(
                 FailureKind.ACTION if known else FailureKind.UNCLEAR, words
             )
@@ -510,7 +512,7 @@ class LifeCycle:
     # The end
 
     def give_up(self, robot: RobotKey, reason: str) -> None:
-        """Fail the order of a robot, if it has one, regardless of robot and policy."""
+        """Fail the order of a robot, if it has one, whatever its robot reports and its policy says."""
         if order := self._state.order_of(robot):
             self._end(order.failed(reason, self._clock.now()))
 
@@ -519,7 +521,7 @@ class LifeCycle:
         self._end(order.failed(words, self._clock.now()))
 
     def _end(self, order: TransportOrder) -> None:
-        """Note the end of an order, and free its vehicle."""
+        """Store an order's final state, and release its vehicle."""
         self._release(order)
         status = order.status
         by, state, reason = status.processing_vehicle, status.state.value, status.reason
@@ -538,38 +540,38 @@ class LifeCycle:
 
     # After a restart
 
-    def take_up(
+    def restore(
         self, orders: Iterable[TransportOrder], documents: Mapping[int, str], recovery: Recovery
     ) -> None:
-        """Restore orders after a restart; the reports of their robots decide how they continue.
+        """Restore orders after a restart; their robots' states decide how they continue.
 
-        The youngest orders are handled first, so that dependent orders exist when others fail. Orders of
-        which a robot has nothing are handled last, because robots may have got other vehicles' names since.
+        The newest orders are handled first, so that dependent orders exist when others fail. Orders without a
+        VDA 5050 order are handled last, because vehicles may have been renamed since.
         """
         unsent: list[TransportOrder] = []
         for order in sorted(orders, key=lambda order: -order.number):
             self._watch(order)
             if order.state in (S.ACTIVE, S.DISPATCHABLE):
-                self._take_up_waiting(order)
+                self._restore_waiting(order)
             elif (document := documents.get(order.number)) is not None:
-                self._take_up_sent(order, document, recovery)
+                self._restore_sent(order, document, recovery)
             else:
                 unsent.append(order)
         for order in unsent:
-            self._take_up_unsent(order, recovery)
+            self._restore_unsent(order, recovery)
 
-    def _take_up_sent(self, order: TransportOrder, document: str, recovery: Recovery) -> None:
+    def _restore_sent(self, order: TransportOrder, document: str, recovery: Recovery) -> None:
         now = self._clock.now()
         try:
-            vehicle = recovery.take_up_order(order, document)
+            vehicle = recovery.restore_order(order, document)
         except LostOrderError:
             words = "the VDA order of the vehicle is unreadable"
             self._end(order.adopted(now).failed(words, now))
         else:
             self._orders.put(order.adopted(now, vehicle.name))
 
-    def _take_up_unsent(self, order: TransportOrder, recovery: Recovery) -> None:
-        """Continue an order whose vehicle was not sent the next VDA 5050 order yet."""
+    def _restore_unsent(self, order: TransportOrder, recovery: Recovery) -> None:
+        """Continue an order whose next VDA 5050 order was not sent yet."""
         vehicle = recovery.present_vehicle(order.vehicle or "")
         order = order.adopted(self._clock.now(), vehicle.name if vehicle else None)
         if order.state is S.WITHDRAWN:
@@ -584,12 +586,11 @@ class LifeCycle:
             self._sent.assign(order, vehicle.key)
             self._pauses.begin(vehicle, order)
 
-    def _take_up_waiting(self, order: TransportOrder) -> None:
-        """Restore a waiting order, unless a change of the plant model has made it impossible."""
+    def _restore_waiting(self, order: TransportOrder) -> None:
+        """Restore a waiting order, or fail it if the changed plant model makes it impossible."""
         try:
-            left = order.status.drive_orders[max(order.status.current_drive_order_index, 0) :]
-            check_order(order.status.model_copy(update={"drive_orders": left}), self._context.plant)
+            check_order(order.status, self._context.plant)
         except InvalidRequestError as error:
             self._orders.put(order.failed(f"no longer possible in this plant: {error}", self._clock.now()))
         else:
-            self._orders.put(self._conditions.take_up(order))
+            self._orders.put(self._conditions.restore(order))

@@ -1,4 +1,4 @@
-"""Conflicts of current orders and vehicles with a new plant model."""
+"""Check a new plant model for conflicts with current orders and vehicles."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ PROBLEMS_NAMED = 100
 def conflicts(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tuple[str, ...]:
     """Return the conflicts of current orders and vehicles with the plant model ``new``.
 
-    ``registry`` is that of the new plant. Orders must find their destinations, and vehicles what they hold
-    and have claimed, unchanged: robots drive on as they were sent, and other vehicles are kept away from
-    them.
+    ``registry`` is that of the new plant. The destinations of orders, and everything that vehicles hold or
+    have claimed, must be unchanged: robots continue the orders that they were sent, and traffic control keeps
+    other vehicles away from them.
     """
     found = [
         *_of_orders(engine.state.orders.present(), new, registry),
@@ -36,9 +36,8 @@ def conflicts(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tup
 def _of_orders(orders: Iterable[TransportOrder], new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
     names = registry.names()
     for order in orders:
-        left = order.status.drive_orders[max(order.status.current_drive_order_index, 0) :]
         try:
-            check_order(order.status.model_copy(update={"drive_orders": left}), new)
+            check_order(order.status, new)
         except InvalidRequestError as error:
             yield from (f"transport order {order.name!r}: {each.text}" for each in error.findings)
         intended = order.status.intended_vehicle
@@ -67,7 +66,7 @@ def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> 
 
 
 def _of_robot(vehicle: FleetVehicle, registry: VehicleRegistry) -> Iterator[str]:
-    """Yield why a working vehicle would not be the same one."""
+    """Yield why a working vehicle would not be the same robot in the new plant."""
     if vehicle.model is None:
         after, taken = registry.of(vehicle.key), registry.named(vehicle.name)
         if (after and after.name != vehicle.name) or (taken and taken.key != vehicle.key):
@@ -89,7 +88,7 @@ class _Differences:
         self._old_blocks, self._new_blocks = _blocks(old), _blocks(new)
 
     def of(self, place: ResourceSet, *, under_way: bool) -> Iterator[str]:
-        """Yield what is removed or changed at a resource; with ``under_way`` also changed positions."""
+        """Yield removals and changes of a resource; with ``under_way``, also moved points and paths."""
         for name in dict.fromkeys((place.point, *place.uses)):
             if name in self._old.blocks_by_name:
                 continue

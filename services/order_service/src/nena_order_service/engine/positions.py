@@ -1,4 +1,4 @@
-"""Where the vehicles are: what they report, what is stored of them, and their integration levels."""
+"""Positions of vehicles: as reported, as stored, and whether they count (openTCS: integration level)."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class _Sighting:
 
 
 class Positions:
-    """Informs the traffic manager of the positions of vehicles without a route, as reported by their robots.
+    """Reports the positions of vehicles without a route to the traffic manager.
 
-    The resources that a vehicle holds are stored, so that they are known after a restart before it reports. A
-    vehicle that reports nothing, or no position, keeps what it holds.
+    The resources that a vehicle holds are stored, so that they are known after a restart before its robot
+    reports. A vehicle that reports no state or no position keeps what it holds.
     """
 
     def __init__(self, context: Context) -> None:
@@ -42,10 +42,10 @@ class Positions:
         self._clock = context.clock
         self._sightings: dict[str, _Sighting] = {}
         self._doubted: dict[str, float] = {}
-        """When routes ended without a report of the robots; only later reports count."""
+        """Times at which positions became doubtful, monotonic seconds; only later states count."""
 
     def see(self, vehicle: FleetVehicle) -> bool:
-        """Handle the position of a vehicle without a route; return whether that changes what it holds."""
+        """Update what a vehicle without a route holds by its reported position; return whether it changed."""
         name = vehicle.name
         if not self._counts(vehicle):
             return self._take_out(vehicle)
@@ -76,7 +76,7 @@ class Positions:
         self._records.change(vehicle.key, held=self._traffic.held(name), beside=self._traffic.beside(name))
 
     def forget_sighting(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
-        """Check the position of a vehicle again; with ``doubt`` only from its next report."""
+        """Read the position of a vehicle again; with ``doubt``, only from its next state."""
         self._sightings.pop(vehicle.name, None)
         if doubt:
             self._doubted[vehicle.name] = self._clock.monotonic()
@@ -87,9 +87,9 @@ class Positions:
         return sighting is not None and sighting.located and vehicle.name in self._traffic
 
     def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> str:
-        """Return, as a predicate, why a vehicle takes no orders because of its position; empty if it does.
+        """Return, as a predicate, why a vehicle's level or position keeps it from taking orders; or empty.
 
-        ``working``: it has an order, which a vehicle TO_BE_RESPECTED finishes.
+        ``working``: it already has an order, which it finishes at TO_BE_RESPECTED, too.
         """
         level = self._records.of(vehicle.key).integration_level
         goes_on = working and level is IntegrationLevel.TO_BE_RESPECTED
@@ -124,7 +124,7 @@ class Positions:
         return True
 
     def _counts(self, vehicle: FleetVehicle) -> bool:
-        """Return whether other vehicles are kept away from a vehicle; not from one on a foreign map.
+        """Return whether a vehicle's position counts, by its integration level and its map.
 
         Until the plant's maps are known after a restart, a vehicle keeps what it holds.
         """
@@ -154,7 +154,7 @@ class Positions:
 
 
 def box_of(vehicle: FleetVehicle) -> BoundingBox:
-    """Return the size of a vehicle; the model's default for one that the plant model does not have."""
+    """Return the size of a vehicle; the default size if it is not in the plant model."""
     return vehicle.model.bounding_box if vehicle.model else BoundingBox()
 
 

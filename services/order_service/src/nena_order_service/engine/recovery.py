@@ -1,4 +1,4 @@
-"""Recovery: restores the store's content after a restart; the robots' reports decide how it continues."""
+"""Recovery: restore the stored state after a restart; the robots' states decide how orders continue."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Recovery:
         self._driving = driving
         self._gate = gate
 
-    def take_up_vehicles(self) -> None:
+    def restore_vehicles(self) -> None:
         """Restore the resources that stored vehicles held, and continue their evasions."""
         known = tuple(self._registry.discover(record.robot) for record in self._vehicles)
         self._gate.begin(known)
@@ -44,10 +44,10 @@ class Recovery:
             self._vehicles.change(vehicle.key)
 
     def present_vehicle(self, name: str) -> FleetVehicle | None:
-        """Return the vehicle that is now the robot that had this name; None: it no longer has orders.
+        """Return the current vehicle of the robot that had this name; None if it can no longer take orders.
 
-        If the store does not name that robot, it is the vehicle of this name, unless that one is known to
-        have had another name.
+        If the store does not name that robot, return the vehicle of this name, unless it is known to have had
+        another name.
         """
         robot = self._vehicles.robot_before(name)
         if robot is not None:
@@ -57,11 +57,11 @@ class Recovery:
         return named if named and self._vehicles.name_before(named.key) in (None, name) else None
 
     def present_name(self, name: str) -> str:
-        """Return the current name of the vehicle that had this name; the same if it no longer exists."""
+        """Return the current name of the vehicle that had this name; unchanged if it no longer exists."""
         vehicle = self.present_vehicle(name)
         return vehicle.name if vehicle else name
 
-    def take_up_order(self, order: TransportOrder, document: str) -> FleetVehicle:
+    def restore_order(self, order: TransportOrder, document: str) -> FleetVehicle:
         """Restore an order's VDA order; return the vehicle of its robot. Raises LostOrderError."""
         try:
             record = SentOrder.model_validate_json(document)
@@ -89,4 +89,4 @@ class Recovery:
 
 
 NOWHERE = ResourceSet("", 0, {})
-"""The resources of a robot of which only the sent order is known."""
+"""Placeholder for a robot whose position is unknown: no resources."""

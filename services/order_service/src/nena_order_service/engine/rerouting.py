@@ -1,6 +1,6 @@
-"""Rerouting: replans routes of driving vehicles (openTCS: rerouting).
+"""Rerouting: replan routes of driving vehicles (openTCS: rerouting).
 
-It does so on request, after path locks, and for vehicles that wait for others.
+Routes are replanned on request, after path locks, and for vehicles that wait for others.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.routing.router import Leg
 from nena_order_service.traffic.scheduler import Refusal, WaitReason
 from nena_order_service.vehicles.registry import FleetVehicle
-from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.log import get_logger
 from nena_shared.plant import BACKWARD_SUFFIX, UnknownObjectError
@@ -35,16 +35,16 @@ CHOSEN_LATER = "its route is chosen when it starts"
 NOTHING_AHEAD = (
     "its whole route is released and stays as it is; a forced rerouting starts at the robot's position"
 )
-LED_AROUND_AT_ONCE = 20
-"""Maximum waiting vehicles for which routes are searched in one check; a search takes milliseconds."""
+REROUTED_AT_ONCE = 20
+"""Maximum number of waiting vehicles rerouted in one check; each route search takes milliseconds."""
 OFF_LOCKS_AT_ONCE = 4
-"""Vehicles that are led around locked paths in one turn of the event loop."""
+"""Number of vehicles led around locked paths in one turn of the event loop."""
 NO_OTHER_WAY = "it already has the best route"
 
 
 @dataclass(frozen=True, slots=True)
 class Rerouted:
-    """The result: an outcome, its reason, and the points from the end of the base on."""
+    """The result: the outcome, its reason, and the points of the route from the end of the base."""
 
     outcome: ReroutingOutcome
     reason: str
@@ -53,7 +53,7 @@ class Rerouted:
 
 @dataclass(frozen=True, slots=True)
 class _UnderWay:
-    """A driving vehicle with an order that is not completely released."""
+    """A driving vehicle whose VDA order still has a horizon."""
 
     vehicle: FleetVehicle
     record: SentOrder
@@ -64,10 +64,10 @@ class _UnderWay:
 class Rerouting:
     """Replans routes of driving vehicles, in the engine's units of work.
 
-    The robot's base, and what it holds, never change by that. A *regular* rerouting returns the claims beyond
-    the base and claims another route from there; if traffic does not grant that, the old one stays. A
-    *forced* one makes the robot cancel its order; it keeps all that it holds until it is seen standing, and
-    its transport order continues from there.
+    The robot's base and what it holds never change. A *regular* rerouting replaces the claims beyond the
+    base with another route; if traffic control does not grant it, the old one stays. A *forced* one makes the
+    robot cancel its order: it keeps everything it holds until it is seen standing, and its transport order
+    continues from there.
     """
 
     def __init__(self, context: Context, driving: Driving) -> None:
@@ -83,20 +83,20 @@ class Rerouting:
         self._clock = context.clock
         self._view = context.view
         self._over_locks: deque[RobotKey] = deque()
-        """Robots that may have to be led around locked paths yet; traffic halts them until then."""
+        """Robots that may still have to be led around locked paths; traffic control halts them until then."""
         self._waiting: Mapping[str, int] = {}
-        """Vehicles that stood and waited at the last check, and how far each had driven."""
-        self._led_around: dict[str, tuple[str, int]] = {}
-        """The order of vehicles that were led around others, and how far each had driven by then."""
+        """Vehicles that were waiting at the last check, and how far each had driven."""
+        self._last_rerouted: dict[str, tuple[str, int]] = {}
+        """By vehicle: the order for which it was last led around others, and how far it had driven."""
         self._tried: frozenset[str] = frozenset()
-        """Vehicles that were checked in the current round."""
+        """Vehicles already checked in the current round."""
 
     def request(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
         """Replan the route of the order that a vehicle works on.
 
         Raises:
-            NotReroutableError: it works on none, or on one whose route must not change.
-            VehicleNotReachedError: it is to be stopped and cannot be reached.
+            NotReroutableError: it has no order, or its route must not change.
+            VehicleNotReachedError: it has to be stopped and cannot be reached.
 
         """
         order = self._order(vehicle)
@@ -109,10 +109,11 @@ class Rerouting:
             return self._force(vehicle, order, record)
         return self._replan(vehicle, order, record, "requested by a host")
 
-    def keep_off_locked_paths(self) -> None:
-        """Halt the vehicles whose routes lead over paths that are locked now, at the ends of their bases.
+    def halt_before_locked_paths(self) -> None:
+        """Halt vehicles whose routes lead over paths that are now locked, at the ends of their bases.
 
-        Those that have not started request their routes again. :meth:`lead_off_locked_paths` does the rest.
+        Those that have not started request their routes again. :meth:`reroute_off_locked_paths` reroutes the
+        others.
         """
         over = [each.robot for each in self._sent if not each.cancelled and self._leads_over_lock(each)]
         self._over_locks = deque(over)
@@ -121,11 +122,11 @@ class Rerouting:
 
     @property
     def halts(self) -> bool:
-        """Whether halted vehicles still have to be led around locked paths."""
+        """Whether any halted vehicle still has to be rerouted."""
         return bool(self._over_locks)
 
-    def lead_off_locked_paths(self) -> None:
-        """Lead the next halted vehicles around locked paths; without another route, they stop there."""
+    def reroute_off_locked_paths(self) -> None:
+        """Reroute the next halted vehicles around locked paths; without another route, they stop."""
         robots = [self._over_locks.popleft() for _ in range(min(OFF_LOCKS_AT_ONCE, len(self._over_locks)))]
         self._halt_rest()
         for robot in robots:
@@ -134,15 +135,15 @@ class Rerouting:
                 continue
             vehicle = self._registry.discover(robot)
             try:
-                self._lead_off(vehicle, record)
-            except ValueError:  # of one vehicle: the others must not drive over the locked path for it
+                self._reroute_off(vehicle, record)
+            except ValueError:  # a failure for one vehicle must not let others drive over the path
                 log.exception("vehicle cannot be led around a locked path", vehicle=vehicle.name)
                 self._driving.end_early(record, partial=True)
 
     def _halt_rest(self) -> None:
         self._traffic.halt([self._registry.discover(each).name for each in self._over_locks])
 
-    def _lead_off(self, vehicle: FleetVehicle, record: SentOrder) -> None:
+    def _reroute_off(self, vehicle: FleetVehicle, record: SentOrder) -> None:
         order = None if record.evasion else self._orders.get(self._number(vehicle))
         if order is None or order.state is not TransportOrderState.BEING_PROCESSED:
             self._driving.end_early(record, partial=False)
@@ -153,20 +154,20 @@ class Rerouting:
             self._driving.end_early(record, partial=True)
 
     def kept_waiting(self) -> Sequence[str]:
-        """Return vehicles that have waited since the last call; of many only some, in turn."""
+        """Return vehicles that have waited since the last call; if there are many, some of them in turn."""
         before, self._waiting = self._waiting, self._traffic.waiting_at_end()
         waiting = [name for name, reached in self._waiting.items() if before.get(name) == reached]
         self._tried = self._tried.intersection(waiting)
         if self._tried.issuperset(waiting):
             self._tried = frozenset()
-        chosen = [name for name in waiting if name not in self._tried][:LED_AROUND_AT_ONCE]
+        chosen = [name for name in waiting if name not in self._tried][:REROUTED_AT_ONCE]
         self._tried = self._tried.union(chosen)
         return chosen
 
-    def lead_around(self, name: str) -> None:
-        """Lead a waiting vehicle along a route with less traffic, if there is one that traffic grants.
+    def reroute_waiting(self, name: str) -> None:
+        """Reroute a waiting vehicle to a route with less traffic, if traffic control grants one.
 
-        The robot must be able to drive it, and it must have driven on since it was last led around others.
+        The robot must be able to drive it, and must have made progress since it was last led around others.
         """
         vehicle = self._registry.named(name)
         record = self._sent.of_robot(vehicle.key) if vehicle else None
@@ -181,7 +182,7 @@ class Rerouting:
             or base_end not in self._plant.points_by_name
         ):
             return
-        if self._led_around.get(name) == (record.vda_order.order_id, journey.reached):
+        if self._last_rerouted.get(name) == (record.vda_order.order_id, journey.reached):
             return
         route = self._traffic.route_around(name, order.resources_to_avoid, self._stays)
         if route is None or not route.steps:
@@ -189,11 +190,11 @@ class Rerouting:
         under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
         leg = Leg(route.cost, route)
         if not self._why_not(under_way, leg) and not self._claim_leg(under_way, leg):
-            self._led_around[name] = record.vda_order.order_id, journey.reached
+            self._last_rerouted[name] = record.vda_order.order_id, journey.reached
             self._send(under_way, route, "it waited, and there is less traffic")
 
     def _stays(self, name: str) -> bool:
-        """Return whether a vehicle at rest may stay for long: it has no order, or cannot go on with it."""
+        """Return whether a vehicle at rest may stay for long: it has no order, or cannot continue it."""
         vehicle = self._registry.named(name)
         works = vehicle is not None and self._sent.order_number(vehicle.key) is not None
         return not works or self._driving.mobility.lost(name)
@@ -213,7 +214,7 @@ class Rerouting:
         return number
 
     def _force(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder) -> Rerouted:
-        if _operating(order):
+        if order.is_operating:
             raise NotReroutableError(vehicle.name, "it is executing its operation at the destination")
         link = self._view(vehicle).link
         if link is not LinkStatus.ONLINE:
@@ -244,7 +245,7 @@ class Rerouting:
         """Claim the cheapest other route, or one around vehicles at rest; return it, or why there is none.
 
         Raises:
-            NoRouteError: no route leads on at all.
+            NoRouteError: there is no route at all.
         """
         leg = self._leg(under_way)
         if why_not := self._why_not(under_way, leg):
@@ -287,7 +288,7 @@ class Rerouting:
         return frozenset(use for each in held for use in each.uses if use in drivable)
 
     def _why_not(self, under_way: _UnderWay, leg: Leg) -> str | None:
-        """Return why the robot, by its factsheet, cannot carry out the order along another route."""
+        """Return why the robot, by its factsheet, cannot execute the order along another route; or None."""
         factsheet = self._view(under_way.vehicle).factsheet
         if factsheet is None or leg.route is None or self._is_present_way(under_way, leg):
             return None
@@ -295,7 +296,7 @@ class Rerouting:
         return order_problem(fitted(self._with_route(under_way, leg.route), abilities), abilities)
 
     def _with_route(self, under_way: _UnderWay, route: Route) -> VdaOrder:
-        """Return the VDA order with this route from the end of its base on."""
+        """Return the VDA order with this route from the end of its base (section 6.1.2)."""
         record, standing = under_way.record, Standing(under_way.base_end, on_point=True, pose=None)
         retriable = any(each.retriable for each in record.vda_order.actions)
         tail = self._planner.vda_order(
@@ -315,14 +316,8 @@ class Rerouting:
         log.info("vehicle rerouted", vehicle=vehicle.name, reason=why, route=route.points)
 
     def _leads_over_lock(self, record: SentOrder) -> bool:
-        """Return whether what is not released yet of a VDA order leads over a path that is locked."""
+        """Return whether the horizon of a VDA order leads over a locked path."""
         return not record.all_released and self._any_locked(record.vda_order.edges[record.allocated :])
 
     def _any_locked(self, edges: Iterable[Edge]) -> bool:
         return any(self._finder.is_locked(each.edge_id.removesuffix(BACKWARD_SUFFIX)) for each in edges)
-
-
-def _operating(order: TransportOrder) -> bool:
-    return (
-        order.status.drive_orders[order.status.current_drive_order_index].state is DriveOrderState.OPERATING
-    )

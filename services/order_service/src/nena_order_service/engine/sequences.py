@@ -1,4 +1,4 @@
-"""Progress of order sequences: which order is next, and which vehicle executes them."""
+"""Order sequences (openTCS): which order is next, and which vehicle executes them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MARKED = "marked complete by a host"
 
 
 class Sequences:
-    """Changes order sequences with the progress of their orders."""
+    """Updates order sequences as their orders progress."""
 
     def __init__(self, context: Context) -> None:
         self._state = context.state
@@ -20,20 +20,20 @@ class Sequences:
         self._clock = context.clock
 
     def create(self, request: OrderSequenceRequest, name: str) -> OrderSequence:
-        """Make a sequence without orders."""
+        """Create a sequence without orders."""
         number = self._sequences.next_number()
         sequence = OrderSequence.created(request, number=number, name=name, now=self._clock.now())
         self._sequences.put(sequence)
         return sequence
 
     def complete(self, sequence: OrderSequence, why: str = MARKED) -> OrderSequence:
-        """Close a sequence to new orders; it is finished if it has no unfinished orders."""
+        """Close a sequence to new orders; it is finished once all of its orders have ended."""
         changed = sequence.completed(why, self._clock.now())
         self._put(changed)
         return changed
 
     def append(self, order: TransportOrder) -> None:
-        """Add an order to its sequence, if it has one; that it may be added was checked."""
+        """Add an order to its sequence, if it has one; the caller has checked that it may be added."""
         if sequence := self._of(order):
             self._put(sequence.appended(order.name, self._clock.now()))
 
@@ -43,16 +43,16 @@ class Sequences:
             self._put(sequence.bound(vehicle, self._clock.now()))
 
     def why_waiting(self, order: TransportOrder) -> str:
-        """Return what an order waits for as one of a sequence; empty for nothing."""
+        """Return what an order waits for in its sequence; empty if it does not wait."""
         sequence = self._of(order)
         if sequence is None or sequence.next_order in (None, order.name):
             return ""
         return f"waits for its turn in order sequence {sequence.name!r}, after {sequence.next_order!r}"
 
     def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
-        """Note the end of an order.
+        """Advance the sequence of an order that has ended.
 
-        Return the orders that fail with it, and the name of the next one, if there is one.
+        Return the orders that fail with it, and the name of the next order in the sequence, if any.
         """
         sequence = self._of(order)
         if sequence is None:
@@ -66,7 +66,7 @@ class Sequences:
         self._put(sequence)
         return failed, sequence.next_order
 
-    def misfit(self, order: TransportOrder, vehicle: str) -> str:
+    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
         """Return why a vehicle must not execute an order because of a sequence; empty if it may."""
         bound, sequence = self._sequences.of_vehicle(vehicle), self._of(order)
         if bound and bound is not sequence:
@@ -79,12 +79,12 @@ class Sequences:
         return ""
 
     def meant(self, order: TransportOrder) -> str | None:
-        """Return the vehicle that executes an order's sequence; None: it has none, or any vehicle may."""
+        """Return the vehicle of an order's sequence; None if any vehicle may execute the order."""
         sequence = self._of(order)
         return sequence.bound_vehicle or sequence.status.intended_vehicle if sequence else None
 
     def bound_to(self, vehicle: str) -> str | None:
-        """Return the name of the sequence to which a vehicle is bound; None: it is free."""
+        """Return the name of the sequence to which a vehicle is bound; None if it is free."""
         sequence = self._sequences.of_vehicle(vehicle)
         return sequence.name if sequence else None
 
@@ -97,7 +97,7 @@ class Sequences:
         self._sequences.freed |= sequence.status.finished
 
     def _is_ended(self, name: str) -> bool:
-        """Return whether an order has ended; an order no longer in memory ended long ago."""
+        """Return whether an order has ended; one that is not in memory ended long ago."""
         order = self._orders.named(name)
         return order is None or order.state.final
 

@@ -1,6 +1,6 @@
 """The state of the order service: orders, sequences, vehicles, VDA 5050 orders, and pending changes.
 
-Plain data with small queries. Only the flows of the engine change it, in a unit of work; each change is noted
+Plain data with small queries. Only the engine's flows change it, in a unit of work; each change is recorded
 in :class:`PendingChanges`, which the engine commits, then publishes and sends.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -31,19 +31,19 @@ from nena_shared.vda5050.topics import RobotKey
 log = get_logger(__name__)
 
 RECENT_LIMIT = 1000
-"""Ended orders that are kept in memory; older ones are in the store only."""
+"""Number of ended orders kept in memory; older ones are only in the store."""
 
 Effect = Callable[[], FleetOutput | None]
-"""Sends something once a change is committed; may return an event that follows from it."""
+"""An action to run after the commit, such as sending a message; may return a resulting event."""
 
 
 @dataclass(slots=True)
 class PendingChanges:
-    """What a unit of work has changed: committed together, then published and sent."""
+    """The changes of a unit of work, which are committed together, then published and sent."""
 
     stored: Changes = field(default_factory=Changes)
     orders: list[TransportOrder] = field(default_factory=list)
-    """Versions to publish; of versions in a row that are in the same state only the last."""
+    """Versions to publish; of consecutive versions of an order in the same state, only the last."""
     sequences: list[OrderSequence] = field(default_factory=list)
     vehicles: set[str] = field(default_factory=set)
     effects: list[Effect] = field(default_factory=list)
@@ -53,21 +53,21 @@ class PendingChanges:
 
     def take(self) -> PendingChanges:
         """Return the changes so far, and reset them."""
-        taken = replace(self)
+        taken = PendingChanges(self.stored, self.orders, self.sequences, self.vehicles, self.effects)
         self.stored, self.orders, self.sequences, self.vehicles, self.effects = Changes(), [], [], set(), []
         return taken
 
 
 class Orders:
-    """Transport orders that have not ended, in their current and in their committed version.
+    """Transport orders in memory: the unfinished and the last ended ones, in current and committed versions.
 
-    Only the committed version may be shown to hosts.
+    Only committed versions may be shown to hosts.
     """
 
     def __init__(self, pending: PendingChanges, touched: set[str]) -> None:
         """``touched`` receives the names of the vehicles whose orders change."""
         self.last_number = 0
-        """The greatest number of an order in the store."""
+        """The highest order number in the store."""
         self.waiting = WaitingOrders()
         self.statistics = OrderStatistics()
         self._pending = pending
@@ -80,7 +80,7 @@ class Orders:
         self._ended: list[TransportOrder] = []
 
     def next_number(self) -> int:
-        """Return the number of a new order."""
+        """Return the number for a new order."""
         self.last_number += 1
         return self.last_number
 
@@ -115,7 +115,7 @@ class Orders:
         return ended
 
     def committed(self, orders: Iterable[TransportOrder]) -> None:
-        """Show these versions to hosts: they are in the store."""
+        """Make these versions visible to hosts, because they are in the store."""
         for order in orders:
             self.statistics.changed(self._committed.get(order.number), order)
             self._committed[order.number] = order
@@ -190,7 +190,7 @@ class Orders:
 
 
 class OrderSequences:
-    """Order sequences that are not finished, in their current and in their committed version."""
+    """Unfinished order sequences, in their current and committed versions."""
 
     def __init__(self, pending: PendingChanges) -> None:
         self.freed = False
@@ -204,14 +204,14 @@ class OrderSequences:
         """Names of sequences by the vehicles bound to them."""
 
     def load(self, sequences: Iterable[OrderSequence], last_number: int) -> None:
-        """Add the sequences of the store; ``last_number`` is the greatest number of one."""
+        """Add the sequences of the store; ``last_number`` is the highest sequence number."""
         self._last_number = last_number
         for sequence in sequences:
             self._index(sequence)
             self._visible[sequence.name] = sequence
 
     def rebind(self, present_name: Callable[[str], str]) -> None:
-        """Keep sequences with their robots, whose vehicles may have other names since the restart."""
+        """Keep sequences bound to their robots, whose vehicles may have been renamed at the restart."""
         bound = [(each, each.bound_vehicle) for each in self._visible.values() if each.bound_vehicle]
         moved = [(each, name, now) for each, name in bound if (now := present_name(name)) != name]
         for _, name, _ in moved:
@@ -220,7 +220,7 @@ class OrderSequences:
             self.put(sequence.rebound(now))
 
     def next_number(self) -> int:
-        """Return the number of a new sequence."""
+        """Return the number for a new sequence."""
         self._last_number += 1
         return self._last_number
 
@@ -233,7 +233,7 @@ class OrderSequences:
         self._pending.sequences.append(sequence)
 
     def committed(self, sequences: Iterable[OrderSequence]) -> None:
-        """Show these versions to hosts: they are in the store, and finished ones only there."""
+        """Make these versions visible to hosts, and drop finished ones, which remain in the store."""
         for sequence in sequences:
             if sequence.status.finished:
                 self._forget(sequence)
@@ -253,7 +253,7 @@ class OrderSequences:
         return self._visible.get(name)
 
     def unfinished(self) -> Iterator[OrderSequence]:
-        """Yield the committed sequences."""
+        """Yield the committed unfinished sequences."""
         return iter(tuple(self._visible.values()))
 
     def of_vehicle(self, vehicle: str) -> OrderSequence | None:
@@ -278,7 +278,7 @@ class OrderSequences:
 
 
 class VehicleRecord(BaseModel):
-    """The stored state of one vehicle, known after a restart before it reports anything."""
+    """The stored state of one vehicle, available after a restart before its robot reports."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -288,13 +288,13 @@ class VehicleRecord(BaseModel):
     """The vehicle's last name; empty: not stored."""
     integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
     acceptable_order_types: tuple[AcceptableOrderType, ...] | None = None
-    """As hosts have set them; None: those of the plant model."""
+    """As set by hosts; None: those of the plant model."""
     held: tuple[ResourceSet, ...] = ()
     """The resources that it held when its current drive began, oldest first."""
     beside: tuple[ResourceSet, ...] | None = None
-    """Resources that it may also be on since it broke off its route or was moved; None: it did not."""
+    """Resources that it may also occupy since it broke off its route or was moved; None: it did not."""
     evasion: SentOrder | None = None
-    """The VDA 5050 order by which it makes room for others."""
+    """The VDA 5050 order with which it makes room for others."""
 
     @property
     def robot(self) -> RobotKey:
@@ -303,7 +303,7 @@ class VehicleRecord(BaseModel):
 
 
 class VehicleRecords:
-    """Stored records of vehicles: integration levels, order types, and the resources that they held last."""
+    """Stored records of vehicles: integration levels, order types and held resources."""
 
     def __init__(self, pending: PendingChanges, registry: VehicleRegistry) -> None:
         self._pending = pending
@@ -337,7 +337,7 @@ class VehicleRecords:
         return iter(tuple(self._records.values()))
 
     def of(self, robot: RobotKey) -> VehicleRecord:
-        """Return the record of a robot; an empty one for a new robot."""
+        """Return the record of a robot; a default one for a new robot."""
         known = self._records.get(robot)
         return known or VehicleRecord(manufacturer=robot.manufacturer, serial_number=robot.serial_number)
 
@@ -352,10 +352,10 @@ class VehicleRecords:
 
 
 class SentOrders:
-    """Which robot works on which transport order, and the VDA 5050 order that it was sent.
+    """The transport order that each robot executes, and the VDA 5050 order that it was sent.
 
-    A robot works on one transport order at most, and has one VDA 5050 order at most: that of the transport
-    order's drive order, or one to make room for others.
+    A robot executes at most one transport order, and has at most one VDA 5050 order: that of the transport
+    order's current drive order, or one with which it makes room for others.
     """
 
     def __init__(self, pending: PendingChanges, vehicles: VehicleRecords) -> None:
@@ -371,12 +371,12 @@ class SentOrders:
         return iter(tuple(self._sent.values()))
 
     def assign(self, order: TransportOrder, robot: RobotKey) -> None:
-        """Note that a robot works on an order until :meth:`release`."""
+        """Assign an order to a robot until :meth:`release`."""
         self._order_of[robot] = order.number
         self._robot_of[order.number] = robot
 
     def release(self, order: TransportOrder) -> RobotKey | None:
-        """Remove an order from its robot, and return that robot; None if it had none."""
+        """Remove an order from its robot; return the robot, or None if the order had none."""
         robot = self._robot_of.pop(order.number, None)
         if robot is None:
             return None
@@ -388,12 +388,12 @@ class SentOrders:
         return robot
 
     def load(self, sent: SentOrder) -> None:
-        """Add one as stored; its transport order is already assigned."""
+        """Add a sent order as stored; its transport order is already assigned."""
         self._sent[sent.robot] = sent
         self._by_id[sent.vda_order.order_id] = sent.robot
 
     def put(self, sent: SentOrder) -> None:
-        """Add a new one, or the new version of one."""
+        """Add a new sent order, or the new version of one."""
         self.load(sent)
         if sent.evasion:
             self._vehicles.change(sent.robot, evasion=sent)
@@ -401,7 +401,7 @@ class SentOrders:
             self._pending.stored.put_mission(self._order_of[sent.robot], sent.document)
 
     def end(self, sent: SentOrder) -> None:
-        """Remove one that has ended; the robot keeps its transport order, if it has one."""
+        """Remove a sent order that has ended; the robot keeps its transport order, if any."""
         self._forget(sent)
         if sent.evasion:
             self._vehicles.change(sent.robot, evasion=None)
@@ -409,27 +409,27 @@ class SentOrders:
             self._pending.stored.put_mission(self._order_of[sent.robot], None)
 
     def find(self, order_id: str) -> SentOrder | None:
-        """Return one by its VDA 5050 orderId."""
+        """Return a sent order by its VDA 5050 orderId; None if it is unknown."""
         robot = self._by_id.get(order_id)
         return None if robot is None else self._sent[robot]
 
     def of_robot(self, robot: RobotKey) -> SentOrder | None:
-        """Return the one that a robot has."""
+        """Return the sent order of a robot; None if it has none."""
         return self._sent.get(robot)
 
     def of_order(self, order: TransportOrder) -> SentOrder | None:
-        """Return the one that a transport order's robot has for it."""
+        """Return the sent order of a transport order; None if nothing was sent for it."""
         robot = self._robot_of.get(order.number)
         sent = None if robot is None else self._sent.get(robot)
         return None if sent is None or sent.evasion else sent
 
     def order_number(self, robot: RobotKey) -> int | None:
-        """Return the number of the transport order that a robot works on."""
+        """Return the number of the transport order that a robot executes; None if it has none."""
         return self._order_of.get(robot)
 
     @property
     def assigned(self) -> Iterable[int]:
-        """The numbers of the transport orders that robots work on."""
+        """The numbers of the transport orders that robots execute."""
         return self._robot_of
 
     def _forget(self, sent: SentOrder) -> None:
@@ -438,7 +438,7 @@ class SentOrders:
 
 
 class PendingInstantActions:
-    """Instant actions whose end a host awaits."""
+    """Instant actions for whose end a host waits."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, asyncio.Future[InstantActionEnded]] = {}
@@ -450,7 +450,7 @@ class PendingInstantActions:
             waiting.set_result(end)
 
     def expect(self, action_id: str) -> asyncio.Future[InstantActionEnded]:
-        """Return a future of the end of an action that is about to be sent."""
+        """Return a future for the end of an action that is about to be sent."""
         return self._waiting.setdefault(action_id, asyncio.get_running_loop().create_future())
 
     async def wait(
@@ -467,28 +467,28 @@ class PendingInstantActions:
 
 
 class FleetState:
-    """Everything that the engine's flows change, except the resources that traffic control has allocated."""
+    """Everything that the engine's flows change, except the resources allocated by traffic control."""
 
     def __init__(self, registry: VehicleRegistry) -> None:
         self.registry = registry
         self.pending = PendingChanges()
         self.touched: set[str] = set()
-        """Names of vehicles that the dispatcher must check again; it clears this."""
+        """Names of vehicles that the dispatcher must check again; cleared by the dispatcher."""
         self.orders = Orders(self.pending, self.touched)
         self.sequences = OrderSequences(self.pending)
         self.vehicles = VehicleRecords(self.pending, registry)
         self.sent_orders = SentOrders(self.pending, self.vehicles)
         self.instant_actions = PendingInstantActions()
         self.pauses: dict[str, int] = {}
-        """Numbers of orders whose vehicles currently receive nothing, by the vehicles' names."""
+        """Numbers of paused orders, by the names of their vehicles."""
         self.dispatch_due = False
         """Whether a vehicle or an order may have become free."""
         self.dispatch_later = False
-        """Whether there are free vehicles that have not been offered all orders; others have their turn."""
+        """Whether to dispatch again in the next turn of the event loop, so that others get theirs."""
         self.drive_later = False
-        """Whether there are vehicles whose routes have not been searched; others have their turn."""
+        """Whether to search more routes in the next turn of the event loop."""
         self.drive_due = False
-        """Whether a vehicle may be able to begin or continue driving."""
+        """Whether a vehicle may be able to start or continue driving."""
 
     def after_commit(self, effect: Effect) -> None:
         """Run ``effect`` once the changes of this unit of work are committed."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from operator import attrgetter
 from typing import NamedTuple, Self
 
 from nena_order_service.engine.context import Context
@@ -29,7 +30,7 @@ from nena_shared.vda5050.state import State
 
 
 class Essentials(NamedTuple):
-    """The fields whose change is published; all others change continuously while a robot drives."""
+    """The fields whose changes are published; all others change continuously while a robot drives."""
 
     state: VehicleState
     processing_state: ProcessingState
@@ -48,7 +49,10 @@ class Essentials(NamedTuple):
     @classmethod
     def of(cls, status: VehicleStatus) -> Self:
         """Return these fields of a status."""
-        return cls(*(getattr(status, name) for name in cls._fields))
+        return cls(*_ESSENTIAL(status))
+
+
+_ESSENTIAL = attrgetter(*Essentials._fields)
 
 
 def essentials(
@@ -85,7 +89,7 @@ def essentials(
 def vehicle_status(
     vehicle: FleetVehicle, view: RobotView, essentials: Essentials, last_state: datetime | None
 ) -> VehicleStatus:
-    """Return the status of a vehicle; positions are in m and rad in the plant's frame."""
+    """Return the status of a vehicle; its position is in m and rad, in the plant's frame."""
     state = view.state
     return VehicleStatus(
         name=vehicle.name,
@@ -130,7 +134,7 @@ def _in_words(error: ErrorEntry) -> str:
 
 
 class StatusReporter:
-    """Reports the status of vehicles, and why those without an order have none."""
+    """Builds the status of vehicles, including the reason why a vehicle has no order."""
 
     def __init__(
         self,
@@ -148,7 +152,7 @@ class StatusReporter:
         self._driving = driving
 
     def status_of(self, name: str) -> VehicleStatus | None:
-        """Return the status of the vehicle of this name; None: there is none."""
+        """Return the status of the vehicle of this name; None if it does not exist."""
         vehicle = self._context.registry.named(name)
         return self.status(vehicle) if vehicle else None
 
@@ -164,7 +168,7 @@ class StatusReporter:
         return vehicle_status(vehicle, view, self._essentials(vehicle, view), last_state)
 
     def essentials(self, vehicle: FleetVehicle) -> Essentials:
-        """Return the essential status of a vehicle, at a tenth of the cost of the full status."""
+        """Return the essential status of a vehicle, which takes a tenth of the time of the full status."""
         return self._essentials(vehicle, self._context.view(vehicle))
 
     def _essentials(self, vehicle: FleetVehicle, view: RobotView) -> Essentials:

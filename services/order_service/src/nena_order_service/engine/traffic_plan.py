@@ -1,4 +1,4 @@
-"""The plan of the next minute: where vehicles will be at which time, and where and why they wait."""
+"""The traffic plan of the next minute: where vehicles will be when, and where and why they wait."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from nena_shared.plant import MapPlace
 from nena_shared.plant.track import MM_PER_M
 
 AT_ONCE: Final = 20
-"""Vehicles that are checked before other tasks run: a few milliseconds."""
+"""Number of vehicles planned before other tasks run; takes a few milliseconds."""
 
 _Plan = Callable[[Sequence[float]], VehiclePlan]
 
 
 class TrafficPlans:
-    """Computes the plan of the next minute for hosts."""
+    """Computes the traffic plan for hosts."""
 
     def __init__(self, context: Context, driving: Driving) -> None:
         self._context = context
@@ -37,9 +37,9 @@ class TrafficPlans:
         self._pace = Pace(context.plant)
 
     async def plan(self, horizon: float = HORIZON) -> TrafficPlan:
-        """Return what each vehicle occupies, holds, is to drive and waits for.
+        """Return for each vehicle what it holds, its next points with arrival times, and what it waits for.
 
-        It yields to other tasks after every few vehicles.
+        Yields to other tasks every few vehicles.
         """
         time, drives, plans = self._context.clock.now(), dict[str, Drive](), list[_Plan]()
         for number, vehicle in enumerate(tuple(self._registry), start=1):
@@ -53,7 +53,7 @@ class TrafficPlans:
         return TrafficPlan(time=time, horizon=horizon, vehicles=planned)
 
     def _plan(self, vehicle: FleetVehicle, drive: Drive) -> _Plan:
-        """Return the plan of a vehicle as a function of its arrival times."""
+        """Return a function that completes the plan of a vehicle with its arrival times, seconds."""
         name, journey = vehicle.name, self._traffic.journey(vehicle.name)
         at = self._traffic.point(name)
         starts = (at, *(each.point for each in drive.ahead))
@@ -87,7 +87,7 @@ class TrafficPlans:
         return None if number is None else self._context.state.orders.get(number).name
 
     def _drive(self, vehicle: FleetVehicle, horizon: float) -> Drive:
-        """Return the next steps of a vehicle, as far as it could drive within the horizon."""
+        """Return the steps that a vehicle could drive within the horizon, seconds."""
         name = vehicle.name
         journey, held = self._traffic.journey(name), self._traffic.held(name)
         refusal = self._traffic.refusal(name)
@@ -108,7 +108,7 @@ class TrafficPlans:
         return Drive(held, ahead, allocated, tuple(seconds), box_of(vehicle).length_mm, refusal)
 
     def _left_mm(self, vehicle: FleetVehicle, step: ResourceSet) -> float:
-        """Return the remaining part of the path to the next point, by the robot's reported position."""
+        """Return the remaining length of the path to the next point, mm, by the robot's reported position."""
         try:
             pose = self._context.planner.standing(vehicle, self._context.view(vehicle)).pose
         except NotLocatedError:

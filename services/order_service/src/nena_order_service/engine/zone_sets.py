@@ -1,4 +1,4 @@
-"""Zone sets: store them, send them to robots of VDA 5050 3.0, enable and delete them there (section 6.4)."""
+"""Zone sets: store them, and send, enable and delete them on robots (VDA 5050 3.0, section 6.4)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import UnknownZoneSetError, ZoneSetChangedError
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.fleet.robot import LinkStatus
-from nena_order_service.fleet.vda_order import fresh_id
+from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.store.changes import Changes
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.plant import ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus
@@ -32,7 +32,7 @@ LONGEST_PAUSE = 600.0
 
 
 class Wanted(BaseModel):
-    """A zone set, and its target status at the robots."""
+    """A zone set, and its target status on the robots."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -42,7 +42,7 @@ class Wanted(BaseModel):
 
 
 class ZoneStep(StrEnum):
-    """What to do at a robot; values are the names of actions."""
+    """The next step on a robot; the values are topic and action names."""
 
     SEND = "zoneSet"
     ENABLE = "enableZoneSet"
@@ -51,7 +51,7 @@ class ZoneStep(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Due:
-    """Something to do at a robot now."""
+    """A step that is due on a robot now."""
 
     robot: RobotKey
     zone_set_id: str
@@ -67,7 +67,7 @@ class _Try:
 
 
 class ZoneDistribution:
-    """Remembers the attempts at each robot, so that nothing is requested too often."""
+    """Schedules the attempts on each robot, with growing delays between retries."""
 
     def __init__(self) -> None:
         self._tries: dict[tuple[RobotKey, str], _Try] = {}
@@ -79,7 +79,7 @@ class ZoneDistribution:
         wanted: Mapping[str, Wanted],
         now: float,
     ) -> Iterator[Due]:
-        """Yield what to do at a robot that reports ``states``, at ``now`` in monotonic seconds."""
+        """Yield the steps due on a robot that reports ``states``; ``now`` is in monotonic seconds."""
         known = {each.zone_set_id: each.zone_set_status for each in states}
         for name, each in wanted.items():
             step = _step(each, known.get(name))
@@ -89,12 +89,12 @@ class ZoneDistribution:
                 yield Due(robot, name, step)
 
     def note(self, robot: RobotKey, zone_set_id: str, text: str) -> None:
-        """Note the result of the last attempt."""
+        """Record the result of the last attempt."""
         if known := self._tries.get((robot, zone_set_id)):
             known.note = text
 
     def noted(self, robot: RobotKey, zone_set_id: str) -> str:
-        """Return the last attempt and its result; empty if nothing is left to do."""
+        """Return the last attempt and its result; empty if no step is pending."""
         known = self._tries.get((robot, zone_set_id))
         return known.note if known else ""
 
@@ -121,31 +121,31 @@ log = get_logger(__name__)
 
 KIND = "zoneSet"
 LOOK_INTERVAL = 1.0
-"""Seconds between checks of what robots lack."""
+"""Seconds between checks of the robots' zone sets."""
 
 
 class ZoneSets:
-    """Robots that connect later get zone sets stored before; the content of an ID never changes."""
+    """Keeps zone sets on all robots, also on those that connect later; a stored one never changes."""
 
     def __init__(self, engine: Engine, send: Callable[[RobotKey, ZoneSet], None]) -> None:
-        """Keep zone sets in the engine's store; ``send`` publishes one to a robot."""
+        """Store zone sets in the engine's store; ``send`` publishes one to a robot."""
         self._engine = engine
         self._send = send
         self._wanted: dict[str, Wanted] = {}
         self._asked: dict[str, Wanted] = {}
-        """The state once all requests of hosts are committed: decisions are based on it."""
+        """The state including uncommitted requests of hosts; new requests are checked against it."""
         self._distribution = ZoneDistribution()
 
     async def load(self) -> None:
-        """Restore the zone sets that hosts stored before a restart."""
+        """Restore the zone sets from before a restart."""
         for name, document in (await self._engine.store.documents(KIND)).items():
             try:
                 self._wanted[name] = self._asked[name] = Wanted.model_validate_json(document)
             except ValidationError:
-                log.exception("unreadable zone set in the store", zone_set=name)
+                log.exception("stored zone set is unreadable", zone_set=name)
 
     async def run(self) -> None:
-        """Send robots the zone sets that they lack, until cancelled."""
+        """Bring robots to the target status periodically, until cancelled."""
         await forever("zone sets", self._look_later)
 
     def all(self) -> tuple[ZoneSetStatus, ...]:
@@ -157,10 +157,10 @@ class ZoneSets:
         return self._status(self._known(name))
 
     async def put(self, zone_set: ZoneSet) -> ZoneSetStatus:
-        """Store a zone set for all robots; committed on return.
+        """Store a zone set for all robots; the change is committed on return.
 
         Raises:
-            ZoneSetChangedError: a different one is stored under its ID.
+            ZoneSetChangedError: a different zone set with this ID is stored.
             StoreNotReadyError: the change may be lost.
         """
         known = self._asked.get(zone_set.zone_set_id)
@@ -170,7 +170,7 @@ class ZoneSets:
         return await self._change(Wanted(zone_set=zone_set, enabled=enabled))
 
     async def enable(self, name: str) -> ZoneSetStatus:
-        """Enable a zone set at the robots, and no other one of its map."""
+        """Enable a zone set on the robots, instead of any other one of its map."""
         wanted = self._asked_for(name)
         others = [
             each.model_copy(update={"enabled": False})
@@ -180,7 +180,7 @@ class ZoneSets:
         return await self._change(wanted.model_copy(update={"enabled": True, "deleted": False}), *others)
 
     async def delete(self, name: str) -> ZoneSetStatus:
-        """Delete a zone set at the robots, also at those that connect later."""
+        """Delete a zone set on all robots, including those that connect later."""
         return await self._change(
             self._asked_for(name).model_copy(update={"enabled": False, "deleted": True})
         )
@@ -214,7 +214,7 @@ class ZoneSets:
         self.look()
 
     def look(self) -> None:
-        """Send robots what they lack and can receive now."""
+        """Send the steps that are due to online robots."""
         if not self._wanted:
             return
         now = self._engine.clock.monotonic()
@@ -232,7 +232,7 @@ class ZoneSets:
             return
         action = Action(
             action_type=due.step.value,
-            action_id=fresh_id(),
+            action_id=unique_id(),
             blocking_type=BlockingType.NONE,
             action_parameters=(ActionParameter(key="zoneSetId", value=due.zone_set_id),),
         )

@@ -1,4 +1,4 @@
-"""Whether a robot can accept an order now, and which fields of its state this depends on."""
+"""Determine whether a robot can accept an order now, and which fields of its state this depends on."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ LINK_REASONS: Final = {
 
 
 def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool = False) -> str | None:
-    """Return why the robot cannot be reached; None if it can.
+    """Return, as a predicate, why the robot cannot be reached; None if it can.
 
-    ``unreadable`` is the problem of its messages, ``broker`` whether our own link is up. ``unread``: the
-    robot has to report before anything is sent to it, see :meth:`FleetController.on_broker`.
+    ``unreadable`` describes the problem with its messages; ``broker`` is whether our own link is up.
+    ``unread``: the robot must report before it is sent anything, see :meth:`FleetController.on_broker`.
     """
     if unread and link is not LinkStatus.HIBERNATING:
         return "has not reported its state since the order service took over"
@@ -35,7 +35,7 @@ def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool =
 
 
 def occupied(state: State, instant_ids: Collection[str]) -> str | None:
-    """Return what keeps a reachable robot from taking a new order (section 6.6.8), or None."""
+    """Return, as a predicate, why a reachable robot is not free for a new order (section 6.6.8), or None."""
     if not state.operating_mode.takes_orders:
         return f"is in operating mode {state.operating_mode}, which takes no orders"
     if not is_idle(state, instant_ids):
@@ -44,13 +44,13 @@ def occupied(state: State, instant_ids: Collection[str]) -> str | None:
 
 
 def unfit(state: State, *, placed: bool) -> str | None:
-    """Return why a free robot would refuse an order or could not drive it; None if it could.
+    """Return, as a predicate, why a free robot would refuse or could not drive an order; or None.
 
-    ``placed``: the robot has reported its position before, and will do so again.
+    ``placed``: the robot reports its position in general.
     """
     error = failures.fatal(state.errors)
     if error is not None:
-        return f"has a fatal error: {failures.in_words(error)}"
+        return f"has a fatal error: {failures.describe(error)}"
     if waiting := _without_navigation(state):
         return waiting
     return "is not localised: set its initial position" if lost(state, placed=placed) else None
@@ -59,14 +59,14 @@ def unfit(state: State, *, placed: bool) -> str | None:
 def lost(state: State, *, placed: bool) -> bool:
     """Return whether a robot is not localised; ``placed`` as for :func:`unfit`.
 
-    The first states after a robot's start may arrive before its localisation has reported a pose.
+    After a robot's start, states may arrive before its localisation has reported a pose.
     """
     position = state.mobile_robot_position
     return placed if position is None else not position.localized
 
 
-def hindered(state: State) -> str | None:
-    """Return what keeps a robot from driving now, although it accepts orders; None if nothing."""
+def cannot_drive(state: State) -> str | None:
+    """Return, as a predicate, why a robot that accepts orders cannot drive now; None if it can."""
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         return "has an active emergency stop"
     return "is paused" if state.paused else _without_navigation(state)
@@ -74,11 +74,11 @@ def hindered(state: State) -> str | None:
 
 def _without_navigation(state: State) -> str | None:
     waiting = failures.no_navigation(state.errors)
-    return f"waits: {failures.in_words(waiting)}" if waiting else None
+    return f"waits: {failures.describe(waiting)}" if waiting else None
 
 
 def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection[str]) -> VehicleState:
-    """Return the state in openTCS's terms; UNKNOWN is a robot that does not report it."""
+    """Return the vehicle state (openTCS); UNKNOWN for a robot that does not report."""
     if state is None or link is not LinkStatus.ONLINE:
         return VehicleState.UNKNOWN
     if failures.fatal(state.errors) is not None:
@@ -90,10 +90,11 @@ def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection
     return VehicleState.CHARGING if state.power_supply.charging else VehicleState.IDLE
 
 
-def matters(state: State) -> tuple[object, ...]:
-    """Return all fields that VDA orders and events depend on, without position and fractions of a percent.
+def significant_fields(state: State) -> tuple[object, ...]:
+    """Return the significant fields of a state: those on which VDA orders and events depend.
 
-    Of the coming nodes and edges, the first counts, and whether there are any: all others follow from it.
+    Position and fractions of the charge are left out. Of the remaining nodes and edges, the first node and
+    whether there are edges suffice, because all others follow from them.
     """
     power, position = state.power_supply, state.mobile_robot_position
     return (
@@ -119,5 +120,5 @@ def matters(state: State) -> tuple[object, ...]:
 
 
 def equipment(state: State) -> tuple[object, ...]:
-    """Return a robot's load positions and maps, for the dispatcher; no fields that change continuously."""
+    """Return the load positions and maps of a robot, as far as the dispatcher needs them."""
     return state.loads and tuple(each.load_position for each in state.loads), state.maps

@@ -1,4 +1,4 @@
-"""Fleet control over many robots: messages and time in, messages to send and events out."""
+"""Fleet control of many robots: messages and time go in, messages to send and events come out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import chain
 from typing import Final
 
 from nena_order_service.fleet import availability
-from nena_order_service.fleet.availability import equipment, matters
+from nena_order_service.fleet.availability import equipment, significant_fields
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.feasibility import fitted, order_problem
 from nena_order_service.fleet.instant_actions import InstantActionManager
@@ -26,7 +26,7 @@ from nena_order_service.fleet.robot import (
     is_idle,
 )
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.vda_order import VdaOrder, fresh_id
+from nena_order_service.fleet.vda_order import VdaOrder, unique_id
 from nena_order_service.fleet.zones import ReleaseManager
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
@@ -35,10 +35,10 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 ENDED_MISSIONS_KEPT: Final = 50
-"""Number of ended VDA orders that are remembered, to stop a robot that accepts one too late."""
+"""Number of ended VDA orders remembered per robot, to stop a robot that accepts one too late."""
 
 STRAY_PAUSE: Final = 30.0
-"""Seconds between attempts to stop a robot that works on a VDA order that has ended for us."""
+"""Seconds between attempts to stop a robot that executes a VDA order that has already ended here."""
 
 
 class RobotControl:
@@ -57,15 +57,15 @@ class RobotControl:
         self._reported: tuple[object, ...] = ()
         self._reported_link = LinkStatus.UNKNOWN
         self._changes = 0
-        """Counts possible changes."""
-        self._mattered: tuple[object, ...] = ()
+        """Number of possible changes so far."""
+        self._significant: tuple[object, ...] = ()
         """The significant fields of the last state."""
         self._left_at = -1
-        """The number of changes when that was handled."""
+        """The number of changes when the last state was handled."""
         self._seen: tuple[tuple[object, ...], RobotView] | None = None
 
     def on_broker(self, *, connected: bool, now: float, unread: bool) -> Iterator[FleetOutput]:
-        """Handle our own link; with ``unread`` the robot is out of reach until its next state."""
+        """Handle the state of our own link; with ``unread`` nothing is sent before the robot's next state."""
         self._instant_actions.broker = connected
         self._instant_actions.unread = connected and unread
         yield from self._advance(now)
@@ -75,7 +75,7 @@ class RobotControl:
         if self.robot.take_connection(message, now):
             self._instant_actions.reconnected()
             if self._run and self.robot.stale:
-                self._run.doubt_place()
+                self._run.doubt_position()
         yield from self._instant_actions.on_link(self.robot.link(now))
         yield from self._advance(now)
 
@@ -91,7 +91,7 @@ class RobotControl:
         yield from self._report_change(now)
 
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
-        """Handle a state (section 6.6); instant actions first, because they may end a VDA order."""
+        """Handle a state (section 6.6): instant actions first, because they may end a VDA order."""
         placed = self.robot.placed
         if not self.robot.take_state(message, now):
             return
@@ -100,20 +100,20 @@ class RobotControl:
         if self._instant_actions.unread:
             self._instant_actions.unread = False
             self._changes += 1
-        if self._says_nothing_new(message):
+        if self._is_unchanged(message):
             self._changes += 1
         else:
             yield from self._take_state(message, now)
         self._left_at = self._changes
 
-    def _says_nothing_new(self, message: State) -> bool:
-        """Return whether the state equals the last one in all that matters, and repeating it has no effect.
+    def _is_unchanged(self, message: State) -> bool:
+        """Return whether a state has the significant fields of the last one, and nothing else is to be done.
 
-        Strays are stopped, actions cleared away and factsheets requested by time, even while states stay the
-        same.
+        Stopping strays, clearing instant actions and requesting factsheets depend on the time, even while
+        states stay the same.
         """
-        before, self._mattered = self._mattered, matters(message)
-        if self._mattered != before or self._changes != self._left_at or not self.quiet:
+        before, self._significant = self._significant, significant_fields(message)
+        if self._significant != before or self._changes != self._left_at or not self.quiet:
             return False
         if message.instant_action_states or self.robot.abilities is None:
             return False
@@ -126,23 +126,22 @@ class RobotControl:
             yield event
         if self._run:
             if availability.lost(message, placed=self.robot.placed):
-                self._run.doubt_place()
+                self._run.doubt_position()
             yield from self._run.on_state(message, now)
         yield from self._advance(now)
 
     def start(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
-        """Start a VDA order; raise RobotBusyError before anything is taken from the iterator."""
+        """Start a VDA order; raises RobotBusyError at the call, before the iterator is consumed."""
         if self._run:
             raise RobotBusyError(self.robot.key, self._run.vda_order.order_id)
         self._run = run
         return self._advance(now)
 
     def extend(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
-        """Update the robot's VDA order to a newer plan (section 6.1.2).
+        """Update the robot's VDA order to a newer plan (section 6.1.2); do nothing if it has ended.
 
-        Does nothing if the order has ended meanwhile.
-
-        Raises BaseChangedError, before anything is taken from the iterator.
+        Raises:
+            BaseChangedError: at the call, before the iterator is consumed.
         """
         run, abilities = self._run, self.robot.abilities
         if run and run.vda_order.order_id == vda_order.order_id:
@@ -152,7 +151,7 @@ class RobotControl:
     def new_run(
         self, vda_order: VdaOrder, *, adopted: bool = False, accepted: bool = False, update_id: int = 0
     ) -> OrderExecution:
-        """Create the execution of a VDA order at this robot."""
+        """Create the execution of a VDA order on this robot."""
         return OrderExecution(
             self.robot.key,
             vda_order,
@@ -163,21 +162,18 @@ class RobotControl:
         )
 
     def cancel(self, now: float) -> Iterator[FleetOutput]:
-        """End the VDA order early (section 6.1.3)."""
+        """Cancel the VDA order (section 6.1.3)."""
         if self._run:
             yield from self._run.begin_cancel()
             yield from self._advance(now)
 
     def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
-        """Send an instant action, unless it is certain that the robot would not receive or accept it.
-
-        VDA 5050 3.0 section 6.2.1.
-        """
+        """Send an instant action that the robot may receive and accept, else fail it (section 6.2.1)."""
         yield from self._instant_actions.request(action, now)
         yield from self._advance(now)
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
-        """Perform overdue work; a quiet robot has none, unless it has stopped sending."""
+        """Handle timeouts; a quiet robot has none, unless it has become silent."""
         if self.quiet and self.robot.link(now) is self._reported_link:
             return
         yield from self._instant_actions.on_tick(now)
@@ -188,7 +184,7 @@ class RobotControl:
         yield from self._advance(now)
 
     def _cannot_get(self, run: OrderExecution, now: float) -> bool:
-        """Return whether the rest of its VDA order cannot be sent to the robot now."""
+        """Return whether the robot cannot be sent the rest of its VDA order now."""
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             return self._obstacle(now) is not None
         away = self._away(now)
@@ -196,16 +192,16 @@ class RobotControl:
 
     @property
     def vda_order(self) -> VdaOrder | None:
-        """Return the VDA order that the robot has or is about to receive."""
+        """The VDA order that the robot has or is about to receive."""
         return self._run.vda_order if self._run else None
 
     @property
     def quiet(self) -> bool:
-        """Whether there is nothing to do until the robot reports something new."""
+        """Whether nothing is due until the robot reports something new."""
         return (self._run is None or self._run.quiet) and not self._instant_actions.busy
 
     def view(self, now: float) -> RobotView:
-        """Return the known state of the robot; rebuilt only after a possible change."""
+        """Return the known state of the robot; cached until a possible change."""
         robot = self.robot
         moment = (
             self._changes,
@@ -236,7 +232,7 @@ class RobotControl:
         )
 
     def _advance(self, now: float) -> Iterator[FleetOutput]:
-        """Send due messages, drop ended actions and orders, and report changes."""
+        """Send due messages, drop ended actions and orders, and report changes of the robot."""
         self._changes += 1
         run = self._run
         if run and run.ended:
@@ -285,17 +281,17 @@ class RobotControl:
         yield run.send_update(state.errors, now)
 
     def _refuse(self, run: OrderExecution, problem: str) -> Iterator[FleetOutput]:
-        """End a VDA order that the robot could never execute, before anything of it is sent."""
+        """End a VDA order that the robot cannot execute before anything of it is sent."""
         yield run.refuse(f"the robot cannot execute the order: {problem}")
         self._ended.append(run.vda_order.order_id)
         self._run = None
 
     def _obstacle(self, now: float) -> str | None:
-        """Return why the robot must not be sent an order now; None if it may."""
+        """Return, as a predicate, why the robot must not be sent an order now; None if it may."""
         link = self.robot.link(now)
         sent = self._run is not None and self._run.phase is VdaOrderPhase.SENT
         if link in REPORTS_NOTHING and self.robot.reachable and sent:
-            link = LinkStatus.ONLINE  # attempts count, so an order to a dead robot eventually fails
+            link = LinkStatus.ONLINE  # attempts count, so an order to a dead robot fails eventually
         reason = self._away_by(link)
         state = self.robot.state
         if reason or state is None:
@@ -312,7 +308,7 @@ class RobotControl:
         return occupied or availability.unfit(state, placed=self.robot.placed)
 
     def _away(self, now: float) -> str | None:
-        """Return why the robot cannot be reached; None if it can."""
+        """Return, as a predicate, why the robot cannot be reached; None if it can."""
         return self._away_by(self.robot.link(now))
 
     def _away_by(self, link: LinkStatus) -> str | None:
@@ -324,7 +320,7 @@ class RobotControl:
         reason = self._away(now)
         if reason is None and self._run:
             reason = f"works on the VDA order {self._run.vda_order.order_id!r}"
-        reason = reason or self._obstacle(now) or (availability.hindered(state) if state else None)
+        reason = reason or self._obstacle(now) or (availability.cannot_drive(state) if state else None)
         return Availability(reason is None, reason or "is free")
 
     def _wait_reason(self, now: float) -> str:
@@ -339,11 +335,11 @@ class RobotControl:
         if run.phase is VdaOrderPhase.CANCELLING:
             return f"the robot {away or 'has not yet confirmed the end of the order'}"
         state = self.robot.state
-        reason = away or (availability.hindered(state) or run.at_end_with_nodes(state) if state else None)
+        reason = away or (availability.cannot_drive(state) or run.at_end_with_nodes(state) if state else None)
         return f"the robot {reason}" if reason else ""
 
     def _stop_stray(self, now: float) -> None:
-        """Cancel an order that the robot works on though its VDA order has ended for us."""
+        """Cancel an order that the robot executes although it has already ended here."""
         state = self.robot.state
         if state is None or state.order_id not in self._ended or now < self._next_stray_cancel:
             return
@@ -361,7 +357,7 @@ class RobotControl:
             yield RobotChanged(self.robot.key)
 
     def _signature(self, now: float) -> tuple[object, ...]:
-        """Return the fields whose change is reported: not the position, speeds or fractions of a percent."""
+        """Return the fields whose changes are reported: not position, speeds or fractions of the charge."""
         state, run = self.robot.state, self._run
         vda_order = (run.vda_order.order_id, run.phase, self._wait_reason(now)) if run else None
         abilities = self.robot.abilities
@@ -379,13 +375,13 @@ class RobotControl:
             int(power.state_of_charge),
             power.charging,
             is_idle(state, self._instant_actions.ids),
-            availability.hindered(state),
+            availability.cannot_drive(state),
             equipment(state),
         )
 
 
 RETAINED_WITHIN: Final = 1.0
-"""Seconds after our own connect in which the broker delivers the robots' retained connection messages."""
+"""Seconds after connecting within which the broker delivers the robots' retained connection messages."""
 
 
 def _utc_now() -> datetime:
@@ -393,9 +389,9 @@ def _utc_now() -> datetime:
 
 
 class FleetController:
-    """Sends VDA orders to robots and follows them by the robots' states.
+    """Sends VDA orders to robots and tracks their execution by the robots' states.
 
-    Each VDA order that is started or adopted ends in exactly one of VdaOrderFinished, VdaOrderFailed and
+    Each VDA order that is started or adopted ends with exactly one of VdaOrderFinished, VdaOrderFailed and
     VdaOrderCancelled. ``now`` is in monotonic seconds everywhere.
     """
 
@@ -403,7 +399,7 @@ class FleetController:
         self,
         settings: FleetSettings,
         *,
-        new_id: Callable[[], str] = fresh_id,
+        new_id: Callable[[], str] = unique_id,
         utc_now: Callable[[], datetime] = _utc_now,
     ) -> None:
         self._settings = settings
@@ -412,7 +408,7 @@ class FleetController:
         self._broker_since = 0.0
         self._robots: dict[RobotKey, RobotControl] = {}
         self._busy: dict[RobotKey, RobotControl] = {}
-        """Robots with a pending timeout; most just execute their orders."""
+        """Robots with a pending timeout; most others just execute their orders."""
         self._silences = Silences()
         self._instant_actions = ReleaseManager(settings, utc_now)
 
@@ -422,7 +418,7 @@ class FleetController:
         return self._reported(control, control.on_connection(message, now))
 
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
-        """Handle a state message (section 6.6); one that is repeated or out of order changes nothing."""
+        """Handle a state message (section 6.6); repeated and outdated ones are ignored."""
         control = self._control(robot)
         outputs = self._reported(control, control.on_state(message, now))
         if message.zone_requests or message.edge_requests or self._instant_actions.busy:
@@ -444,7 +440,7 @@ class FleetController:
         return self._reported(control, control.on_malformed(problem, now))
 
     def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
-        """Note that our own link to the broker is up or down; initially it is down.
+        """Handle a change of our own link to the broker, which is down initially.
 
         With ``unread`` nothing is sent to a robot before its next state.
         """
@@ -457,10 +453,10 @@ class FleetController:
         return tuple(chain.from_iterable(outputs))
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
-        """Send a VDA order, now or as soon as the robot can be sent one; the view has its wait reason.
+        """Send a VDA order as soon as the robot can be sent one; until then the view has the wait reason.
 
         Raises:
-            RobotBusyError: the robot has a VDA order.
+            RobotBusyError: the robot already has a VDA order.
         """
         control = self._control(robot)
         return self._reported(control, control.start(control.new_run(vda_order), now))
@@ -470,9 +466,9 @@ class FleetController:
     ) -> Outputs:
         """Adopt a VDA order from before a restart; the robot's next state decides how it continues.
 
-        A robot that has it continues, and events may repeat. A robot that does not know it receives it,
-        unless it was ``accepted`` before: then the robot has lost it, and the VDA order fails. ``update_id``
-        is the last update that was sent; a robot that has an older one is sent the rest.
+        If the robot has the order, it continues, and events may be repeated. If not, it is sent the order,
+        unless it had ``accepted`` it: then the robot has lost the order, and the VDA order fails.
+        ``update_id`` is the last update that was sent; a robot with an older one is sent the rest.
 
         Raises:
             RobotBusyError: the robot has a VDA order.
@@ -482,36 +478,32 @@ class FleetController:
         return self._reported(control, control.start(run, now))
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
-        """Update the robot's VDA order to a newer plan: a longer base, or another route behind it.
+        """Update the robot's VDA order to a newer plan: a longer base, or another horizon (section 6.1.2).
 
-        It is sent as an order update (VDA 5050 3.0 section 6.1.2) as soon as the robot has echoed the
-        previous message; of plans that arrive in the meantime only the newest is sent. Does nothing for a VDA
-        order that has ended.
+        The order update is sent once the robot has echoed the previous message; of several plans in the
+        meantime, only the newest is sent. Does nothing for a VDA order that has ended.
 
         Raises:
-            BaseChangedError: the plan does not continue from the base that the robot was given.
+            BaseChangedError: the plan does not continue from the base that the robot was sent.
         """
         control = self._control(robot)
         return self._reported(control, control.extend(vda_order, now))
 
     def cancel_vda_order(self, robot: RobotKey, now: float) -> Outputs:
-        """End the robot's VDA order early (section 6.1.3): cancelOrder, awaited to its end.
-
-        No-op without one.
-        """
+        """Cancel the robot's VDA order, if it has one, and track cancelOrder to its end (section 6.1.3)."""
         control = self._control(robot)
         return self._reported(control, control.cancel(now))
 
     def instant_action(self, robot: RobotKey, action: Action, now: float) -> Outputs:
-        """Send an instant action and follow it to InstantActionEnded (section 6.2.1).
+        """Send an instant action and track it to InstantActionEnded (section 6.2.1).
 
-        Offline robots get none.
+        It fails at once if the robot is offline.
         """
         control = self._control(robot)
         return self._reported(control, control.instruct(action, now))
 
     def tick(self, now: float) -> Outputs:
-        """Perform overdue work: resend, give up, notice silence. Call it a few times each second."""
+        """Resend messages, and handle timeouts and silent robots. Call this several times per second."""
         ticks = chain.from_iterable(self._reported(each, each.tick(now)) for each in self._due(now))
         return (*ticks, *(self._answers(now) if self._instant_actions.busy else ()))
 
@@ -521,30 +513,30 @@ class FleetController:
         return (known or self._new_control(robot)).view(now)
 
     def vda_order(self, robot: RobotKey) -> VdaOrder | None:
-        """Return the VDA order that a robot has or is about to receive; None: it has none of ours."""
+        """Return the VDA order that a robot has or is about to receive; None if there is none."""
         known = self._robots.get(robot)
         return known.vda_order if known else None
 
     def connected_for(self, now: float) -> float:
-        """Return for how many seconds the link to the broker has been up; 0 while it is down."""
+        """Return how long the link to the broker has been up, seconds; 0 while it is down."""
         return now - self._broker_since if self._broker else 0.0
 
     def all_known(self, now: float) -> bool:
-        """Return whether each robot that is connected according to the broker has reported its state."""
+        """Return whether every robot that is connected, according to the broker, has reported its state."""
         if self.connected_for(now) < RETAINED_WITHIN:
             return False
         return all(each.robot.state or not each.robot.reachable for each in self._robots.values())
 
     def robots(self) -> tuple[RobotKey, ...]:
-        """Return all robots that have reported or were given an order."""
+        """Return all robots that have sent a message or were sent an order."""
         return tuple(self._robots)
 
     def has_room_for(self, robot: RobotKey) -> bool:
-        """Return whether messages of this robot are handled: it is known, or the limit is not reached."""
+        """Return whether this robot is known, or another one may be added (``robots_limit``)."""
         return robot in self._robots or len(self._robots) < self._settings.robots_limit
 
     def _answers(self, now: float) -> Outputs:
-        """Answer the robots' requests; none of them can be reached while our own link is down."""
+        """Return the due answers to the robots' requests (section 6.9); none while the link is down."""
         if not self._broker:
             return ()
         return tuple(
@@ -555,7 +547,7 @@ class FleetController:
         return self._robots[robot].robot.reachable
 
     def _reported(self, control: RobotControl, outputs: Iterator[FleetOutput]) -> Outputs:
-        """Exhaust the outputs, and note when to check the robot for silence."""
+        """Collect the outputs, and schedule the robot's timeouts."""
         found, robot = tuple(outputs), control.robot
         if not control.quiet:
             self._busy[robot.key] = control

@@ -1,4 +1,4 @@
-"""Resend a message until a state echoes it (section 6.1.2): growing pauses, a bounded number of times."""
+"""Resend a message with growing delays until a state echoes it, up to a maximum number of times."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from nena_order_service.fleet.settings import FleetSettings
 
 @dataclass(slots=True)
 class Delivery:
-    """Schedule for sending and resending a message, monotonic seconds; created when it can be sent."""
+    """Schedule of a message's first sending and resends; times are in monotonic seconds."""
 
     settings: FleetSettings
     sendings: int = 0
-    """Number of times it was sent since the robot was last unreachable."""
+    """Number of times that it was sent since the robot was last unreachable."""
     in_all: int = 0
-    """Number of times it was sent in total."""
+    """Number of times that it was sent in total."""
     _due_at: float = 0.0
     _doubted_at: float | None = None
-    """Time at which a refusal, perhaps of another message, was first seen, in monotonic seconds."""
+    """When a refusal that may be about another message was first seen."""
 
     def due(self, now: float) -> bool:
         """Return whether the message is to be sent now."""
         return now >= self._due_at and self.sendings < self.settings.sendings
 
     def failed(self, now: float) -> bool:
-        """Return whether the waiting time after the last sending has passed, too."""
+        """Return whether all attempts are used up and the delay after the last one has passed."""
         return now >= self._due_at and self.sendings >= self.settings.sendings
 
     def sent(self, now: float) -> None:
@@ -36,9 +36,9 @@ class Delivery:
         self.in_all += 1
 
     def is_refused(self, now: float, *, named: bool) -> bool:
-        """Return whether a refusal counts; one that names nothing may be about another message.
+        """Return whether a refusal counts: it is ``named``, or persists after a resend.
 
-        In that case the message is resent, and the robot gets its time to accept it.
+        An unnamed refusal may be about another message. The message is then resent first.
         """
         if named or self.sendings >= self.settings.sendings:
             return True
@@ -48,7 +48,7 @@ class Delivery:
         return now - self._doubted_at >= self.settings.resend_after
 
     def hold(self) -> None:
-        """Restart the delivery when the message may be resent: the robot was unreachable."""
+        """Restart the schedule, because the robot cannot be sent the message now."""
         self.sendings = 0
         self._due_at = 0.0
         self._doubted_at = None

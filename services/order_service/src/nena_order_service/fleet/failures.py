@@ -1,4 +1,4 @@
-"""Failures of an order at a robot: their kinds, and the errors that robots report, in words."""
+"""Failures of VDA orders: their kinds, and what the errors of a state mean for an order."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
 
 
 class FailureKind(StrEnum):
-    """How a VDA order failed, which determines how much is known of its progress at the robot."""
+    """How a VDA order failed; this determines how much is known about its progress."""
 
     REFUSED = "REFUSED"
-    """The robot has refused it, or has one already."""
+    """The robot has refused it, or already has an order."""
     UNFIT = "UNFIT"
-    """The robot could never execute it, by its factsheet; nothing was sent."""
+    """By its factsheet, the robot cannot execute it; nothing was sent."""
     NOT_TAKEN = "NOT_TAKEN"
-    """It was resent repeatedly, and the robot never accepted it."""
+    """It was resent repeatedly, but the robot never accepted it."""
     DRIVE = "DRIVE"
-    """The robot had it and could not continue, or gave it up; its operation is not done."""
+    """The robot had it but could not continue, or abandoned it; its operation was not executed."""
     ACTION = "ACTION"
-    """The robot has reached the end of the route, and its operation has FAILED there."""
+    """The robot has reached the end of the route, where its operation has FAILED."""
     LOST = "LOST"
-    """The robot had it, and no longer does."""
+    """The robot had it but no longer does."""
     UNCLEAR = "UNCLEAR"
-    """What the robot has done of it, or whether it still works on it, is unknown."""
+    """It is unknown what the robot has executed, or whether it still executes it."""
     NO_WAY = "NO_WAY"
-    """There is no route to the destination now; nothing was sent."""
+    """There is currently no route to the destination; nothing was sent."""
 
 
 NO_ORDER_REFUSALS: Final = frozenset({ErrorType.NO_ORDER_TO_CANCEL, ErrorType.INVALID_INSTANT_ACTION})
@@ -38,7 +38,7 @@ NO_ORDER_REFUSALS: Final = frozenset({ErrorType.NO_ORDER_TO_CANCEL, ErrorType.IN
 ORDER_REFUSALS: Final[frozenset[str]] = frozenset(
     name for kind in REJECTIONS - NO_ORDER_REFUSALS for name in (kind, WRITTEN[kind])
 )
-"""Types by which a robot refuses an order, under the names of all versions."""
+"""Error types with which robots refuse orders, in the spelling of all versions (section 6.1.4)."""
 
 UNREACHABLE: Final[frozenset[str]] = frozenset(
     {ErrorType.NODE_UNREACHABLE, WRITTEN[ErrorType.NODE_UNREACHABLE]}
@@ -49,48 +49,48 @@ NO_NAVIGATION: Final[frozenset[str]] = frozenset(
 )
 
 STOPPING: Final = frozenset({ErrorLevel.CRITICAL, ErrorLevel.FATAL})
-"""Levels at which a robot does not continue."""
+"""Error levels at which a robot does not continue."""
 
 
 ErrorIdentity = tuple[str, frozenset[tuple[str, str]]]
 
 
 def identity(error: ErrorEntry) -> ErrorIdentity:
-    """Return the fields by which an error is recognised in the next state; its texts may change."""
+    """Return the fields that identify an error in later states, in which its texts may differ."""
     return error.error_type, frozenset(
         (each.reference_key, each.reference_value) for each in error.error_references
     )
 
 
-def in_words(error: ErrorEntry) -> str:
-    """Return the robot's own text."""
+def describe(error: ErrorEntry) -> str:
+    """Return the robot's description of an error."""
     text = f"{error.error_type}: {error.error_description}" if error.error_description else error.error_type
     return f"{text} ({error.error_hint})" if error.error_hint else text
 
 
 def with_details(reason: str, details: Iterable[str]) -> str:
-    """Return a reason with the robot's own error texts."""
+    """Append the robot's own error texts to a reason."""
     joined = "; ".join(details)
     return f"{reason}: {joined}" if joined else reason
 
 
 def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
-    """Return the first error that needs a person, if there is one (section 6.6.5.1)."""
+    """Return the first error of level FATAL, which needs human intervention (section 6.6.5.1); or None."""
     return next((error for error in errors if error.error_level is ErrorLevel.FATAL), None)
 
 
 def no_navigation(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
-    """Return the error by which a robot reports that it waits for its own navigation, if any."""
+    """Return the error with which a robot reports that its navigation is not available; or None."""
     return next((error for error in errors if error.error_type in NO_NAVIGATION), None)
 
 
 def refusals(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Return the errors by which the robot refuses the VDA order (section 6.1.4).
+    """Return the errors with which the robot refuses the VDA order (section 6.1.4).
 
-    They name its orderId; or they have the type of a refusal, name neither an order nor another action, and
-    were not there ``before`` the VDA order was sent (2.x has no duty to name anything).
+    They name its orderId; or, because 2.x does not require references, they have the type of a refusal, name
+    neither an order nor another action, and were not reported ``before`` the VDA order was sent.
     """
     return tuple(error for error in errors if _refuses(error, vda_order, before))
 
@@ -111,26 +111,26 @@ def is_named(error: ErrorEntry, vda_order: VdaOrder) -> bool:
 
 
 def _of_another_topic(error: ErrorEntry) -> bool:
-    """Return whether an error names topics, and not that of orders: a message of another kind was refused."""
+    """Return whether an error names other topics, but not ``order``: it refuses a different message."""
     topics = _referenced(error, "topic")
     return bool(topics) and Topic.ORDER not in topics
 
 
 def of_another_action(error: ErrorEntry, vda_order: VdaOrder) -> bool:
-    """Return whether an error names actions, and none of the VDA order: an instant action was refused."""
+    """Return whether an error names only actions outside the VDA order: it refuses an instant action."""
     actions = _referenced(error, "actionId")
     return bool(actions) and actions.isdisjoint(vda_order.action_ids)
 
 
 def name_actions(errors: Iterable[ErrorEntry]) -> bool:
-    """Return whether errors name actions (section 6.6.5.2)."""
+    """Return whether any of the errors names an action (section 6.6.5.2)."""
     return any(_referenced(error, "actionId") for error in errors)
 
 
 def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
-    """Return whether an error means that the robot refuses an update of its present order (section 6.1.4).
+    """Return whether an error refuses an update of the robot's current order (section 6.1.4).
 
-    An update is identified by its number; in 2.x an error that names no order may be about it.
+    It names the orderUpdateId; in 2.x, an error without references may also be about the update.
     """
     orders, updates = _referenced(error, "orderId"), _referenced(error, "orderUpdateId")
     foreign = _of_another_topic(error) or (orders and order_id not in orders)
@@ -140,33 +140,27 @@ def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
 
 
 def names_update(error: ErrorEntry) -> bool:
-    """Return whether an error names an update, of whichever order (section 6.6.5.2)."""
+    """Return whether an error names an orderUpdateId (section 6.6.5.2)."""
     return bool(_referenced(error, "orderUpdateId"))
 
 
 def about(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Return the errors that mean that the robot, which has the VDA order, cannot continue it.
-
-    VDA 5050 3.0 section 6.6.5.1.
-    """
+    """Return the errors because of which the robot cannot continue the VDA order (section 6.6.5.1)."""
     return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is True)
 
 
 def unexplained(
     errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Return the errors that stop a robot and leave open whether they are about the VDA order.
-
-    VDA 5050 3.0 section 6.6.5.1.
-    """
+    """Return the errors that stop a robot but do not reference any order (section 6.6.5.1)."""
     return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is None)
 
 
 def of_action(errors: Iterable[ErrorEntry], action_id: str) -> Iterator[str]:
-    """Return the robot's texts about an action."""
-    return (in_words(error) for error in errors if action_id in _referenced(error, "actionId"))
+    """Return the descriptions of all errors that name an action."""
+    return (describe(error) for error in errors if action_id in _referenced(error, "actionId"))
 
 
 def _new_stops(errors: Iterable[ErrorEntry], before: frozenset[ErrorIdentity]) -> Iterator[ErrorEntry]:
@@ -177,7 +171,7 @@ def _new_stops(errors: Iterable[ErrorEntry], before: frozenset[ErrorIdentity]) -
 
 
 def _is_about(error: ErrorEntry, vda_order: VdaOrder) -> bool | None:
-    """Return whether the error names the VDA order or a part of it; None if it names none at all."""
+    """Return whether an error names the VDA order or a part of it; None if it names no order."""
     orders = _referenced(error, "orderId")
     if orders:
         return vda_order.order_id in orders
@@ -194,7 +188,7 @@ def _referenced(error: ErrorEntry, key: str) -> set[str]:
 
 
 class RobotBusyError(Exception):
-    """The robot has a VDA order already; end that one first."""
+    """The robot already has a VDA order, which must end first."""
 
     def __init__(self, robot: RobotKey, order_id: str) -> None:
         super().__init__(f"robot {robot} has the VDA order {order_id!r}; a robot has one VDA order at a time")

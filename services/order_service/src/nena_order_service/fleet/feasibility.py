@@ -1,4 +1,4 @@
-"""Whether a robot can take a message by its factsheet, and the changes that make it fit (section 7.10)."""
+"""Fit messages to a robot's factsheet, and explain why they cannot be sent (VDA 5050 3.0, section 7.10)."""
 
 from __future__ import annotations
 
@@ -42,14 +42,10 @@ P = TypeVar("P", bound=BaseModel)
 
 
 def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
-    """Remove the optional fields that the robot does not support, and fill those that it requires.
+    """Remove optional fields that the robot does not support, and fill required ones (section 7.1.1).
 
-    VDA 5050 3.0 section 7.1.1.
-
-    Without a factsheet only speed limits and what the layout specifies for edges are removed, because such a
-    robot may refuse them.
-
-    What would change the order stays as it is, and :func:`order_problem` reports it: a position,
+    Without a factsheet, only speed limits and the layout's edge fields are removed, because the robot may
+    refuse them. Fields that matter for the order are kept, and :func:`order_problem` reports them: positions,
     and the heading at a coordinate.
     """
     nodes = vda_order.nodes
@@ -72,10 +68,9 @@ def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
 
 
 def fitted_action(action: Action, abilities: Abilities) -> Action:
-    """Return the action with each parameter in the type that the robot requires, if the value is unambiguous.
+    """Return the action with its parameters converted to the declared types, if that is unambiguous.
 
-    Station and load type are added by fleet control itself: if a robot lists its parameters without these,
-    they are left out, not reported.
+    Station and load type, which fleet control adds, are left out if the robot does not list them.
     """
     wanted = abilities.parameters(action)
     parameters = tuple(
@@ -89,9 +84,9 @@ def fitted_action(action: Action, abilities: Abilities) -> Action:
 def _with_listed_name(
     action: Action, wanted: Mapping[str, ActionParameterDescription], abilities: Abilities
 ) -> Iterator[ActionParameter]:
-    """Yield the parameters of an action, the load handling device under the name that the robot lists.
+    """Yield the parameters of an action, with the load handling device under the name that the robot lists.
 
-    3.0.1 renames ``lhd`` of pick and drop. A robot that lists neither name gets that of its version.
+    3.0.1 renamed ``lhd`` of pick and drop. A robot that lists neither name is sent that of its version.
     """
     listed = next((each for each in LOAD_HANDLING_DEVICE if each in wanted), None)
     if listed is None and abilities.codec:
@@ -102,7 +97,7 @@ def _with_listed_name(
 
 
 def _changed(part: P, changes: Mapping[str, object]) -> P:
-    """Return a part of an order with changes; the same object if nothing changes, as usual."""
+    """Return a part of an order with changes; usually nothing changes, and it is the same object."""
     new = {
         name: value
         for name, value in changes.items()
@@ -136,7 +131,7 @@ def _fitted_in_order(action: Action, abilities: Abilities) -> Action:
 def _fitted_position(
     node: Node, position: NodePosition, heading: float, abilities: Abilities
 ) -> NodePosition:
-    """Remove or fill; a heading with unlimited deviation does not bind the robot."""
+    """Remove or fill fields of a position; a required heading is filled with an unlimited deviation."""
     demanded = abilities.required_fields
     changes: dict[str, Any] = {}
     if not abilities.takes_field(XY):
@@ -184,7 +179,7 @@ _RULED: Final[Mapping[str, str]] = MappingProxyType(
         "edges.trajectory": "trajectory",
     }
 )
-"""What a layout specifies for edges; sent to robots that list it, because others may refuse it."""
+"""Edge fields that layouts define; sent only to robots that list them, because others may refuse them."""
 
 
 def _distance(_: Edge, ends: tuple[Node, Node], __: Abilities) -> float | None:
@@ -193,7 +188,7 @@ def _distance(_: Edge, ends: tuple[Node, Node], __: Abilities) -> float | None:
 
 
 def _limits_speed(speed: float, abilities: Abilities) -> bool:
-    """Return whether a limit would make the robot slower, and it reports support for limits."""
+    """Return whether a limit is below the robot's maximum speed, and its factsheet lists the field."""
     own = abilities.factsheet.physical_parameters.maximum_speed
     return abilities.lists_field("edges.maximumSpeed") and (not own or speed < own)
 
@@ -221,13 +216,13 @@ _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
         ),
     }
 )
-"""Neutral values for fields of an edge that the robot requires: they change nothing."""
+"""Neutral values for edge fields that the robot requires; they do not change the order."""
 
 
 def _headings(nodes: tuple[Node, ...]) -> Iterator[float]:
-    """Yield the heading with which a robot arrives at each node, driving forwards and straight, rad.
+    """Yield the heading, rad, with which a robot arrives at each node when it drives straight and forwards.
 
-    It depends on nothing behind the node, so that an update can repeat the node unchanged.
+    It does not depend on later nodes, so that an update can repeat the node unchanged.
     """
     yield 0.0
     heading = 0.0
@@ -238,7 +233,7 @@ def _headings(nodes: tuple[Node, ...]) -> Iterator[float]:
 
 
 def _typed(parameter: ActionParameter, wanted: ActionParameterDescription | None) -> ActionParameter:
-    """Convert a text to the declared type, and a number to text; unconvertible values stay unchanged."""
+    """Convert text to the declared type, or a number to text; keep values that cannot be converted."""
     if wanted is None:
         return parameter
     if wanted.value_data_type is ValueDataType.STRING and isinstance(parameter.value, int | float):
@@ -255,7 +250,7 @@ def _boolean(text: str) -> bool:
 
 
 def _json(text: str) -> JsonValue:
-    value: JsonValue = from_json(text)  # refuses what is nested deeper than messages may be
+    value: JsonValue = from_json(text)  # rejects values nested deeper than messages may be
     return value if isinstance(value, dict | list) else text
 
 
@@ -272,7 +267,7 @@ _READ: Final[Mapping[ValueDataType, Callable[[str], JsonValue]]] = MappingProxyT
 
 
 ALWAYS_THERE: Final = frozenset({"cancelOrder", "stateRequest", "factsheetRequest"})
-"""Instant actions that every robot has by the standard, whether its factsheet lists them or not."""
+"""Instant actions that every robot must support, whether or not its factsheet lists them."""
 
 _IS: Final[Mapping[ValueDataType, Callable[[JsonValue], bool]]] = MappingProxyType(
     {
@@ -291,15 +286,12 @@ _LONGEST_HEADER: Final[Mapping[str, Any]] = MappingProxyType(
 
 
 def order_problem(vda_order: VdaOrder, abilities: Abilities) -> str | None:
-    """Return why the robot cannot execute a fitted VDA order (section 7.10); None if no reason is known."""
+    """Return why the robot cannot execute a fitted VDA order (section 7.10); None if it can."""
     return next(_order_problems(vda_order, abilities), None)
 
 
 def instant_action_problem(action: Action, abilities: Abilities) -> str | None:
-    """Return why the robot cannot execute a fitted instant action (section 7.10).
-
-    None if no reason is known.
-    """
+    """Return why the robot cannot execute a fitted instant action (section 7.10); None if it can."""
     if action.action_type in ALWAYS_THERE:
         return None
     return next(_instant_problems(action, abilities), None)
@@ -332,7 +324,7 @@ def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
 
 
 def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
-    """Yield lists that are too long in the order, or would be in the states that report it."""
+    """Yield lists that are too long in the order, or would be in the robot's states."""
     limits = abilities.factsheet.protocol_limits.maximum_array_lengths
     yield from _too_many(len(vda_order.nodes), limits.order_nodes, "nodes")
     yield from _too_many(len(vda_order.edges), limits.order_edges, "edges")
@@ -391,7 +383,7 @@ def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescript
 
 
 def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
-    """Yield fields that the robot requires and are missing, or that are mandatory and it does not support."""
+    """Yield required fields that are missing, and unsupported fields that the order needs."""
     required = abilities.required_fields
     document = vda_order.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
     for path in required:
@@ -407,7 +399,7 @@ def _must_be_headed(node: Node) -> bool:
 
 
 def _filled(part: JsonValue, path: list[str]) -> bool:
-    """Return whether there is something at the end of ``path``, in each item of the lists on the way."""
+    """Return whether ``path`` exists in each item of the lists along it."""
     if isinstance(part, list):
         return all(_filled(each, path) for each in part)
     if not path:

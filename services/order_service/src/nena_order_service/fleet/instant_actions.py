@@ -1,4 +1,4 @@
-"""Instant actions on their way to a robot and to their end (VDA 5050 3.0, 6.2.1 and 6.6.9)."""
+"""Send instant actions and track them to their end (VDA 5050 3.0, sections 6.2.1 and 6.6.9)."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ CANCEL_ORDER: Final = "cancelOrder"
 CLEAR_INSTANT_ACTIONS: Final = "clearInstantActions"
 FACTSHEET_REQUEST: Final = "factsheetRequest"
 LEAVES: Final = frozenset({START_HIBERNATION, SHUTDOWN})
-"""Types after which a robot takes no orders."""
+"""Action types after which a robot takes no orders."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How an instant action ended; ``status`` is None if the robot never reported its end."""
+    """The end of an instant action; ``status`` is None if the robot never reported it."""
 
     status: ActionStatus | None
     reason: str
@@ -43,9 +43,9 @@ class Outcome:
 
 
 class InstantRun:
-    """Follows one instant action (section 6.2.1); ``outcome`` is set once, when it has ended.
+    """Tracks one instant action (section 6.2.1); ``outcome`` is set once, when it has ended.
 
-    ``requested`` is whether a caller outside of fleet control waits for its end.
+    ``requested`` is whether a caller outside fleet control waits for its end.
     """
 
     def __init__(self, action: Action, settings: FleetSettings, *, requested: bool) -> None:
@@ -59,11 +59,11 @@ class InstantRun:
 
     @property
     def cancels(self) -> bool:
-        """Whether the action ends the robot's order."""
+        """Whether the action is a cancelOrder."""
         return self.action.action_type == CANCEL_ORDER
 
     def on_states(self, states: Mapping[str, ActionState], now: float) -> None:
-        """Find the action among all those that the robot reports."""
+        """Update the action from all action states that the robot reports, by actionId."""
         state = states.get(self.action.action_id)
         if state is None:
             if self._seen_at is not None:
@@ -78,9 +78,9 @@ class InstantRun:
             self.outcome = Outcome(state.action_status, reason, state.action_result)
 
     def on_link(self, link: LinkStatus) -> None:
-        """End a hibernation or shutdown that the robot's connection shows: its state may have been lost.
+        """End a hibernation or shutdown when the connection shows it, because the last state may be lost.
 
-        A robot disconnects for other reasons too, so a shutdown counts only if the robot had reported it.
+        A robot may disconnect for other reasons, so a shutdown counts only if the robot has reported it.
         """
         hibernates = self.action.action_type == START_HIBERNATION and link is LinkStatus.HIBERNATING
         shut_down = self.action.action_type == SHUTDOWN and link is LinkStatus.OFFLINE
@@ -88,7 +88,7 @@ class InstantRun:
             self.outcome = Outcome(ActionStatus.FINISHED, f"done: the robot is {link}")
 
     def wants_sending(self, now: float) -> bool:
-        """Return whether the action is to be sent now; the caller then does so."""
+        """Return whether the action is due, and count it as sent: the caller must send it."""
         if self._seen_at is not None or not self._delivery.due(now):
             return False
         self._delivery.sent(now)
@@ -97,7 +97,7 @@ class InstantRun:
         return True
 
     def on_tick(self, now: float) -> None:
-        """End instant actions that take too long at a robot that can be reached."""
+        """Time out the action on a reachable robot."""
         if self._seen_at is None and self._delivery.failed(now):
             if self._may_wake(now):
                 return
@@ -108,17 +108,17 @@ class InstantRun:
             self.outcome = Outcome(None, f"the robot did not finish it within {limit} s")
 
     def _may_wake(self, now: float) -> bool:
-        """Return whether a robot may still be waking: until then it reports nothing (section 6.2.3)."""
+        """Return whether a hibernating robot may still be waking, and reports nothing yet (section 6.2.3)."""
         since = self._first_sent_at
         if since is None or self.action.action_type != STOP_HIBERNATION:
             return False
         return now - since < self._settings.instant_action_limit
 
     def hold(self, reason: str, now: float) -> None:
-        """Stop the action's timeout while it cannot be sent, for ``reason``.
+        """Suspend the action's timeout while it cannot be sent for ``reason``.
 
-        One that a host requested and that the robot may never have received ends instead: no caller wants a
-        pause hours later.
+        A requested action that the robot may not have received ends instead: no caller wants, for example,
+        a pause hours later.
         """
         if self._seen_at is not None:
             self._seen_at = now
@@ -129,7 +129,7 @@ class InstantRun:
 
 
 def cancel_order(action_id: str, order_id: str | None = None) -> Action:
-    """Return the action that ends the robot's order; ``order_id`` None: not named (section 6.1.3)."""
+    """Return a cancelOrder action (section 6.1.3), without the orderId parameter if ``order_id`` is None."""
     parameters = () if order_id is None else (ActionParameter(key="orderId", value=order_id),)
     return Action(
         action_type=CANCEL_ORDER,
@@ -140,7 +140,7 @@ def cancel_order(action_id: str, order_id: str | None = None) -> Action:
 
 
 def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
-    """Return the action that retries a RETRIABLE action, or sets it to FAILED (section 6.2.3)."""
+    """Return the action that retries a RETRIABLE action or sets it to FAILED (section 6.2.3)."""
     return Action(
         action_type=RETRY if retry else "skipRetry",
         action_id=action_id,
@@ -160,23 +160,23 @@ def factsheet_request(action_id: str) -> Action:
 
 
 INSTANT_IDS_KEPT: Final = 200
-"""Number of remembered IDs of instant actions, whose states must not be mistaken for the order's."""
+"""Number of remembered instant action IDs, so that their states are not mistaken for the order's."""
 
 ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
-"""Instant actions that are harmless in any operating mode; only INTERVENED allows nothing but cancelOrder."""
+"""Instant actions allowed in all operating modes except INTERVENED, which allows only cancelOrder."""
 
 CLEARING_PAUSE: Final = 30.0
 """Seconds between attempts to clear a robot's ended instant actions."""
 
 LEAVING_WITHIN: Final = 30.0
-"""Seconds within which a robot that has reported its hibernation or shutdown changes its connection."""
+"""Seconds within which a robot changes its connection after it has reported hibernation or shutdown."""
 
 FACTSHEET_TIMEOUT: Final = 2.0
-"""Seconds that orders wait for a requested factsheet."""
+"""Maximum time that orders wait for a requested factsheet, seconds."""
 
 
 class InstantActionManager:
-    """Sends instant actions and follows each to its end (section 6.2.1).
+    """Sends instant actions to one robot and tracks each to its end (section 6.2.1).
 
     ``broker`` is whether our own link is up. ``unread``: nothing is sent before the robot's next state, see
     :meth:`FleetController.on_broker`.
@@ -197,9 +197,9 @@ class InstantActionManager:
         self._asked: InstantRun | None = None
         self._asked_at = 0.0
         self._going: set[str] = set()
-        """Ids of actions in :data:`LEAVES` that have not ended in this connection, also a former owner's."""
+        """IDs of unfinished :data:`LEAVES` actions on this connection, including those of other senders."""
         self._left_at: float | None = None
-        """When the robot has reported its hibernation or shutdown, until its connection shows it."""
+        """When the robot reported hibernation or shutdown, until its connection shows it; else None."""
 
     @property
     def busy(self) -> bool:
@@ -221,12 +221,12 @@ class InstantActionManager:
         return any(each.cancels for each in self._runs.values())
 
     def unsendable(self, action_type: str, now: float) -> str | None:
-        """Return why the robot must not be sent such an instant action now; None if it may."""
+        """Return, as a predicate, why the robot must not be sent such an action now; None if it may."""
         link = self._robot.link(now)
         if link in REPORTS_NOTHING and self._robot.reachable:
             link = LinkStatus.ONLINE
         unread = self.unread
-        if action_type == STOP_HIBERNATION:  # the robot reports no state before it is awake
+        if action_type == STOP_HIBERNATION:  # a hibernating robot reports no state
             unread = False
             link = LinkStatus.ONLINE if link is LinkStatus.HIBERNATING else link
         away = availability.away(link, self._robot.unreadable, broker=self.broker, unread=unread)
@@ -241,7 +241,7 @@ class InstantActionManager:
         return f"is in operating mode {state.operating_mode}, which takes no instant actions"
 
     def request(self, action: Action, now: float) -> Iterator[FleetOutput]:
-        """Begin a requested instant action, unless the robot is known not to receive or accept it."""
+        """Begin a requested instant action, unless the robot certainly would not receive or accept it."""
         if self._robot.abilities:
             action = fitted_action(action, self._robot.abilities)
         refusal = self._refusal(action, now)
@@ -252,10 +252,7 @@ class InstantActionManager:
             self._begin(action, requested=True)
 
     def cancel(self, order_id: str) -> InstantRun:
-        """Begin to cancel an order, with its orderId if the robot's version has that parameter.
-
-        VDA 5050 3.0 section 6.1.3.
-        """
+        """Begin a cancelOrder, with the orderId if the robot's version has that parameter (section 6.1.3)."""
         rules = self._robot.rules
         named = order_id if rules and rules.cancel_names_order else None
         return self._begin(cancel_order(self._new_id(), named), requested=False)
@@ -265,19 +262,19 @@ class InstantActionManager:
         return self.unsendable(CANCEL_ORDER, now) is None
 
     def reconnected(self) -> None:
-        """Handle a new connection: request again what did not arrive over the last one."""
+        """Handle a new connection: request the factsheet again, and forget that the robot was leaving."""
         self._asked = None
         self._going.clear()
         self._left_at = None
 
     def on_link(self, link: LinkStatus) -> Iterator[FleetOutput]:
-        """End the actions whose effect the robot's connection shows."""
+        """End the actions whose effect is visible in the robot's connection."""
         for run in self._runs.values():
             run.on_link(link)
         yield from self._drop_ended()
 
     def awaits_factsheet(self, now: float) -> bool:
-        """Return whether the robot's factsheet was just requested, and may still arrive."""
+        """Return whether the robot's factsheet was just requested and may still arrive."""
         if self._robot.abilities or not self._asked:
             return False
         end = self._asked.outcome
@@ -285,7 +282,7 @@ class InstantActionManager:
         return not cannot and now - self._asked_at < FACTSHEET_TIMEOUT
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
-        """Update all actions by a new state; request what is missing, and clear ended actions."""
+        """Update all actions from a new state; request a missing factsheet, and clear ended actions."""
         if self._runs:
             reported: dict[str, ActionState] = {
                 each.action_id: each for each in (*state.action_states, *state.instant_action_states)
@@ -298,7 +295,7 @@ class InstantActionManager:
         self._clear_ended(state, now)
 
     def on_tick(self, now: float) -> Iterator[FleetOutput]:
-        """Fail the instant actions that take too long."""
+        """Time out instant actions."""
         if self._left_at is not None and now - self._left_at >= LEAVING_WITHIN:
             self._left_at = None
         for run in self._runs.values():
@@ -310,7 +307,7 @@ class InstantActionManager:
         yield from self._drop_ended()
 
     def send(self, now: float) -> Iterator[FleetOutput]:
-        """Send due actions, in messages as short as the robot requires."""
+        """Send due actions, with at most as many per message as the factsheet allows."""
         due = tuple(
             each.action
             for each in self._runs.values()
@@ -341,9 +338,9 @@ class InstantActionManager:
         return run
 
     def _note_leaving(self, state: State, now: float) -> None:
-        """Update whether the robot is about to hibernate or to shut down, at anyone's request.
+        """Update whether the robot is about to hibernate or shut down, whoever requested it.
 
-        An end in the first state of a connection is from before: the robot is back.
+        An action that has already ended in the first state of a connection is an old one: the robot is back.
         """
         reported = (*state.action_states, *state.instant_action_states)
         finished = {each.action_id for each in reported if each.action_status is ActionStatus.FINISHED}
@@ -360,13 +357,13 @@ class InstantActionManager:
         }
 
     def _ask_for_factsheet(self, now: float) -> None:
-        """Request the factsheet of a robot if the broker has not retained it, once per connection."""
+        """Request the factsheet, once per connection, if the broker has not retained it (section 7.10)."""
         if self._robot.abilities is None and self._asked is None:
             self._asked = self._begin(factsheet_request(self._new_id()), requested=False)
             self._asked_at = now
 
     def _clear_ended(self, state: State, now: float) -> None:
-        """Send clearInstantActions to a robot that offers it before its ended instant actions pile up."""
+        """Send clearInstantActions, if the robot offers it, before ended instant actions pile up."""
         ended = sum(1 for each in state.instant_action_states if each.action_status.ended)
         if ended < self._robot.clears_instant_actions_from or now < self._next_clearing:
             return

@@ -1,8 +1,8 @@
 """Leader election over MQTT: two order services with separate stores must not command the same robots.
 
-The leader keeps a retained record at the broker, and its last will clears it. Another order service reads the
-record, asks whether its leader still answers, and exits if so, before it has sent anything. Services that
-share a store elect their leader by its lease (``store/lead.py``); here they count as one.
+The leader keeps a retained record at the broker, which its last will clears. Another order service that finds
+a record asks whether its leader still answers; if so, it exits before it has sent anything. Services that
+share a store elect their leader by a lease in it (``store/lead.py``); here they count as one.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from nena_shared.tasks import end, set_within
 log = get_logger(__name__)
 
 ANSWERED_WITHIN = 5.0
-"""Seconds in which an active order service answers; a record without an answer is stale."""
+"""Seconds within which an active order service answers; otherwise its record is stale."""
 CONNECTED_WITHIN = 10.0
-"""Seconds to connect and subscribe, after which the broker counts as unreachable."""
+"""Timeout for connecting and subscribing, seconds."""
 DECIDED_WITHIN = ANSWERED_WITHIN + 5.0
-"""Seconds from then on, after which a broker that does not answer counts as unreachable."""
+"""Timeout for the election after that, seconds."""
 LOOK = 0.05
-"""Seconds between checks whether the broker can be asked."""
+"""Seconds between checks of the link to the broker."""
 
 
 class FleetTakenError(StartError):
-    """Another order service is active for the fleet; the text names it and what to do."""
+    """Another order service is active for the fleet; the message identifies it and says what to do."""
 
     def __init__(self, record: LeaderRecord, *, own_store: bool = False) -> None:
         if own_store:
@@ -51,16 +51,16 @@ class FleetTakenError(StartError):
 
 
 class LeaderRecord(Resource):
-    """The leader of a fleet."""
+    """The retained record of a fleet's leader."""
 
     store: str
     epoch: int
     instance: str
-    """ID of one run of the program."""
+    """ID of this run of the program."""
 
     @property
     def rank(self) -> tuple[int, str]:
-        """The highest rank keeps the fleet: robots refuse commands of older epochs."""
+        """The highest rank leads the fleet: robots refuse commands of older epochs."""
         return self.epoch, self.instance
 
 
@@ -70,7 +70,7 @@ class LeaderElection:
     def __init__(self, mqtt: MqttSettings, topic: str, *, store: str, epoch: int, term: Term) -> None:
         """Prepare to take part; ``store`` identifies the store, for ``term`` see :data:`Term`."""
         self.won = asyncio.Event()
-        """Set once this order service leads: nothing may be sent to robots before."""
+        """Set once this order service leads; before that nothing may be sent to robots."""
         self._asked = asyncio.Event()
         """Set once the broker has been asked for the leader."""
         self._own = LeaderRecord(store=store, epoch=epoch, instance=token_hex(8))
@@ -80,7 +80,7 @@ class LeaderElection:
         self._holds = False
         """Whether the record at the broker is our own."""
         self._left: LeaderRecord | None = None
-        """The record that was found, while its order service may still answer."""
+        """The record of another order service, while that one may still answer."""
         self._giving_up: asyncio.TimerHandle | None = None
         self._taken: asyncio.Future[LeaderRecord] = asyncio.get_running_loop().create_future()
         self._link = MqttLink(
@@ -124,9 +124,9 @@ class LeaderElection:
             await end(linking)
 
     async def decided(self) -> None:
-        """Wait until this order service leads, as long as the broker can be asked and it has its lease.
+        """Wait until this order service leads, while the broker is reachable and it has its lease.
 
-        An order accepted before could be in the store of an order service that exits at once.
+        Orders must not be accepted earlier, because this order service may still have to exit.
         """
         if await self._reached(self._asked, CONNECTED_WITHIN):
             await self._reached(self.won, DECIDED_WITHIN)
@@ -140,7 +140,7 @@ class LeaderElection:
         return False
 
     def _ask(self) -> None:
-        """Request the leader: retained records arrive before our own request."""
+        """Publish the question to the leader; retained records arrive before it comes back."""
         self._asked.set()
         self._link.publish(Outbound(self._question, self._own.instance.encode()))
 
@@ -158,20 +158,20 @@ class LeaderElection:
         if not message.payload:
             self._left = None
             if self._holds:
-                self._publish()  # the last will of another one has cleared it
+                self._publish()  # another one's last will has cleared it
             elif self._giving_up:
                 self._hold()
             return
         try:
             found = LeaderRecord.model_validate_json(message.payload)
         except ValidationError:
-            log.warning("unreadable record of the fleet's order service", topic=message.topic)
+            log.warning("leader record is unreadable", topic=message.topic)
             return
         if found.instance != self._own.instance:
             self._meet(found, alive=not message.retained)
 
     def _meet(self, found: LeaderRecord, *, alive: bool) -> None:
-        """Decide which service keeps the fleet; of one store, the older epoch is over."""
+        """Decide which service leads; with the same store, the one with the newer epoch."""
         if found.store == self._own.store:
             if found.rank > self._own.rank:
                 self._yield_to(found)
@@ -192,7 +192,7 @@ class LeaderElection:
 
     def _hold(self) -> None:
         if self._left is not None:
-            log.warning("the previous order service of this fleet does not answer", store=self._left.store)
+            log.warning("previous leader of this fleet does not answer", store=self._left.store)
         self._left, self._giving_up, self._holds = None, None, True
         self._publish()
         self.won.set()

@@ -1,4 +1,4 @@
-"""Robots over MQTT: read their messages in their version, and send what the core decides."""
+"""Fleet control over MQTT: read robots' messages of any version, and publish what the core decides."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ Message = Order | InstantActions | Responses | ZoneSetTransfer
 
 @dataclass(frozen=True, slots=True)
 class RobotAddress:
-    """The version that a robot uses, and its topics."""
+    """A robot's version of VDA 5050, and its topics."""
 
     codec: Codec
     scheme: TopicScheme
@@ -69,7 +69,7 @@ class RobotAddress:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """Deviations of a robot from the standard, configured in the plant model; no message reports them."""
+    """Deviations of a robot from the standard that must be configured in the plant model."""
 
     parameters_as_text: bool = False
     instant_actions_key: str = ""
@@ -82,7 +82,7 @@ class Dialect:
         return cls(vehicle.parameters_as_text, key, vehicle.keeps_last_node_states)
 
     def fitted(self, message: Message) -> Message:
-        """Return a message as the robot reads it."""
+        """Return a message in the form that the robot can read."""
         if not self.parameters_as_text:
             return message
         if isinstance(message, InstantActions):
@@ -98,7 +98,7 @@ class Dialect:
         return message
 
     def renamed(self, topic: Topic, payload: bytes) -> bytes:
-        """Return an encoded message with the keys that the robot reads."""
+        """Return an encoded message with the keys that the robot expects."""
         if topic is not Topic.INSTANT_ACTIONS or not self.instant_actions_key:
             return payload
         content = from_json(payload)
@@ -106,9 +106,9 @@ class Dialect:
         return to_json(content)
 
     def understood(self, state: State, *, outdated: bool = False) -> State:
-        """Return a state as another robot would send it: without nodes to go at the last node.
+        """Return a state as the standard requires it: without nodeStates at the last node.
 
-        ``outdated``: its last node may be that of the order before, and the robot has yet to turn there.
+        ``outdated``: its last node may belong to the previous order, and the robot may still have to turn.
         """
         if not self.keeps_last_node_states or not state.node_states or state.driving:
             return state
@@ -121,11 +121,11 @@ class Dialect:
 
 
 TURNED_WITHIN: Final = pi / 4
-"""Deviation from the heading at the last node, rad, that is accepted where the order names none."""
+"""Default accepted deviation from the heading at the last node, rad."""
 
 
 def _has_to_turn(state: State, node: NodeState) -> bool:
-    """Return whether a robot at ``node`` has not the heading of the node, as before a turn on the spot."""
+    """Return whether a robot at ``node`` still has to turn to the node's heading."""
     robot, place = state.mobile_robot_position, node.node_position
     if robot is None or place is None or place.theta is None:
         return False
@@ -134,16 +134,16 @@ def _has_to_turn(state: State, node: NodeState) -> bool:
 
 
 class LastNodes:
-    """Detects last nodes that may be those of the order before: not every robot resets them at once."""
+    """Detects last nodes that may belong to the previous order, because some robots reset them late."""
 
     def __init__(self) -> None:
         self._current: dict[RobotKey, str] = {}
-        """Orders in which the robot has reported another last node than the order's."""
+        """By robot, the order during which it has reported a last node other than the order's last one."""
 
     def outdated(self, robot: RobotKey, state: State, vda_order: VdaOrder | None) -> bool:
         """Return whether a robot may report the end of an order that it has not begun.
 
-        That needs an order that ends where it begins.
+        This can only happen if the order ends at its first node.
         """
         if vda_order is None or state.order_id != vda_order.order_id:
             return False
@@ -161,9 +161,9 @@ STANDARD: Final = Dialect()
 
 
 class RobotAddresses:
-    """Remembers the source of each robot's last good message; initially that of the plant model.
+    """Keeps the version and topics of each robot: of its last valid message, initially of the plant model.
 
-    ``schemes`` are the topics of robots for which the plant model names none, one per major version.
+    ``schemes`` are the default topics, one per major version.
     """
 
     def __init__(self, schemes: Sequence[TopicScheme]) -> None:
@@ -175,15 +175,15 @@ class RobotAddresses:
 
     @property
     def schemes(self) -> tuple[TopicScheme, ...]:
-        """All topics that robots may be found under."""
+        """All topics that robots may use."""
         return tuple(self._schemes)
 
     def expect(self, vehicles: Iterable[tuple[RobotKey, Vehicle]]) -> None:
         """Note the versions and interface names of vehicles in the plant model.
 
         Raises:
-            ConfigurationError: it names an unsupported version, an interface name that is no topic, or a
-                robot that the store cannot hold.
+            ConfigurationError: it names an unsupported version, an invalid interface name, or a robot whose
+                name is too long for the store.
         """
         for robot, vehicle in vehicles:
             _require_storable(robot, vehicle)
@@ -196,17 +196,17 @@ class RobotAddresses:
                 self._sources.expect(robot, address.scheme)
 
     def dialect(self, robot: RobotKey) -> Dialect:
-        """Return how ``robot`` departs from the standard."""
+        """Return the configured deviations of ``robot`` from the standard."""
         return self._dialects.get(robot, STANDARD)
 
     def of(self, robot: RobotKey) -> RobotAddress | None:
-        """Return topics and version of ``robot``; None if it is unknown and has sent nothing yet."""
+        """Return the version and topics of ``robot``; None if they are not known yet."""
         return self._addresses.get(robot)
 
     def learn(
         self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Dated, *, retained: bool
     ) -> bool:
-        """Note the source of a message of ``robot``; answers go there.
+        """Store the source of a message of ``robot``, to which answers are sent.
 
         Return False if the message is outdated; see :class:`RobotSources`.
         """
@@ -217,7 +217,7 @@ class RobotAddresses:
             return True
         self._addresses[robot] = RobotAddress(codec, scheme)
         log.info(
-            "a robot's version of VDA 5050",
+            "robot uses VDA 5050",
             robot=str(robot),
             version=codec.version,
             interface_name=scheme.interface_name,
@@ -259,9 +259,10 @@ HEADER_ID_COUNT: Final = 2**32
 
 
 class Outgoing:
-    """Builds the messages; headerIds are counted for each robot and topic (section 7.2).
+    """Builds the messages, with headerIds counted per robot and topic (section 7.2).
 
-    Commands carry the ``epoch`` of the order service, unless it is 0: a robot refuses those of an older one.
+    Commands contain the ``epoch`` of the order service, unless it is 0; a robot refuses commands of older
+    epochs.
     """
 
     def __init__(self, clock: Clock, epoch: int = 0) -> None:
@@ -270,7 +271,7 @@ class Outgoing:
         self._header_ids: dict[tuple[RobotKey, Topic], int] = defaultdict(int)
 
     def message(self, output: Publish, version: str) -> tuple[Topic, Message]:
-        """Return the message, and the topic that it belongs to."""
+        """Return the message and its topic."""
         match output:
             case PublishOrder():
                 header = self._header(output.robot, Topic.ORDER, version)
@@ -310,16 +311,16 @@ M = TypeVar("M", Connection, Factsheet, State)
 Take = Callable[[RobotKey, M, float], Outputs]
 
 MALFORMED_LOGGED_EACH: Final = 100
-"""Logged malformed messages of a robot: the first, and then one in this many."""
+"""Of a robot's malformed messages, the first and then one in this many are logged."""
 
 _PLURALS: Final = {Topic.STATE.value: "states", Topic.CONNECTION.value: "connection messages"}
-"""Messages without which a robot cannot be given orders."""
+"""Messages without which a robot cannot be sent orders."""
 
 NO_TIME: Final = datetime.min.replace(tzinfo=UTC)
 
 COMMANDS: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS)
 SENT_REMEMBERED: Final = 10_000
-"""Commands that are known as our own when the broker returns them."""
+"""Number of our own commands that are recognised when the broker returns them."""
 LOGGED_OF_COMMAND: Final = 300
 
 LOGGED_OF_NAME: Final = 60
@@ -331,11 +332,10 @@ def _mark(topic: str, payload: bytes) -> int:
 
 
 class FleetLink:
-    """Connects a :class:`FleetController` with the broker; call every method in the event loop's thread.
+    """Connects a :class:`FleetController` with the broker; call all methods in the event loop's thread.
 
-    ``on_events`` gets the core's outputs except messages to send, in order, all of a call at once and within
-    that call; it may call this object again. Sending never waits for the broker: the core resends what no
-    state echoes.
+    ``on_events`` receives the core's events in order, once per call and within that call; it may call this
+    object again. Sending never waits for the broker: the core resends messages that no state echoes.
     """
 
     def __init__(
@@ -359,10 +359,10 @@ class FleetLink:
         self._connected = False
         self._term = 0
         self._undated: dict[RobotKey, MessageOrder] = {}
-        """Robots whose timestamps cannot be read: their states are judged by headerId alone."""
+        """By robot with unreadable timestamps, the message order by headerId alone."""
         self.statistics = FleetStatistics()
         self._sent: dict[int, None] = {}
-        """Marks of the last commands that this program has sent, oldest first."""
+        """Hashes of the last commands that this program has sent, oldest first."""
         self.deviations = Deviations(clock)
         """Repairs of the robots' messages."""
         self._reader = MessageReader(self.deviations.note_message, strict=settings.strict)
@@ -375,11 +375,11 @@ class FleetLink:
                 mqtt.subscribe(scheme.for_all(topic), self._check_command, qos=0, needed=False)
 
     async def run(self) -> None:
-        """Perform overdue work until cancelled."""
+        """Handle timeouts periodically, until cancelled."""
         await forever("fleet control", self._look)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        """See :meth:`FleetController.start_vda_order`; so for the following methods."""
+        """See :meth:`FleetController.start_vda_order`."""
         self._begin(vda_order, self._controller.start_vda_order(robot, vda_order, self._now()))
 
     def adopt_vda_order(
@@ -435,10 +435,10 @@ class FleetLink:
         self._hand_out(self._controller.tick(self._now()))
 
     def _notice_broker(self) -> None:
-        """Report to the core that our own link is up or down; a message that arrives shows it, too.
+        """Report changes of our own link to the core, periodically and with each received message.
 
-        In a new term of leadership nothing is sent to robots before they have reported: what is known of them
-        may date from before another order service led.
+        In a new term of leadership, robots must report before they are sent anything: what is known about
+        them may be older than the leadership of another order service.
         """
         link = self._mqtt.state
         unread = link.connected and link.term != self._term
@@ -450,12 +450,12 @@ class FleetLink:
         self._hand_out(self._controller.on_broker(connected=link.connected, now=self._now(), unread=unread))
 
     def _check_command(self, inbound: Inbound) -> None:
-        """Raise an alarm if another program commands robots; the broker returns our own commands as well."""
+        """Log an error if another program commands robots; the broker returns our own commands as well."""
         if not inbound.payload or _mark(inbound.topic, inbound.payload) in self._sent:
             return
         if self.statistics.foreign % MALFORMED_LOGGED_EACH == 0:
             log.error(
-                "another fleet control commands robots of this fleet",
+                "another program commands robots of this fleet",
                 topic=inbound.topic,
                 retained=inbound.retained,
                 message=inbound.payload[:LOGGED_OF_COMMAND].decode(errors="replace"),
@@ -469,7 +469,7 @@ class FleetLink:
         self._sent[_mark(topic, payload)] = None
 
     def _subscribe_to(self, topic: Topic, kind: type[M], take: Take[M], *, qos: int) -> None:
-        """Subscribe to a topic of all robots; ``take`` receives well-formed, current messages."""
+        """Subscribe to a topic of all robots; ``take`` receives valid, current messages."""
 
         def handle(scheme: TopicScheme, inbound: Inbound) -> None:
             self.statistics.received[topic] += 1
@@ -508,7 +508,7 @@ class FleetLink:
     def _is_new(self, kind: type[Connection | Factsheet | State], robot: RobotKey, header_id: int) -> bool:
         """Return False for an old state of a robot whose timestamps cannot be read.
 
-        The time of arrival replaces the timestamp, which makes an old state look new.
+        The time of arrival replaces such a timestamp, so an old state would look new.
         """
         if kind is Connection:
             self._undated.pop(robot, None)
@@ -517,10 +517,10 @@ class FleetLink:
         return self._undated.setdefault(robot, MessageOrder()).is_new(header_id, NO_TIME, self._now())
 
     def _note_long_name(self, robot: RobotKey) -> None:
-        """Refuse a robot that cannot be stored."""
+        """Ignore a robot whose name is too long for the store."""
         if self.statistics.name_too_long % MALFORMED_LOGGED_EACH == 0:
             log.warning(
-                "ignoring a robot: manufacturer and serial number are too long",
+                "ignoring robot: manufacturer and serial number are too long",
                 robot=f"{str(robot)[:LOGGED_OF_NAME]}...",
                 characters=len(str(robot)),
                 limit=KEY_LENGTH,
@@ -536,7 +536,7 @@ class FleetLink:
         count = self.view(robot).malformed
         if count % MALFORMED_LOGGED_EACH == 1:
             log.warning(
-                "ignoring an invalid message of a robot",
+                "ignoring invalid robot message",
                 robot=str(robot),
                 topic=topic,
                 problems=error.problems,
@@ -558,7 +558,7 @@ class FleetLink:
     def _publish(self, output: Publish, now: float) -> None:
         address = self._addresses.of(output.robot)
         if address is None:
-            log.warning("not sending to a robot of unknown version", robot=str(output.robot))
+            log.warning("cannot send: VDA 5050 version of the robot is unknown", robot=str(output.robot))
             return
         topic, message = self._outgoing.message(output, address.codec.version)
         dialect = self._addresses.dialect(output.robot)

@@ -1,4 +1,4 @@
-"""One VDA 5050 order on its way through a robot: sent, resent, echoed, driven, cancelled, ended."""
+"""The execution of one VDA 5050 order by its robot: sent, resent, echoed, driven, cancelled, ended."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ from nena_shared.vda5050.topics import RobotKey
 
 @dataclass(slots=True)
 class PendingUpdate:
-    """An update that no state has echoed yet. ``plan`` is the whole VDA order by it."""
+    """An order update that no state has echoed yet; ``plan`` is the whole VDA order after it."""
 
     plan: VdaOrder
     message: VdaOrder
-    """What is sent: from the decision point on."""
+    """The message: the part of the plan from the decision point, the last node of the base."""
     update_id: int
     delivery: Delivery
     errors_before: frozenset[ErrorIdentity] = frozenset()
 
     def refusals(self, errors: Iterable[ErrorEntry]) -> tuple[ErrorEntry, ...]:
-        """Return the errors by which the robot refuses it."""
+        """Return the errors with which the robot refuses the update (section 6.1.4)."""
         return tuple(
             each
             for each in errors
@@ -55,7 +55,7 @@ class PendingUpdate:
         )
 
     def is_refused(self, refusals: Iterable[ErrorEntry], now: float) -> bool:
-        """Return whether any of the refusals counts."""
+        """Return whether any of the refusals counts; see :meth:`Delivery.is_refused`."""
         return self.delivery.is_refused(now, named=any(map(self._is_named, refusals)))
 
     def _is_named(self, error: ErrorEntry) -> bool:
@@ -66,27 +66,27 @@ STATES_NAMED: Final = 3
 """Maximum number of nodes named in a reason."""
 
 NOT_BEGUN: Final = frozenset({ActionStatus.WAITING, ActionStatus.FAILED})
-"""A waiting action fails without ever having begun when its order is cancelled."""
+"""States of actions that may never have begun: waiting ones fail when their order is cancelled."""
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """The progress of a VDA order, by a state that echoes it."""
+    """The progress of a VDA order, read from a state that echoes it."""
 
     passed: int
     """The sequenceId of the last node that has been traversed; -1: none."""
     operating: bool
-    """Whether an action of the VDA order has begun."""
+    """Whether an action at the last node has begun."""
     idle: bool
-    """Whether the robot has nothing left to do for it."""
+    """Whether the robot has nothing left to do."""
     at_end: bool
     """Whether the robot has reached the last node."""
     failed: tuple[ActionState, ...]
-    """The VDA order's actions that have failed."""
+    """The actions that have failed."""
     retriable: tuple[ActionState, ...]
-    """Those that have failed and may be retried."""
+    """The actions that have failed and may be retried."""
     unreported: frozenset[str]
-    """IDs of the VDA order's actions that are missing from the state."""
+    """IDs of actions that are missing from the state."""
 
     @property
     def done(self) -> bool:
@@ -95,19 +95,16 @@ class Progress:
 
 
 def knows(state: State, vda_order: VdaOrder, update_id: int) -> bool:
-    """Return whether the robot's order is this VDA order, with all updates up to ``update_id``.
-
-    VDA 5050 3.0 section 6.1.2.
-    """
+    """Return whether the robot has this VDA order, with exactly the update ``update_id`` (section 6.1.2)."""
     return state.order_id == vda_order.order_id and state.order_update_id == update_id
 
 
 def read(state: State, vda_order: VdaOrder) -> Progress:
     """Read the progress from a state that :func:`knows` the VDA order (section 6.6.2).
 
-    A node counts as traversed only if it is no longer among the coming nodes: not every robot resets
-    lastNodeSequenceId at once when it accepts a new order. A failed action on an edge that is left is no
-    failure of the VDA order: robots also report one as FAILED that the end of its edge has cut short.
+    A node counts as traversed only once it is no longer in nodeStates, because some robots reset
+    lastNodeSequenceId late when they accept a new order. A failed action on an edge that the robot has left
+    does not count: robots also report actions as FAILED that ended with their edge.
     """
     ids, final = vda_order.action_ids, vda_order.final_action_ids
     ahead = {each.sequence_id for each in state.edge_states}
@@ -139,7 +136,7 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
 
 @dataclass(frozen=True, slots=True)
 class ExecutionFailure:
-    """Why a VDA order fails: the kind of failure, a sentence, and the robot's own texts."""
+    """Why a VDA order failed: the kind of failure, a sentence, and the robot's own texts."""
 
     kind: FailureKind
     reason: str
@@ -147,12 +144,12 @@ class ExecutionFailure:
 
 
 class OrderExecution:
-    """Follows one VDA order. When ``ended`` is true its end has been reported, and no event follows.
+    """Tracks one VDA order; once ``ended`` is true, its end has been reported and no more events follow.
 
-    One that is ``adopted`` may have been sent before; ``accepted`` is whether the robot is known to have it.
-    ``vda_order`` is what the robot has by its states, or is to have initially, with all updates up to
-    ``update_id``; one update at a time is active, and the newest plan waits behind it. The ``cancel`` is made
-    and sent by the owner once :meth:`wants_cancel` returns True.
+    An ``adopted`` order may have been sent before; ``accepted`` is whether the robot is known to have it.
+    ``vda_order`` is what the robot has according to its states, or is to receive first, with all updates up
+    to ``update_id``. One update is active at a time; meanwhile only the newest plan is kept. The owner
+    creates and sends ``cancel`` once :meth:`wants_cancel` returns True.
     """
 
     def __init__(
@@ -179,29 +176,29 @@ class OrderExecution:
         self._adopted = adopted
         self._accepted = accepted
         self._reported = -2
-        """SequenceId of the last node whose passing was reported; -2: not even the acceptance."""
+        """SequenceId of the last node that was reported as passed; -1: none; -2: not accepted yet."""
         self._operating = False
         self._failure: ExecutionFailure | None = None
         self._before: frozenset[ErrorIdentity] = frozenset()
-        self._place_doubted = False
-        """Whether the robot has not known where it is, or has connected again, since the order was sent."""
+        self._position_doubted = False
+        """Whether the robot was not localised or reconnected since the order was last sent."""
         self._excused_sending = 0
-        """The sending whose refusals count as those of a robot that was not localised; 0: none."""
+        """Number of the sending whose refusals are excused, because the robot was not localised; 0: none."""
         self._passing: frozenset[ErrorIdentity] = frozenset()
-        """Refusals of a robot that is not localised: the order is resent when it is."""
+        """Excused refusals: the order is resent once the robot is localised."""
         self._standing_since: float | None = None
         self._retriable: frozenset[object] = frozenset()
-        """Ids of the actions that were reported as retriable."""
+        """IDs of the actions that were reported as retriable."""
 
     def wants_sending(self, now: float) -> bool:
-        """Return whether the order is to be sent (again) now, if the robot can be sent one."""
+        """Return whether the order is due to be sent or resent."""
         return self.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT) and self._delivery.due(now)
 
     def extend(self, plan: VdaOrder) -> None:
-        """Change the order to ``plan`` (section 6.1.2): its base continues the present base.
+        """Change the order to ``plan`` (section 6.1.2).
 
         Raises:
-            BaseChangedError: it does not.
+            BaseChangedError: the base of ``plan`` does not continue the current base.
         """
         newest = self._plan or (self._pending.plan if self._pending else self.vda_order)
         plan = grown(newest, plan)
@@ -211,19 +208,19 @@ class OrderExecution:
             self._plan = plan
 
     def refit(self, fit: Callable[[VdaOrder], VdaOrder]) -> None:
-        """Write a VDA order from before a restart as the robot was sent it then."""
+        """Fit an adopted VDA order to the factsheet, as it was when it was sent before the restart."""
         if self._adopted:
             self.vda_order = fit(self.vda_order)
             self._plan = self._plan and fit(self._plan)
 
     def wants_update(self, now: float) -> bool:
-        """Return whether an update is to be sent (again) now, if the robot can be sent one."""
+        """Return whether an update is due to be sent or resent."""
         if self.phase is not VdaOrderPhase.RUNNING or self.ended:
             return False
         return self._pending.delivery.due(now) if self._pending else self._plan is not None
 
     def send_update(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
-        """Send the update (section 6.1.2); ``errors`` are those that the robot reports already."""
+        """Send the update (section 6.1.2); ``errors`` are those that the robot already reports."""
         if self._pending is None and self._plan is not None:
             plan, self._plan = self._plan, None
             message = update_of(self.vda_order, plan)
@@ -236,60 +233,57 @@ class OrderExecution:
 
     @property
     def quiet(self) -> bool:
-        """Whether there is nothing to do until the robot reports something new: it executes its order."""
+        """Whether nothing is due until the robot reports something new, because it executes its order."""
         waits = self._pending or self._plan or self._standing_since is not None
         return self.phase is VdaOrderPhase.RUNNING and not waits
 
     @property
     def sent_again(self) -> bool:
-        """Return whether the robot has not confirmed the order within the usual time."""
+        """Whether the order was resent, because the robot has not confirmed it in time."""
         return self.phase is VdaOrderPhase.SENT and self._delivery.sendings > 1
 
     def send(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
-        """Send the order; ``errors`` are those that the robot reports already."""
+        """Send the order (section 6.1.1); ``errors`` are those that the robot already reports."""
         if self.phase is VdaOrderPhase.WAITING:
             self.phase = VdaOrderPhase.SENT
             self._before = frozenset(map(failures.identity, errors))
-        self._place_doubted = False
+        self._position_doubted = False
         self._delivery.sent(now)
         return PublishOrder(self._robot, self.vda_order)
 
-    def doubt_place(self) -> None:
-        """Note that the robot may not have been localised when it received the order."""
-        self._place_doubted = True
+    def doubt_position(self) -> None:
+        """Excuse the next refusal, because the robot may not have been localised."""
+        self._position_doubted = True
 
     def refuse(self, reason: str) -> FleetOutput:
-        """End without having sent anything."""
+        """Fail the order before anything is sent."""
         return self._fail(ExecutionFailure(FailureKind.UNFIT, reason))
 
     def hold(self) -> None:
-        """Stop the delivery's timeout: the order cannot be sent to the robot now."""
+        """Suspend the delivery's timeout, because the robot cannot be sent anything now."""
         self._delivery.hold()
         if self._pending:
             self._pending.delivery.hold()
 
     def begin_cancel(self) -> Iterator[FleetOutput]:
-        """End the VDA order early on request (section 6.1.3); at once if the robot cannot have it."""
+        """Begin to cancel the VDA order (section 6.1.3); end it at once if it was never sent."""
         if self.phase is VdaOrderPhase.WAITING and not self._adopted:
             yield from self._end_early()
         else:
             self.phase = VdaOrderPhase.CANCELLING
 
     def wants_cancel(self, state: State | None) -> bool:
-        """Return whether cancelOrder must be sent to end the VDA order (section 6.1.3)."""
+        """Return whether cancelOrder must be sent (section 6.1.3)."""
         waiting = self.phase is VdaOrderPhase.CANCELLING and self.cancel is None
         return waiting and state is not None and self._may_be_at_robot(state)
 
     def on_event(self, event: FleetOutput) -> None:
-        """Handle the retry of an action: if it is RETRIABLE again, it has failed again.
-
-        VDA 5050 3.0 section 6.2.3.
-        """
+        """Handle the end of a ``retry``: if it is RETRIABLE again, it has failed again (section 6.2.3)."""
         if isinstance(event, InstantActionEnded) and event.action.action_type == RETRY:
             self._retriable -= {event.action.parameter("actionId")}
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
-        """Follow a new state of the robot (section 6.6)."""
+        """Update the execution from a new state of the robot (section 6.6)."""
         self._take_echo(state)
         if self._known_in(state):
             yield from self._follow(state, now)
@@ -301,7 +295,7 @@ class OrderExecution:
             yield from self._settle_cancel(state)
 
     def on_tick(self, state: State | None, now: float) -> Iterator[FleetOutput]:
-        """Fail what has timed out."""
+        """Handle timeouts."""
         if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
             yield self._fail(
@@ -325,9 +319,9 @@ class OrderExecution:
             yield from self._settle_cancel(state)
 
     def at_end_with_nodes(self, state: State) -> str:
-        """Return the reason why the order of a robot that stands at its last node is not finished.
+        """Return, as a predicate, why the order of a robot at its last node is not finished.
 
-        It is empty unless the robot still reports nodes or edges to go.
+        Empty unless the robot still reports nodes or edges.
         """
         last = self.vda_order.nodes[-1]
         at_end = (state.last_node_id, state.last_node_sequence_id) == (last.node_id, last.sequence_id)
@@ -338,14 +332,14 @@ class OrderExecution:
         listed = ", ".join(f"'{each}'" for each in names[:STATES_NAMED])
         return (
             f"stands at the last node of its order, '{last.node_id}', but still lists {listed} in its "
-            f"{field}: it has to empty them (with {keys.VDA5050_KEEPS_LAST_NODE_STATES}: to turn to the "
+            f"{field}: it must empty them (with {keys.VDA5050_KEEPS_LAST_NODE_STATES}: to turn to the "
             "node's heading)"
             if names
             else ""
         )
 
     def _take_echo(self, state: State) -> None:
-        """Note that the robot has the pending update, or, after a restart, an older one."""
+        """Handle the echo of the pending update or, after a restart, of an older one (section 6.1.2)."""
         if state.order_id != self.vda_order.order_id:
             return
         pending = self._pending
@@ -359,7 +353,7 @@ class OrderExecution:
         return knows(state, self.vda_order, self.update_id)
 
     def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
-        """Yield the progress of the VDA order by a state that knows it."""
+        """Yield events for the progress of the VDA order in a state that echoes it."""
         progress = read(state, self.vda_order)
         self._retriable &= {each.action_id for each in progress.retriable}
         yield from self._report_progress(progress)
@@ -386,19 +380,21 @@ class OrderExecution:
             yield OperationStarted(self._robot, name)
 
     def _report_base_wanted(self, state: State) -> Iterator[FleetOutput]:
-        """Report, once each time, that the robot requests more base of a VDA order that has more."""
+        """Report once that the robot requests more base, if the VDA order has a horizon (section 6.6.3)."""
         wanted = bool(state.new_base_request) and not self.vda_order.nodes[-1].released
         if wanted and not self._base_wanted:
             yield BaseWanted(self._robot, self.vda_order.order_id)
         self._base_wanted = wanted
 
     def _judge(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
-        """Detect failures of a VDA order that is neither finished nor to be cancelled."""
+        """Detect failures of a running VDA order."""
         failure = self._failed_actions(state, progress.failed)
         if progress.idle and failure:
             yield self._fail(failure)
         elif progress.idle and not (progress.at_end and progress.unreported):
-            yield self._fail(ExecutionFailure(FailureKind.DRIVE, _given_up(state), _words(state.errors)))
+            yield self._fail(
+                ExecutionFailure(FailureKind.DRIVE, _given_up(state), _descriptions(state.errors))
+            )
         elif failure:
             self._cancel_for(failure)
         elif progress.retriable:
@@ -406,15 +402,17 @@ class OrderExecution:
         elif self._pending and (refused := self._pending.refusals(state.errors)):
             if self._pending.is_refused(refused, now):
                 reason = "the robot refuses to continue the order"
-                self._cancel_for(ExecutionFailure(FailureKind.DRIVE, reason, _words(refused)))
+                self._cancel_for(ExecutionFailure(FailureKind.DRIVE, reason, _descriptions(refused)))
         elif errors := failures.about(state.errors, self.vda_order, self._before):
             kind = FailureKind.ACTION if failures.name_actions(errors) else FailureKind.DRIVE
-            self._cancel_for(ExecutionFailure(kind, "the robot cannot continue it", _words(errors)))
+            self._cancel_for(
+                ExecutionFailure(kind, "the robot cannot continue the order", _descriptions(errors))
+            )
         else:
             self._look_for_standstill(state, now)
 
     def _report_retriable(self, state: State, actions: tuple[ActionState, ...]) -> Iterator[FleetOutput]:
-        """Report, once for each failure, that an action may be retried."""
+        """Report each failure of a retriable action once (section 6.6.9)."""
         known, self._retriable = self._retriable, frozenset(each.action_id for each in actions)
         for each in actions:
             failure = self._failed_actions(state, (each,))
@@ -429,13 +427,13 @@ class OrderExecution:
         own = (each.action_result for each in failed)
         reported = (text for each in failed for text in failures.of_action(state.errors, each.action_id))
         name = next(each.action_type for each in self.vda_order.actions if each.action_id == first.action_id)
-        # actions of an order that ends early fail without having begun
+        # when an order ends early, its actions fail without having begun
         at_end = read(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
         return ExecutionFailure(kind, f"the action {name!r} has failed", (*filter(None, own), *reported))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
-        """Fail the VDA order of a robot that has stood still too long and lacks something to finish it."""
+        """Cancel the VDA order of a robot that has stood still for too long and cannot finish it."""
         failure = self._standstill(state)
         if failure is None:
             self._standing_since = None
@@ -449,11 +447,15 @@ class OrderExecution:
             return None
         if failures.unexplained(state.errors, self.vda_order, self._before):
             reason = "the robot has stopped with an error"
-            return ExecutionFailure(FailureKind.DRIVE, reason, _words(state.errors))
+            return ExecutionFailure(FailureKind.DRIVE, reason, _descriptions(state.errors))
         if self.vda_order.actions and not state.node_states:
             unreported = read(state, self.vda_order).unreported
             reason = "the robot does not report the actions of the order"
-            return ExecutionFailure(FailureKind.UNCLEAR, reason, _words(state.errors)) if unreported else None
+            return (
+                ExecutionFailure(FailureKind.UNCLEAR, reason, _descriptions(state.errors))
+                if unreported
+                else None
+            )
         return None
 
     def _cancel_for(self, failure: ExecutionFailure) -> None:
@@ -464,7 +466,7 @@ class OrderExecution:
         self._passing &= frozenset(map(failures.identity, state.errors))
         found = failures.refusals(state.errors, self.vda_order, self._before)
         errors = [each for each in found if failures.identity(each) not in self._passing]
-        if errors and self._place_doubted and self._excused_sending in (0, self._delivery.in_all):
+        if errors and self._position_doubted and self._excused_sending in (0, self._delivery.in_all):
             self._excused_sending = self._delivery.in_all
             self._passing |= frozenset(map(failures.identity, errors))
             self.hold()
@@ -472,11 +474,11 @@ class OrderExecution:
         named = any(failures.is_named(each, self.vda_order) for each in errors)
         if errors and self._delivery.is_refused(now, named=named):
             yield self._fail(
-                ExecutionFailure(FailureKind.REFUSED, "the robot refuses the order", _words(errors))
+                ExecutionFailure(FailureKind.REFUSED, "the robot refuses the order", _descriptions(errors))
             )
 
     def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
-        """End the VDA order once the robot confirms the cancel or shows that it does not have the order."""
+        """End the VDA order once the robot has confirmed cancelOrder, or does not have the order."""
         active = self._active_at_robot(state)
         if self.cancel is None:
             if not self._may_be_at_robot(state):
@@ -490,10 +492,10 @@ class OrderExecution:
         else:
             why = self._failure.reason if self._failure else "cancelled"
             reason = f"{why}, but the robot does not confirm cancelOrder: {outcome.reason}"
-            yield self._fail(ExecutionFailure(FailureKind.UNCLEAR, reason, _words(state.errors)))
+            yield self._fail(ExecutionFailure(FailureKind.UNCLEAR, reason, _descriptions(state.errors)))
 
     def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
-        """Return whether the order, or a copy of it, may still reach the robot, though no state shows it."""
+        """Return whether the order or a resent copy may still reach the robot although no state shows it."""
         return cancelled is None and (not self._accepted or self._delivery.in_all > 1)
 
     def _may_be_at_robot(self, state: State) -> bool:
@@ -518,12 +520,12 @@ class OrderExecution:
         return output
 
 
-def _words(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
-    return tuple(map(failures.in_words, errors))
+def _descriptions(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
+    return tuple(map(failures.describe, errors))
 
 
 def _lost(state: State, order_id: str, update_id: int) -> ExecutionFailure:
-    """Return how an order ends that the robot no longer has, or has in a later update."""
+    """Return the failure of an order that the robot no longer has, or has in a later update."""
     if state.order_id == order_id and state.order_update_id > update_id:
         return ExecutionFailure(
             FailureKind.UNCLEAR,

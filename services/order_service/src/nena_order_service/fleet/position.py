@@ -1,4 +1,4 @@
-"""Where a robot is in the plant: frames, deviations, and the point that it is on or nearest to."""
+"""Locate robots in the plant: frames, deviations, and the point that a robot is on or nearest to."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from nena_shared.plant import MapPlace, MapTransform, PlantModel, PlantPlace, Po
 from nena_shared.vda5050.state import MobileRobotPosition, State
 
 DEFAULT_DEVIATION_XY: Final = 0.5
-"""Default deviation, m: enough to pass a node without a stop, and above Nav2's default goal tolerance."""
+"""Default deviation, m: enough to pass a node without stopping, and above Nav2's goal tolerance."""
 
 DEFAULT_DEVIATION_THETA: Final = 0.35
-"""Default deviation, rad, about 20 degrees: above Nav2's default goal tolerance."""
+"""Default deviation, rad (about 20 degrees): above Nav2's goal tolerance."""
 
 IDENTITY: Final = MapTransform()
-"""Plant and map have the same frame."""
+"""The transform of a map with the plant's frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotProfile:
-    """How VDA orders for one robot are built. ``map_id`` is the id of the map in the robot."""
+    """Parameters of the VDA orders for one robot; ``map_id`` is the robot's map."""
 
     map_id: str
     deviation_xy: float = DEFAULT_DEVIATION_XY
-    """Maximum distance from a node at which the robot may pass or stop, m of the plant."""
+    """Maximum distance from a node at which the robot may pass or stop, m in the plant's frame."""
     deviation_theta: float = DEFAULT_DEVIATION_THETA
     """Maximum deviation from the heading at which the robot may stop, rad."""
     corridor_width: float | None = None
-    """Maximum width of corridors to each side, m of the plant; None: as the layout allows."""
+    """Maximum width of corridors to each side, m in the plant's frame; None: as the layout allows."""
     transforms: Mapping[str, MapTransform] = field(default_factory=dict, hash=False)
-    """Transforms from the plant to maps, by map ID, for robots that do not transform themselves."""
+    """Transforms from the plant's frame to maps, by map ID, for robots that use their map's frame."""
     transforms_itself: bool | None = None
     """Whether the robot uses the plant's frame; None: unknown until its factsheet arrives."""
 
@@ -49,11 +49,11 @@ class RobotProfile:
         )
 
     def on(self, map_id: str) -> MapTransform:
-        """Return what leads from the plant's frame to that in which messages to and from the robot are."""
+        """Return the transform from the plant's frame to that of the robot's messages."""
         return IDENTITY if self.transforms_itself else self.transforms.get(map_id, IDENTITY)
 
     def knows_frame(self, map_id: str) -> bool:
-        """Return whether it is certain which side transforms: this one or, by its factsheet, the robot."""
+        """Return whether the frame of the robot's positions on a map is known."""
         return self.transforms_itself is not None or map_id not in self.transforms
 
 
@@ -61,8 +61,8 @@ class RobotProfile:
 class Standing:
     """The start of a robot's routes.
 
-    ``point`` is the point that it is on or, if ``on_point`` is False, the nearest one. ``pose`` is the
-    robot's own, in m and rad of its map; None if it reports none that can be trusted.
+    ``point`` is the point that it is on or, if ``on_point`` is False, the nearest one. ``pose`` is its
+    reported pose, m and rad; None if it reports no localised one.
     """
 
     point: str
@@ -79,13 +79,13 @@ class NotLocatedError(Exception):
 
 
 def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
-    """Return where the robot is.
+    """Return the robot's position in the plant.
 
-    It is on a point if its distance is within the allowed deviation; the point that it passed last is tried
-    first. A robot without a trusted pose is at its last passed point.
+    It is on a point if it is within the allowed deviation; its last node is tried first. A robot that is not
+    localised counts as being at its last node.
 
     Raises:
-        NotLocatedError: the robot reports neither a trusted pose on its map nor a point of the plant.
+        NotLocatedError: the robot reports neither a localised pose on its map nor a point of the plant.
     """
     last = plant.points_by_name.get(state.last_node_id)
     pose = state.mobile_robot_position
@@ -104,13 +104,13 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
         return Standing(last.name, on_point=True, pose=pose)
     nearest = _nearest(plant, here, pose.map_id, profile)
     if nearest is None:
-        reason = f"it is on map {pose.map_id!r}, orders for it are on map {profile.map_id!r}"
+        reason = f"it is on map {pose.map_id!r}, but its orders are on map {profile.map_id!r}"
         raise NotLocatedError(reason if plant.points else "the plant model has no points")
     return Standing(nearest.name, _distance(nearest, here) <= profile.deviation_xy, pose)
 
 
 def _nearest(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotProfile) -> Point | None:
-    """Return the nearest point of a map; those that name no map are on that of the robot."""
+    """Return the nearest point of a map; points without a map are on the robot's map."""
     maps = (map_id or None, None) if map_id == profile.map_id else (map_id,)
     indices = (plant.points_by_map.get(each) for each in dict.fromkeys(maps))
     found = (index.nearest(here.x_m, here.y_m) for index in indices if index)
@@ -118,10 +118,10 @@ def _nearest(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotPro
 
 
 def _on(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:
-    """Return whether the point is on the map that the robot is on."""
+    """Return whether the point is on the robot's current map."""
     return (point.map_id or profile.map_id) == pose.map_id
 
 
 def _distance(point: Point, here: PlantPlace) -> float:
-    """Return the distance in metres of the plant."""
+    """Return the distance, m, in the plant's frame."""
     return hypot(point.x_m - here.x_m, point.y_m - here.y_m)

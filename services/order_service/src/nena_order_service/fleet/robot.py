@@ -1,4 +1,4 @@
-"""One robot as its own messages describe it: last messages, connection, order of messages, and its view."""
+"""One robot as its messages describe it: last messages, connection, message order, abilities and view."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ from nena_shared.vda5050.versions import nearest_codec
 
 BELIEVED_COUNT: Final = 3
 BELIEVED_AFTER: Final = 10.0
-"""Messages in a row that look old, but rise among themselves, and seconds that such a row has lasted without
-any other one, from which the sender has restarted with a wrong clock."""
+"""A sender counts as restarted with a wrong clock after this many consecutive messages, over this many
+seconds, that look old but whose headerIds increase."""
 
 CONNECTIONS_KEPT: Final = 20
-"""Number of a robot's connection messages that are recognised when repeated."""
+"""Number of connection messages per robot that are recognised when repeated."""
 
 
 POSITION_WITHIN: Final = 30.0
-"""Seconds of states without a position after connecting, from which a robot counts as reporting none."""
+"""Seconds of states without a position after connecting that mark a robot as never reporting it."""
 
 
 class MessageOrder:
     """Checks the headers of one robot's messages on one topic (section 7.2).
 
     A message is old if neither its headerId nor its timestamp is higher than the last one's. A sender that
-    restarts counts from 0 with a later timestamp, so its message is new; one whose clock was also set back is
-    accepted after some messages, or at once after :meth:`restart`.
+    restarts counts from 0 with a later timestamp, so its message is new. One whose clock was also set back is
+    accepted after BELIEVED_COUNT messages, or at once after :meth:`restart`.
     """
 
     def __init__(self) -> None:
@@ -58,9 +58,9 @@ class MessageOrder:
         self._last = None
 
     def is_new(self, header_id: int, timestamp: datetime, now: float) -> bool:
-        """Return whether a message that arrives at ``now`` is new (section 7.2).
+        """Return whether a message is new (section 7.2), and if so, compare later ones with it.
 
-        If so, later ones are compared with it.
+        ``now`` is its arrival, in monotonic seconds.
         """
         last = self._last
         if last is not None and header_id <= last[0] and timestamp <= last[1]:
@@ -80,9 +80,10 @@ class MessageOrder:
 
 
 class Silences:
-    """Returns each robot once the time has passed after which it may be silent, without checking all.
+    """A schedule of the times at which robots may have become silent, so that not all are checked.
 
-    Most report again long before. That changes nothing here: a robot is only checked once it is returned.
+    Most robots report again long before their time; the schedule ignores that, and the caller checks each
+    robot that it yields.
     """
 
     def __init__(self) -> None:
@@ -91,14 +92,14 @@ class Silences:
         self._looked_at = -inf
 
     def expect(self, robot: RobotKey, at: float) -> None:
-        """Let :meth:`passed` yield the robot after ``at`` (monotonic s), unless it was checked since."""
+        """Schedule a robot at ``at``, monotonic seconds, unless an earlier time is scheduled."""
         known = self._at.get(robot, inf)
         if self._looked_at <= at < known:
             self._at[robot] = at
             heappush(self._next, (at, robot))
 
     def passed(self, now: float) -> Iterator[RobotKey]:
-        """Yield the robots whose moments have passed."""
+        """Yield the robots whose times have passed, and remove them from the schedule."""
         self._looked_at = now
         while self._next and self._next[0][0] < now:
             at, robot = heappop(self._next)
@@ -108,7 +109,7 @@ class Silences:
 
 
 class LinkStatus(StrEnum):
-    """State of the connection to a robot."""
+    """The state of the link to a robot."""
 
     UNKNOWN = "UNKNOWN"
     """It has never connected."""
@@ -123,25 +124,25 @@ class LinkStatus(StrEnum):
 
 
 REPORTS_NOTHING: Final = frozenset({LinkStatus.SILENT, LinkStatus.UNREADABLE})
-"""Links of robots that may still receive messages."""
+"""Link states in which a robot reports nothing readable but may still receive messages."""
 
 
 class VdaOrderPhase(StrEnum):
     """The phase of a VDA order."""
 
     WAITING = "WAITING"
-    """Nothing is sent yet; the robot cannot be sent an order now."""
+    """Not sent yet, because the robot cannot be sent an order now."""
     SENT = "SENT"
     """Sent, but no state echoes it yet."""
     RUNNING = "RUNNING"
     """The robot has it."""
     CANCELLING = "CANCELLING"
-    """It is to end early; the robot has not yet confirmed that."""
+    """It is to be cancelled, which the robot has not confirmed yet."""
 
 
 @dataclass(frozen=True, slots=True)
 class Availability:
-    """Whether a robot can take a VDA order now; ``reason`` is the explanation."""
+    """Whether a robot can take a VDA order now; ``reason`` explains it, as a predicate."""
 
     can_take_order: bool
     reason: str
@@ -149,7 +150,7 @@ class Availability:
 
 @dataclass(frozen=True, slots=True)
 class RobotView:
-    """A robot at one moment."""
+    """What is known about a robot at one moment."""
 
     key: RobotKey
     link: LinkStatus
@@ -158,43 +159,40 @@ class RobotView:
     state: State | None
     """Its last state message."""
     state_at: float | None
-    """Time of its arrival, in monotonic seconds."""
+    """When it arrived, monotonic seconds."""
     factsheet: Factsheet | None
     malformed: int
     """Number of its messages that could not be read."""
     order_id: str | None
     order_phase: VdaOrderPhase | None
     wait_reason: str
-    """What the VDA order waits for, in words; empty if it waits for nothing but the robot's driving."""
+    """What the VDA order waits for; empty if the robot simply executes it."""
     stale: bool = False
-    """Whether that state is from before it connected."""
+    """Whether the state is from before the robot last connected."""
     deviations: tuple[Repair, ...] = ()
-    """Repaired deviations of its messages."""
+    """Deviations of its messages from the standard that were repaired."""
 
 
 ORDER_PREFIX: Final = "order."
 RETRY: Final = "retry"
 LISTS: Final = frozenset({"nodes", "edges"})
-"""Where paths of an order's optional fields begin when they leave its name out."""
+"""First parts of paths of an order's fields that leave out the prefix ``order.``."""
 
 
 class Abilities:
     """What a robot supports according to its factsheet (section 7.10).
 
-    An empty list counts as not reported, not as a robot without any ability.
+    An empty list counts as not reported: everything may be supported.
     """
 
     def __init__(self, factsheet: Factsheet) -> None:
         self.factsheet = factsheet
         self._taken: dict[str, bool] = {}
-        """Known support of optional fields, cached because each node of each order needs it."""
+        """Cache of supported optional fields, which are checked for each node of each order."""
 
     @cached_property
     def required_fields(self) -> tuple[str, ...]:
-        """Return the paths, within an order, of the optional fields that the robot requires.
-
-        VDA 5050 3.0 section 7.10.
-        """
+        """The paths, within an order, of the optional fields that the robot requires (section 7.10)."""
         features = self.factsheet.protocol_features
         paths = (each.parameter for each in features.optional_parameters if each.support is Support.REQUIRED)
         return tuple(
@@ -204,10 +202,7 @@ class Abilities:
         )
 
     def takes_field(self, path: str) -> bool:
-        """Return whether an optional field, such as ``nodes.nodePosition.theta``, may be sent.
-
-        VDA 5050 3.0 section 7.1.1.
-        """
+        """Return whether an optional field, such as ``nodes.actions``, may be sent (section 7.1.1)."""
         taken = self._taken.get(path)
         if taken is None:
             listed = self.factsheet.protocol_features.optional_parameters
@@ -217,12 +212,12 @@ class Abilities:
         return taken
 
     def lists_field(self, path: str) -> bool:
-        """Return whether the robot reports that it supports an optional field."""
+        """Return whether the factsheet lists an optional field."""
         return bool(self.factsheet.protocol_features.optional_parameters) and self.takes_field(path)
 
     @cached_property
     def takes_retries(self) -> bool:
-        """Whether an action that has failed may be retried by ``retry``."""
+        """Whether the robot supports RETRIABLE actions and ``retry`` (section 6.6.9)."""
         rules = self.codec.rules if self.codec else None
         known = rules is not None and ActionStatus.RETRIABLE in rules.action_statuses
         listed = not self.lists_actions or bool(self.declarations(RETRY))
@@ -235,21 +230,21 @@ class Abilities:
 
     @cached_property
     def transforms_itself(self) -> bool:
-        """Whether the robot uses the plant's frame instead of its map's."""
+        """Whether the robot reports positions in the plant's frame instead of its map's."""
         return transforms_itself(self.factsheet)
 
     @property
     def lists_actions(self) -> bool:
-        """Return whether the factsheet lists the supported actions."""
+        """Whether the factsheet lists the supported actions."""
         return bool(self.factsheet.protocol_features.mobile_robot_actions)
 
     def declarations(self, action_type: str) -> tuple[MobileRobotAction, ...]:
-        """Return the declarations of an action type; some robots have one for each scope."""
+        """Return the declarations of an action type; some robots list one for each scope."""
         actions = self.factsheet.protocol_features.mobile_robot_actions
         return tuple(each for each in actions if each.action_type == action_type)
 
     def parameters(self, action: Action) -> dict[str, ActionParameterDescription]:
-        """Return the parameters that it lists for an action, by their key."""
+        """Return the parameters that the factsheet lists for an action, by key."""
         return {
             parameter.key: parameter
             for each in self.declarations(action.action_type)
@@ -258,19 +253,19 @@ class Abilities:
 
 
 INSTANT_ACTIONS_LIMIT: Final = 50
-"""Maximum active instant actions of one robot; more are refused."""
+"""Maximum number of active instant actions per robot; more are refused."""
 
 AWAY: Final = {
     ConnectionState.OFFLINE: LinkStatus.OFFLINE,
     ConnectionState.HIBERNATING: LinkStatus.HIBERNATING,
     ConnectionState.CONNECTION_BROKEN: LinkStatus.CONNECTION_BROKEN,
 }
-"""Links over which nothing reaches a robot."""
+"""Connection states in which nothing reaches a robot."""
 
 
 @dataclass(slots=True)
 class Robot:
-    """The last messages of a robot, and their times of arrival (monotonic seconds)."""
+    """The last messages of a robot, and when they arrived (monotonic seconds)."""
 
     key: RobotKey
     settings: FleetSettings
@@ -278,21 +273,21 @@ class Robot:
     state: State | None = None
     state_at: float | None = None
     abilities: Abilities | None = None
-    """Content of its factsheet; None before the first one."""
+    """What its factsheet declares; None before the first one."""
     malformed: int = 0
     """Number of its messages that could not be read."""
     placed: bool = False
-    """Whether it reports its position; some robots never do, or no longer since they were changed."""
+    """Whether it reports its position in general; some robots never do."""
     stale: bool = False
-    """Whether its last state is from before it connected: it may have been started again meanwhile."""
+    """Whether its last state is from before it last connected: it may have been restarted since."""
     unreadable: str = ""
-    """What is wrong with its last state or connection message; empty if that could be read."""
+    """The problem of its last state or connection message; empty if that could be read."""
     _unreadable_at: float = -inf
     _heard_at: float | None = None
     _silent_after: float = 0.0
     _order: MessageOrder = field(default_factory=MessageOrder)
     _placed_until: float | None = None
-    """When it counts as never reporting its position, unless it does so after connecting."""
+    """When it will count as never reporting its position, unless it reports one before."""
     _online_id: int | None = None
     """The headerId of the last connection message, if that was ONLINE."""
     _connections: deque[tuple[int, datetime]] = field(default_factory=lambda: deque(maxlen=CONNECTIONS_KEPT))
@@ -301,15 +296,11 @@ class Robot:
         self._silent_after = self.settings.silent_after
 
     def take_connection(self, message: Connection, now: float) -> bool:
-        """Update the connection state, and return whether the robot has connected or disconnected.
+        """Update the connection state (section 6.5); return whether the robot has connected or disconnected.
 
-        VDA 5050 3.0 section 6.5.
-
-        A last will has an old header, so its age does not count here.
-
-        A repeated or retained message is no new connection: an old state after it stays old. Nor is ONLINE
-        with a higher headerId after ONLINE: some robots publish it periodically, and one that has restarted
-        counts from 0.
+        A last will has an old header, so the age of the message does not matter. A repeated or retained
+        message is not a new connection: an old state after it stays old. The same holds for ONLINE after
+        ONLINE with a higher headerId: some robots publish it periodically, and a restarted one counts from 0.
         """
         online = message.connection_state is ConnectionState.ONLINE
         known = self._online_id if self.connection is ConnectionState.ONLINE else None
@@ -331,10 +322,10 @@ class Robot:
         return True
 
     def take_state(self, message: State, now: float) -> bool:
-        """Store a state and return whether it is a new one.
+        """Store a state; return whether it is new.
 
         A state after OFFLINE or a last will shows that the robot is back: the broker may deliver the will of
-        an old connection only after the new connection is up.
+        an old connection after the new connection is up.
         """
         if not self._order.is_new(message.header_id, message.timestamp, now):
             return False
@@ -352,7 +343,7 @@ class Robot:
         return True
 
     def take_malformed(self, problem: str | None, now: float) -> None:
-        """Note that a message could not be read; ``problem`` is what is wrong with one that is needed."""
+        """Count an unreadable message; ``problem`` describes it if orders depend on such messages."""
         self.malformed += 1
         if problem is None:
             return
@@ -361,26 +352,29 @@ class Robot:
             self.unreadable = problem  # the quoted value may change with every message
 
     def take_factsheet(self, message: Factsheet) -> None:
-        """Store a factsheet: what the robot supports, and how often it reports (section 7.10)."""
+        """Store what the robot supports and how often it reports (section 7.10)."""
         self.abilities = Abilities(message)
         interval = message.protocol_limits.timing.default_state_interval or 0.0
         self._silent_after = max(self.settings.silent_after, self.settings.silent_intervals * interval)
 
     def link(self, now: float) -> LinkStatus:
-        """Return the state of the connection to the robot; a robot with unreadable messages is not silent."""
+        """Return the state of the link; a robot with unreadable messages is not silent."""
         if self.connection is None or self._heard_at is None:
             return LinkStatus.UNREADABLE if self.unreadable else LinkStatus.UNKNOWN
+        heard = now <= self._heard_at + self._silent_after
+        if heard and self.connection is ConnectionState.ONLINE:
+            return LinkStatus.ONLINE
         speaks = bool(self.unreadable) and now <= self._unreadable_at + self._silent_after
         if self.connection in AWAY:
             back = speaks and self._unreadable_at > self._heard_at
             return LinkStatus.UNREADABLE if back else AWAY[self.connection]
-        if now <= self._heard_at + self._silent_after:
+        if heard:
             return LinkStatus.ONLINE
         return LinkStatus.UNREADABLE if speaks else LinkStatus.SILENT
 
     @property
     def silent_from(self) -> float | None:
-        """Return when it counts as silent unless it reports again (section 6.5); None: it is offline."""
+        """When the robot becomes silent unless it reports again (section 6.5); None if it is offline."""
         if not self.reachable or self._heard_at is None:
             return None
         last = self._unreadable_at if self.unreadable else self._heard_at
@@ -388,13 +382,13 @@ class Robot:
 
     @property
     def rules(self) -> Rules | None:
-        """Return the rules of the version of the robot's states; None before the first one."""
+        """The rules of the robot's version of VDA 5050; None before its first state."""
         codec = nearest_codec(self.state.version) if self.state else None
         return codec.rules if codec else None
 
     @property
     def reachable(self) -> bool:
-        """Return whether sending makes sense: nothing shows that the robot is offline."""
+        """Whether messages may reach the robot: it has connected and is not known to be offline."""
         return self.connection is not None and self.connection not in AWAY
 
     @property
@@ -404,13 +398,13 @@ class Robot:
 
     @property
     def most_instant_actions(self) -> int:
-        """Return the maximum number of instant actions in one message by the factsheet (section 7.10)."""
+        """The maximum number of instant actions per message, by the factsheet (section 7.10)."""
         limit = self.factsheet.protocol_limits.maximum_array_lengths.instant_actions if self.factsheet else 0
         return limit or INSTANT_ACTIONS_LIMIT
 
     @property
     def clears_instant_actions_from(self) -> int:
-        """Return the number of ended instant actions at which clearInstantActions is sent (section 6.2.3)."""
+        """The number of ended instant actions at which clearInstantActions is sent (section 6.2.3)."""
         limits = self.factsheet.protocol_limits.maximum_array_lengths if self.factsheet else None
         room = limits.state_instant_action_states if limits else None
         usual = self.settings.clear_instant_actions_from
@@ -418,7 +412,7 @@ class Robot:
 
     @property
     def least_order_interval(self) -> float:
-        """Return the minimum interval between two orders by the factsheet, seconds (section 7.10)."""
+        """The minimum interval between two orders, seconds, by the factsheet (section 7.10)."""
         return self.factsheet.protocol_limits.timing.minimum_order_interval if self.factsheet else 0.0
 
 
@@ -445,14 +439,14 @@ INSTANT_ONLY: Final = frozenset(
         "updateCertificate",
     }
 )
-"""Types that never belong to an order; 2.x reports them among the order's actions."""
+"""Action types that never belong to an order; 2.x reports them among the order's actionStates."""
 
 
 def is_idle(state: State, instant_ids: Collection[str]) -> bool:
-    """Return whether the robot has nothing left to do of any order (section 6.6.8).
+    """Return whether the robot has nothing left to do for an order (section 6.6.8).
 
-    Instant actions do not count; ``instant_ids`` are those that 2.x mixes with the order's actions and that
-    cannot be told apart by type.
+    Instant actions do not count. ``instant_ids`` identifies those that 2.x mixes with the order's actions and
+    that cannot be distinguished by type.
     """
     if state.node_states or state.edge_states:
         return False

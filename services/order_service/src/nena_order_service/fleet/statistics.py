@@ -1,4 +1,4 @@
-"""Counts the messages and orders between the order service and its robots, for the metrics."""
+"""Count messages and VDA orders to and from the robots, for the metrics."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ SENT: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.RESPONSES, Topic.ZONE_S
 RESENT: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS)
 
 ACTIONS_REMEMBERED: Final = 1000
-"""Ids of the last instant actions: one that is resent is known by them."""
+"""Number of remembered instant action IDs, with which resends are recognised."""
 
 
 @dataclass(slots=True)
 class _Delivery:
-    """How far a VDA order has progressed; times in monotonic seconds."""
+    """The delivery of a VDA order; times are in monotonic seconds."""
 
     begun: float
     sent: float | None = None
@@ -41,7 +41,7 @@ class _Delivery:
 
 
 class FleetStatistics:
-    """Counts since the start of the program, and the times that VDA orders take from step to step."""
+    """Counts since the start of the program, and durations of the steps of VDA orders."""
 
     def __init__(self) -> None:
         self.received = dict.fromkeys(COUNTED, 0)
@@ -49,32 +49,32 @@ class FleetStatistics:
         self.sent = dict.fromkeys(SENT, 0)
         self.resent = dict.fromkeys(RESENT, 0)
         self.robot_limit = 0
-        """Messages from robots beyond the limit of robots."""
+        """Messages from robots beyond ``robots_limit``."""
         self.name_too_long = 0
         """Messages from robots whose names are longer than the store can hold."""
         self.foreign = 0
         """Commands to robots that were not sent by this program."""
         self.nodes_passed = 0
         self.ended = {"finished": 0, "cancelled": 0, "failed": 0}
-        """VDA orders by their outcome."""
+        """VDA orders by outcome."""
         self.failures = dict.fromkeys(FailureKind, 0)
         """VDA orders that have failed, by kind."""
         self.sending = Histogram(ANSWERS)
-        """From the decision to send a VDA order to its first sending: the robot could not be sent it."""
+        """Seconds from the decision to send a VDA order until it is first sent."""
         self.acknowledgement = Histogram(ANSWERS)
-        """From the first sending to the first state that echoes it."""
+        """Seconds from then to the first state that echoes it."""
         self.execution = Histogram(LONG)
-        """From there to the end, of VDA orders that were finished."""
+        """Seconds from then to the end, for finished VDA orders."""
         self._deliveries: dict[str, _Delivery] = {}
         self._actions: OrderedDict[str, None] = OrderedDict()
 
     @property
     def undelivered(self) -> int:
-        """How many VDA orders no robot has echoed yet."""
+        """Number of VDA orders that no robot has echoed yet."""
         return sum(each.accepted is None for each in self._deliveries.values())
 
     def begun(self, order_id: str, now: float) -> None:
-        """Note a VDA order that is to be sent."""
+        """Count a VDA order that is to be sent."""
         self._deliveries[order_id] = _Delivery(now)
 
     def published(self, topic: Topic, output: Publish, now: float) -> None:

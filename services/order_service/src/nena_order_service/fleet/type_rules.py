@@ -1,4 +1,4 @@
-"""What a layout (LIF) rules for a vehicle's type at points and on paths, in the fields of VDA 5050 orders."""
+"""Translate a layout's rules (LIF) for vehicle types at points and on paths to VDA 5050 order fields."""
 
 from __future__ import annotations
 
@@ -9,9 +9,17 @@ from math import atan2, hypot
 from typing import Self, TypeVar
 
 from nena_order_service.fleet.position import RobotProfile, Standing
-from nena_shared.plant import DirectedEdge, MapPlace, MapTransform, PlantModel, PlantPlace, Point, Vehicle
+from nena_shared.plant import (
+    DirectedEdge,
+    MapPlace,
+    MapTransform,
+    PlantModel,
+    PlantPlace,
+    Point,
+    Vehicle,
+    curve,
+)
 from nena_shared.plant.geometry import normalized
-from nena_shared.plant.lif import curve
 from nena_shared.plant.lif.checks import SAME_PLACE_M
 from nena_shared.plant.lif.mobile_robots import json_value
 from nena_shared.plant.track import (
@@ -37,9 +45,9 @@ Use = TypeVar("Use", VehicleTypeAtPoint, VehicleTypeOnPath)
 
 @dataclass(frozen=True, slots=True)
 class TypeRules:
-    """The rules for the types of which a vehicle may be.
+    """The rules for a vehicle's possible types.
 
-    Where these types have different rules, none of them counts, except that each forbids actions.
+    Rules that differ between these types do not apply, except that each type's forbidden actions do.
     """
 
     vehicle_types: frozenset[str] = frozenset()
@@ -47,7 +55,7 @@ class TypeRules:
 
     @classmethod
     def of(cls, vehicle: Vehicle | None, plant: PlantModel) -> Self:
-        """Return the rules for a vehicle; one without a type may be of any type that the plant knows."""
+        """Return the rules for a vehicle; without a type, it may be of any type in the plant model."""
         own = vehicle.vehicle_type if vehicle else None
         return cls(
             frozenset({own}) if own else plant.vehicle_types,
@@ -55,11 +63,11 @@ class TypeRules:
         )
 
     def at(self, point: Point) -> VehicleTypeAtPoint | None:
-        """Return how the vehicle may use a point; None: no rule."""
+        """Return the rule for the vehicle at a point, or None."""
         return self._common(point.vehicle_types)
 
     def along(self, edge: DirectedEdge) -> VehicleTypeOnPath | None:
-        """Return how the vehicle may use an edge; None: no rule."""
+        """Return the rule for the vehicle on an edge, or None."""
         return self._common(edge.path.vehicle_types) if edge.is_forward else None
 
     def _common(self, uses: Iterable[Use]) -> Use | None:
@@ -81,10 +89,9 @@ def edge_fields(
     standing: Standing,
     profile: RobotProfile,
 ) -> Iterator[dict[str, object]]:
-    """Yield the edge fields of a route by its rules, for a robot that starts at its position.
+    """Yield the VDA 5050 fields that the rules define for each edge of a route.
 
-    Of several orientations, the one with the least turning is taken, from the robot's heading on arrival
-    to the heading needed at the end.
+    Of several allowed orientations, the one with the least turning before and after the edge is chosen.
     """
     pose = standing.pose
     heading = profile.on(pose.map_id).heading_to_plant(pose.theta) if pose else None
@@ -104,12 +111,12 @@ def edge_fields(
 
 
 def required_heading(rule: VehicleTypeAtPoint | None, point: Point) -> float | None:
-    """Return the heading that a robot needs at a point, radians in the plant frame; None: any."""
+    """Return the required heading at a point, rad in the plant's frame; None: any."""
     return rule.theta if rule is not None and rule.theta is not None else point.heading_rad
 
 
 Tangents = tuple[float | None, float | None]
-"""Directions of a path at its start and end, radians in the plant frame; None: it has no extent."""
+"""Directions of a path at its start and end, rad in the plant's frame; None if it has no length."""
 
 
 def _tangents(edge: DirectedEdge, rule: VehicleTypeOnPath, plant: PlantModel) -> Tangents:
@@ -125,7 +132,7 @@ def _tangents(edge: DirectedEdge, rule: VehicleTypeOnPath, plant: PlantModel) ->
 
 
 _SAME_TURN = 6
-"""Decimal places, in radians, to which turns are compared."""
+"""Decimal places to which turns, rad, are rounded for comparison."""
 
 
 def _orientation(
@@ -136,7 +143,7 @@ def _orientation(
     *,
     can_reverse: bool,
 ) -> float | None:
-    """Return the orientation with the least turning before and after the edge; the first of equal ones."""
+    """Return the orientation with the least turning before and after the edge, rad."""
     possible = [each for each in rule.orientations if can_reverse or not rule.leads_backward(each)]
 
     def turning(orientation: float) -> float:
@@ -160,7 +167,7 @@ def _turn(start: float | None, end: float | None) -> float:
 def _fields(
     rule: VehicleTypeOnPath, orientation: float | None, transform: MapTransform, corridor_width: float | None
 ) -> dict[str, object]:
-    """Return the fields of an edge that the rule has a value for."""
+    """Return the fields of an edge for which the rule has values."""
     guidance = rule.line_guidance
     fields: dict[str, object] = {
         "reach_orientation_before_entering": not rule.rotation_allowed,
@@ -200,7 +207,7 @@ def _corridor(corridor: PathCorridor | None, transform: MapTransform, width: flo
 def _trajectory(
     trajectory: PathTrajectory | None, ends: tuple[Point, Point], transform: MapTransform
 ) -> Trajectory | None:
-    """Return the curve in the frame of the map; None for one that does not lead from node to node."""
+    """Return the trajectory in the map's frame; None if it does not lead from node to node."""
     if trajectory is None or curve.fault(trajectory):
         return None
     trajectory = curve.scaled(trajectory)
@@ -224,7 +231,7 @@ def _control_point(place: MapPlace, weight: float) -> ControlPoint:
 def required_actions(
     rule: VehicleTypeAtPoint | VehicleTypeOnPath | None, own: Iterable[Action], ids: Iterator[str]
 ) -> tuple[Action, ...]:
-    """Return the required actions that are not among a node's or edge's own, with new IDs."""
+    """Return the rule's required actions that are not among ``own``, with new IDs."""
     known = {action.action_type for action in own}
     required = [
         each
@@ -244,7 +251,7 @@ def required_actions(
 
 
 def as_ruled(actions: Iterable[Action], rule: VehicleTypeAtPoint | None) -> Iterator[Action]:
-    """Yield actions with the blocking type and the fixed parameters that the rule has for them."""
+    """Yield actions with the blocking types and parameters that the rule defines for them."""
     listed = {each.action_type: each for each in reversed(rule.actions if rule else ())}
     for action in actions:
         ruled = listed.get(action.action_type)

@@ -1,4 +1,4 @@
-"""VDA 5050 orders for drive orders: the graph, its actions, its updates and its replanned rest."""
+"""Build VDA 5050 orders for drive orders: the graph, its actions, its updates and its horizon."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, pairwise, zip_longest
 from types import MappingProxyType
-from typing import Any, Final, Self, TypeVar
+from typing import Any, Final, TypeVar
 from uuid import uuid4
 
 from pydantic import AliasChoices, Field, JsonValue
@@ -35,52 +35,43 @@ G = TypeVar("G", Node, Edge)
 
 
 class VdaOrder(WireObject):
-    """One drive order as a VDA 5050 order graph, all of it released (section 6.1.1).
+    """One drive order as a VDA 5050 order graph (section 6.1.1).
 
-    It is made once and then sent unchanged as often as needed, so that its JSON is the same after a restart:
-    the ids of its actions must not change.
+    It is built once and stored, so that it can be sent again unchanged after a restart: the IDs of its
+    actions must not change.
     """
 
     order_id: Identifier = Field(
         validation_alias=AliasChoices("missionId", "mission_id"), serialization_alias="missionId"
     )
-    """The orderId on the wire; stores name it ``missionId``, and ``mission_id`` in vehicles."""
+    """The orderId of VDA 5050; stored as ``missionId``, in records of vehicles as ``mission_id``."""
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
 
-    @classmethod
-    def from_json(cls, text: str | bytes) -> Self:
-        """Read what :meth:`to_json` wrote. Raises pydantic's ValidationError for anything else."""
-        return cls.model_validate_json(text)
-
-    def to_json(self) -> str:
-        """Return the VDA order as JSON that :meth:`from_json` reads back unchanged."""
-        return self.model_dump_json(by_alias=True, exclude_none=True)
-
     @cached_property
     def actions(self) -> tuple[Action, ...]:
-        """All actions of the VDA order, in the order in which the robot meets them."""
+        """All actions, in driving order."""
         parts = chain.from_iterable(zip_longest(self.nodes, self.edges))
         return tuple(action for part in parts if part for action in part.actions)
 
     @cached_property
     def action_ids(self) -> frozenset[str]:
-        """The ids of all actions of the VDA order."""
+        """The IDs of all actions."""
         return frozenset(action.action_id for action in self.actions)
 
     @cached_property
     def final_action_ids(self) -> frozenset[str]:
-        """The ids of the actions at its last node."""
+        """The IDs of the actions at the last node."""
         return frozenset(action.action_id for action in self.nodes[-1].actions)
 
     @property
     def last_sequence_id(self) -> int:
-        """The sequenceId of the last node: where the VDA order ends."""
+        """The sequenceId of the last node."""
         return self.nodes[-1].sequence_id
 
 
 NO_ACTION: Final = ""
-"""The action type of operations that only drive."""
+"""The action type of operations that only require arriving."""
 
 RECHARGE_ACTION: Final = "startCharging"
 
@@ -102,14 +93,14 @@ DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
 )
 
 STATION_PARAMETERS: Final = frozenset({"stationType", "stationName", "loadType"})
-"""Parameters of pick and drop for place and load, set in any case."""
+"""Parameters of pick and drop that are always sent."""
 
 UNSPECIFIED_LOAD: Final = "unspecified"
-"""The loadType if none is given; 2.1 requires the parameter of pick and drop."""
+"""Default loadType; 2.1 requires this parameter for pick and drop."""
 
 
-def fresh_id() -> str:
-    """Return a unique ID of 32 characters, because some robots accept no longer ones."""
+def unique_id() -> str:
+    """Return a unique ID of 32 characters; some robots do not accept longer ones."""
     return uuid4().hex
 
 
@@ -117,11 +108,11 @@ def fresh_id() -> str:
 class OperationMap:
     """Maps operations to action types; an unknown operation is an action of the same name.
 
-    ``action_types`` overrides the defaults; an empty action type means that arriving is all.
+    ``action_types`` overrides the defaults; an empty action type means that only arriving is required.
     """
 
     action_types: Mapping[str, str] = field(default_factory=dict)
-    new_id: Callable[[], str] = fresh_id
+    new_id: Callable[[], str] = unique_id
 
     def action_type(self, operation: str) -> str:
         """Return the action type of an operation."""
@@ -129,7 +120,7 @@ class OperationMap:
         return self.action_types.get(operation, usual)
 
     def recharges(self, operation: str) -> bool:
-        """Return whether an operation is to recharge."""
+        """Return whether an operation recharges the vehicle."""
         return self.action_type(operation) == RECHARGE_ACTION
 
     def actions(
@@ -175,13 +166,13 @@ def _parameters(values: Iterable[tuple[str, JsonValue]]) -> Iterable[ActionParam
 
 START_PREFIX = "start:"
 GOAL_PREFIX = "goal:"
-"""Before the VDA order's id: nodes that are no points of the plant."""
+"""Prefixes of the VDA order's ID in the IDs of nodes that are not points of the plant."""
 
 
 def order_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str:
     """Return the ID of a drive order's VDA order; each new attempt is a separate order for the robot.
 
-    Names of orders hold no ``~``, so that no two orders have VDA orders with the same ID.
+    Order names contain no ``~``, so the IDs of different orders never collide.
     """
     first = f"{order_name}-{drive_order_index}"
     return f"{first}~{attempt}" if attempt else first
@@ -189,27 +180,27 @@ def order_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Stop:
-    """A node being built: m and rad of the map ``map_id``."""
+    """A node being built; m and rad in the frame of the map ``map_id``."""
 
     node_id: str
     place: MapPlace
     map_id: str
     theta: float | None = None
     edge_id: str | None = None
-    """Of the edge that leads here, where the plant has a name for it."""
+    """ID of the edge that leads here, if it is an edge of the plant."""
     edge_fields: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of the plant on the edge that leads here, beside its name."""
+    """Other fields of the edge that leads here, from the plant."""
     edge_rule: VehicleTypeOnPath | None = None
     rule: VehicleTypeAtPoint | None = None
-    """Rule of the layout for the robot's type at the node; ``edge_rule``: on the edge to it."""
+    """The layout's rule for the robot's type at the node; ``edge_rule``: on the edge that leads here."""
 
 
 SpeedLimit = Callable[[DirectedEdge | None], float | None]
-"""Returns how fast a vehicle may drive along an edge, m/s; without an edge beside all paths."""
+"""Returns the speed limit of a vehicle on an edge or, with None, off the paths; m/s."""
 
 
 def unlimited(_edge: DirectedEdge | None) -> None:
-    """Return no limit of the speed."""
+    """Return None: no speed limit."""
 
 
 def build_vda_order(
@@ -224,15 +215,15 @@ def build_vda_order(
     speed_limit: SpeedLimit = unlimited,
     rules: TypeRules = NO_RULES,
 ) -> VdaOrder:
-    """Build the VDA order called ``name`` (section 6.1.1): along the route, then to the coordinate, if any.
+    """Build the VDA order with ID ``name`` (section 6.1.1): along the route, then to the coordinate, if any.
 
-    It begins where the robot is; if that is no point of the plant, at a temporary node at its own pose.
-    Points that are passed have no heading, so that the robot need not stop; the last one has that of the
-    point or coordinate. ``actions`` are executed at the end, and those that ``rules`` require where they do;
-    not at the node where the robot is already.
+    It starts at the robot's position: at its point or, off the points, at a temporary node at its pose.
+    Intermediate nodes have no heading, so that the robot need not stop; the last one has that of the point or
+    coordinate. ``actions`` are at the last node. Actions required by ``rules`` are at their nodes and edges,
+    except at the start node.
 
     Raises:
-        ValueError: neither a route nor a coordinate, or a route that does not begin at the robot.
+        ValueError: there is neither a route nor a coordinate, or the route does not start at the robot.
     """
     if route is None and coordinate is None:
         message = "a VDA order needs a route or a coordinate"
@@ -271,32 +262,18 @@ def _way(
     *,
     rules: TypeRules,
 ) -> Iterator[_Stop]:
-    """Yield the start and the points of the route."""
-    apart = _start(name, plant, standing, profile, route, rules=rules)
-    if apart is not None:
-        yield apart
-    if apart is None or route is not None:
+    """Yield the start and the points of the route.
+
+    The start is a temporary node at the robot's pose, if it must drive or turn to be at its start point.
+    """
+    turns = route is not None and not route.steps and _must_turn(plant, profile, standing, rules)
+    pose = standing.pose if turns or not standing.on_point else None
+    if pose is not None:
+        yield _Stop(START_PREFIX + name, MapPlace(pose.x, pose.y), pose.map_id)
+    if pose is None or route is not None:
         yield _at(plant, profile, rules, standing.point)
     for step in route.steps if route else ():
         yield _at(plant, profile, rules, step.destination, step.edge_id)
-
-
-def _start(
-    name: str,
-    plant: PlantModel,
-    standing: Standing,
-    profile: RobotProfile,
-    route: Route | None,
-    *,
-    rules: TypeRules,
-) -> _Stop | None:
-    """Return the temporary node where the robot is, if it must drive to get to its own point."""
-    pose = standing.pose
-    if pose is None:
-        return None
-    if standing.on_point and not (route and not route.steps and _must_turn(plant, profile, standing, rules)):
-        return None
-    return _Stop(START_PREFIX + name, MapPlace(pose.x, pose.y), pose.map_id)
 
 
 def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing, rules: TypeRules) -> bool:
@@ -323,7 +300,7 @@ def _heading(plant: PlantModel, profile: RobotProfile, point_name: str, rules: T
 
 
 def _goal(name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str) -> _Stop:
-    """Return the coordinate, on the map where the way to it ends."""
+    """Return the node of a coordinate, on the map of the node before it."""
     place = profile.on(map_id).to_map(PlantPlace(coordinate.x, coordinate.y))
     theta = None if coordinate.theta is None else profile.on(map_id).heading_to_map(coordinate.theta)
     return _Stop(GOAL_PREFIX + name, place, map_id, theta)
@@ -333,7 +310,7 @@ def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...
     last = len(stops) - 1
     for index, stop in enumerate(stops):
         own = tuple(as_ruled(actions, stop.rule)) if index == last else ()
-        required = required_actions(stop.rule, own, iter(fresh_id, "")) if index else ()
+        required = required_actions(stop.rule, own, iter(unique_id, "")) if index else ()
         yield Node(
             node_id=stop.node_id,
             sequence_id=2 * index,
@@ -346,7 +323,7 @@ def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...
 def _position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePosition:
     """Return the position of a node; the start node has a wide deviation (section 6.6.2).
 
-    The start node keeps to no bounds of the layout: a robot outside them would refuse the order.
+    The layout's bounds do not apply to the start node: a robot outside them would refuse the order.
     """
     deviation = max(profile.deviation_xy, DEFAULT_DEVIATION_XY) if starts else profile.deviation_xy
     bounds = stop.rule.allowed_deviation_xy if stop.rule else None
@@ -373,40 +350,38 @@ def _edges(stops: list[_Stop]) -> Iterator[Edge]:
             edge_id=after.edge_id or f"{before.node_id} --- {after.node_id}",
             sequence_id=2 * index + 1,
             released=True,
-            actions=required_actions(after.edge_rule, (), iter(fresh_id, "")),
+            actions=required_actions(after.edge_rule, (), iter(unique_id, "")),
             **after.edge_fields,
         )
 
 
 class BaseChangedError(ValueError):
-    """The plan changes the robot's base, which cannot be taken back (section 6.1.2)."""
+    """The plan changes the robot's base, which is not allowed (section 6.1.2)."""
 
     def __init__(self, order_id: str, problem: str) -> None:
-        super().__init__(f"VDA order {order_id!r} cannot be changed like this: {problem}")
+        super().__init__(f"VDA order {order_id!r} cannot be changed: {problem}")
         self.order_id = order_id
 
 
 def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
-    """Return the plan with the base of ``held`` as the robot was sent it, to the last field (section 6.1.2).
+    """Return the plan, with the base exactly as it was sent in ``held`` (section 6.1.2).
 
     Raises:
-        BaseChangedError: the plan is of another VDA order, or not a way on from the base.
+        BaseChangedError: the plan is for another VDA order, or does not continue from the base.
 
     """
     base = _base_length(held)
     if plan.order_id != held.order_id:
         raise BaseChangedError(held.order_id, f"the plan is that of {plan.order_id!r}")
     if _base_length(plan) < base or _outline(plan, base) != _outline(held, base):
-        raise BaseChangedError(held.order_id, "the plan has another base")
+        raise BaseChangedError(held.order_id, "the plan has a different base")
     nodes = (*held.nodes[:base], *plan.nodes[base:])
     edges = (*held.edges[: base - 1], *plan.edges[base - 1 :])
     return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
 
 
 def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
-    """Return what must be sent to a robot that has ``held`` so that it has ``plan``, from its base's end on.
-
-    VDA 5050 3.0 section 6.1.2.
+    """Return the order update that changes ``held`` to ``plan``, from the end of the base (section 6.1.2).
 
     Raises:
         BaseChangedError: as :func:`grown`.
@@ -423,7 +398,7 @@ def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
 
 
 def held_by(state: State, plan: VdaOrder) -> VdaOrder:
-    """Return the part of the plan that a robot with an older update reports as its base (section 6.1.2)."""
+    """Return the plan with the base that a robot with an older update reports (section 6.1.2)."""
     base = [each.sequence_id for each in state.node_states if each.released]
     return released_to(plan, base[-1] if base else state.last_node_sequence_id)
 
@@ -433,7 +408,7 @@ def _base_length(vda_order: VdaOrder) -> int:
 
 
 def _outline(vda_order: VdaOrder, base: int) -> tuple[object, ...]:
-    """Return the identity of a base; its optional fields may differ, such as by a newer factsheet."""
+    """Return the identity of a base; its optional fields may differ, for example after a new factsheet."""
     parts: tuple[Node | Edge, ...] = (*vda_order.nodes[:base], *vda_order.edges[: base - 1])
     return tuple(
         (_name(each), each.sequence_id, tuple(action.action_id for action in each.actions)) for each in parts
@@ -449,22 +424,19 @@ def _released(part: G, *, released: bool) -> G:
 
 
 def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrder:
-    """Return ``held`` up to its node ``base_end``, and from there on ``tail``, which begins at that node.
+    """Return ``held`` up to its node ``base_end``, continued by ``tail``, which starts there (section 6.1.2).
 
-    VDA 5050 3.0 section 6.1.2.
-
-    Every field of the base stays as it was sent; the first node of ``tail`` only marks the place to continue
-    from. The actions behind the base are those of ``tail``: their IDs must be new, because IDs are not reused
-    after a change of the horizon.
+    The base is unchanged; of the first node of ``tail`` only the ID is used. The action IDs of ``tail`` must
+    be new, because IDs are not reused after a change of the horizon.
 
     Raises:
-        ValueError: ``tail`` begins elsewhere, has nothing behind its first node, or reuses an action ID.
+        ValueError: ``tail`` starts at another node, has only one node, or reuses an action ID.
     """
     if tail.nodes[0].node_id != held.nodes[base_end].node_id or not tail.edges:
-        message = f"no way on from node {held.nodes[base_end].node_id!r}"
+        message = f"the new route does not continue from node {held.nodes[base_end].node_id!r}"
         raise ValueError(message)
     if tail.action_ids & held.action_ids:
-        message = "the ids of the actions are those of the old horizon"
+        message = "action IDs of the old horizon are reused"
         raise ValueError(message)
     shift = 2 * base_end
     nodes = (each.model_copy(update={"sequence_id": each.sequence_id + shift}) for each in tail.nodes[1:])
@@ -477,5 +449,5 @@ def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrde
 
 
 def state_request() -> Action:
-    """Return the instant action that requests a robot's state (VDA 5050 3.0 section 6.2.3)."""
-    return Action(action_type="stateRequest", action_id=fresh_id(), blocking_type=BlockingType.NONE)
+    """Return the instant action that requests a robot's state (VDA 5050 3.0, section 6.2.3)."""
+    return Action(action_type="stateRequest", action_id=unique_id(), blocking_type=BlockingType.NONE)

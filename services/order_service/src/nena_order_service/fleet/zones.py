@@ -1,4 +1,4 @@
-"""Answers to robots that request a zone or a corridor (VDA 5050 3.0 sections 6.4.3, 6.6.10 and 6.9)."""
+"""Answer robots that request a zone or a corridor (VDA 5050 3.0, sections 6.4.3, 6.6.10 and 6.9)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from nena_shared.vda5050.topics import RobotKey
 
 Request = ZoneRequest | EdgeRequest
 Place = tuple[str, ...]
-"""A zone by its set and id, or an edge by its id."""
+"""A zone, by the IDs of its set and itself, or an edge, by its ID."""
 
 INSIDE: Final = frozenset({RequestStatus.GRANTED, RequestStatus.REVOKED, RequestStatus.EXPIRED})
-"""What a request shows while the robot may be at the place, with or without a release."""
+"""Request states in which the robot may be inside, with or without a release."""
 
 
 @dataclass(slots=True)
 class _Asked:
-    """A robot's request, and the last answer to it; seconds are monotonic."""
+    """A robot's request, and the last answer to it; times are in monotonic seconds."""
 
     robot: RobotKey
     request_id: str
@@ -32,24 +32,24 @@ class _Asked:
     answer: GrantType | None = None
     answered_at: float = 0.0
     repeats: int = 0
-    """How often the answer has been resent."""
+    """Number of times that the answer was resent."""
     lease_until: float | None = None
 
     @property
     def holds(self) -> bool:
-        """Return whether the robot may be at a position: granted, or inside though its release has ended."""
+        """Whether the robot may be inside: it has a grant, or its release ended while it was inside."""
         return self.shown in INSIDE or self.answer is GrantType.GRANTED
 
 
 @dataclass(slots=True)
 class ReleaseManager:
-    """Keeps the robots' requests for each zone or edge, in order; ``utc_now`` returns the time for leases.
+    """Queues the robots' requests for each zone or edge; ``utc_now`` returns the time for leases.
 
-    A place is held from the grant until the robot's state no longer has the request: also by a silent robot,
-    or one whose grant was revoked while it was inside. A robot may send several requests for a place, one for
-    each path that it might take. Nothing is granted before every connected robot has reported its state, so
-    that earlier grants are known after a restart; if two then hold the same place, the grant of the second is
-    revoked.
+    A zone or edge is held from the grant until the robot's state no longer has the request, even if the robot
+    is silent or its grant was revoked while it was inside. A robot may send several requests for one zone,
+    one for each path that it might take. Nothing is granted before every connected robot has reported its
+    state, so that earlier grants are known after a restart; if two robots then hold the same zone, the grant
+    of the second is revoked.
     """
 
     settings: FleetSettings
@@ -57,7 +57,7 @@ class ReleaseManager:
     _asked: dict[Place, list[_Asked]] = field(default_factory=dict)
 
     def on_state(self, robot: RobotKey, state: State) -> None:
-        """Handle a robot's requests (section 6.9)."""
+        """Update a robot's requests from its state (section 6.9)."""
         requests = {(_place(each), each.request_id): each for each in _requests(state)}
         for place, asked in list(self._asked.items()):
             asked[:] = [each for each in asked if each.robot != robot or (place, each.request_id) in requests]
@@ -84,7 +84,7 @@ class ReleaseManager:
 
     @property
     def busy(self) -> bool:
-        """Return whether any robot has requests."""
+        """Whether any robot has requests."""
         return bool(self._asked)
 
     def _note(self, robot: RobotKey, asked: list[_Asked], request: Request) -> None:
@@ -95,7 +95,7 @@ class ReleaseManager:
         asked.append(_Asked(robot, request.request_id, request.request_status))
 
     def _wanted(self, each: _Asked, asked: list[_Asked], *, all_known: bool) -> GrantType:
-        """Return the answer to a request by the policy; what is held can only be left or revoked."""
+        """Return the answer to a request by the release policy."""
         policy = self.settings.release_policy
         if policy is ReleasePolicy.ALL:
             return GrantType.GRANTED
@@ -107,7 +107,7 @@ class ReleaseManager:
         return GrantType.GRANTED if all_known or each.holds else GrantType.QUEUED
 
     def _due(self, each: _Asked, wanted: GrantType, now: float) -> bool:
-        """Return whether to answer: something new, what the robot does not show, a lease that ends."""
+        """Return whether to send the answer: it is new, the robot does not show it, or its lease runs out."""
         if _shows(each, wanted):
             return wanted is GrantType.GRANTED and self._must_renew(each, now)
         if each.answer is not wanted:
@@ -131,7 +131,7 @@ class ReleaseManager:
 
 
 def _requests(state: State) -> Iterator[Request]:
-    """Yield what is to be answered; a corridor of the horizon is not, before its edge is released."""
+    """Yield the requests to answer; corridors of the horizon must wait until their edges are released."""
     horizon = {each.sequence_id for each in state.edge_states if not each.released}
     yield from state.zone_requests or ()
     yield from (each for each in state.edge_requests or () if each.sequence_id not in horizon)
@@ -144,7 +144,7 @@ def _place(request: Request) -> Place:
 
 
 def _shows(each: _Asked, wanted: GrantType) -> bool:
-    """Return whether the robot has understood the answer; not every one shows that it is queued."""
+    """Return whether the robot's state shows the answer; some answers, such as QUEUED, need not be shown."""
     match wanted:
         case GrantType.GRANTED:
             return each.shown is RequestStatus.GRANTED

@@ -170,6 +170,11 @@ class TransportOrder:
         return self.status.drive_orders[self.index]
 
     @property
+    def is_operating(self) -> bool:
+        """Whether its vehicle is executing the operation at the current destination."""
+        return self.current.state is DriveOrderState.OPERATING
+
+    @property
     def held(self) -> bool:
         """Whether the order is held until a person resumes it."""
         return self.status.held is not None
@@ -328,9 +333,9 @@ class TransportOrder:
         entry = self.entry(now, EventCode.REROUTED, why)
         return self.changed(drive_orders=self.with_current(current), history=(*self.status.history, entry))
 
-    def hindered(self, why: str) -> Self:
+    def with_wait_reason(self, why: str) -> Self:
         """Note why the vehicle cannot continue, empty if it can; a repeated reason changes nothing."""
-        self.require("being hindered", S.BEING_PROCESSED, S.WITHDRAWN)
+        self.require("getting a wait reason", S.BEING_PROCESSED, S.WITHDRAWN)
         reason = f"{_doing(self.status)}, but {why}" if why else _doing(self.status)
         return self if reason == self.status.reason else self.changed(reason=reason)
 
@@ -413,7 +418,7 @@ class TransportOrder:
         """End the pause before the next try."""
         return self.changed(next_try=None) if self.status.next_try else self
 
-    def begun_again(self) -> Self:
+    def restarted(self) -> Self:
         """Count another VDA 5050 order for the current drive order, to which the vehicle travels again."""
         current = self.current
         update = {"attempts": current.attempts + 1, "state": DriveOrderState.TRAVELLING}

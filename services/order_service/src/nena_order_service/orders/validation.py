@@ -57,8 +57,9 @@ def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: C
 
 
 def check_order(order: TransportOrderStatus, plant: PlantModel) -> None:
-    """Raise InvalidRequestError if an existing order no longer fits the plant; locks are for new orders."""
-    destinations = [each.destination for each in order.drive_orders]
+    """Raise InvalidRequestError if the rest of an existing order no longer fits the plant, locks aside."""
+    left = order.drive_orders[max(order.current_drive_order_index, 0) :]
+    destinations = [each.destination for each in left]
     _raise_if_any(
         [
             *_check_destinations(destinations, plant, new=False),

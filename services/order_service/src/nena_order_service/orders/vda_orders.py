@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from nena_order_service.fleet.position import NotLocatedError, Standing, locate
+from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.type_rules import TypeRules
 from nena_order_service.fleet.vda_order import (
@@ -18,9 +18,9 @@ from nena_order_service.fleet.vda_order import (
     SpeedLimit,
     VdaOrder,
     build_vda_order,
-    fresh_id,
     order_id,
     released_to,
+    unique_id,
     unlimited,
 )
 from nena_order_service.orders.transport_order import TransportOrder
@@ -32,6 +32,7 @@ from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.plant import BACKWARD_SUFFIX, DirectedEdge, PlantModel, UnknownObjectError
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 
@@ -157,6 +158,9 @@ class OrderPlanner:
         self._speed_limits = speed_limits
         self.finder = finder
         self._operations = operations
+        self._standings: dict[str, tuple[State, RobotProfile, Standing]] = {}
+        """The last position of each vehicle, and what it was found by."""
+        self._limits: dict[str, tuple[FleetVehicle, SpeedLimit]] = {}
 
     def recharging(self, operation: str) -> bool:
         """Return whether an operation is to recharge."""
@@ -166,7 +170,11 @@ class OrderPlanner:
         """Return where a vehicle is; raises NotLocatedError."""
         if view.state is None:
             raise NotLocatedError("it has not reported its state yet")
-        return locate(self.plant, view.state, vehicle.profile)
+        state, profile = view.state, vehicle.profile
+        known = self._standings.get(vehicle.name)
+        if known is None or known[0] is not state or known[1] is not profile:
+            known = self._standings[vehicle.name] = state, profile, locate(self.plant, state, profile)
+        return known[2]
 
     def map_id(self, point: str, vehicle: FleetVehicle) -> str:
         """Return the map on which a vehicle is sent to a point."""
@@ -275,7 +283,7 @@ class OrderPlanner:
     def evasion(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> VdaOrder:
         """Make a VDA order by which a vehicle makes room for others."""
         return build_vda_order(
-            f"{EVASION_PREFIX}{fresh_id()}",
+            f"{EVASION_PREFIX}{unique_id()}",
             plant=self.plant,
             standing=standing,
             profile=vehicle.profile,
@@ -288,6 +296,12 @@ class OrderPlanner:
         """Return a vehicle's speed limits by the plant model; defaults do not count."""
         if not self._speed_limits:
             return unlimited
+        known = self._limits.get(vehicle.name)
+        if known is None or known[0] is not vehicle:
+            known = self._limits[vehicle.name] = vehicle, self._given_limit(vehicle)
+        return known[1]
+
+    def _given_limit(self, vehicle: FleetVehicle) -> SpeedLimit:
         profile = RoutingProfile.of(vehicle.model, self.plant.vehicle_types)
         given = vehicle.model.model_fields_set if vehicle.model else ()
         profile = replace(

@@ -30,14 +30,14 @@ from nena_shared.plant.track import MM_PER_M, VehicleTypeOnPath
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One edge of a route and what it costs (the unit is that of the chosen evaluators, mm by default)."""
+    """One edge of a route and its cost, in the unit of the configured evaluators (mm by default)."""
 
     edge: DirectedEdge
     cost: float
 
     @property
     def edge_id(self) -> str:
-        """The id of the edge: the path's name, with a suffix for the backward direction."""
+        """The edge ID: the path's name, with a suffix for the backward direction."""
         return self.edge.id
 
     @property
@@ -47,12 +47,12 @@ class Step:
 
     @property
     def source(self) -> str:
-        """The name of the point where the step begins."""
+        """The name of the start point."""
         return self.edge.source
 
     @property
     def destination(self) -> str:
-        """The name of the point where the step ends."""
+        """The name of the end point."""
         return self.edge.destination
 
     @property
@@ -81,7 +81,7 @@ class Route:
 
     @property
     def points(self) -> tuple[str, ...]:
-        """The names of all points of the route, with both ends."""
+        """The names of all points of the route, including both ends."""
         return (self.source, *(step.destination for step in self.steps))
 
 
@@ -110,13 +110,13 @@ class NoRouteError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class RoutingProfile:
-    """The traits of a vehicle that affect its routes; None: unlimited (mm/s, mm)."""
+    """The properties of a vehicle that affect its routes, in mm/s and mm; None: unlimited."""
 
     group: str = ""
     max_velocity_mm_s: int | None = None
     max_reverse_velocity_mm_s: int | None = None
     vehicle_types: frozenset[str] = frozenset()
-    """Its possible types; it only uses what all of them may use."""
+    """Its possible types; it only uses resources open to all of them."""
     bounding_box: BoundingBox | None = None
     allowed_maps: frozenset[str] | None = None
 
@@ -139,25 +139,25 @@ class RoutingProfile:
         )
 
     def uses_of(self, path: Path) -> Iterator[VehicleTypeOnPath]:
-        """Yield how the path may be used by the types of which the vehicle may be."""
+        """Yield the rules of the path for the vehicle's possible types."""
         return (use for use in path.vehicle_types if use.vehicle_type_id in self.vehicle_types)
 
     def speed_mm_s(self, edge: DirectedEdge) -> int:
-        """Return how fast such a vehicle may drive along an edge, mm/s; 0 if it cannot.
+        """Return the maximum speed of such a vehicle along an edge, mm/s; 0 if it cannot drive it.
 
         A type that drives an edge backwards according to LIF is limited by its reverse speed.
         """
         return min((edge.max_velocity_mm_s, *self._limits_mm_s(edge)))
 
     def given_speed_mm_s(self, edge: DirectedEdge) -> int | None:
-        """Return :meth:`speed_mm_s` by explicit limits only; None if the path has just a default."""
+        """Return :meth:`speed_mm_s` from explicit limits only; None if the path only has its default."""
         limits = tuple(self._limits_mm_s(edge))
         if not edge.is_forward or "max_velocity_mm_s" in edge.path.model_fields_set:
             return min((edge.max_velocity_mm_s, *limits))
         return min(limits, default=None)
 
     def _limits_mm_s(self, edge: DirectedEdge) -> Iterator[int]:
-        """Yield how fast types of vehicles may drive along an edge, and how fast the vehicle can."""
+        """Yield the speed limits of the vehicle's types along an edge, and its own maximum, mm/s."""
         backward = not edge.is_forward
         for use in self.uses_of(edge.path):
             backward = backward or use.is_backward
@@ -171,21 +171,21 @@ class RoutingProfile:
 class Access:
     """Which edges of a plant are open to vehicles of one profile.
 
-    Closed are: locked paths; directions in which path or vehicle have no speed; what the plant does not open
-    to the vehicle's type or height; points on maps where it must not drive. A vehicle on a point that
-    is closed to it may leave.
+    Closed are: locked paths; directions in which the path or the vehicle has no speed; paths and points that
+    exclude the vehicle's type or height; points on maps where it must not drive. A vehicle may leave a
+    point that is closed to it.
     """
 
     def __init__(
         self, plant: PlantModel, profile: RoutingProfile, locks: Mapping[str, bool] | None = None
     ) -> None:
-        """Read a plant; `locks` maps paths to whether they are locked, overriding the plant model."""
+        """Read a plant; ``locks`` maps paths to whether they are locked, overriding the plant model."""
         self._points = plant.points_by_name
         self._profile = profile
         self._locks = locks or {}
 
     def allows(self, edge: DirectedEdge) -> bool:
-        """Whether such a vehicle may drive along the edge."""
+        """Return whether such a vehicle may drive along the edge."""
         return (
             not self._locks.get(edge.path.name, edge.path.locked)
             and self._profile.speed_mm_s(edge) > 0
@@ -209,20 +209,20 @@ class Access:
 
 @dataclass(frozen=True, slots=True)
 class VehicleKind:
-    """A routing profile, and a number for it that is quick to compare."""
+    """A routing profile, with a number that is quick to compare."""
 
     number: int
     profile: RoutingProfile
 
 
 class VehicleKinds:
-    """Remembers the kind of each vehicle, for as many as the plant model has."""
+    """Caches the kind of each vehicle of the plant model."""
 
     def __init__(self, known_types: frozenset[str]) -> None:
         """``known_types`` are the vehicle types that the plant distinguishes."""
         self._known_types = known_types
-        self._anybody = VehicleKind(0, RoutingProfile())
-        self._kinds = {self._anybody.profile: self._anybody}
+        self._any_vehicle = VehicleKind(0, RoutingProfile())
+        self._kinds = {self._any_vehicle.profile: self._any_vehicle}
         self._of: dict[str, tuple[Vehicle, VehicleKind]] = {}
 
     def profile(self, number: int) -> RoutingProfile:
@@ -230,9 +230,9 @@ class VehicleKinds:
         return next(profile for profile, kind in self._kinds.items() if kind.number == number)
 
     def of(self, vehicle: Vehicle | None) -> VehicleKind:
-        """Return the kind of a vehicle; None: of any vehicle at all."""
+        """Return the kind of a vehicle; None: any vehicle."""
         if vehicle is None:
-            return self._anybody
+            return self._any_vehicle
         known = self._of.get(vehicle.name)
         if known is None or known[0] is not vehicle:
             profile = RoutingProfile.of(vehicle, self._known_types)
@@ -247,7 +247,7 @@ _COST: Final[Callable[[Step], float]] = attrgetter("cost")
 
 @dataclass(frozen=True, slots=True)
 class CostMap:
-    """Costs to reach one point from any start; compact, because many are cached."""
+    """Costs to reach one point from each start; compact, because many are cached."""
 
     indices: Mapping[str, int]
     costs: array[float]
@@ -258,7 +258,7 @@ class CostMap:
 
 
 def burdened(burden: Mapping[str, float]) -> Callable[[Step], float]:
-    """Return what a step costs if edges and points add these shares of its cost."""
+    """Return a cost function that adds the given shares for edges and points to each step."""
     share = burden.get
     return lambda step: step.cost * (1.0 + share(step.edge.id, 0.0) + share(step.edge.destination, 0.0))
 
@@ -266,8 +266,10 @@ def burdened(burden: Mapping[str, float]) -> Callable[[Step], float]:
 class RoutingGraph:
     """The drivable edges of a plant for one routing profile; only :meth:`lock` changes it.
 
-    It has the edges that are open to the profile (see `Access`). A cost that is infinite or NaN excludes an
-    edge too. Raises ValueError for a cost below 0, which no evaluator may return.
+    It contains the edges that are open to the profile (see :class:`Access`) and have a finite cost.
+
+    Raises:
+        ValueError: an evaluator returned a negative cost.
     """
 
     def __init__(
@@ -306,7 +308,7 @@ class RoutingGraph:
     def without(self, points: Iterable[str], paths: Iterable[Path]) -> RoutingGraph:
         """Return a copy in which no edge leads to these points or along these paths.
 
-        Edges from a point to be avoided stay: a vehicle can be standing on it.
+        Edges from an avoided point are kept, because a vehicle may be standing on it.
         """
         to_points = (self._graph.in_edge_indices(self._indices[point]) for point in points)
         along_paths = (self._path_indices(path) for path in paths)
@@ -328,10 +330,11 @@ class RoutingGraph:
     def shortest_now(
         self, source: str, destination: str, burden: Mapping[str, float], usual: CostMap
     ) -> tuple[Step, ...] | None:
-        """Return the same while ``burden`` adds shares of their costs to edges and points.
+        """Return the cheapest steps while ``burden`` adds shares of their costs to edges and points.
 
-        ``usual`` are the costs to the destination without it, or less. They guide the search (A*): it looks
-        at the points near the route only, and calls of Python for each edge of a large plant take long.
+        ``usual`` has the costs to the destination without it, or lower ones: the heuristic of the A* search.
+        It confines the search to points near the route, because calling Python for each edge of a large plant
+        is slow.
         """
         start, goal = self._indices[source], self._indices[destination]
         if start == goal:
@@ -343,13 +346,13 @@ class RoutingGraph:
         return self._steps_along(points, cost)
 
     def _steps_along(self, points: Sequence[int], cost: Callable[[Step], float]) -> tuple[Step, ...]:
-        """Return the steps of a search; two points may be joined by several paths: it used the cheapest."""
+        """Return the steps between these points, each on the cheapest path that joins two of them."""
         return tuple(min(self._graph.get_all_edge_data(a, b), key=cost) for a, b in pairwise(points))
 
     def along(self, start: str, way: Iterable[tuple[str, Collection[str]]]) -> tuple[Step, ...] | None:
-        """Return the steps to each point of a way in turn, along one of the paths named with it.
+        """Return the steps along a way, each on one of the paths named with its point.
 
-        None if one of them is not open.
+        None if one of them is closed.
         """
         steps: list[Step] = []
         for point, paths in way:
@@ -367,7 +370,7 @@ class RoutingGraph:
         """Return the costs of the reachable destinations."""
         start, indices = self._indices[source], {name: self._indices[name] for name in destinations}
         goals = {*indices.values()} - {start}
-        # A search for one goal ends there, one for several covers everything reachable.
+        # A search with one goal stops there; with several goals it covers all reachable points.
         goal = next(iter(goals)) if len(goals) == 1 else None
         search = rx.digraph_dijkstra_shortest_path_lengths
         lengths = search(self._graph, start, _COST, goal) if goals else {}
@@ -389,8 +392,8 @@ class RoutingGraph:
     def keeps(self, costs: CostMap, goal: str, changed: Iterable[Path]) -> bool:
         """Return whether the costs to a goal are the same after these paths were locked or unlocked.
 
-        They are if each point from which such a path leads has the same cost over one of its other edges, or
-        over the new one. An edge without a cost proves nothing: it may be part of a circle.
+        They are if each point at which such a path starts has the same cost over one of its edges as before.
+        An edge with cost 0 proves nothing, because it may be part of a cycle.
         """
         for source in {each.source for path in changed for each in path.edges()} - {goal}:
             before = costs.source(source)
@@ -434,7 +437,7 @@ class CostEvaluator(Protocol):
 
 
 class CostKey(StrEnum):
-    """The names by which settings choose evaluators."""
+    """The names of the evaluators in the settings."""
 
     DISTANCE = "DISTANCE"
     TRAVELTIME = "TRAVELTIME"
@@ -461,16 +464,16 @@ def hops(_edge: DirectedEdge, _profile: RoutingProfile, /) -> float:
 
 @dataclass(frozen=True, slots=True)
 class ExplicitProperties:
-    """Costs written at the paths for each group: `tcs:routingCostForward<GROUP>` and `...Reverse<GROUP>`.
+    """Costs from path properties for each group: `tcs:routingCostForward<GROUP>` and `...Reverse<GROUP>`.
 
-    Where the property is missing or no number from 0 up, the cost is `missing`: high, so that such a path is
-    used only if there is no other route.
+    If the property is missing, negative or not a number, the cost is `missing`: so high that the path is used
+    only if there is no other route.
     """
 
     missing: float = 1_000_000.0
 
     def __call__(self, edge: DirectedEdge, profile: RoutingProfile, /) -> float:
-        """Return the written cost; `Infinity` excludes the edge."""
+        """Return the cost from the property; `Infinity` excludes the edge."""
         forward = edge.orientation is Orientation.FORWARD
         key = property_keys.ROUTING_COST_FORWARD if forward else property_keys.ROUTING_COST_REVERSE
         try:
@@ -507,5 +510,5 @@ _EVALUATORS: Final[Mapping[CostKey, CostEvaluator]] = MappingProxyType(
 
 
 def evaluators(keys: Iterable[CostKey], plant: PlantModel) -> tuple[CostEvaluator, ...]:
-    """Return the evaluators that settings choose, for one plant."""
+    """Return the configured evaluators for one plant."""
     return tuple(BoundingBoxLimit(plant) if key is CostKey.BOUNDING_BOX else _EVALUATORS[key] for key in keys)

@@ -1,4 +1,4 @@
-"""Find the cheapest routes: between points, through the destinations of an order, and for traffic."""
+"""Find the cheapest routes between points, through the destinations of an order, and around traffic."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain, groupby, pairwise
 from math import hypot, inf
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from nena_order_service.routing.graph import (
     CostEvaluator,
@@ -35,13 +35,13 @@ from nena_shared.plant.model import action_of
 from nena_shared.plant.track import MM_PER_M
 
 COSTS_KEPT = 2_000_000
-"""Costs that are cached, 8 bytes each: as many maps of costs as fit, whatever the size of the plant."""
+"""Maximum number of cached costs, 8 bytes each, over all cost maps."""
 
 
 class Router:
-    """Finds routes over one plant model; for a changed model make a new router.
+    """Finds routes in one plant model; create a new router for a changed model.
 
-    The cost of an edge is the sum of the chosen evaluators, by default the length in mm.
+    The cost of an edge is the sum of the evaluators' costs, by default its length in mm.
     """
 
     def __init__(self, plant: PlantModel, costs: Sequence[CostEvaluator] = (distance,)) -> None:
@@ -78,10 +78,12 @@ class Router:
     ) -> Route:
         """Return the cheapest route between two points.
 
-        `burden` maps edges and points to the share of their cost that is currently added.
+        ``burden`` maps edges and points to the share of their cost that is currently added. ``avoid`` names
+        points, paths and locations (which stand for their linked points) that must not be used.
 
-        `avoid` names points, paths and locations (which stand for their linked points) that must not be used.
-        Raises UnknownObjectError for a name that the plant does not have, NoRouteError if there is no route.
+        Raises:
+            UnknownObjectError: the plant has no object of a given name.
+            NoRouteError: there is no route.
         """
         self._check_points((source, destination))
         graph = self._graph(vehicle, avoid)
@@ -100,16 +102,16 @@ class Router:
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
     ) -> tuple[Route, ...]:
-        """Return one route for each destination, one after the other, with the lowest total cost.
+        """Return consecutive routes to all destinations, with the lowest total cost.
 
-        Each destination is a choice of points, such as the access points of a location. The choice that is
-        cheapest for the whole route is taken, even if another point would have been nearer initially. Raises
-        as `route` does; NoRouteError names the first destination that cannot be reached.
+        Each destination is a choice of points, such as the access points of a location. The point that is
+        cheapest for the whole route is chosen, even if another one is nearer. Raises the same errors as
+        :meth:`route`; NoRouteError names the first destination that cannot be reached.
         """
         self._check_points([source, *chain.from_iterable(destinations)])
         graph = self._graph(vehicle, avoid)
         points = (source, *chain.from_iterable(destinations))
-        if any(len(choice) != 1 for choice in destinations):  # else there is nothing to compare
+        if any(len(choice) != 1 for choice in destinations):  # otherwise there is nothing to compare
             ways = {source: _Way(0.0, (source,))}
             for choice in destinations:
                 longer = _longer(graph, ways, choice)
@@ -124,7 +126,7 @@ class Router:
     def along(
         self, start: str, way: Iterable[tuple[str, Collection[str]]], *, vehicle: Vehicle | None = None
     ) -> tuple[Step, ...] | None:
-        """Return the steps of a way that is given by points and paths; None if it is not open now."""
+        """Return the steps of a way given by its points and paths; None if it is closed now."""
         return self._graph(vehicle).along(start, way)
 
     def costs_from(self, source: str, *, vehicle: Vehicle | None = None) -> dict[str, float]:
@@ -135,9 +137,9 @@ class Router:
     def costs_to(
         self, destination: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
     ) -> CostMap:
-        """Return the costs to reach a point from each point; cached until a lock of a path changes.
+        """Return the costs to reach a point from each point; cached until a path lock changes them.
 
-        Many starts and few goals are compared by this without a search for each. Raises UnknownObjectError.
+        This compares many starts and few goals without a search for each. Raises UnknownObjectError.
         """
         key = (self.kind(vehicle), frozenset(avoid), destination)
         known = self._maps.get(key)
@@ -151,13 +153,13 @@ class Router:
         return known
 
     def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
-        """Build what the first routes of these vehicles need; takes long in large plants."""
+        """Build the routing graphs for these vehicles in advance, which takes long in large plants."""
         for vehicle in vehicles:
             for point in self._plant.points[:1]:
                 self.costs_to(point.name, vehicle=vehicle)
 
     def kind(self, vehicle: Vehicle | None) -> int:
-        """Return a number for the kind of a vehicle: those of one kind have the same routes."""
+        """Return a number for the kind of a vehicle; vehicles of one kind have the same routes."""
         return self._kinds.of(vehicle).number
 
     def types(self, vehicle: Vehicle | None) -> frozenset[str]:
@@ -176,7 +178,7 @@ class Router:
             self._plant.point(name)
 
     def _resources(self, names: Collection[str]) -> tuple[list[str], list[Path]]:
-        """Return the points, including those that locations stand for, and the paths of these names."""
+        """Return the points and paths of these names; locations stand for their linked points."""
         plant = self._plant
         points = [name for name in names if name in plant.points_by_name]
         paths = [plant.paths_by_name[name] for name in names if name in plant.paths_by_name]
@@ -188,7 +190,7 @@ class Router:
 
 
 class _Way(NamedTuple):
-    """The points chosen so far, one for each destination, and the least cost of driving through them."""
+    """The points chosen so far, one for each destination, and the lowest cost of driving through them."""
 
     cost: float
     points: tuple[str, ...]
@@ -218,15 +220,15 @@ def _longer(graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[st
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """The leg of one drive order: along a route, or without one straight to its coordinate."""
+    """The leg of one drive order: along a route or, without one, straight to its coordinate."""
 
     cost: float
-    """In the router's unit; mm to a coordinate."""
+    """In the router's unit; in mm for a leg to a coordinate."""
     route: Route | None = None
 
     @property
     def points(self) -> tuple[str, ...]:
-        """The names of all points of the leg, with both ends; none for a coordinate."""
+        """The names of all points of the leg, including both ends; empty for a coordinate."""
         return self.route.points if self.route else ()
 
 
@@ -243,13 +245,13 @@ class RoutePlan:
 
 
 def access_points(destination: Destination, plant: PlantModel) -> tuple[str, ...]:
-    """Return the points at which a destination that is no coordinate can be served."""
+    """Return the points at which a destination other than a coordinate can be served."""
     name = destination.location_name or ""
     return plant.access_points(name, destination.operation) if name in plant.locations_by_name else (name,)
 
 
 class RouteFinder:
-    """Finds routes over one plant: along paths to points and locations, straight to coordinates.
+    """Finds routes in one plant: along paths to points and locations, straight to coordinates.
 
     From a coordinate, the route continues at the nearest point.
     """
@@ -258,18 +260,18 @@ class RouteFinder:
         self,
         plant: PlantModel,
         router: Router,
-        any_day: Router | None = None,
+        without_host_locks: Router | None = None,
         *,
         action_type: Callable[[str], str] = action_of,
     ) -> None:
-        """Use a router; ``any_day`` is another one, for routes that exist if hosts unlock paths.
+        """Use a router; ``without_host_locks`` is a second one that ignores the locks set by hosts.
 
-        ``action_type`` returns the VDA 5050 action of an operation, which layouts may forbid somewhere.
+        ``action_type`` returns the VDA 5050 action type of an operation; layouts may forbid it at points.
         """
         self._action_type = action_type
         self._plant = plant
         self.router = router
-        self._any_day = any_day or router
+        self._without_host_locks = without_host_locks or router
         self._locks: Mapping[str, bool] = {}
         self.planning = Histogram(SHORT)
         """Duration of :meth:`find`."""
@@ -277,17 +279,17 @@ class RouteFinder:
     def set_locks(self, locks: Mapping[str, bool]) -> None:
         """Lock or unlock paths by name, overriding the plant model.
 
-        A path locked in this way closes routes now, but makes no order permanently unroutable.
+        Such a lock closes routes for now, but makes no order permanently unroutable.
         """
-        self._any_day.set_locks({path: locked for path, locked in locks.items() if not locked})
+        self._without_host_locks.set_locks({path: locked for path, locked in locks.items() if not locked})
         self.router.set_locks(locks)
         self._locks = dict(locks)
 
     def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
-        """Build what the first routes of these vehicles need, and those without a specific vehicle."""
+        """Build the routing graphs for these vehicles, and for unspecified ones, in advance."""
         each_kind = {self.router.kind(vehicle): vehicle for vehicle in (None, *vehicles)}
         self.router.prepare(each_kind.values())
-        self._any_day.prepare((None,))
+        self._without_host_locks.prepare((None,))
 
     def is_locked(self, path: str) -> bool:
         """Return whether new routes avoid a path; unknown paths are not locked."""
@@ -297,9 +299,9 @@ class RouteFinder:
     def only_locks_close(
         self, start: str, destinations: Sequence[Destination], vehicle: Vehicle | None, avoid: Collection[str]
     ) -> bool:
-        """Return whether :meth:`find` would find a route if hosts unlocked what they locked."""
+        """Return whether :meth:`find` would find a route without the locks set by hosts."""
         try:
-            self._find(self._any_day, start, destinations, vehicle, avoid)
+            self._find(self._without_host_locks, start, destinations, vehicle, avoid)
         except NoRouteError:
             return False
         return True
@@ -315,7 +317,7 @@ class RouteFinder:
         """Find the cheapest route from the point ``start``.
 
         Raises:
-            NoRouteError: some destination cannot be reached from the one before.
+            NoRouteError: a destination cannot be reached from the previous one.
 
         """
         with self.planning.timed():
@@ -343,10 +345,9 @@ class RouteFinder:
         return RoutePlan(tuple(legs))
 
     def access_points(self, destination: Destination, vehicle: Vehicle | None) -> tuple[str, ...]:
-        """Return the points at which a vehicle can serve a destination that is no coordinate.
+        """Return the points at which a vehicle can serve a destination other than a coordinate.
 
-        These are the points where the layout does not forbid the action to one of the types of which the
-        vehicle may be.
+        Points where the layout forbids the action to one of the vehicle's possible types are left out.
         """
         points = access_points(destination, self._plant)
         types = self.router.types(vehicle)
@@ -363,7 +364,7 @@ class RouteFinder:
         return min(self._plant.points, key=lambda point: _distance_mm(point, coordinate)).name
 
     def why_unroutable(self, destinations: Sequence[Destination], avoid: Collection[str]) -> str | None:
-        """Return why no vehicle could execute this from any start; None if one could.
+        """Return why no vehicle could reach these destinations from any start; None if one could.
 
         As in openTCS, each access point of the first destination is tried as a start.
         """
@@ -372,7 +373,7 @@ class RouteFinder:
         reason = "The first destination has no access point."
         for start in starts:
             try:
-                self._find(self._any_day, start, destinations, None, avoid)
+                self._find(self._without_host_locks, start, destinations, None, avoid)
             except NoRouteError as error:
                 reason = str(error)
             else:
@@ -388,17 +389,17 @@ class RouteCost(NamedTuple):
     """Costs of a route in the router's unit; infinity if there is none."""
 
     complete: float
-    """All of it."""
+    """Cost of the whole route."""
     initial: float
-    """To the first destination."""
+    """Cost to the first destination."""
 
 
-NO_WAY = RouteCost(inf, inf)
+NO_ROUTE = RouteCost(inf, inf)
 
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """One point at which the first destination can be served, and the cost of the rest from there."""
+    """A point at which the first destination can be served, and the remaining cost from there."""
 
     to_it: CostMap
     rest: float
@@ -412,7 +413,7 @@ class OrderCosts:
 
     def source(self, point: str) -> RouteCost:
         """Return the cost for a vehicle that starts at ``point``."""
-        best = NO_WAY
+        best = NO_ROUTE
         for entry in self.entries:
             initial = entry.to_it.source(point)
             best = min(best, RouteCost(initial + entry.rest, initial))
@@ -420,7 +421,7 @@ class OrderCosts:
 
 
 class RouteCosts:
-    """Returns costs of routes in one plant; routes to coordinates are searched one by one."""
+    """Computes the costs of routes in one plant; routes to coordinates are searched one by one."""
 
     def __init__(self, plant: PlantModel, finder: RouteFinder) -> None:
         self._plant = plant
@@ -434,7 +435,7 @@ class RouteCosts:
         vehicle: Vehicle | None,
         avoid: Collection[str] = frozenset(),
     ) -> RouteCost:
-        """Return the cost of a way as :meth:`RouteFinder.find` would find it."""
+        """Return the cost of the route that :meth:`RouteFinder.find` would find."""
         if any(each.coordinate for each in destinations):
             return self._searched(start, destinations, vehicle, avoid)
         return self.of(destinations, vehicle=vehicle, avoid=avoid).source(start)
@@ -446,7 +447,7 @@ class RouteCosts:
         vehicle: Vehicle | None,
         avoid: Collection[str] = frozenset(),
     ) -> OrderCosts:
-        """Return the costs of an order without coordinates, computed from its end."""
+        """Return the costs of an order without coordinates, computed backwards from its end."""
         entries: tuple[_Entry, ...] = ()
         later: OrderCosts | None = None
         for destination in reversed(destinations):
@@ -466,59 +467,25 @@ class RouteCosts:
         try:
             way = self._finder.find(start, destinations, vehicle=vehicle, avoid=avoid)
         except NoRouteError:
-            return NO_WAY
+            return NO_ROUTE
         return RouteCost(way.cost, way.legs[0].cost)
 
 
-class Routes(Protocol):
-    """Finds routes of vehicles, by their names, between points of the plant."""
-
-    searches: int
-    """How many searches were needed so far; what is cached needs none."""
-
-    def route(
-        self,
-        vehicle: str,
-        start: str,
-        goal: str,
-        *,
-        avoid: Collection[str] = frozenset(),
-        burden: Mapping[str, float] | None = None,
-    ) -> Route:
-        """Return the cheapest route; raises NoRouteError.
-
-        ``burden`` names edges and points that cost more now, each with the share of its cost that is added.
-        """
-        ...
-
-    def along(
-        self, vehicle: str, start: str, way: Iterable[tuple[str, Collection[str]]]
-    ) -> tuple[Step, ...] | None:
-        """Return the steps to each point of a way in turn, by one of the paths named with it.
-
-        None if the way is not open to the vehicle now.
-        """
-        ...
-
-    def nearest(self, vehicle: str, start: str) -> Sequence[str]:
-        """Return the points that can be reached from ``start``, the nearest first."""
-        ...
-
-
 ROUTES_KEPT = 2_000
-"""Routes that are cached, of a few kB each; a waiting request needs the same one each time."""
+"""Maximum number of cached routes, a few kB each; a waiting request needs the same one each time."""
 
 
 PLACES_KEPT = 200
-"""Starts for which the order of places by their costs is cached: 8 bytes for each point of the plant."""
+"""Maximum number of starts with cached points, sorted by cost: 8 bytes for each point of the plant."""
 
 
-class VehicleRoutes(Routes):
-    """Finds and caches routes that respect the plant model's data of each vehicle."""
+class VehicleRoutes:
+    """Finds and caches routes of vehicles, by their names; they respect the plant model's data of each."""
 
     def __init__(self, router: Router, model_of: Callable[[str], Vehicle | None]) -> None:
         """``model_of`` returns the plant model's data of the vehicle of this name; None if it has none."""
         self.searches = 0
+        """Number of searches so far; cached routes need none."""
         self._router = router
         self._model_of = model_of
         self._route = lru_cache(ROUTES_KEPT)(self._find)
@@ -533,7 +500,11 @@ class VehicleRoutes(Routes):
         avoid: Collection[str] = frozenset(),
         burden: Mapping[str, float] | None = None,
     ) -> Route:
-        """Return the cheapest route; raises NoRouteError. One with a ``burden`` is not cached."""
+        """Return the cheapest route; raises NoRouteError.
+
+        ``burden`` maps edges and points to the share of their cost that is currently added. A route with a
+        burden is not cached.
+        """
         if burden:
             self.searches += 1
             model = self._model_of(vehicle)
@@ -546,15 +517,18 @@ class VehicleRoutes(Routes):
     def along(
         self, vehicle: str, start: str, way: Iterable[tuple[str, Collection[str]]]
     ) -> tuple[Step, ...] | None:
-        """Return the steps of a way; None if it is not open to the vehicle now."""
+        """Return the steps along a way, each on one of the paths named with its point.
+
+        None if the way is closed to the vehicle now.
+        """
         return self._router.along(start, way, vehicle=self._model_of(vehicle))
 
     def nearest(self, vehicle: str, start: str) -> Sequence[str]:
-        """Return the reachable points, the nearest first."""
+        """Return the points that can be reached from ``start``, the nearest first."""
         return self._nearest(self._model(vehicle), start)
 
     def forget(self) -> None:
-        """Drop all cached routes: the plant has changed."""
+        """Drop all cached routes, because the plant has changed."""
         self._route.cache_clear()
         self._nearest.cache_clear()
 
@@ -564,7 +538,7 @@ class VehicleRoutes(Routes):
     def _find(
         self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]
     ) -> Route | NoRouteError:
-        """Return a cached result; finding that no route exists costs as much as finding one."""
+        """Return the route, or the error: both are cached, because a failed search costs as much."""
         self.searches += 1
         model = self._model_of(vehicle) if vehicle else None
         try:

@@ -85,7 +85,7 @@ class Changes:
         """Number each order's change, starting after ``last``; return the last number."""
         for number, change in self.orders.items():
             last += 1
-            self.orders[number] = replace(change, change_number=last)
+            self.orders[number] = OrderChange(change.order, change.new, change.unchanged_history, last)
         return last
 
 

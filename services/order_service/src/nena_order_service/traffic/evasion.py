@@ -1,4 +1,4 @@
-"""How vehicles at rest make room for others: which free point each is sent to (decision 0038)."""
+"""Evasion: send vehicles at rest to free points, so that others can pass (decision 0038)."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from itertools import chain, filterfalse
 
 from nena_order_service.routing.graph import NoRouteError, Route
-from nena_order_service.routing.router import Routes
+from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.resources import Resources, ResourceSet, conflict
-from nena_order_service.traffic.scheduler import Scheduler, WaitReason
-from nena_order_service.traffic.turns import SearchLimit
+from nena_order_service.traffic.scheduler import Scheduler, SearchLimit, WaitReason
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import PointType
 
 CANDIDATES_TRIED = 8
-"""Free points tried for a vehicle that makes room; points farther away are hardly better."""
+"""Maximum number of free points tried for a vehicle that makes room; the nearest ones are the best."""
 
 VehicleTest = Callable[[str], bool]
 """A condition on the vehicle with this name."""
@@ -28,20 +27,20 @@ def no_vehicle(_vehicle: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Evasion:
-    """A vehicle at rest makes room by this route; it is claimed already."""
+    """A vehicle at rest makes room along this route, which is already claimed."""
 
     vehicle: str
     route: Route
     way: tuple[ResourceSet, ...]
     lets_out: str | None = None
-    """A vehicle that was enclosed by this one, and makes room next."""
+    """The vehicle that this one enclosed, and that makes room next."""
 
 
 class Evader:
     """Finds free points for vehicles at rest that have to make room, and claims their routes there.
 
-    Where the ``limit`` of searches ends the search for a vehicle, neither it nor others are sent: the next
-    decision goes on with what is cached by then.
+    When the ``limit`` is reached during the search for a vehicle, neither it nor the following ones are sent:
+    the next decision continues with the routes cached by then.
     """
 
     def __init__(
@@ -49,7 +48,7 @@ class Evader:
         plant: PlantModel,
         resources: Resources,
         scheduler: Scheduler,
-        routes: Routes,
+        routes: VehicleRoutes,
         limit: SearchLimit | None = None,
     ) -> None:
         self._parks = {each.name for each in plant.points if each.type is PointType.PARK_POSITION}
@@ -65,10 +64,10 @@ class Evader:
         movable: VehicleTest,
         enclosing: set[str] | None = None,
     ) -> Iterator[Evasion]:
-        """Send those of the ``blockers`` that can go to places outside of ``kept_free``.
+        """Send the movable ``blockers`` to points outside ``kept_free``.
 
-        If vehicles at rest enclose a blocker, they go first, and the blocker goes at the next request.
-        Those of them that cannot be sent are added to ``enclosing``.
+        Vehicles at rest that enclose a blocker are sent first, and the blocker at the next request. Enclosing
+        vehicles that cannot be sent are added to ``enclosing``.
         """
         asked: set[str] = set()
         yield from self._evade(blockers, list(kept_free), movable, asked)
@@ -83,7 +82,7 @@ class Evader:
         asked: set[str],
         lets_out: str | None = None,
     ) -> Iterator[Evasion]:
-        """Send the blockers away, each once; with ``lets_out`` they are those that enclose that vehicle."""
+        """Send each blocker away, at most once; with ``lets_out`` the blockers enclose that vehicle."""
         for vehicle in blockers:
             if vehicle in asked:
                 continue
@@ -152,7 +151,7 @@ class Evader:
 
 
 def overlap(some: Iterable[ResourceSet], others: Iterable[ResourceSet]) -> str | None:
-    """Return a resource that two vehicles with these sets would both need; None if there is none."""
+    """Return a resource for which two vehicles with these sets conflict; None if there is none."""
     uses: dict[str, set[str | None]] = {}
     for each in others:
         for resource, direction in each.uses.items():

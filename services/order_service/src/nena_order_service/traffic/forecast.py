@@ -1,7 +1,7 @@
 """Forecast of when driving vehicles arrive at their points.
 
-It starts from the state of traffic control and changes nothing of it: each vehicle drives its route at the
-speeds of its paths, and enters what another vehicle holds once that one has left it.
+It starts from the current state of traffic control, which it does not change: each vehicle drives its route
+at the speeds of its paths, and enters a resource that another vehicle holds once that one has left it.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.factsheet import Factsheet
 
 HORIZON: Final = 60.0
-"""Seconds that the plan looks ahead."""
+"""How far the plan looks ahead, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
     """The near future of a vehicle: the sets that it holds, and those ahead of it.
 
-    The first ``allocated`` of those ``ahead`` are among the held ones. ``seconds`` is how long each of those
-    ahead takes.
+    The first ``allocated`` sets ``ahead`` are among the held ones. ``seconds`` has the travel time to each
+    set ahead.
     """
 
     held: tuple[ResourceSet, ...]
@@ -58,7 +58,7 @@ class Forecast:
         self._arrivals: list[tuple[float, str]] = []
         self._standing: set[str] = set()
         self._waiting: defaultdict[str, list[str]] = defaultdict(list)
-        """Vehicles that may be able to continue once a resource is free, and others that could not before."""
+        """By resource: the vehicles that may be able to continue once it is free."""
         self._courses: dict[str, _Course] = {}
         for name, drive in drives.items():
             self._courses[name] = _Course(drive, deque(drive.held))
@@ -75,7 +75,7 @@ class Forecast:
                     self._go_on(other, now)
 
     def arrivals(self, vehicle: str) -> tuple[float, ...]:
-        """Return after how many seconds a vehicle arrives at each set ahead, if known."""
+        """Return the seconds until a vehicle arrives at each set ahead, as far as they are known."""
         return tuple(self._courses[vehicle].arrivals)
 
     def _arrive(self, name: str, now: float) -> list[str]:
@@ -88,7 +88,7 @@ class Forecast:
         return [use for each in gone for use in self._holds.remove(name, each.uses)]
 
     def _go_on(self, name: str, now: float) -> None:
-        """Start a vehicle's drive to its next set, or make it wait until its obstacle has changed."""
+        """Start a vehicle's drive to its next set, or let it wait until what blocks it has changed."""
         course = self._courses[name]
         drive, index = course.drive, course.reached
         self._standing.discard(name)
@@ -114,7 +114,7 @@ class Forecast:
         return any(self._is_to_pass(other, refusal.resource) for other in refusal.vehicles)
 
     def _is_to_pass(self, name: str, resource: str) -> bool:
-        """Return whether a vehicle is still on or before a resource."""
+        """Return whether a vehicle is on a resource or has yet to drive over it."""
         course = self._courses.get(name)
         if course is None:
             return False
@@ -123,7 +123,7 @@ class Forecast:
 
 
 UNKNOWN_SPEED_MM_S: Final = 1000
-"""Speed of vehicles that define none."""
+"""Speed of vehicles that define none, mm/s."""
 
 
 class Pace:
@@ -137,14 +137,14 @@ class Pace:
                 self._edges[edge.source, edge.destination].append(edge)
 
     def edge(self, start: str, step: ResourceSet) -> DirectedEdge | None:
-        """Return the edge by which a set is reached; None: there is none, the vehicle drives straight."""
+        """Return the edge that leads to a set; None if the vehicle drives there straight, off the paths."""
         edges = self._edges.get((start, step.point), ())
         return next((each for each in edges if each.path.name in step.uses), edges[0] if edges else None)
 
     def of(
         self, vehicle: Vehicle | None, robot: Factsheet | None
     ) -> Callable[[DirectedEdge | None, float], float]:
-        """Return the seconds for a distance (mm) on an edge, as a function.
+        """Return a function that computes the seconds for a distance (mm) on an edge.
 
         ``robot`` is the robot's factsheet.
         """

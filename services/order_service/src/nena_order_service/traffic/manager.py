@@ -1,4 +1,4 @@
-"""The traffic manager: who holds what, and how far each vehicle may drive on its granted route."""
+"""Traffic manager: which resources each vehicle holds, and how far it may drive on its granted route."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from math import inf
 from typing import TypeVar
 
 from nena_order_service.routing.graph import Route, Step
-from nena_order_service.routing.router import Routes
+from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.evasion import Evasion, no_vehicle
 from nena_order_service.traffic.resources import Found, OccupancyFinder, Resources, ResourceSet
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
@@ -27,30 +27,30 @@ D = TypeVar("D", bound=RouteGrant | Evasion)
 
 
 class TrafficManager:
-    """Manages the resources of vehicles, by their names, over one plant.
+    """Manages the resources that vehicles hold in one plant; vehicles are identified by name.
 
-    A vehicle is *seen* where it stands. It *requests* a route, and :meth:`decide` grants it; the route's sets
-    are *allocated* one after the other, and freed when the vehicle has *arrived* at a later one and no longer
-    covers them with its length. It finishes its route or breaks off: then it rests on all that it held until
-    it is seen standing. Nothing is ever allocated to two vehicles; only vehicles that were found at the same
-    place share it.
+    A vehicle at rest is *seen* at a position. It *requests* a route, which :meth:`decide` grants. The route's
+    resource sets are *allocated* in driving order (openTCS: allocation). A set is freed once the vehicle has
+    *arrived* at a later one and its length no longer covers it. A vehicle that breaks off its route keeps
+    everything it held until it is seen standing. A resource is never allocated to two vehicles; only vehicles
+    that were found at the same position share one.
     """
 
-    def __init__(self, plant: PlantModel, ways: Routes, *, exclusive: bool = True) -> None:
+    def __init__(self, plant: PlantModel, ways: VehicleRoutes, *, exclusive: bool = True) -> None:
         self.resources = Resources(plant, exclusive=exclusive)
         self._control = TrafficControl(plant, ways, self.resources)
-        self._footings = OccupancyFinder(plant, self.resources)
+        self._occupancy = OccupancyFinder(plant, self.resources)
         self._journeys = self._control.journeys
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
-        """Where vehicles that broke off, or that are moved by hand, may be, to the next point of their
-        routes."""
+        """The resource sets where vehicles may be that broke off their routes or are moved by hand, up to the
+        next point of their routes."""
         self._turn_backs: dict[str, tuple[tuple[WaitReason, tuple[str, ...], str], int]] = {}
-        """Why vehicles wait, and how far the others would have had to turn back (mm) when that began."""
+        """By vehicle: why it waits, and how far (mm) the other one would have had to turn back initially."""
         self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
-        """The same of those that were seen standing since, beside a point: until they are on one or drive on.
-        Their pose alone may wrongly show them clear of a curved path."""
+        """The same for vehicles that have since been seen standing beside a point, until they are on one or
+        drive on. Their pose alone may wrongly show them clear of a curved path."""
         self._to_extend: dict[str, None] = {}
-        """Vehicles whose routes may not be completely allocated; see :meth:`extending`."""
+        """Vehicles whose routes may be only partly allocated; see :meth:`extending`."""
         self._halted: frozenset[str] = frozenset()
         """Vehicles to which nothing is allocated for now; see :meth:`halt`."""
 
@@ -71,7 +71,7 @@ class TrafficManager:
         return self._scheduler.occupant(vehicle).point
 
     def users(self, resource: str) -> frozenset[str]:
-        """Return who holds, claims or will rest on a point, path, block or location."""
+        """Return the vehicles that hold, claim or will rest on a point, path, block or location."""
         return self._scheduler.users(resource)
 
     def stands(self, vehicle: str, point: str, *, on_point: bool) -> bool:
@@ -80,20 +80,20 @@ class TrafficManager:
         return occupant.point == point and (occupant.entry is None) == on_point
 
     def journey(self, vehicle: str) -> Journey | None:
-        """Return the vehicle's route, read-only; None: it has none, and rests."""
+        """Return the vehicle's route, read-only; None if it is at rest."""
         return self._journeys.get(vehicle)
 
     def seen(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:
-        """Set what a vehicle without a route holds to where it was seen.
+        """Make a vehicle without a route hold the resources at the position where it was seen.
 
-        Return whether that changes anything.
+        Return whether that changes what it holds.
 
-        While it is ``moving`` it also keeps what it held before. A vehicle that arrived by a route knows
-        better than its pose what its length covers; one that broke off also keeps what is next to its last
-        position, because paths need not be straight.
+        While it is ``moving`` it also keeps what it held before. After a completed route, the route shows
+        more precisely than the pose what the vehicle's length covers. After a route that was broken off, the
+        vehicle also keeps the resources next to its last position, because paths may be curved.
         """
         beside = self.beside(vehicle)
-        footing, behind = self._footings.of(found, box), self._behind(vehicle, found, moving=moving)
+        footing, behind = self._occupancy.of(found, box), self._behind(vehicle, found, moving=moving)
         if behind and behind[-1].point == found.point and found.on_point and not moving:
             held, entry = behind, None
         else:
@@ -118,7 +118,7 @@ class TrafficManager:
         return vehicle in self._scheduler and self._scheduler.occupant(vehicle).point == found.point
 
     def _behind(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
-        """Return what a vehicle still covers of all that it holds, after it was found somewhere."""
+        """Return those of a vehicle's held sets that it still covers at the position where it was found."""
         held = self.held(vehicle)
         if moving:
             return held
@@ -130,7 +130,7 @@ class TrafficManager:
         return () if remembered is None else passed
 
     def beside(self, vehicle: str) -> tuple[ResourceSet, ...] | None:
-        """Return what a vehicle may occupy since it broke off; None: it did not, or was seen on a point."""
+        """Return what a vehicle that broke off may occupy; None: it did not, or has been seen on a point."""
         return self._broken_off.get(vehicle, self._left_at.get(vehicle))
 
     def restore(
@@ -141,13 +141,13 @@ class TrafficManager:
         *,
         beside: tuple[ResourceSet, ...] | None = None,
     ) -> None:
-        """Restore what a vehicle held before a restart; with ``beside`` it has to be seen standing first."""
+        """Restore what a vehicle held before a restart; with ``beside`` it must be seen standing first."""
         self._scheduler.place(vehicle, held, length_mm)
         if beside is not None:
             self._broken_off[vehicle] = beside
 
     def resume(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
-        """Restore a vehicle's route after a restart; its position on it will be reported."""
+        """Restore a vehicle's route after a restart; :meth:`arrived` then reports its progress."""
         self._broken_off.pop(vehicle, None)
         ends = (index + 1 for index in range(len(way)) if self.resources.may_wait(way, index))
         end = next((each for each in ends if each >= allocated), allocated)
@@ -173,11 +173,11 @@ class TrafficManager:
         self._control.drop(vehicle)
 
     def forget_routes(self) -> None:
-        """Search again for the routes that vehicles wait for: the plant has changed."""
+        """Drop the cached routes of waiting vehicles, because the plant has changed."""
         self._control.forget_routes()
 
     def displaces(self, vehicle: str, goal: str) -> bool:
-        """Return whether others that rest, or will, would have to make room for a drive to ``goal``."""
+        """Return whether vehicles at rest, now or soon, would have to make room for a drive to ``goal``."""
         return self._control.displaces(RouteRequest(vehicle, goal))
 
     def decide(
@@ -192,17 +192,17 @@ class TrafficManager:
 
     @property
     def unfinished(self) -> bool:
-        """Whether the last decision ended before it had come to each vehicle."""
+        """Whether the last decision reached its search limit before it had handled every vehicle."""
         return self._control.unfinished
 
     def halt(self, vehicles: Collection[str]) -> None:
-        """Allocate nothing more to these vehicles, but to all others, until their routes were replanned."""
+        """Allocate nothing more to these vehicles, and resume allocation to all others."""
         self._halted = frozenset(vehicles)
 
     def stuck(self, movable: Callable[[str], bool], lost: Callable[[str], bool]) -> Iterator[str]:
         """Yield the driving vehicles that wait for vehicles at rest which will not make room.
 
-        These cannot be sent away, or it is unknown when they could be. Call it after :meth:`decide`.
+        Those cannot be moved, or it is unknown when they can. Call this after :meth:`decide`.
         """
         for vehicle, journey in self.extending():
             if self.is_blocked(vehicle) and journey.refusal:
@@ -225,7 +225,7 @@ class TrafficManager:
     def replan(self, vehicle: str, steps: Sequence[Step], location: str | None = None) -> Refusal | None:
         """Replace a vehicle's route beyond what is allocated; return the refusal, if any.
 
-        What is allocated stays with the vehicle. On a refusal the route stays as it was.
+        The vehicle keeps what is allocated. If traffic control refuses, the route is unchanged.
         """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         way = self.resources.way(steps, start=occupant.held[-1], location=location)
@@ -254,14 +254,15 @@ class TrafficManager:
         }
 
     def revoke(self, vehicle: str) -> None:
-        """Withdraw a route of which nothing is allocated yet: the vehicle rests where it was."""
+        """Withdraw a route of which nothing is allocated yet; the vehicle stays at rest."""
         self._journeys.pop(vehicle)
         self._scheduler.give_up_claim(vehicle)
 
     def allocate(self, vehicle: str, ahead: int = 0, length_mm: float = 0.0) -> bool:
-        """Allocate sets until the vehicle has enough in front of it; return whether any was allocated.
+        """Allocate sets until the vehicle has enough ahead of it; return whether any was allocated.
 
-        Enough are ``ahead`` sets, and ``length_mm`` behind the next one; without either, as many as possible.
+        Enough means at least ``ahead`` sets, and ``length_mm`` beyond the next one. Without either, allocate
+        as many as possible.
         """
         if vehicle in self._halted:
             return False
@@ -279,20 +280,20 @@ class TrafficManager:
         return journey.allocated > before
 
     def is_blocked(self, vehicle: str) -> bool:
-        """Return whether a vehicle at rest keeps this one from continuing its route."""
+        """Return whether a vehicle at rest blocks this one on its route."""
         journey = self._journeys.get(vehicle)
         refusal = journey.refusal if journey else None
         return refusal is not None and refusal.reason is WaitReason.RESTING
 
     def ahead(self, vehicle: str) -> int:
-        """Return how many sets a vehicle holds in front of it; raises UnknownOccupantError."""
+        """Return how many sets a vehicle holds ahead of it; raises UnknownOccupantError."""
         return self._scheduler.occupant(vehicle).ahead
 
     def arrived(self, vehicle: str, reached: int) -> bool:
         """Note that the vehicle has arrived at the ``reached``-th set of its route, counted from 1.
 
-        Return whether that may let any vehicle continue. A vehicle that has gone further than allowed holds
-        that, too.
+        Return whether any vehicle may be able to continue because of it. A vehicle that has driven further
+        than allowed also holds what it has reached.
         """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         reached = min(reached, len(journey.way))
@@ -308,7 +309,7 @@ class TrafficManager:
         return freed or not journey.all_allocated
 
     def finished(self, vehicle: str) -> None:
-        """Note that the vehicle has arrived at the end of its route, and rests there."""
+        """Note that the vehicle has arrived at the end of its route and is at rest."""
         self.arrived(vehicle, len(self._journeys[vehicle].way))
         del self._journeys[vehicle]
         self._control.end_turn(vehicle, self._scheduler.occupant(vehicle).point)
@@ -321,7 +322,7 @@ class TrafficManager:
         self._control.forget_refusal(vehicle)
 
     def break_off(self, vehicle: str) -> None:
-        """End a route early: the vehicle rests on all that it holds until it is seen standing."""
+        """Break off a route: the vehicle keeps everything it holds until it is seen standing."""
         occupant = self._scheduler.occupant(vehicle)
         held = tuple(occupant.held)
         self._journeys.pop(vehicle, None)
@@ -330,13 +331,13 @@ class TrafficManager:
         self._scheduler.place(vehicle, held, occupant.length_mm)
 
     def broke_off(self, vehicle: str) -> bool:
-        """Return whether a vehicle without a route has not been seen standing since it broke off or moved."""
+        """Return whether a vehicle broke off or moved without a route, and was not seen standing since."""
         return vehicle in self._broken_off
 
     def extending(self) -> list[tuple[str, Journey]]:
-        """Return the driving vehicles whose routes are not completely allocated, with their routes.
+        """Return the driving vehicles whose routes are only partly allocated, with their routes.
 
-        The others need nothing of traffic until they arrive, and there may be many of them.
+        The others, of which there may be many, need no traffic control until they arrive.
         """
         found = [(name, journey) for name in self._to_extend if (journey := self._journeys.get(name))]
         self._to_extend = {name: None for name, journey in found if not journey.all_allocated}
@@ -344,11 +345,11 @@ class TrafficManager:
 
     @property
     def waiting(self) -> frozenset[str]:
-        """The vehicles that traffic may keep from continuing or departing."""
+        """The vehicles that may be waiting for traffic, under way or before departure."""
         return frozenset((*(name for name, _ in self.extending()), *self._control.requesting))
 
     def why_waiting(self, vehicle: str) -> str:
-        """Return why a vehicle does not depart or continue; empty if traffic does not keep it."""
+        """Return why a vehicle waits for traffic; empty if it does not."""
         refusal = self.refusal(vehicle)
         if refusal is None:
             self._turn_backs.pop(vehicle, None)
@@ -356,15 +357,15 @@ class TrafficManager:
         return refusal.in_words(self.turn_back_mm(vehicle, refusal))
 
     def refusal(self, vehicle: str) -> Refusal | None:
-        """Return the refusal of a vehicle that does not depart or continue; None: nothing."""
+        """Return the refusal for which a vehicle waits; None if it does not wait for traffic."""
         journey = self._journeys.get(vehicle)
         return (journey and journey.refusal) or self._control.why_waiting(vehicle)
 
     def turn_back_mm(self, vehicle: str, refusal: Refusal) -> int:
         """Return how far the other vehicle would have to turn back, mm; see :class:`Scheduler`.
 
-        The value is kept from when ``vehicle`` began to wait: it changes with each node, and each change of a
-        vehicle's status is saved and published.
+        The value from when ``vehicle`` began to wait is cached. The current one changes with each node, and
+        each change of a vehicle's status is stored and published.
         """
         cause = refusal.reason, refusal.vehicles, refusal.resource
         cached = self._turn_backs.get(vehicle)
@@ -374,6 +375,6 @@ class TrafficManager:
         return cached[1]
 
     def sharing(self, vehicle: str) -> str:
-        """Return which vehicle shares a position that was allocated to neither; empty for none."""
+        """Return, as a predicate, which vehicle stands on the same resource; empty if there is none."""
         found = self._scheduler.sharing(vehicle) if vehicle in self._scheduler else None
         return f"stands on {found[1]!r} together with {found[0]}" if found else ""

@@ -1,4 +1,4 @@
-"""Resources of the plant, who uses them, and what vehicles at rest occupy."""
+"""Resources of the plant: what each step needs, who uses them, and what vehicles at rest occupy."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from nena_shared.plant.model import Block, BlockType
 from nena_shared.plant.track import BoundingBox
 
 BLOCK_ENTRY_DIRECTION: Final = "tcs:blockEntryDirection"
-"""Path property: the direction in which a vehicle enters a block by this path; without it the path's own."""
+"""Path property: direction in which a vehicle enters a block on this path. Default: that of the edge."""
 
 Uses = Mapping[str, str | None]
-"""Resources by name, each with the direction in which others may use it meanwhile; None: no others."""
+"""Resources by name, each with the direction in which others may share it; None: exclusive."""
 
 
 def conflict(one: str | None, other: str | None) -> bool:
-    """Return whether two vehicles cannot use one resource at the same time, each in its direction."""
+    """Return whether two vehicles cannot share a resource, given their directions."""
     return one is None or one != other
 
 
@@ -40,7 +40,7 @@ class ResourceSet:
 
 
 class Resources:
-    """Finds the resources that each step in one plant needs; none if they are not ``exclusive``."""
+    """Finds the resources that each step in one plant needs; none unless ``exclusive``."""
 
     def __init__(self, plant: PlantModel, *, exclusive: bool = True) -> None:
         self._exclusive = exclusive
@@ -58,10 +58,10 @@ class Resources:
                 self._blocks[member].append(block)
 
     def may_wait(self, way: Sequence[ResourceSet], index: int) -> bool:
-        """Return whether a vehicle may wait at a set of its route until it can continue; always at the end.
+        """Return whether a vehicle may wait at a set of its route until it can continue.
 
-        Elsewhere it may if it continues by a one-way path, so that no oncoming vehicle waits for it, and if
-        it is in no block.
+        It may always wait at the end. Elsewhere it must be outside all blocks, and either continue on a
+        one-way path, so that no oncoming vehicle waits for it, or stand where others can drive around it.
         """
         if index + 1 == len(way):
             return True
@@ -70,21 +70,21 @@ class Resources:
         return self._crossings.is_open(way[index].point) or self._two_way.isdisjoint(way[index + 1].uses)
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
-        """Apply locks of paths that hosts have set, overriding the plant model."""
+        """Apply the path locks set by hosts, overriding the plant model."""
         self._crossings.set_locks(locks)
 
     def at(self, point: str) -> ResourceSet:
-        """Return the resources of a vehicle found at ``point``, regardless of how it got there."""
+        """Return the resources of a vehicle found at ``point``."""
         return self.on(point, (point,))
 
     def on(self, point: str, members: Sequence[str], *, length_mm: int = 0) -> ResourceSet:
-        """Return the resources of a vehicle on ``members``, whose ways begin or end at ``point``."""
+        """Return the resources of a vehicle on ``members`` whose routes begin or end at ``point``."""
         return ResourceSet(point, length_mm, self._uses(members, {}))
 
     def along(
         self, steps: Iterable[Step], *, start: ResourceSet, location: str | None = None
     ) -> Iterator[ResourceSet]:
-        """Yield the resources of each step of a route from ``start`` on; the last also has ``location``."""
+        """Yield the resources of each step of a route from ``start``; the last set includes ``location``."""
         way = tuple(steps)
         before = start
         for index, step in enumerate(way):
@@ -103,9 +103,9 @@ class Resources:
         entry: ResourceSet | None = None,
         location: str | None = None,
     ) -> list[ResourceSet]:
-        """Return the resources of a route, with the ``entry`` before it and the ``location``.
+        """Return the resources of a route, including the ``entry`` before it and the ``location``.
 
-        A vehicle that uses a location where it is only needs that location, without a step.
+        A vehicle that uses a location at its current point needs only that location.
         """
         before = [] if entry is None else [entry]
         if steps or location is None:
@@ -115,7 +115,7 @@ class Resources:
         return [ResourceSet(entry.point, entry.length_mm, {**entry.uses, **self._uses((location,), {})})]
 
     def _directions(self, members: Iterable[str], step: Step, before: ResourceSet) -> dict[str, str | None]:
-        """Return the direction of each same-direction block: a vehicle keeps the one in which it entered."""
+        """Return the direction for each SAME_DIRECTION_ONLY block; a vehicle keeps that of its entry."""
         entry = step.path.properties.get(BLOCK_ENTRY_DIRECTION, step.edge_id)
         return {
             block.name: before.uses.get(block.name, entry)
@@ -135,20 +135,20 @@ class Resources:
 
 
 CROSSING = 3
-"""Neighbours that a point has at least at which paths cross."""
+"""Minimum number of neighbours of a crossing."""
 
-WAY_ROUND = 8
+DETOUR_PATHS = 8
 """Maximum number of paths of a detour around a crossing."""
 
-WAY_PAST = 3
-"""The same for a point with two neighbours: more than that is no passing place, but a ring."""
+PASSING_PATHS = 3
+"""The same for a point with two neighbours; a longer detour is a ring, not a passing place."""
 
 
 class Crossings:
     """Finds the crossings and passing places that others can bypass when a vehicle waits there.
 
-    Without such a point, each of its neighbours still leads to each other one by a short route, over paths
-    that are not locked. Each point is checked on first use: there may be thousands.
+    Each neighbour of such a point still leads to each other one by a short route around it, over unlocked
+    paths. Points are checked on first use, because there may be thousands.
     """
 
     def __init__(self, plant: PlantModel) -> None:
@@ -162,7 +162,7 @@ class Crossings:
         self._open: dict[str, bool] = {}
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
-        """Set locks of paths, overriding the plant model; all crossings are checked again."""
+        """Set path locks, overriding the plant model, and drop all cached results."""
         self._locks = dict(locks)
         self._open.clear()
 
@@ -171,13 +171,13 @@ class Crossings:
         known = self._open.get(point)
         if known is None:
             others = self._neighbours.get(point, set())
-            paths = WAY_ROUND if len(others) >= CROSSING else WAY_PAST
+            paths = DETOUR_PATHS if len(others) >= CROSSING else PASSING_PATHS
             known = len(others) > 1 and all(self._leads_to(others, one, point, paths) for one in others)
             self._open[point] = known
         return known
 
     def _leads_to(self, others: set[str], start: str, without: str, paths: int) -> bool:
-        """Return whether so many paths lead from a point to each of the others without another point."""
+        """Return whether ``start`` leads to all others by at most ``paths`` paths, avoiding ``without``."""
         reached = newest = {start}
         for _ in range(paths):
             newest = {other for one in newest for other in self._after(one)} - reached - {without}
@@ -193,13 +193,13 @@ class Crossings:
 
 
 class UseIndex:
-    """Counts the uses of each resource by vehicle and direction: a loop uses some of them twice."""
+    """Counts the uses of each resource by vehicle and direction, because a loop uses some of them twice."""
 
     def __init__(self) -> None:
         self._users: defaultdict[str, dict[tuple[str, str | None], int]] = defaultdict(dict)
 
     def add(self, vehicle: str, uses: Uses) -> Uses:
-        """Add one use of these resources by ``vehicle``; return those that it did not use before."""
+        """Count one use of these resources by ``vehicle``; return those that it did not use before."""
         new: dict[str, str | None] = {}
         for resource, direction in uses.items():
             users, user = self._users[resource], (vehicle, direction)
@@ -223,7 +223,7 @@ class UseIndex:
         return gone
 
     def others(self, vehicle: str, uses: Uses) -> Iterator[tuple[str, str]]:
-        """Yield pairs of vehicle and resource: other users of what ``vehicle`` cannot share with them."""
+        """Yield the other users of resources that ``vehicle`` cannot share with them, as (user, resource)."""
         for resource, direction in uses.items():
             if users := self._users.get(resource):
                 for other, their_direction in users:
@@ -237,10 +237,10 @@ class UseIndex:
 
 @dataclass(slots=True)
 class Occupant:
-    """One vehicle: the sets behind and under it, those that it may drive to, those that it claims.
+    """The resource sets that one vehicle holds and claims.
 
     ``held`` begins with the oldest set that the vehicle still covers and ends with the last one that was
-    allocated; ``reached`` is the index in it of the point where the vehicle is or which it has left last.
+    allocated. ``reached`` is the index in it of the last point that the vehicle has reached.
     """
 
     name: str
@@ -249,26 +249,26 @@ class Occupant:
     reached: int = 0
     claimed: deque[ResourceSet] = field(default_factory=deque)
     entry: ResourceSet | None = None
-    """What it needs to reach the point where its routes begin; None: it is there."""
+    """What it needs to reach the point where its routes begin; None if it is there."""
 
     @property
     def resting(self) -> bool:
-        """Return whether it has arrived at the end of its route and requests nothing."""
+        """Whether it has arrived at the end of its route and claims nothing."""
         return not self.claimed and self.reached == len(self.held) - 1
 
     @property
     def point(self) -> str:
-        """The point that it has reached last."""
+        """The last point that it has reached."""
         return self.held[self.reached].point
 
     @property
     def ahead(self) -> int:
-        """Return how many sets it holds in front of it."""
+        """Number of sets that it holds ahead of it."""
         return len(self.held) - 1 - self.reached
 
     @property
     def length_behind_next_mm(self) -> int:
-        """How far it may drive beyond the next set that it reaches."""
+        """How far it may drive beyond the next set, mm."""
         return sum(each.length_mm for each in islice(self.held, self.reached + 2, None))
 
     def at_end(self, way: Sequence[ResourceSet]) -> list[ResourceSet]:
@@ -277,10 +277,7 @@ class Occupant:
         return sets[covered_from(sets, len(sets) - 1, self.length_mm) :]
 
     def arrive(self, index: int) -> list[ResourceSet]:
-        """Move to the ``index``-th held set.
-
-        Return the sets that are free now, given the vehicle's length.
-        """
+        """Move to the ``index``-th held set; return the sets that the vehicle's length no longer covers."""
         self.reached, self.entry = index, None
         first = covered_from(self.held, index, self.length_mm)
         self.reached -= first
@@ -290,8 +287,8 @@ class Occupant:
 def covered_from(sets: Sequence[ResourceSet], at: int, length_mm: int) -> int:
     """Return the index of the oldest set that a vehicle of this length covers at the point of ``at``.
 
-    The whole length is taken to lie behind the point: if the robot's own reference point is in its middle,
-    that is more than it needs, and never less.
+    The whole length is assumed to lie behind the point. For a robot with its reference point in the middle
+    this is more than it needs, never less.
     """
     covered, index = sets[at].length_mm, at
     while index > 0 and covered < length_mm:
@@ -304,15 +301,15 @@ def covered_from(sets: Sequence[ResourceSet], at: int, length_mm: int) -> int:
 class Found:
     """Where a vehicle was found, in mm in the plant's frame.
 
-    ``point`` is the start of its routes: it is there, or ``on_point`` is False and the point is nearest. A
-    vehicle whose place is None is at the point by its own report.
+    ``point`` is where its routes start: the vehicle is there or, if ``on_point`` is False, it is the nearest
+    point. Without ``place_mm`` the vehicle has reported only the point.
     """
 
     point: str
     on_point: bool
     place_mm: tuple[float, float] | None = None
     map_id: str = ""
-    """The map of the place; points of other maps are ignored."""
+    """The map of ``place_mm``; points on other maps are ignored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,10 +321,10 @@ class OccupiedResources:
 
 
 class OccupancyFinder:
-    """Finds what vehicles occupy on one plant.
+    """Finds what vehicles occupy in one plant.
 
-    On a point that is the point. Beside it, these are the paths, as straight lines, and the points that are
-    nearer to the vehicle than its own extent; far from all of them it occupies nothing.
+    A vehicle on a point occupies that point. Elsewhere it occupies the points and paths (as straight lines)
+    that are within its own extent; far from all of them, nothing.
     """
 
     def __init__(self, plant: PlantModel, resources: Resources) -> None:
@@ -384,7 +381,7 @@ def _box(*points: Point) -> Box:
 
 
 def _distance_mm(place: tuple[float, float], one: tuple[float, float], other: tuple[float, float]) -> float:
-    """Return the distance of a position from the line between two others."""
+    """Return the distance of a position from the segment between two others, mm."""
     along = (other[0] - one[0], other[1] - one[1])
     apart = (place[0] - one[0], place[1] - one[1])
     square = along[0] ** 2 + along[1] ** 2

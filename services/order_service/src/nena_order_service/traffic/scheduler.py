@@ -1,4 +1,8 @@
-"""Who holds, claims and will rest on what, and in which order vehicles pass (decision 0038)."""
+"""Scheduler: which vehicle holds, claims or will rest on which resource, and who goes first.
+
+See decision 0038. The terms *claim* and *allocate* are those of openTCS. :class:`Turns` is the order in which
+vehicles are served; :class:`SearchLimit` keeps one decision from blocking the event loop for long.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,9 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from math import inf
 
+from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.resources import Occupant, ResourceSet, UseIndex, Uses
 from nena_shared.plant.track import MM_PER_M
 
@@ -30,17 +36,17 @@ class Refusal:
     vehicles: tuple[str, ...]
     resource: str
     between: tuple[str, ...] = ()
-    """Others through which those ``vehicles`` and the waiting one would wait for each other."""
+    """The vehicles that close the cycle: through them, ``vehicles`` and the waiting one would deadlock."""
     way: tuple[ResourceSet, ...] = field(default=(), compare=False, repr=False)
-    """The requested resources, if others must go first so that the vehicles do not block each other."""
+    """The requested resources, if others must go first to avoid a deadlock."""
 
     def __str__(self) -> str:
         return self.in_words()
 
     def in_words(self, turn_back_mm: int = 0) -> str:
-        """Return which vehicle it waits for, where and why.
+        """Return, as a predicate, which vehicles are waited for, where and why.
 
-        ``turn_back_mm`` is how far the other one would have to turn back if this one went first.
+        ``turn_back_mm`` is how far the other vehicle would have to turn back if this one went first.
         """
         names, one = ", ".join(self.vehicles), len(self.vehicles) == 1
         match self.reason:
@@ -63,11 +69,11 @@ class UnknownOccupantError(LookupError):
 
     def __init__(self, name: str) -> None:
         self.name = name
-        super().__init__(f"place vehicle {name!r} before anything is claimed for it")
+        super().__init__(f"the position of vehicle {name!r} is unknown")
 
 
 class Scheduler:
-    """Who holds, claims and will rest on what; names of vehicles and of resources are the plant's."""
+    """Tracks which vehicle holds, claims and will rest on which resources, by their names in the plant."""
 
     def __init__(self) -> None:
         self._occupants: dict[str, Occupant] = {}
@@ -78,10 +84,10 @@ class Scheduler:
         self._versions: Counter[str] = Counter()
         """Number of changes of what a vehicle holds, claims or will rest on."""
         self._later: defaultdict[str, Counter[str]] = defaultdict(Counter)
-        """For each vehicle those that cannot arrive before it, by the number of resources that cause this."""
+        """For each vehicle, those that cannot arrive before it, with the number of resources concerned."""
 
     def occupant(self, name: str) -> Occupant:
-        """Return a vehicle's occupancy, for reading only; raises UnknownOccupantError."""
+        """Return a vehicle's occupancy, read-only; raises UnknownOccupantError."""
         try:
             return self._occupants[name]
         except KeyError:
@@ -98,9 +104,9 @@ class Scheduler:
     def place(
         self, name: str, place: Iterable[ResourceSet], length_mm: int, *, entry: ResourceSet | None = None
     ) -> None:
-        """Place a vehicle that rests on ``place``, oldest set first, regardless of others there.
+        """Place a vehicle at rest on ``place``, oldest set first, whether or not others are there.
 
-        ``entry`` is what it needs to reach the point of the last set, if it is not there yet.
+        ``entry`` is what it needs to reach the point of the last set, unless it is already there.
         """
         self.remove(name)
         sets = deque(place)
@@ -120,9 +126,7 @@ class Scheduler:
     def claim(self, name: str, way: Sequence[ResourceSet]) -> Refusal | None:
         """Claim a route that follows what the vehicle holds.
 
-        Return the refusal, if any: then nothing has changed.
-
-        An existing claim is replaced.
+        Return the refusal, in which case nothing has changed; None on success. Replaces an existing claim.
         """
         occupant = self.occupant(name)
         if refusal := self._resting_on(name, way):
@@ -134,7 +138,7 @@ class Scheduler:
         return refusal
 
     def allocate(self, name: str) -> Refusal | None:
-        """Allocate the next claimed set; return the refusal, if any: then nothing has changed.
+        """Allocate the next claimed set; return the refusal, in which case nothing has changed.
 
         Raises:
             LookupError: the vehicle is not known, or claims nothing.
@@ -144,7 +148,7 @@ class Scheduler:
             message = f"vehicle {name!r} claims nothing"
             raise LookupError(message)
         wanted = occupant.claimed[0]
-        # Another vehicle may have stopped on the route since it was claimed, and must be able to leave.
+        # Another vehicle may have stopped on the route since the claim, and must be able to leave.
         if refusal := self._resting_on(name, occupant.claimed) or self._held(name, wanted):
             return refusal
         if refusal := self._precedence(name, wanted):
@@ -153,7 +157,7 @@ class Scheduler:
         return None
 
     def resume(self, name: str, held: Sequence[ResourceSet], claimed: Sequence[ResourceSet]) -> None:
-        """Hold and claim what a vehicle at rest was granted before, without checks."""
+        """Restore what a vehicle at rest held and claimed before, without checks."""
         occupant = self.occupant(name)
         for each in held:
             self._add(self._holds, name, each.uses)
@@ -183,7 +187,7 @@ class Scheduler:
         self._set_claim(self.occupant(name), ())
 
     def sharing(self, name: str) -> tuple[str, str] | None:
-        """Return another vehicle that holds what this one holds exclusively, and the resource, or None."""
+        """Return another vehicle on one of this one's exclusive resources, and the resource; or None."""
         return next(self._others(self._holds, name, self.occupant(name).held), None)
 
     def turn_back_mm(self, refusal: Refusal) -> int:
@@ -200,7 +204,7 @@ class Scheduler:
         return 0 if before.isdisjoint(following.uses) else sum(each.length_mm for each in way[index + 1 :])
 
     def users(self, resource: str) -> frozenset[str]:
-        """Return who holds, claims or will rest on ``resource``."""
+        """Return the vehicles that hold, claim or will rest on ``resource``."""
         return self._holds.users(resource) | self._claims.users(resource) | self._ends.users(resource)
 
     def resting_on(self, name: str, way: Iterable[ResourceSet]) -> tuple[str, ...]:
@@ -209,7 +213,7 @@ class Scheduler:
         return tuple(dict.fromkeys(other for other in found if self._occupants[other].resting))
 
     def rests_or_will_rest_on(self, name: str, way: Iterable[ResourceSet]) -> bool:
-        """Return whether others rest where ``name`` would have to pass or to stop, or will at their ends."""
+        """Return whether others rest, or will rest, where ``name`` would have to pass or to stop."""
         way = tuple(way)
         return bool(self.resting_on(name, way)) or any(self._others(self._ends, name, way))
 
@@ -218,7 +222,7 @@ class Scheduler:
         return self.occupant(name).at_end(way)
 
     def versions(self, names: Iterable[str]) -> dict[str, int]:
-        """Return for each vehicle a number that changes with what it holds, claims or will rest on."""
+        """Return a number for each vehicle that changes with what it holds, claims or will rest on."""
         return {name: self._versions[name] for name in names}
 
     def free_of_rest(self, name: str, way: Iterable[ResourceSet]) -> int:
@@ -284,7 +288,10 @@ class Scheduler:
         return Refusal(WaitReason.ORDER, (first,), resource, ring, tuple(self._occupants[name].claimed))
 
     def _chain(self, first: str, later: str) -> tuple[str, ...]:
-        """Return the chain by which ``first`` must arrive before ``later``, itself first; empty if none."""
+        """Return the vehicles through which ``first`` must arrive before ``later``, starting with ``first``.
+
+        Empty if it need not.
+        """
         came_from = {first: ""}
         open_ends = [first]
         while open_ends:
@@ -333,3 +340,83 @@ class Scheduler:
         after[later] += count
         if not after[later]:
             del after[later]
+
+
+class Turns:
+    """The order in which vehicles are served: a number and a goal for each, until it reaches the goal."""
+
+    def __init__(self) -> None:
+        self._turns: dict[str, tuple[int, str]] = {}
+        self._last = 0
+
+    def take(self, vehicle: str, goal: str, *, first: bool, waits: bool) -> None:
+        """Queue a vehicle for ``goal``, behind all others unless it keeps its turn or is ``first``.
+
+        It keeps its turn if it ``waits`` with a request, if its goal is unchanged, or if it is ``first``.
+        """
+        number, before = self._turns.get(vehicle, (None, ""))
+        if first and number is None:
+            number = min((each for each, _ in self._turns.values()), default=0) - 1
+        elif number is None or not (first or waits or goal == before):
+            self._last += 1
+            number = self._last
+        self._turns[vehicle] = number, goal
+
+    def number(self, vehicle: str) -> int:
+        """Return the number of a vehicle's turn; lower numbers are served first."""
+        return self._turns.get(vehicle, (0, ""))[0]
+
+    def goal(self, vehicle: str) -> str:
+        """Return the goal of a vehicle's turn; empty if it has none."""
+        return self._turns.get(vehicle, (0, ""))[1]
+
+    def end(self, vehicle: str) -> None:
+        """End a vehicle's turn, if it has one."""
+        self._turns.pop(vehicle, None)
+
+
+CLAIMS_PER_SEARCH = 5
+"""Number of attempts to claim a section that take about as long as one route search."""
+
+
+class SearchLimit:
+    """Limits the route searches and claims of one decision; the next decision continues with the rest.
+
+    Each decision starts with the oldest turn, finds the routes of the previous one in the caches, and skips
+    what is *done*. It therefore gets further each time, however many vehicles need a search.
+    """
+
+    def __init__(self, routes: VehicleRoutes) -> None:
+        self.reached = False
+        """Whether the limit is reached, so that searches are left to the next decision."""
+        self._routes = routes
+        self._most = inf
+        self.claims = 0
+        """Number of attempts to claim a section for vehicles under way."""
+        self._done: set[tuple[str, str]] = set()
+        """Tasks and vehicles that are completed; cleared after a decision that left nothing."""
+
+    def begin(self, searches: float) -> None:
+        """Begin a decision that may use this many searches."""
+        if not self.reached:
+            self._done.clear()
+        self.reached = False
+        self._most = self._spent + searches
+
+    @property
+    def _spent(self) -> float:
+        return self._routes.searches + self.claims / CLAIMS_PER_SEARCH
+
+    def permits(self) -> bool:
+        """Return whether another search is allowed; if not, it is left to the next decision."""
+        self.reached = self.reached or self._spent >= self._most
+        return not self.reached
+
+    def is_done(self, task: str, vehicle: str) -> bool:
+        """Return whether a task for a vehicle is completed."""
+        return (task, vehicle) in self._done
+
+    def done(self, task: str, vehicle: str) -> None:
+        """Mark a task as completed, unless the limit cut it short."""
+        if not self.reached:
+            self._done.add((task, vehicle))

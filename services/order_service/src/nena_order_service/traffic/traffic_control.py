@@ -1,24 +1,24 @@
 """Traffic control: which vehicle may begin or continue its route, and which must make room (decision 0038).
 
 This is prioritised planning, as in multi-agent path finding (MAPF), over resources that are claimed before
-they are allocated, as in openTCS. :mod:`.scheduler` keeps it safe: it allocates a resource to one vehicle
-at a time, and refuses each claim that could end in a deadlock. The rules here decide who claims what, and
-when; they guarantee that each request is granted in the end:
+they are allocated, as in openTCS. :mod:`.scheduler` ensures safety: it allocates a resource to one vehicle
+at a time, and refuses every claim that could lead to a deadlock. The rules here decide who claims what and
+when; they guarantee that every request is eventually granted:
 
 1. **Turns.** The oldest request is served first. A vehicle keeps its turn until it reaches its goal.
 2. **Sections.** A vehicle claims only the next section of its route, up to a point where it can wait without
    blocking others. Claims are short, so vehicles follow each other closely.
 3. **Right of way.** The oldest vehicle that has to wait reserves its next section: no other may claim a way
-   that ends there. So the section becomes free, however many younger requests there are.
+   that ends there. The section therefore becomes free, however many younger requests there are.
 4. **Making room.** Vehicles that rest on the route of another are sent to a free point (:mod:`.evasion`).
-   Only the right of way moves a vehicle that itself wants to go somewhere, unless it waits for itself.
-5. **Letting out.** A vehicle that made room for one which it had enclosed does not return before that one
-   has left. Without this rule the two would move back and forth forever.
+   A vehicle with its own request is only sent away for the right of way, or if it waits for itself.
+5. **Letting out.** A vehicle that made room for one that it enclosed does not return before that one has
+   left. Without this rule, the two would move back and forth forever.
 6. **Detours.** A route avoids points and paths with much traffic, and leads around vehicles at rest if that
    is not much longer. A vehicle that waits in traffic gets another route if that is cheaper, unless it
    has the right of way: then others make room on its present one.
 
-A *way* is a route as resource sets, in driving order: what the vehicle needs to reach each of its points.
+A *way* is a route as resource sets in driving order: what the vehicle needs to reach each point.
 """
 
 from __future__ import annotations
@@ -29,36 +29,35 @@ from dataclasses import dataclass
 from math import inf
 
 from nena_order_service.routing.graph import NoRouteError, Route, burdened
-from nena_order_service.routing.router import Routes
+from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.evasion import Evader, Evasion, VehicleTest, no_vehicle, overlap
 from nena_order_service.traffic.resources import Resources, ResourceSet
-from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
-from nena_order_service.traffic.turns import SearchLimit, Turns
+from nena_order_service.traffic.scheduler import Refusal, Scheduler, SearchLimit, Turns, WaitReason
 from nena_shared.plant import PlantModel, UnknownObjectError
 
 SECTION = 4
-"""How many resource sets a vehicle claims ahead of what it holds; more where it cannot wait there."""
+"""Number of resource sets that a vehicle claims ahead of what it holds; more if it cannot wait there."""
 LONGEST_DETOUR = 1.5
-"""How many times the cost of the cheapest route a detour around vehicles at rest may cost."""
+"""Maximum cost of a detour around vehicles at rest, as a multiple of the cheapest route's cost."""
 CONGESTION = 0.2
-"""The share of its cost that a step costs more for each other vehicle whose route leads to the same point."""
+"""Share of its cost added to a step for each other vehicle whose route leads to the same point."""
 ONCOMING = 0.3
-"""The share that a step costs more for each other vehicle that will drive its path in the other direction."""
+"""Share added for each other vehicle that will drive the path in the opposite direction."""
 STANDING = 6.0
-"""The same for each other vehicle that waits at the point, when a waiting vehicle looks for another route."""
+"""Share added for each other vehicle that waits at the point, when a waiting vehicle is rerouted."""
 WORTH_IT = 0.9
-"""The share of its present route's cost that another one may cost, so that a waiting vehicle takes it."""
+"""Maximum cost of another route for a waiting vehicle, as a share of its current route's cost."""
 CLEARING, MAKING_ROOM = "clearing", "making room"
-"""Searches for free places that are not repeated while a decision is continued."""
+"""Tasks that are not repeated while a decision is continued."""
 VEHICLES_PER_SEARCH = 10
-"""Traffic is counted again after one route search for each this many vehicles under way."""
+"""Traffic is counted again after one route search per this many vehicles under way."""
 
 
 @dataclass(frozen=True, slots=True)
 class RouteRequest:
     """A vehicle at rest wants to drive to ``goal``, and to use ``location`` there if one is named.
 
-    With ``straight_mm`` it drives this far straight, off the paths, to the place nearest to ``goal``.
+    With ``straight_mm`` it drives straight for this distance, off the paths, to a position near ``goal``.
     ``avoid`` names points, paths and locations that its route must not use.
     """
 
@@ -71,7 +70,7 @@ class RouteRequest:
 
 @dataclass(frozen=True, slots=True)
 class RouteGrant:
-    """A vehicle may begin its route; its first section is claimed. A straight drive has no route."""
+    """A vehicle may begin its route; its first section is claimed. ``route`` is None for a straight drive."""
 
     route_request: RouteRequest
     route: Route | None
@@ -85,7 +84,7 @@ class RouteGrant:
 
 @dataclass(frozen=True, slots=True)
 class RouteRejection:
-    """A vehicle's request is dropped: no route leads to its goal any more."""
+    """A vehicle's request is dropped, because no route leads to its goal any more."""
 
     vehicle: str
     error: NoRouteError
@@ -100,7 +99,7 @@ class MoreClaimed:
 
 @dataclass(frozen=True, slots=True)
 class Displacement:
-    """A driving vehicle waits where another one has to pass: its route ends there, so it can make room."""
+    """A driving vehicle waits where another one has to pass: its route must end there so it can make room."""
 
     vehicle: str
 
@@ -134,7 +133,7 @@ class _RightOfWay:
 
 @dataclass(frozen=True, slots=True)
 class _Refused:
-    """Why a vehicle could not claim, and the requested claim."""
+    """A refused claim, and the reason."""
 
     refusal: Refusal
     way: list[ResourceSet]
@@ -142,7 +141,7 @@ class _Refused:
 
 @dataclass(frozen=True, slots=True)
 class _KnownRefusal:
-    """What was refused to a driving vehicle; valid until one of the vehicles that caused it changes."""
+    """The refused claim of a driving vehicle; valid until one of the vehicles that caused it changes."""
 
     refused: _Refused
     versions: dict[str, int]
@@ -150,7 +149,7 @@ class _KnownRefusal:
 
 @dataclass(frozen=True, slots=True)
 class _LetOut:
-    """A vehicle that another one made room for; it rests ``at`` a point in the way of the requester."""
+    """A vehicle that another one let out; it rests ``at`` a point on the requester's way."""
 
     vehicle: str
     at: str
@@ -158,9 +157,9 @@ class _LetOut:
 
 
 class TrafficControl:
-    """Answers route requests and extends claims; the rules are those of the module."""
+    """Answers route requests and extends claims by the rules in the module's docstring."""
 
-    def __init__(self, plant: PlantModel, routes: Routes, resources: Resources | None = None) -> None:
+    def __init__(self, plant: PlantModel, routes: VehicleRoutes, resources: Resources | None = None) -> None:
         self.resources = resources or Resources(plant)
         self.scheduler = Scheduler()
         self.journeys: dict[str, Journey] = {}
@@ -175,20 +174,20 @@ class TrafficControl:
         self._in_the_way: set[str] = set()
         """The vehicles on which the last attempt to claim a section depended."""
         self._right_of_way: _RightOfWay | None = None
-        """The vehicle that had it in the last decision."""
+        """The right of way in the last decision."""
         self._lets_out: dict[str, _LetOut] = {}
-        """Vehicles that made room for one which they enclosed."""
+        """Vehicles that made room for one that they enclosed."""
 
     @property
     def unfinished(self) -> bool:
-        """Whether the last decision ended before it had come to each vehicle."""
+        """Whether the last decision reached its search limit before it had handled every vehicle."""
         return self._limit.reached
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
-        """Accept a vehicle's request; it replaces an earlier one of the same vehicle, but not its turn.
+        """Add a vehicle's request; it replaces the vehicle's earlier request, but keeps its turn.
 
-        A vehicle that had its turn and could not reach its goal keeps that turn. One that is ``first`` and
-        had none is served before all others.
+        A vehicle that has not reached its goal also keeps its turn. One without a turn is served before all
+        others if it is ``first``.
         """
         vehicle, goal = route_request.vehicle, route_request.goal
         if self._turns.goal(vehicle) != goal:
@@ -197,7 +196,7 @@ class TrafficControl:
         self._requests[vehicle] = route_request
 
     def drop(self, vehicle: str) -> None:
-        """Drop a vehicle's request; its turn stays."""
+        """Drop a vehicle's request; it keeps its turn."""
         self._requests.pop(vehicle, None)
         self._refusals.pop(vehicle, None)
         self._routes.forget(vehicle)
@@ -209,7 +208,7 @@ class TrafficControl:
             self._turns.end(vehicle)
 
     def forget_refusal(self, vehicle: str) -> None:
-        """Drop the reason why a vehicle could not continue: its route has changed or ended."""
+        """Drop the reason why a vehicle waits, because its route has changed or ended."""
         self._refusals.pop(vehicle, None)
 
     def forget(self, vehicle: str) -> None:
@@ -219,7 +218,7 @@ class TrafficControl:
         self._lets_out.pop(vehicle, None)
 
     def forget_routes(self) -> None:
-        """Search again for the routes that vehicles wait for: the plant has changed."""
+        """Drop the cached routes of waiting vehicles, because the plant has changed."""
         self._routes.forget_all()
         self._known_refusals.clear()
 
@@ -229,7 +228,7 @@ class TrafficControl:
         return tuple(sorted(self._requests, key=self._turns.number))
 
     def why_waiting(self, vehicle: str) -> Refusal | None:
-        """Return why a vehicle's request is not granted yet, or why it cannot claim more of its route."""
+        """Return why a vehicle's request is not granted yet, or why no more of its route is claimed."""
         return self._refusals.get(vehicle)
 
     def displaces(self, route_request: RouteRequest) -> bool:
@@ -260,9 +259,9 @@ class TrafficControl:
     ) -> Route | None:
         """Return a route with less traffic for a vehicle that waits at the end of what it holds.
 
-        ``standing`` are the vehicles that wait now; ``stays`` returns whether a vehicle at rest may stay for
-        long: the route leads around those. None: its present route is about as good, there is no other one,
-        or it has the right of way.
+        ``standing`` are the vehicles that wait now. The route avoids vehicles at rest for which ``stays``
+        returns that they may stay for long. None: the current route is about as good, there is no other one,
+        or the vehicle has the right of way.
         """
         journey, occupant = self.journeys[vehicle], self.scheduler.occupant(vehicle)
         present = journey.way[journey.allocated :]
@@ -282,14 +281,14 @@ class TrafficControl:
         extending: Iterable[str] = (),
         searches: float = inf,
     ) -> Iterator[Decision]:
-        """Grant what can be granted, oldest turn first, and send away the vehicles that rest in the way.
+        """Grant requests where possible, oldest turn first, and send away vehicles that rest in the way.
 
         Args:
-            movable: whether a vehicle at rest could drive away now: it does nothing else there.
-            lost: whether it is unknown when a vehicle at rest could drive away. A vehicle that waits for it
-                takes any detour, and does not get the right of way: others would wait for it forever.
+            movable: returns whether a vehicle at rest could drive away now.
+            lost: returns whether it is unknown when a vehicle at rest could drive away. A vehicle that waits
+                for it takes any detour, and never gets the right of way: others would wait forever.
             extending: the vehicles under way with a part of their route that is not allocated yet.
-            searches: how many routes are searched at most; if that is not enough, it is ``unfinished``.
+            searches: maximum number of route searches; if they do not suffice, ``unfinished`` is set.
 
         """
         self._limit.begin(searches)
@@ -320,23 +319,23 @@ class TrafficControl:
             if blocked_at_rest and any(map(lost, refusal.vehicles)):
                 continue
             if under_way and not self.scheduler.occupant(vehicle).resting:
-                continue  # it still drives on what it holds
+                continue  # it still drives on the resources that it holds
             right_of_way = right_of_way or _RightOfWay(vehicle, self._next_section(refused.way))
             self._right_of_way = right_of_way
             if blocked_at_rest:
                 yield from self._make_room(vehicle, refused, right_of_way, movable)
 
     def _in_turn(self, extending: Iterable[str]) -> Iterator[str]:
-        """Yield the vehicles that may want something, oldest turn first, while routes may be searched."""
+        """Yield the vehicles to serve, oldest turn first, until the search limit is reached."""
         for vehicle in sorted({*self._requests, *extending}, key=self._turns.number):
             if not self._limit.permits():
                 return
             yield vehicle
 
     def _clear_ways(self, extending: list[str], movable: VehicleTest) -> Iterator[Evasion]:
-        """Send away vehicles that have stopped on the claimed way of another one before their own end.
+        """Send away vehicles that have stopped early on another one's claimed way.
 
-        They are under way then, too: add them.
+        Add them to ``extending``, because they are then under way, too.
         """
         for vehicle in tuple(extending):
             journey = self.journeys[vehicle]
@@ -356,7 +355,7 @@ class TrafficControl:
     # Route requests: the cheapest route, or a detour around vehicles at rest
 
     def _can_be_granted(self, route_request: RouteRequest) -> bool:
-        """Return whether the request is still current, and its vehicle rests."""
+        """Return whether the request is still current and its vehicle is at rest."""
         vehicle = route_request.vehicle
         if self._requests.get(vehicle) is not route_request or vehicle not in self.scheduler:
             return False
@@ -365,7 +364,7 @@ class TrafficControl:
     def _answer(
         self, route_request: RouteRequest, right_of_way: _RightOfWay | None, lost: VehicleTest
     ) -> RouteGrant | RouteRejection | _Refused:
-        """Claim the first section of the cheapest route or of a detour; else why the cheapest was refused."""
+        """Claim the first section of the cheapest route or of a detour; else return the former's refusal."""
         vehicle = route_request.vehicle
         try:
             route = self._routes.find(route_request)
@@ -393,7 +392,7 @@ class TrafficControl:
         )
 
     def _detour(self, route_request: RouteRequest, way: list[ResourceSet], longest: float) -> Route | None:
-        """Return a route around the vehicles that rest on a way, if it costs at most ``longest``."""
+        """Return a route around vehicles that rest on a way; None if there is none up to cost ``longest``."""
         resting = self.scheduler.resting_on(route_request.vehicle, way)
         held = (each for name in resting for each in self.scheduler.occupant(name).held)
         occupied = {resource for each in held for resource in each.uses}
@@ -410,10 +409,11 @@ class TrafficControl:
         right_of_way: _RightOfWay | None,
         lost: VehicleTest,
     ) -> _Refused | None:
-        """Claim the first section of a way; return why not.
+        """Claim the first section of a way; return the refusal, if any.
 
-        Where a lost vehicle rests on the way, the whole of it is claimed, so that this vehicle does not drive
-        up to that one and wait there. A vehicle that has let another out could enclose it again: the same.
+        If a lost vehicle rests on the way, claim the whole way, so that this vehicle does not drive up to
+        the lost one and wait there. Do the same for a vehicle that has let another one out and could enclose
+        it again.
         """
         if self._has_let_out(vehicle, lost) or any(map(lost, self.scheduler.resting_on(vehicle, way))):
             refusal = self.scheduler.claim(vehicle, way)
@@ -423,10 +423,10 @@ class TrafficControl:
     # Sections: how much of a route is claimed at once
 
     def _extend_claim(self, vehicle: str, right_of_way: _RightOfWay | None) -> _Refused | None:
-        """Claim more of a way under way; return why not if the vehicle is left with no claim at all.
+        """Claim more of a route under way; return the refusal if the vehicle is left without any claim.
 
-        A refusal is not retried until one of the vehicles that caused it has changed. One that the right
-        of way caused is: that may be another vehicle's by then.
+        A refused claim is not retried until one of the vehicles that caused the refusal has changed, unless
+        the right of way caused it: another vehicle may have it next time.
         """
         journey, claimed = self.journeys[vehicle], len(self.scheduler.occupant(vehicle).claimed)
         ahead = journey.way[journey.allocated :]
@@ -457,9 +457,9 @@ class TrafficControl:
         *,
         more_than: int = 0,
     ) -> _Refused | None:
-        """Claim the longest section that is available; return why the longest one wanted was refused.
+        """Claim the longest section available; otherwise return why the longest one was refused.
 
-        Vehicles at rest count as the reason before all others: they can be sent away.
+        Vehicles at rest take precedence as the reason, because they can be sent away.
         """
         refused: _Refused | None = None
         sections = tuple(self._sections(ahead))
@@ -482,7 +482,7 @@ class TrafficControl:
     def _claim(
         self, vehicle: str, way: list[ResourceSet], right_of_way: _RightOfWay | None
     ) -> Refusal | None:
-        """Claim a way, unless it ends on the section of the vehicle with the right of way; return why not."""
+        """Claim a way unless it ends on the section reserved by right of way; return the refusal, if any."""
         if right_of_way and right_of_way.vehicle != vehicle:
             resource = overlap(self.scheduler.end_of(vehicle, way), right_of_way.section)
             if resource:
@@ -490,7 +490,7 @@ class TrafficControl:
         return self.scheduler.claim(vehicle, way)
 
     def _sections(self, ahead: Sequence[ResourceSet]) -> Iterator[int]:
-        """Yield how many sets may be claimed at once: the first end beyond SECTION, then shorter ones."""
+        """Yield how many sets may be claimed at once, from the first waiting place after SECTION down."""
         ends = list[int]()
         for end in self._waiting_places(ahead):
             ends.append(end)
@@ -505,7 +505,7 @@ class TrafficControl:
         return way[: next(self._waiting_places(way), 0)]
 
     def _waiting_places(self, way: Sequence[ResourceSet]) -> Iterator[int]:
-        """Yield the numbers of sets after which a vehicle can wait without blocking others."""
+        """Yield after how many sets a vehicle can wait without blocking others."""
         return (index + 1 for index in range(len(way)) if self.resources.may_wait(way, index))
 
     # Making room: sending away vehicles that rest in the way
@@ -513,11 +513,11 @@ class TrafficControl:
     def _make_room(
         self, requester: str, refused: _Refused, right_of_way: _RightOfWay, movable: VehicleTest
     ) -> Iterator[Evasion | Displacement]:
-        """Send away those that rest on the requester's way, and end the routes of those that wait on it.
+        """Send away vehicles that rest on the requester's way, and end the routes of those that wait on it.
 
-        A vehicle with a request of its own is only sent away for the right of way, or if it waits for itself
-        (by others in between), so that it would never go. A vehicle under way that encloses a vehicle which
-        has to make room gives way if no other one could be sent.
+        A vehicle with its own request is only sent away for the right of way, or if it waits for itself
+        through others and would never leave. A vehicle under way that encloses one that has to make room is
+        displaced if no other vehicle could be sent.
         """
         has_right_of_way = right_of_way.vehicle == requester
         if self._limit.is_done(MAKING_ROOM, requester):
@@ -550,12 +550,12 @@ class TrafficControl:
                 yield Displacement(other)
 
     def _waits_for(self, vehicle: str, others: set[str]) -> bool:
-        """Return whether one of the others keeps a vehicle from continuing; otherwise it only pauses."""
+        """Return whether a vehicle waits for one of the others; otherwise it only pauses."""
         refusal = self._refusals.get(vehicle)
         return refusal is not None and not others.isdisjoint(refusal.vehicles)
 
     def _waits_for_itself(self, vehicle: str) -> bool:
-        """Return whether a vehicle waits for itself through others, so that none of them can continue."""
+        """Return whether a vehicle waits for itself through others, so that they are deadlocked."""
         seen: set[str] = set()
         open_ends = [vehicle]
         while open_ends:
@@ -569,7 +569,7 @@ class TrafficControl:
         return False
 
     def _has_let_out(self, vehicle: str, lost: VehicleTest) -> bool:
-        """Return whether the vehicle that this one let out is still there, and still needs to go."""
+        """Return whether the vehicle that this one let out is still there and still has to leave."""
         known = self._lets_out.get(vehicle)
         if known is None:
             return False
@@ -582,10 +582,10 @@ class TrafficControl:
 
 
 class _RouteSearch:
-    """Finds the routes of requests, avoiding traffic; a route is kept while its vehicle waits for it."""
+    """Finds routes for requests, avoiding traffic; caches each route while its vehicle waits for it."""
 
     def __init__(
-        self, plant: PlantModel, routes: Routes, scheduler: Scheduler, journeys: Mapping[str, Journey]
+        self, plant: PlantModel, routes: VehicleRoutes, scheduler: Scheduler, journeys: Mapping[str, Journey]
     ) -> None:
         self._routes = routes
         self._scheduler = scheduler
@@ -600,7 +600,7 @@ class _RouteSearch:
     def find(self, route_request: RouteRequest, without: Collection[str] = frozenset()) -> Route | None:
         """Return the cheapest route, None for a straight drive; raises NoRouteError.
 
-        ``without`` names resources that it must not use, in addition to what the request avoids.
+        ``without`` names resources that it must not use, in addition to those that the request avoids.
         """
         if route_request.straight_mm is not None:
             return None
@@ -623,9 +623,9 @@ class _RouteSearch:
         avoid: Collection[str],
         closed: Collection[str],
     ) -> Route | None:
-        """Return a route from ``start`` on for a vehicle under way; None if its present one is as good.
+        """Return another route from ``start`` for a vehicle under way; None if its current one is as good.
 
-        ``occupied`` is what waiting vehicles hold; ``closed`` resources are avoided like those to ``avoid``.
+        ``occupied`` is what waiting vehicles hold; ``closed`` resources are avoided like those in ``avoid``.
         """
         journey = self._journeys[vehicle]
         ahead = journey.way[journey.allocated :]
@@ -638,7 +638,7 @@ class _RouteSearch:
         try:
             without = self._drivable.intersection(closed).union(avoid)
             other = self._routes.route(vehicle, start, ahead[-1].point, avoid=without, burden=burden)
-        except (NoRouteError, UnknownObjectError):  # the plant may have lost a place
+        except (NoRouteError, UnknownObjectError):  # a new plant model may lack the point
             return None
         present = self._routes.along(vehicle, start, ((each.point, each.uses) for each in ahead))
         if present is None:
@@ -655,7 +655,7 @@ class _RouteSearch:
         self._found.clear()
 
     def _burden_now(self) -> Mapping[str, float]:
-        """Return what traffic adds to costs; with many vehicles it is not counted for each search."""
+        """Return what traffic adds to costs; with many vehicles it is not recounted for each search."""
         if self._searched_with_burden >= len(self._journeys) // VEHICLES_PER_SEARCH:
             self._burden, self._searched_with_burden = self._count_burden(), 0
         self._searched_with_burden += 1
@@ -669,7 +669,7 @@ class _RouteSearch:
         return burden
 
     def _count(self, burden: defaultdict[str, float], journey: Journey, times: int) -> None:
-        """Add what one vehicle adds to costs; ``times`` -1: take it back."""
+        """Add what one vehicle adds to costs; with ``times`` -1, subtract it."""
         for each in journey.way[journey.reached :]:
             burden[each.point] += times * CONGESTION
             for use in each.uses:
@@ -678,7 +678,7 @@ class _RouteSearch:
 
 
 def _opposite_edges(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
-    """Return, for each path and the point to which it is driven, the edges in the opposite direction."""
+    """Return the edges in the opposite direction, for each path and the point to which it is driven."""
     edges: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     for each in plant.edges():
         edges[each.source, each.destination].append(each.id)

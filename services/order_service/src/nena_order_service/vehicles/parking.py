@@ -168,12 +168,12 @@ class RechargeLocations:
         *,
         cost: Callable[[str], float],
         taken: Callable[[str], bool],
-        held_in_vain: Callable[[str], bool] = lambda _point: False,
+        idly_occupied: Callable[[str], bool] = lambda _point: False,
     ) -> Recharging:
         """Return the best location for a vehicle.
 
         ``cost`` returns the cost of the route to a point, infinity if there is none. ``taken`` returns
-        whether another vehicle is at a point or on its way there, ``held_in_vain`` whether that vehicle need
+        whether another vehicle is at a point or on its way there, ``idly_occupied`` whether that vehicle need
         not be there: such a location is used if none is free.
         """
         properties = model.properties if model else {}
@@ -183,7 +183,7 @@ class RechargeLocations:
             return Recharging(reason=_why_none(assigned))
         free = [each for each in places if not taken(each.point)]
         preferred = [each for each in free if each.location == properties.get(PREFERRED_RECHARGE_LOCATION)]
-        cleared = [each for each in places if held_in_vain(each.point)]
+        cleared = [each for each in places if idly_occupied(each.point)]
         if found := (preferred or free or cleared):
             return Recharging(found[0].location, found[0].operation)
         whose = f"its assigned recharge location {assigned!r}" if assigned else "each recharge location"

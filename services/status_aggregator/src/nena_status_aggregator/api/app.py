@@ -31,7 +31,7 @@ CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Only content from this server; nothing inline."""
+"""Content security policy: only content from this server, nothing inline."""
 
 HEADERS = {
     "content-security-policy": CONTENT_SECURITY_POLICY,
@@ -43,7 +43,7 @@ HEADERS = {
 
 
 class SecurityHeaders:
-    """Adds the headers to every response; plain ASGI, so that streams are not buffered."""
+    """Adds security headers to every response; plain ASGI middleware, which does not buffer streams."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -60,7 +60,7 @@ class SecurityHeaders:
 
 
 def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRouter:
-    """Make the routes."""
+    """Create the routes of health checks and metrics."""
     router = APIRouter(tags=["operation"])
 
     @router.get("/healthz")

@@ -1,15 +1,14 @@
 """Commands of the control panel, ``/api/v1/control``: forwarded to the order service, which authorises them.
 
-A page of another origin must not be able to send commands. Therefore requests of other origins are refused,
-commands must be JSON (which needs a CORS preflight that is never granted), and the host name must be
-trusted, because a foreign name may have been made to resolve to this host (DNS rebinding).
+Pages of other origins must not be able to send commands. Therefore requests of other origins are refused,
+commands must be JSON (which needs a CORS preflight that is never granted), and the host name must be trusted
+(against DNS rebinding).
 """
 
 from __future__ import annotations
 
 import re
 import ssl
-from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Annotated
 from urllib.parse import SplitResult, unquote, urlsplit
@@ -26,21 +25,8 @@ from nena_status_aggregator.settings import OrderServiceSettings
 log = get_logger(__name__)
 
 
-class OrderServiceUnavailableError(Exception):
-    """The order service did not answer."""
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """A response of the order service, including problems."""
-
-    status: int
-    content_type: str
-    body: bytes
-
-
 class OrderServiceClient:
-    """Forwards requests to the order service. Each uses its own connection, and none is retried."""
+    """Forwards requests to the order service, each with its own connection and without retries."""
 
     def __init__(self, url: str, settings: OrderServiceSettings) -> None:
         """Create the client; ``url`` is the base URL of the order service, without ``/v1``."""
@@ -48,13 +34,13 @@ class OrderServiceClient:
         self._timeout = httpx.Timeout(settings.timeout, connect=min(5.0, settings.timeout))
         self._tls = ssl.create_default_context(cafile=settings.ca)
 
-    async def ask(
-        self, method: str, path: str, query: str = "", body: bytes | None = None, *, token: str = ""
-    ) -> Answer:
-        """Send one request; ``path`` is percent-encoded and relative to ``/v1/``.
+    async def forward(
+        self, method: str, path: str, query: str, body: bytes | None, *, token: str
+    ) -> Response:
+        """Send one request and return its response; ``path`` is percent-encoded and relative to ``/v1/``.
 
         Raises:
-            OrderServiceUnavailableError: no answer. A command may have been executed nevertheless.
+            ProblemError: 502 without an answer. A command may have been executed nevertheless.
 
         """
         url = f"{self._url}/v1/{path}" + (f"?{query}" if query else "")
@@ -69,15 +55,17 @@ class OrderServiceClient:
         except httpx.HTTPError as error:
             reason = str(error) or type(error).__name__
             log.warning("order service not reachable", method=method, path=path, reason=reason)
-            raise OrderServiceUnavailableError(reason) from error
+            detail = f"No answer from the order service ({reason}). Check that it is running and that "
+            detail += "--order_service.url is correct. Check the order list before retrying."
+            raise ProblemError(HTTPStatus.BAD_GATEWAY, detail) from error
         if method != "GET":
             log.info("command forwarded", method=method, path=path, status=answer.status_code)
-        return Answer(answer.status_code, answer.headers.get("content-type", ""), answer.content)
+        return Response(answer.content, answer.status_code, media_type=answer.headers.get("content-type"))
 
 
 PREFIX = "/api/v1/control"
 RESOURCES = re.compile(r"(transportOrders|vehicles|paths)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan")
-"""Paths of forwarded questions and commands: the resources that the panel uses."""
+"""Paths of forwarded queries and commands: the resources that the panel uses."""
 CHANGES = re.compile(r"paths/[^/]+/lock")
 """Paths of forwarded changes (PUT): only the lock of a path."""
 BODY_LIMIT = 256 * 1024
@@ -104,25 +92,19 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
         """Return whether commands are enabled."""
         return {"enabled": client is not None}
 
-    async def passed_on(request: Request, _path: Annotated[str, Path(alias="path")]) -> Response:
+    async def forward(request: Request, _path: Annotated[str, Path(alias="path")]) -> Response:
         """Forward a request to the order service's `/v1`; see its API."""
         if client is None:
             detail = "Commands are disabled. Set --order_service.url, e.g. to http://127.0.0.1:55200."
             raise ProblemError(HTTPStatus.NOT_FOUND, detail)
         path = resource_of(request)
         body = await _body(request) if request.method in ("POST", "PUT") else None
-        try:
-            token = token_of(request.headers, cookies=True)
-            answer = await client.ask(request.method, path, request.url.query, body, token=token)
-        except OrderServiceUnavailableError as error:
-            detail = f"No answer from the order service ({error}). Check that it is running and that "
-            detail += "--order_service.url is correct. Check the order list before retrying."
-            raise ProblemError(HTTPStatus.BAD_GATEWAY, detail) from error
-        return Response(answer.body, answer.status, media_type=answer.content_type or None)
+        token = token_of(request.headers, cookies=True)
+        return await client.forward(request.method, path, request.url.query, body, token=token)
 
-    router.get("/{path:path}", name="ask")(passed_on)
-    router.post("/{path:path}", name="command")(passed_on)
-    router.put("/{path:path}", name="change")(passed_on)
+    router.get("/{path:path}", name="ask")(forward)
+    router.post("/{path:path}", name="command")(forward)
+    router.put("/{path:path}", name="change")(forward)
     return router
 
 
@@ -144,7 +126,7 @@ def check_origin(request: Request, trusted_hosts: tuple[str, ...]) -> None:
 
 
 def _parts(address: str) -> SplitResult:
-    """Split an address of a client; an invalid one has no parts."""
+    """Split a client's URL; an invalid one has empty parts."""
     try:
         return urlsplit(address)
     except ValueError:
@@ -155,7 +137,7 @@ def resource_of(request: Request) -> str:
     """Return the path to forward, percent-encoded as received.
 
     Raises:
-        ProblemError: 404 for resources that the panel does not use in this way.
+        ProblemError: 404 for resources and methods that the panel does not use.
 
     """
     raw: bytes = request.scope["raw_path"]

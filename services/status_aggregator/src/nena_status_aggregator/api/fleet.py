@@ -23,20 +23,20 @@ from nena_status_aggregator.fleet.views import (
 
 
 class RobotResource(RobotView):
-    """A robot, and the age of its last state, s; null before the first."""
+    """A robot with the age of its last state, s; null before the first."""
 
     stateAge: float | None  # noqa: N815 - the name on the wire
 
 
 def with_age(aggregator: Aggregator, view: RobotView) -> RobotResource:
-    """Add the age of the last state to the view of a robot."""
+    """Add the age of the last state to a robot's view."""
     robot = aggregator.model.robots.get(RobotKey(view["manufacturer"], view["serialNumber"]))
     age = robot.age(aggregator.now()) if robot else None
     return {**view, "stateAge": None if age is None else round(age, 3)}
 
 
 def make_robots_router(aggregator: Aggregator) -> APIRouter:
-    """Make the routes over ``aggregator``."""
+    """Create the routes of single robots."""
     router = APIRouter(prefix="/api/v1/robots/{manufacturer}/{serial}", tags=["fleet"])
     model = aggregator.model
 
@@ -45,8 +45,8 @@ def make_robots_router(aggregator: Aggregator) -> APIRouter:
         """Return one robot."""
         aggregator.publish_changes()
         view = model.robot_view(RobotKey(manufacturer, serial))
-        unheard = f"Unknown robot {manufacturer}/{serial}; /api/v1/fleet lists all known robots."
-        return as_json(with_age(aggregator, found(view, unheard)))
+        missing = f"Unknown robot {manufacturer}/{serial}; /api/v1/fleet lists all known robots."
+        return as_json(with_age(aggregator, found(view, missing)))
 
     @router.get("/actions", responses={200: {"model": list[KnownActionView]}})
     async def actions(manufacturer: str, serial: str) -> Response:
@@ -87,7 +87,7 @@ class FleetResource(TypedDict):
 
 
 def make_router(aggregator: Aggregator) -> APIRouter:
-    """Make the routes over ``aggregator``."""
+    """Create the routes of the whole fleet."""
     router = APIRouter(prefix="/api/v1", tags=["fleet"])
     model = aggregator.model
 

@@ -28,7 +28,7 @@ from nena_status_aggregator.history.history import (
 Moment = Annotated[datetime, AfterValidator(in_utc)]
 
 LAST_ID = 2**63 - 1
-"""Largest number of a database row."""
+"""Largest row number in the database."""
 
 NO_NUL = r"^[^\x00]*$"
 """PostgreSQL does not accept NUL in texts."""
@@ -112,7 +112,7 @@ def _away() -> ProblemError:
 async def _file(
     history: History, chosen: HistoryFilter, form: Form, media_type: str, *, head: str = ""
 ) -> StreamingResponse:
-    """Return all entries as a stream. The first page is read before, so that an error sets the status."""
+    """Return all entries as a stream; the first page is read first, so that errors set the HTTP status."""
     pages = history.pages(chosen)
     try:
         first = await anext(pages, NOTHING)

@@ -1,7 +1,7 @@
 """OpenID Connect sign-in at the panel, ``/api/v1/session/oidc``.
 
-Uses the authorization code flow with PKCE, state and nonce. During a sign-in nothing is stored on the
-server; the values to check afterwards are in an HttpOnly cookie.
+Uses the authorization code flow with PKCE, state and nonce. The server stores nothing during a sign-in; the
+values to verify are in an HttpOnly cookie.
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ class SignIn:
         return f"{self.panel}{CALLBACK}"
 
     def _login(self, metadata: Metadata, form: dict[str, str]) -> tuple[str, str] | None:
-        """Authenticate the client as the issuer supports it (RFC 6749, 2.3.1)."""
+        """Authenticate the client with a method that the issuer supports (RFC 6749, 2.3.1)."""
         if self._secret is None:
             form["client_id"] = self._client
             return None
@@ -215,7 +215,7 @@ def sign_in_of(tokens: AccessTokens | None) -> SignIn | None:
 
 
 def _is_same(shown: str, kept: str) -> bool:
-    """Compare in constant time; JSON may contain lone surrogates."""
+    """Compare in constant time; supports lone surrogates, which JSON may contain."""
     one, other = (text.encode("utf-8", "surrogatepass") for text in (shown, kept))
     return compare_digest(one, other)
 
@@ -228,7 +228,7 @@ def _protected(place: str) -> str:
 
 
 COOKIE = "nena_sign_in"
-"""Cookie of the attempt. SameSite=Lax, so that it is sent with the issuer's redirect."""
+"""Cookie of the attempt. SameSite=Lax, so that browsers send it with the issuer's redirect."""
 TIMEOUT = 600
 """Time for a user to authenticate at the issuer, seconds."""
 PER_SECOND = 0.5
@@ -274,7 +274,7 @@ def _add_steps(router: APIRouter, sign_in: SignIn, clock: Clock) -> None:
         check_rate(request)
         attempt = Attempt.new()
         try:
-            answer = _sent(await sign_in.begin(attempt))
+            answer = _redirect(await sign_in.begin(attempt))
         except SignInError as error:
             return _failed(sign_in, error)
         answer.set_cookie(
@@ -289,18 +289,18 @@ def _add_steps(router: APIRouter, sign_in: SignIn, clock: Clock) -> None:
         attempt = Attempt.read(request.cookies.get(COOKIE, ""))
         try:
             done = await sign_in.finish(attempt, request.query_params)
-            answer = _welcomed(sign_in, done, secure=secure)
+            answer = _signed_in(sign_in, done, secure=secure)
         except SignInError as error:
             answer = _failed(sign_in, error)
         answer.delete_cookie(COOKIE, path=path, httponly=True, samesite="lax", secure=secure)
         return answer
 
 
-def _welcomed(sign_in: SignIn, done: SignedIn, *, secure: bool) -> Response:
+def _signed_in(sign_in: SignIn, done: SignedIn, *, secure: bool) -> Response:
     if len(done.token) > TOKEN_LIMIT:
         message = f"the access token has {len(done.token)} characters; a cookie holds {TOKEN_LIMIT}"
         raise SignInError("unfit", f"{message}. Reduce its claims at the issuer")
-    answer = _sent(sign_in.panel)
+    answer = _redirect(sign_in.panel)
     keep(answer, done.token, secure=secure)
     log.info("signed in", user=done.user.known_as, role=done.user.role.name.lower())
     return answer
@@ -308,8 +308,8 @@ def _welcomed(sign_in: SignIn, done: SignedIn, *, secure: bool) -> Response:
 
 def _failed(sign_in: SignIn, error: SignInError) -> Response:
     log.warning("OIDC sign-in failed", why=error.why, reason=str(error))
-    return _sent(f"{sign_in.panel}login.html?problem={error.why}")
+    return _redirect(f"{sign_in.panel}login.html?problem={error.why}")
 
 
-def _sent(where: str) -> Response:
+def _redirect(where: str) -> Response:
     return RedirectResponse(where, HTTPStatus.SEE_OTHER, {"cache-control": "no-store"})

@@ -11,9 +11,8 @@ from pydantic_core import to_json
 from starlette.exceptions import HTTPException
 
 from nena_shared.findings import FINDINGS_SHOWN, in_words
-from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
-from nena_shared.web.problem import answer
+from nena_shared.web.problem import refusal
 
 log = get_logger(__name__)
 
@@ -27,34 +26,26 @@ class ProblemError(Exception):
         self.detail = detail
 
 
-def response(status: int, detail: str, errors: tuple[str, ...] = ()) -> Response:
-    """Return a response with problem details."""
-    return answer(Problem(title=HTTPStatus(status).phrase, status=status, detail=detail, errors=errors))
-
-
 def install(app: FastAPI) -> None:
     """Make ``app`` answer every error with problem details."""
 
     async def on_problem(_request: Request, error: ProblemError) -> Response:
-        return response(error.status, error.detail)
+        return refusal(error.status, error.detail)
 
     async def on_http_error(request: Request, error: HTTPException) -> Response:
         detail = str(error.detail)
         if error.status_code == HTTPStatus.NOT_FOUND:
             detail = f"No resource at {request.url.path}; see /api/v1/openapi.json."
-        answered = response(error.status_code, detail)
-        answered.headers.update(error.headers or {})
-        return answered
+        return refusal(HTTPStatus(error.status_code), detail, error.headers)
 
     async def on_invalid(_request: Request, error: RequestValidationError) -> Response:
         errors = tuple(in_words(error.errors(), whole="request", most=FINDINGS_SHOWN))
-        return response(HTTPStatus.UNPROCESSABLE_ENTITY, "Invalid request; see errors.", errors)
+        return refusal(HTTPStatus.UNPROCESSABLE_ENTITY, "Invalid request; see errors.", errors=errors)
 
     async def on_failure(request: Request, error: Exception) -> Response:
         log.error("request failed", path=request.url.path, exc_info=error)
-        return response(
-            HTTPStatus.INTERNAL_SERVER_ERROR, "Internal error; see the log of the status aggregator."
-        )
+        detail = "Internal error; see the log of the status aggregator."
+        return refusal(HTTPStatus.INTERNAL_SERVER_ERROR, detail)
 
     app.exception_handler(ProblemError)(on_problem)
     app.exception_handler(HTTPException)(on_http_error)

@@ -1,7 +1,7 @@
 """Sessions and roles: ``/api/v1/session``.
 
-A browser presents its user's token once, as every client does, and gets it back as a cookie. No session is
-stored on the server: the token alone identifies the user.
+A browser sends its user's token once, like any client, and receives it as a cookie. The server stores no
+sessions: the token alone identifies the user.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def make_rule(settings: HttpSettings) -> RoleNeeded:
 
 
 TOKEN_LIMIT = 3800
-"""Maximum length of a token in a cookie, which has at most 4096 bytes with name and attributes."""
+"""Maximum length of a token in a cookie, characters; with name and attributes, cookies have 4096 bytes."""
 
 
 class Session(TypedDict):

@@ -31,9 +31,9 @@ class Condition(StrEnum):
     BLOCKED = "BLOCKED"
     """Emergency stop, protective field, not localised or paused."""
     WAITING = "WAITING"
-    """Stands with an order and waits for other robots, a locked path or a release."""
+    """Stationary with an order, waiting for other robots, a locked path or a release."""
     BUSY = "BUSY"
-    """Has an active order, is assigned to one, or drives."""
+    """Has an active order, is assigned to one, or is driving."""
     CHARGING = "CHARGING"
     """Charging, without an order."""
     IDLE = "IDLE"
@@ -92,7 +92,7 @@ class Reason:
     code: str
     values: dict[str, str | float] = field(default_factory=dict)
     shown: dict[str, str] = field(default_factory=dict)
-    """Values that appear in another form in the sentence."""
+    """Values that are formatted differently in the sentence."""
 
     @property
     def text(self) -> str:
@@ -107,7 +107,7 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class ConditionInputs:
-    """Everything the condition is derived from; the times appear in the sentence only."""
+    """Everything the condition is derived from; times are only used in the sentence."""
 
     connection: ConnectionState | None
     connection_since: datetime
@@ -124,11 +124,11 @@ class ConditionInputs:
     unreadable: str = ""
     """The problem of the states, while unreadable ones arrive."""
     fleet_remark: str | None = None
-    """The order service's remark on the vehicle; None if the vehicle is unknown to it."""
+    """The order service's reason for the vehicle's state; None if the vehicle is unknown to it."""
     transport_order: str | None = None
-    """The transport order to which the order service has assigned the vehicle."""
+    """Transport order to which the vehicle is assigned."""
     wait: TrafficWait | None = None
-    """The vehicles that it waits for, by the order service."""
+    """Vehicles that it waits for, according to the order service."""
 
 
 Assessment = tuple[Condition, Reason]
@@ -219,7 +219,7 @@ def _working(state: State, inputs: ConditionInputs) -> Assessment | None:
 
 
 def _assigned(inputs: ConditionInputs) -> Assessment | None:
-    """Return the condition of a robot that stands, and that the order service has assigned to an order."""
+    """Return the condition of a stationary robot that is assigned to an order."""
     if waits := _wait_reason(inputs):
         return Condition.WAITING, waits
     charging = inputs.state is not None and inputs.state.power_supply.charging
@@ -309,11 +309,11 @@ class SessionState(StrEnum):
     TERMINATING = "TERMINATING"
     """Disconnecting from ROS."""
     FAILED = "FAILED"
-    """Lost without notice, or navigation is not available."""
+    """Connection broken or silent, or navigation is not available."""
 
 
 def session_of(condition: Condition, state: State | None) -> SessionState:
-    """Return the state of a robot's driver, from its condition and its last state."""
+    """Return the state of a robot's driver from its condition and last state."""
     if condition is Condition.OFFLINE:
         return SessionState.NOT_ACTIVE
     if condition is Condition.BROKEN:

@@ -16,7 +16,7 @@ from nena_status_aggregator.fleet.view_builder import short
 Publish = Callable[[Event], None]
 
 NOT_MOVING = (Condition.OFFLINE, Condition.SILENT, Condition.MANUAL, Condition.ERROR, Condition.BLOCKED)
-"""Conditions in which a new reason is an event. The reason of a robot with an order changes at every node."""
+"""Conditions in which a new reason is an event. With an order it is not, as it changes at every node."""
 
 
 class EventLog:

@@ -1,4 +1,4 @@
-"""The fleet model: its input is messages and their time, its output views and numbered changes."""
+"""The fleet model: turns messages with their time of arrival into views and numbered changes."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from nena_status_aggregator.fleet.views import FleetView, OrderView, PlantView, 
 
 
 class OrderServiceWatch:
-    """Keeps the last status of the active order service; a fleet may have none."""
+    """Tracks the last status of the active order service, if the fleet has one."""
 
     def __init__(self) -> None:
         self.skew = ClockSkew()
         self._last: ServiceStatus | None = None
         self._received_at = 0.0
-        """Time of its arrival, in monotonic seconds."""
+        """Time of arrival of the last status, monotonic seconds."""
         self.last_sign: datetime | None = None
         """Time of the last heartbeat; None: none received."""
 
@@ -51,28 +51,27 @@ class OrderServiceWatch:
                 self.skew.measure(status.timestamp, at.utc)
 
     def lose(self) -> None:
-        """Forget it: the broker link is down, or the broker no longer retains its status."""
+        """Forget the status: the broker link is down, or the broker no longer retains it."""
         self._last = self.last_sign = None
         self.skew = ClockSkew()
 
     def up(self, now: Timestamp) -> bool | None:
-        """Return whether it is up; None: no status received."""
+        """Return whether the order service is up; None: no status received."""
         if self._last is None:
             return None
         return self._last.online and now.monotonic - self._received_at < LOST_AFTER
 
     @property
     def store_ready(self) -> bool | None:
-        """Whether it accepts new orders, by its last status; None: no status received."""
+        """Whether the order service accepts new orders, from its last status; None: no status received."""
         return None if self._last is None else self._last.store_ready
 
 
 class RobotRegistry:
     """Known robots by key.
 
-    Any client that may publish can invent robots, so their number is bounded: a new robot replaces the one
-    whose last message is oldest, provided that one is silent; otherwise the new robot is refused and
-    counted.
+    Any client that may publish can invent robots, so their number is limited: a new robot replaces the one
+    with the oldest last message if that one is silent; otherwise the new robot is refused and counted.
     """
 
     def __init__(self, limit: int, silence_limit: float | None) -> None:
@@ -91,7 +90,7 @@ class RobotRegistry:
         return self._robots.get(key)
 
     def find_or_add(self, key: RobotKey, at: Timestamp) -> tuple[Robot | None, Robot | None]:
-        """Return the robot, known or new, or None if there is no room; and the robot that it replaced."""
+        """Return the known or new robot, or None if the limit is reached, and the robot it replaced."""
         robot = self._robots.get(key)
         gone = None
         if robot is None:
@@ -111,17 +110,17 @@ class RobotRegistry:
 
 
 ROOM = 64 * 1024 * 1024
-"""Maximum total size of kept images, bytes; further images are refused, as any client may invent robots."""
+"""Maximum total size of stored images, bytes; as any client may invent robots, further ones are refused."""
 
 
 class MapCache:
-    """Keeps equal maps of several robots once; a map without a robot is freed."""
+    """Stores equal maps of several robots once; unused maps are freed."""
 
     def __init__(self) -> None:
         self._known: WeakValueDictionary[str, MapImage] = WeakValueDictionary()
 
     def shared(self, found: MapImage) -> MapImage | None:
-        """Return the kept map that equals ``found``, else ``found``; None if there is no room."""
+        """Return the stored map that equals ``found``, else ``found``; None if the limit is reached."""
         known = self._known.get(found.digest)
         if known == found:
             return known
@@ -212,7 +211,7 @@ class FleetModel:
             robot.map = self._maps.shared(found) if found else None
 
     def on_deviations(self, key: RobotKey, deviations: tuple[Repair, ...]) -> None:
-        """Apply how a known robot's messages deviate from the standard."""
+        """Apply the deviations of a known robot's messages from the standard."""
         robot = self.robots.get(key)
         if robot is not None and robot.deviations != deviations:
             robot.deviations = deviations
@@ -221,7 +220,7 @@ class FleetModel:
     def on_malformed(
         self, kind: MessageKind, topic: str, problem: str, at: Timestamp, *, key: RobotKey | None = None
     ) -> None:
-        """Count an unreadable message; its robot becomes known.
+        """Count an unreadable message, and add its robot if it is unknown.
 
         Args:
             kind: kind of the message.
@@ -257,7 +256,7 @@ class FleetModel:
         self._touch_order_of(robot)
 
     def on_vehicle_elsewhere(self, status: VehicleStatus) -> None:
-        """Apply a vehicle status of a robot of another share: only which vehicles it waits for."""
+        """Apply a vehicle status of another share's robot: only the vehicles it waits for."""
         self.queues.see_elsewhere(status, self.limits.robots)
 
     def on_order_status(self, status: TransportOrderStatus, at: Timestamp) -> None:
@@ -276,7 +275,7 @@ class FleetModel:
             self._public.orders.touch(name)
 
     def on_order_cleared(self, name: str) -> None:
-        """Apply that the broker no longer retains a status of this order."""
+        """Apply that the broker no longer retains the status of an order."""
         self.statistics.received[MessageKind.ORDER_STATUS] += 1
         if self.orders.clear(name):
             self._public.orders.touch(name)
@@ -352,7 +351,7 @@ class FleetModel:
         return self._public.robots.views.get(key)
 
     def _count_and_find(self, key: RobotKey, kind: MessageKind, at: Timestamp) -> Robot | None:
-        """Count the message and return its robot; None if there is no room for it."""
+        """Count the message and return its robot; None if the robot limit is reached."""
         self.statistics.received[kind] += 1
         robot, gone = self.robots.find_or_add(key, at)
         if gone is not None:

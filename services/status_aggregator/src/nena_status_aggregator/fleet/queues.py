@@ -19,10 +19,10 @@ STUCK = (
     Condition.ERROR,
     Condition.BLOCKED,
 )
-"""Conditions in which a robot does not drive on until a person has done something."""
+"""Conditions in which a robot does not continue without a person's intervention."""
 
 STUCK_ELSEWHERE = (VehicleState.ERROR, VehicleState.UNAVAILABLE, VehicleState.UNKNOWN)
-"""The same of a robot of another share, of which only the order service's status is known."""
+"""The same for robots of other shares, of which only the order service's status is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +30,9 @@ class JamLimits:
     """The limits beyond which waiting robots are a jam."""
 
     robots: int = 3
-    """Number of robots behind one head that is no jam yet."""
+    """Number of robots behind one head up to which there is no jam."""
     seconds: float = 60.0
-    """Time for which there have to be more."""
+    """Time for which there must be more than ``robots``, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +43,9 @@ class Jam:
     """The head, or the vehicles of the circle."""
     circle: bool
     robots: int
-    """Without robots of other shares."""
+    """Number of waiting robots, without those of other shares."""
     since: datetime
-    """Since when there are more than the limit."""
+    """Time since which there are more than the limit."""
 
 
 class Queues:
@@ -62,10 +62,10 @@ class Queues:
         self._changed = False
         self._sizes: Counter[tuple[str, ...]] = Counter()
         self._long: dict[tuple[str, ...], Timestamp] = {}
-        """Since when queues by their ends have been longer than the limit."""
+        """Time since which queues have been longer than the limit, by their ends."""
 
     def see(self, robot: Robot) -> None:
-        """Note which vehicles a robot waits for, and whether it is stuck."""
+        """Record the vehicles that a robot waits for, and whether it is stuck."""
         vehicle = robot.vehicle
         if vehicle is None:
             return
@@ -78,7 +78,7 @@ class Queues:
         )
 
     def see_elsewhere(self, vehicle: VehicleStatus, limit: int) -> None:
-        """Note which vehicles one of another share waits for; beyond ``limit`` of them, ignore new ones."""
+        """Record the vehicles that one of another share waits for; ignore new ones beyond ``limit``."""
         if vehicle.name not in self._elsewhere and len(self._elsewhere) >= limit:
             return
         self._elsewhere.add(vehicle.name)
@@ -90,7 +90,7 @@ class Queues:
         self._note(name, (), stuck=False)
 
     def line_up(self, at: Timestamp) -> list[str]:
-        """Follow all chains again if anything has changed; return the vehicles with another chain."""
+        """Recompute the chains if anything has changed; return the vehicles whose chain changed."""
         if not self._changed:
             return []
         self._changed = False

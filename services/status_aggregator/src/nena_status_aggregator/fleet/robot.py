@@ -54,7 +54,7 @@ class Odometer:
         self._last: MobileRobotPosition | None = None
 
     def follow(self, position: MobileRobotPosition | None) -> None:
-        """Add a position; the distance to a position that is not localised is unknown."""
+        """Add a position; distances to and from unlocalised positions do not count."""
         last = self._last
         if position is None or not position.localized:
             self._last = None
@@ -70,7 +70,7 @@ class Odometer:
 
 @dataclass(slots=True)
 class OrderProgress:
-    """Remaining nodes against all nodes of the order.
+    """Progress of an order: remaining nodes relative to all nodes.
 
     Nodes have even sequence IDs and the first one counts as reached (VDA 5050 3.0, 6.1.1 and 6.6.1), so the
     last node's sequence ID is their number, even if this program started in the middle of the order or
@@ -79,7 +79,7 @@ class OrderProgress:
 
     order_id: str = ""
     nodes: int = 0
-    """Nodes of the whole order, without the first."""
+    """Number of nodes of the order without the first one."""
     nodes_left: int = 0
 
     def follow(self, state: State) -> None:
@@ -98,7 +98,7 @@ class OrderProgress:
 
     @property
     def percent(self) -> float:
-        """0 to 100; an order of a single node is at 100."""
+        """Progress, 0 to 100; 100 for an order with a single node."""
         if not self.nodes:
             return 100.0
         return round(100.0 * (self.nodes - self.nodes_left) / self.nodes, 1)
@@ -111,8 +111,8 @@ log = get_logger(__name__)
 class PlantFrame:
     """Transforms from robots' maps to the plant frame, by map ID.
 
-    Positions of a robot that transforms itself, or on a map without a transform, are in the plant frame
-    already.
+    Positions of robots that transform themselves, or on maps without a transform, already are in the plant
+    frame.
     """
 
     transforms: Mapping[str, MapTransform] = field(default_factory=dict)
@@ -127,7 +127,7 @@ class PlantFrame:
             return cls()
 
     def position(self, at: MobileRobotPosition | None, sheet: Factsheet | None) -> MobileRobotPosition | None:
-        """Return a position in the plant frame; None until a factsheet shows who transforms."""
+        """Return a position in the plant frame; None until the factsheet tells who transforms."""
         transform = self.transforms.get(at.map_id) if at else None
         if at is None or transform is None or (sheet and transforms_itself(sheet)):
             return at
@@ -165,7 +165,7 @@ INTERVALS_MISSED = 3
 
 
 class Robot:
-    """The last known data of one robot, updated by its messages."""
+    """The last known data of a robot, updated by its messages."""
 
     def __init__(self, key: RobotKey, seen: Timestamp) -> None:
         self.key = key
@@ -219,7 +219,7 @@ class Robot:
         return self.frame.position(self.reported, self.factsheet)
 
     def on_connection(self, message: Connection, at: Timestamp) -> None:
-        """Update from a connection message; a repeated state keeps its time."""
+        """Update from a connection message; repeating the same state does not change its time."""
         before = self.connection
         same = before is not None and before.connection_state is message.connection_state
         if not same:
@@ -257,7 +257,7 @@ class Robot:
         self.velocity = message.velocity or self.velocity
 
     def silence_limit(self, setting: float | None) -> float:
-        """Return the time without a state after which it is silent, s; ``setting`` None: by its factsheet."""
+        """Return the silence limit, s: ``setting``, or if None, the limit derived from the factsheet."""
         if setting is not None:
             return setting
         timing = self.factsheet.protocol_limits.timing if self.factsheet else None
@@ -276,7 +276,7 @@ class Robot:
         return True
 
     def silent_from(self, setting: float | None) -> float:
-        """Return the monotonic time (s) from which it is silent; infinity if it is silent already."""
+        """Return the monotonic time (s) at which it becomes silent; infinity if it already is."""
         return inf if self._silence_noticed else self.state_at.monotonic + self.silence_limit(setting)
 
     def assess(self, at: Timestamp, setting: float | None, *, link_up: bool) -> None:

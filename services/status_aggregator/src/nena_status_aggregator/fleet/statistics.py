@@ -24,14 +24,14 @@ LABEL_LENGTH = 64
 
 
 class BoundedLabels:
-    """Bounds the number of values of a metric label; further values count as ``other``."""
+    """Limits the number of values of a metric label; further values count as ``other``."""
 
     def __init__(self, limit: int, known: Iterable[str] = ()) -> None:
         self._limit = limit
         self._known = dict.fromkeys(known)
 
     def of(self, value: str) -> str:
-        """Return the label for ``value``: itself, or ``other`` if there are too many or it is too long."""
+        """Return ``value``, or ``other`` if there are too many values or it is too long."""
         if value in self._known:
             return value
         if len(self._known) >= self._limit or len(value) > LABEL_LENGTH or not value.isprintable():
@@ -55,7 +55,7 @@ class Statistics:
     received: dict[MessageKind, int] = field(default_factory=_per_kind)
     malformed: dict[MessageKind, int] = field(default_factory=_per_kind)
     repaired: Mapping[tuple[str, str], int] = field(default_factory=dict)
-    """Values that broke the standard and were repaired, by topic with field, and kind of repair."""
+    """Repaired values by topic with field, and kind of repair."""
     repeated: dict[MessageKind, int] = field(default_factory=_per_kind)
     late: dict[MessageKind, int] = field(default_factory=_per_kind)
     missed: dict[MessageKind, int] = field(default_factory=_per_kind)

@@ -112,7 +112,7 @@ class KnownActionView(TypedDict):
 
 
 class AheadView(TypedDict):
-    """A node still to be reached; position in m, null if not reported."""
+    """A node that has not been reached yet; position in m, null if not reported."""
 
     nodeId: str
     released: bool
@@ -147,14 +147,14 @@ class BodyView(TypedDict):
 
 
 class WaitView(TypedDict):
-    """For whom the order service lets a vehicle wait, where and why, and where that leads."""
+    """The vehicles that a vehicle waits for, where and why, and the head of the queue."""
 
     vehicles: list[str]
     at: str | None
     cause: str | None
     reason: str
     next: str | None
-    """The vehicle in front of it on the way to the head; null if its own data show no waiting."""
+    """The next vehicle in the queue; null if the vehicle is not in one."""
     head: str | None
     """The vehicle that all of them wait for in the end; null in a circle."""
     circle: list[str]
@@ -192,7 +192,7 @@ class RobotView(TypedDict):
     condition: str
     conditionSince: str
     urgent: bool
-    """Whether a person has to go to the robot now: emergency stop, error, lost position."""
+    """Whether the robot needs a person now: emergency stop, error, lost position."""
     reason: str
     reasonCode: str
     reasonValues: dict[str, str | float]
@@ -223,11 +223,11 @@ class RobotView(TypedDict):
     malformed: int
     problem: str | None
     deviations: list[str]
-    """How its messages deviate from VDA 5050, and how they were read, in words."""
+    """How its messages deviate from VDA 5050, and how they were read, as text."""
 
 
 class DestinationView(TypedDict):
-    """A destination of a transport order: place or coordinate, and operation."""
+    """A destination of a transport order: place or coordinate, with its operation."""
 
     place: str
     operation: str
@@ -291,7 +291,7 @@ class OrderServiceView(TypedDict):
 
 
 class JamView(TypedDict):
-    """Many robots that wait behind one head for long."""
+    """A jam: many robots that have waited long behind one head."""
 
     head: str | None
     """The vehicle that all of them wait for in the end; null in a circle."""

@@ -94,7 +94,7 @@ class HistoryFilter:
 
 
 EXPIRED_PER_COMMIT = 5000
-"""Maximum number of rows deleted in one transaction, so that writes never wait long."""
+"""Maximum number of rows deleted in one transaction, to keep the wait of writes short."""
 
 CONNECT_SECONDS = 10
 
@@ -134,7 +134,7 @@ def make_engine(url: str) -> Engine:
 
 
 def _parse(url: str) -> URL:
-    """Parse a URL. It may hold a password, so errors never quote it."""
+    """Parse a URL. Errors never quote it, as it may contain a password."""
     try:
         parsed = make_url(url)
     except (ArgumentError, ValueError):
@@ -148,7 +148,7 @@ def _parse(url: str) -> URL:
 
 def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
     cursor = connection.cursor()
-    # NORMAL may lose the last transactions on a power failure, but never corrupts the file.
+    # NORMAL may lose the last transactions in a power failure, but never corrupts the file.
     for setting in ("journal_mode=WAL", "synchronous=NORMAL", "busy_timeout=5000"):
         cursor.execute(f"PRAGMA {setting}")
     cursor.close()

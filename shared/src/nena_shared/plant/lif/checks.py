@@ -9,9 +9,10 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from nena_shared.findings import path_of, words_of
+from nena_shared.plant import curve
 from nena_shared.plant.checks import disconnected_points
 from nena_shared.plant.errors import ObjectKind, PlantProblem
-from nena_shared.plant.lif import curve, mobile_robots
+from nena_shared.plant.lif import mobile_robots
 from nena_shared.plant.lif.document import (
     DRAFT_VERSION,
     FIELDS_OF_2_0,
@@ -67,7 +68,7 @@ _HEADINGS: Final = ("theta", "vehicleOrientation", "mobileRobotOrientations")
 
 
 def format_problems(error: ValidationError) -> tuple[PlantProblem, ...]:
-    """Return deviations from the format; equal ones are counted in one problem."""
+    """Return deviations from the format; equal ones are combined into one problem."""
     found: dict[tuple[str, str], list[str]] = {}
     for detail in error.errors(include_url=False, include_context=False, include_input=False):
         field = ".".join("*" if isinstance(part, int) else part for part in detail["loc"])
@@ -91,7 +92,7 @@ def repair(
     found = Counter(_repair_each(objects, known))
     headings = [spot for each in objects for spot in _headings(each)]
     if any(abs(heading) > 2 * pi for _, _, heading in headings):
-        found["HEADINGS_IN_DEGREES", "headings beyond 2 pi: all of the file are read as degrees"] = 1
+        found["HEADINGS_IN_DEGREES", "headings beyond 2 pi: all headings in the file are read as degrees"] = 1
         for place, key, heading in headings:
             place[key] = radians(heading)
     return tuple(
@@ -144,9 +145,9 @@ def _headings(each: dict[str, Any]) -> Iterator[tuple[Any, Any, float]]:
 
 
 SAME_PLACE_M: Final = 0.01
-"""How far from its nodes a trajectory may end."""
+"""Maximum distance between a trajectory's end and its node, m."""
 _HEADING_MARGIN: Final = 8e-6
-"""LIF 2.0 allows 3.1416 for pi."""
+"""Largest accepted angle, rad: LIF 2.0 allows 3.1416."""
 
 
 def errors(file: LifFile) -> Iterator[PlantProblem]:
@@ -169,7 +170,7 @@ def errors(file: LifFile) -> Iterator[PlantProblem]:
 def _contradictions(
     kind: ObjectKind, name: str, uses: Iterable[VehicleTypeAtPoint | VehicleTypeOnPath]
 ) -> Iterator[PlantProblem]:
-    """Yield actions that must be sent and must not."""
+    """Yield actions that are both required and forbidden."""
     for use in uses:
         for action in use.actions:
             required = action.requirement_type is RequirementType.REQUIRED
@@ -219,7 +220,7 @@ def unsupported_features(file: LifFile) -> Iterator[PlantProblem]:
     ]
     found = Counter(_unsupported_at_node(nodes))
     found.update(_unsupported_on_edge(edges))
-    found["several origins, whose frames are taken as one"] = max(
+    found["several origins, whose frames are treated as one"] = max(
         0, len({layout.origin_id for layout in file.layouts}) - 1
     )
     for what, times in sorted((+found).items()):
@@ -239,7 +240,7 @@ def _of_load(restriction: LoadRestriction | None) -> Iterator[str]:
 
 
 def origin_findings(file: mobile_robots.OriginsFile) -> Iterator[PlantProblem]:
-    """Yield deviations of origins and types that are gone once a file of 2.0 is converted."""
+    """Yield deviations of origins and types, which are lost when a 2.0 file is converted."""
     if not file.meta_information.lif_version.startswith("2.0"):
         text = f"lifVersion {file.meta_information.lif_version} is newer than 2.0.0; what it adds is ignored"
         yield warning("NOT_LIF", text)
@@ -311,7 +312,7 @@ def _of_nodes(layout: Layout) -> Iterator[PlantProblem]:
             *(text for use in uses for text in _bounds(use.allowed_deviation_xy)),
             *(text for use in uses for text in _load(use.load_restriction)),
             *(text for use in uses for text in _actions(use.actions)),
-            *([] if node.map_id else ["the node names no map"]),
+            *([] if node.map_id else ["the node has no mapId"]),
         ]
         yield from (PlantProblem("NOT_LIF", ObjectKind.POINT, node.node_id, text) for text in texts)
 
@@ -357,13 +358,13 @@ _ELLIPSE_MARGIN: Final = 1e-6
 
 
 def _bounds(bounds: DeviationBounds | None) -> Iterator[str]:
-    """Yield bounds that no ellipse meets, or that are out of range."""
+    """Yield bounds that no ellipse satisfies, or that are out of range."""
     if bounds is None:
         return
     for axis, least, most in (
         ("a", bounds.a_minimum, bounds.a_maximum),
         ("b", bounds.b_minimum, bounds.b_maximum),
-        ("the shorter half axis", bounds.b_minimum, bounds.a_maximum),
+        ("the shorter semi-axis", bounds.b_minimum, bounds.a_maximum),
     ):
         if least is not None and most is not None and least > most:
             yield f"allowedDeviationXY allows no ellipse: {axis} is at least {least} and at most {most}"
@@ -379,7 +380,7 @@ def _actions(actions: tuple[TypeAction, ...]) -> Iterator[str]:
 
 def _load(restriction: LoadRestriction | None) -> Iterator[str]:
     if restriction and restriction.load_set_names and not restriction.loaded:
-        yield "it names load sets and forbids loads"
+        yield "it lists load sets but forbids loads"
 
 
 def _trajectory(trajectory: PathTrajectory, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
@@ -399,7 +400,7 @@ _NAMES_SHOWN = 10
 def reachability_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     """Yield a warning for points that a vehicle type may use but cannot reach, if there are several types.
 
-    With one type this is the warning that every plant gets.
+    For a single type, the general reachability warning covers this.
     """
     types = sorted({use.vehicle_type_id for point in model.points for use in point.vehicle_types})
     for name in types if len(types) > 1 else ():
@@ -411,7 +412,7 @@ def reachability_warnings(model: PlantModel) -> Iterator[PlantProblem]:
 
 
 def _part_of(model: PlantModel, vehicle_type: str) -> PlantModel:
-    """Return the points and paths that a vehicle type may use, with any load."""
+    """Return the part of a model that a vehicle type may use, with any load."""
     points = tuple(point for point in model.points if point.is_open_to(vehicle_type))
     names = {point.name for point in points}
     paths = tuple(

@@ -1,11 +1,11 @@
 """The objects of a LIF file: layouts with nodes, edges and stations (m, rad, m/s, rad/s).
 
-They have LIF 1.0.0's form, and the content of both versions: `mobile_robots` has 2.0.0's own form.
+They have the structure of LIF 1.0.0 and the content of both versions; `mobile_robots` defines that of 2.0.0.
 """
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Final
+from typing import Final, TypeVar
 
 from pydantic import ConfigDict, Field
 
@@ -13,14 +13,14 @@ from nena_shared.plant.track import Coordinate, PlantRecord, VehicleTypeAtPoint,
 
 
 class LifVersion(StrEnum):
-    """Versions of LIF that are written."""
+    """Supported versions of LIF."""
 
     V1_0 = "1.0.0"
     V2_0 = "2.0.0"
 
 
 DRAFT_VERSION: Final = "0.11.0"
-"""Version of the 1.0 guideline's own examples; their content is that of 1.0.0."""
+"""Version of the examples in the 1.0 guideline; their content is that of 1.0.0."""
 
 FIELDS_OF_2_0: Final = frozenset(
     {
@@ -36,7 +36,15 @@ FIELDS_OF_2_0: Final = frozenset(
         "stationType",
     }
 )
-"""Names under which the objects hold what files of 1.0 cannot; such a file has no field of these names."""
+"""Names for content that LIF 1.0 cannot hold; 1.0 files have no fields of these names."""
+
+
+V = TypeVar("V")
+
+
+def without_none(values: Mapping[str, V | None]) -> dict[str, V]:
+    """Return the values that are not None."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 class LifRecord(PlantRecord):
@@ -46,7 +54,7 @@ class LifRecord(PlantRecord):
 
 
 class MetaInformation(LifRecord):
-    """Creator, time of export and format version of the file."""
+    """Creator, export time and format version of the file."""
 
     project_identification: str
     creator: str
@@ -68,7 +76,7 @@ class StationPosition(Position):
 
 
 class LifNode(LifRecord):
-    """A node: position where vehicles can be."""
+    """A node: a position at which vehicles can be."""
 
     node_id: str = Field(min_length=1)
     node_name: str | None = None
@@ -118,9 +126,9 @@ class Layout(LifRecord):
 
 
 class LifFile(LifRecord):
-    """A whole file of one integrator; ids are unique for each kind of object in the file."""
+    """A file of one integrator; IDs are unique per kind of object."""
 
     meta_information: MetaInformation
     layouts: tuple[Layout, ...]
     manufacturers: Mapping[str, str] = Field(default_factory=dict)
-    """By vehicle type, where it is not the part before the first dot."""
+    """Manufacturers by vehicle type, where they differ from the part before the first dot."""

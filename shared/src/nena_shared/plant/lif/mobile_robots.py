@@ -1,7 +1,7 @@
-"""LIF 2.0.0 where it differs from 1.0.0: origins, types of mobile robots, and their properties.
+"""Differences of LIF 2.0.0 from 1.0.0: origins, mobile robot types, and their properties.
 
-Files of 2.0.0 are converted to the objects of `document` and back; all else is the same for both versions.
-Fields that a file leaves out stay out when it is written again.
+Files of 2.0.0 are converted to the objects of `document` and back; everything else is the same for both
+versions. Omitted fields stay omitted when the file is written again.
 """
 
 import json
@@ -23,6 +23,7 @@ from nena_shared.plant.lif.document import (
     Position,
     Station,
     StationPosition,
+    without_none,
 )
 from nena_shared.plant.track import (
     Coordinate,
@@ -45,11 +46,11 @@ from nena_shared.plant.track import (
 )
 
 DEFAULT_ORIGIN_ID: Final = "origin"
-"""Id of the origin of layouts that name none, as in LIF 1.0."""
+"""ID of the origin for layouts without one, as in LIF 1.0."""
 
 
 class FacilityInformation(LifRecord):
-    """Id of the facility, creator, time of export and format version of the file (metaInformation)."""
+    """Facility ID, creator, export time and format version of the file (metaInformation)."""
 
     lif_id: str
     creator: str
@@ -58,7 +59,7 @@ class FacilityInformation(LifRecord):
 
 
 class MobileRobotType(LifRecord):
-    """A series of a manufacturer, as in topics and factsheets."""
+    """A series of a manufacturer, named as in topics and factsheets."""
 
     manufacturer: str
     series_name: str
@@ -124,7 +125,7 @@ class MobileRobotTypeEdgeProperty(LifRecord):
 
 
 class OriginNode(LifRecord):
-    """A node: position where mobile robots can be."""
+    """A node: a position at which mobile robots can be."""
 
     node_id: str = Field(min_length=1)
     node_descriptor: str | None = None
@@ -134,7 +135,7 @@ class OriginNode(LifRecord):
 
 
 class OriginEdge(LifRecord):
-    """A directed connection of two nodes; the end may be in another layout, also of another origin."""
+    """A directed connection of two nodes; the end may be in another layout or origin."""
 
     edge_id: str = Field(min_length=1)
     edge_name: str | None = None
@@ -170,7 +171,7 @@ class OriginLayout(LifRecord):
 
 
 class Origin(LifRecord):
-    """A frame that several layouts share."""
+    """A frame shared by several layouts."""
 
     origin_id: str
     origin_descriptor: str | None = None
@@ -178,7 +179,7 @@ class Origin(LifRecord):
 
 
 class OriginsFile(LifRecord):
-    """A whole file; ids are unique for each kind of object in the file."""
+    """A LIF 2.0 file; IDs are unique per kind of object."""
 
     meta_information: FacilityInformation
     origins: tuple[Origin, ...]
@@ -220,11 +221,11 @@ _USE: Final[_Renamed] = {
     "maximum_mobile_robot_height": "max_height",
     "physical_line_guided_property": "line_guidance",
 }
-"""Names of 2.0 fields in the objects of `document`; other names are the same."""
+"""Names of 2.0 fields in the objects of `document`; all others are unchanged."""
 
 
 def _given(record: PlantRecord, renamed: _Renamed, *without: str) -> dict[str, Any]:
-    """Return the fields that a record sets, by their names in the other version."""
+    """Return the fields set in a record, with their names in the other version."""
     return {
         renamed.get(name, name): getattr(record, name)
         for name in type(record).model_fields
@@ -233,7 +234,7 @@ def _given(record: PlantRecord, renamed: _Renamed, *without: str) -> dict[str, A
 
 
 def to_layouts(file: OriginsFile) -> LifFile:
-    """Return a file of 2.0.0 as objects of `document`, with one entry for each type of mobile robot."""
+    """Convert a 2.0.0 file to the objects of `document`, with one entry per mobile robot type."""
     return LifFile(
         meta_information=MetaInformation(
             **_given(file.meta_information, {"lif_id": "project_identification"})
@@ -248,7 +249,7 @@ def to_layouts(file: OriginsFile) -> LifFile:
 
 
 def robot_types(file: OriginsFile) -> Iterator[MobileRobotType]:
-    """Yield all types of mobile robots that a file names, as often as it does."""
+    """Yield every occurrence of a mobile robot type in a file."""
     for layout in (each for origin in file.origins for each in origin.layouts):
         for node in layout.nodes:
             for at_node in node.mobile_robot_type_node_properties:
@@ -259,12 +260,12 @@ def robot_types(file: OriginsFile) -> Iterator[MobileRobotType]:
 
 
 def type_id(robot_type: MobileRobotType) -> str:
-    """Return the vehicle type, as LIF 1.0 suggests it: `manufacturer.seriesName`."""
+    """Return the vehicle type in LIF 1.0's suggested form, `manufacturer.seriesName`."""
     return ".".join(filter(None, (robot_type.manufacturer, robot_type.series_name)))
 
 
 def _split(vehicle_type: str, manufacturers: Mapping[str, str]) -> tuple[str, str]:
-    """Return manufacturer and series; the manufacturer is empty if the vehicle type names none."""
+    """Return manufacturer and series; the manufacturer is empty if the vehicle type contains none."""
     manufacturer = manufacturers.get(vehicle_type)
     if manufacturer is None or not vehicle_type.startswith(manufacturer):
         manufacturer = vehicle_type.partition(".")[0] if "." in vehicle_type else ""
@@ -342,7 +343,7 @@ def _parameter(parameter: RobotActionParameter) -> TypeActionParameter:
 
 
 def from_layouts(file: LifFile) -> OriginsFile:
-    """Return a file as one of 2.0.0; types of mobile robots with equal properties share an entry."""
+    """Convert a file to 2.0.0; mobile robot types with equal properties share an entry."""
     origins: defaultdict[str, list[Layout]] = defaultdict(list)
     for layout in file.layouts:
         origins[layout.origin_id or DEFAULT_ORIGIN_ID].append(layout)
@@ -406,7 +407,7 @@ def _edge_of_2_0(edge: LifEdge, manufacturers: Mapping[str, str]) -> OriginEdge:
 
 
 def _merged(uses: Iterable[tuple[str, dict[str, Any]]]) -> list[tuple[list[str], dict[str, Any]]]:
-    """Return the vehicle types that share the same properties, and these."""
+    """Group vehicle types by equal properties; return the types and properties of each group."""
     merged: list[tuple[list[str], dict[str, Any]]] = []
     for vehicle_type, given in uses:
         same = next((ids for ids, known in merged if known == given), None)
@@ -424,7 +425,7 @@ def _types(ids: Iterable[str], manufacturers: Mapping[str, str]) -> tuple[Mobile
 
 def _node_property(use: VehicleTypeAtPoint) -> dict[str, Any]:
     given = _given(use, {}, "vehicle_type_id", "actions")
-    return _without_none({**given, **_actions_of_2_0(use.actions)})
+    return without_none({**given, **_actions_of_2_0(use.actions)})
 
 
 def _edge_property(use: VehicleTypeOnPath) -> dict[str, Any]:
@@ -440,11 +441,7 @@ def _edge_property(use: VehicleTypeOnPath) -> dict[str, Any]:
         given["reach_orientation_before_entering"] = not use.rotation_allowed
     if use.orientations:
         given["mobile_robot_orientations"] = use.orientations
-    return _without_none({**given, **_actions_of_2_0(use.actions)})
-
-
-def _without_none(given: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in given.items() if value is not None}
+    return without_none({**given, **_actions_of_2_0(use.actions)})
 
 
 def _actions_of_2_0(actions: Iterable[TypeAction]) -> dict[str, tuple[RobotAction, ...]]:
@@ -462,7 +459,7 @@ def _actions_of_2_0(actions: Iterable[TypeAction]) -> dict[str, tuple[RobotActio
 
 
 def json_value(parameter: TypeActionParameter) -> JsonValue:
-    """Return the value of a fixed parameter; text that is not the JSON that it should be stays text."""
+    """Return the value of a fixed parameter; invalid JSON is returned as text."""
     if not parameter.is_json:
         return parameter.value
     try:

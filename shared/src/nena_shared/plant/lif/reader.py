@@ -8,6 +8,7 @@ from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
+from nena_shared.plant import curve
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
@@ -19,7 +20,7 @@ from nena_shared.plant.exchange import (
     paused_collector,
     refusal,
 )
-from nena_shared.plant.lif import checks, curve, mobile_robots
+from nena_shared.plant.lif import checks, mobile_robots
 from nena_shared.plant.lif.checks import format_problems, reachability_warnings, repair
 from nena_shared.plant.lif.document import (
     DRAFT_VERSION,
@@ -30,6 +31,7 @@ from nena_shared.plant.lif.document import (
     LifVersion,
     Station,
     StationPosition,
+    without_none,
 )
 from nena_shared.plant.model import (
     NO_OPERATION,
@@ -62,8 +64,7 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
     """Read a LIF file into a plant model, in mm, with LIF's rules for each vehicle type.
 
     Common deviations are repaired with a warning; with `strict` they are errors. Raises PlantModelError with
-    all problems if the file is not LIF, of another version, exceeds a limit, or if its objects contradict
-    each other.
+    all problems if the file is not LIF, has another version, exceeds a limit or is inconsistent.
     """
     with paused_collector():
         return _read(data, strict=strict, limits=limits)
@@ -88,7 +89,7 @@ def _read(data: bytes, *, strict: bool, limits: JsonLimits) -> ImportReport:
 
 
 def _file(data: bytes, raw: Any) -> tuple[LifFile, tuple[PlantProblem, ...]]:  # noqa: ANN401 - whatever the JSON holds
-    """Return the file, and where its form deviates from its version's."""
+    """Return the file and its deviations from the format of its version."""
     if _version(raw) is LifVersion.V1_0:
         findings = (*_format_deviations(data, LifFile), *repair(raw, checks.FIELDS_1_0))
         return _validated(raw, LifFile), findings
@@ -102,7 +103,7 @@ _MAJOR_VERSION: Final = re.compile(r"([12])(\.\d+)*", re.ASCII)
 
 
 def _version(raw: Any) -> LifVersion:  # noqa: ANN401 - whatever the JSON holds
-    """Return the version of a file by its lifVersion; without one by its form."""
+    """Return the version of a file from lifVersion, or from its structure if that is missing."""
     content = raw if isinstance(raw, dict) else {}
     meta = content.get("metaInformation")
     stated = meta.get("lifVersion") if isinstance(meta, dict) else None
@@ -117,7 +118,7 @@ def _version(raw: Any) -> LifVersion:  # noqa: ANN401 - whatever the JSON holds
 
 
 _SHOWN: Final = 40
-"""Characters of an unknown version that are quoted."""
+"""Maximum length of a quoted unknown version, characters."""
 
 F = TypeVar("F", LifFile, mobile_robots.OriginsFile)
 
@@ -130,7 +131,7 @@ def _validated(raw: Any, form: type[F]) -> F:  # noqa: ANN401 - whatever the JSO
 
 
 def _format_deviations(data: bytes, form: type[F]) -> tuple[PlantProblem, ...]:
-    """Return where types and fields deviate from the schema."""
+    """Return the deviations of types and fields from the schema."""
     try:
         form.model_validate_json(data, strict=True)
     except ValidationError as error:
@@ -198,7 +199,7 @@ class StationMaker:
 
 
 def _operations(point: Point) -> tuple[str, ...]:
-    """Return the operations that at least one vehicle type can do at a point."""
+    """Return the operations that at least one vehicle type can perform at a point."""
     actions = (
         action.action_type
         for use in point.vehicle_types
@@ -246,7 +247,7 @@ _PIECES: Final = 16
 
 
 def to_plant(file: LifFile, names: Names) -> PlantModel:
-    """Return the plant model. Nodes keep their ids as names, because robots know them by these."""
+    """Convert a file to a plant model. Node IDs become point names, because robots use them."""
     meta = file.meta_information
     points = {
         node.node_id: _point(node, layer)
@@ -289,7 +290,7 @@ def _point(node: LifNode, layer: int) -> Point:
         y_mm=round(node.node_position.y * MM_PER_M),
         orientation_deg=None if theta is None else degrees(theta),
         max_vehicle_bounding_box=UNLIMITED_SIZE,
-        properties=_without_none(
+        properties=without_none(
             {
                 keys.VDA5050_MAP_ID: node.map_id,
                 keys.LIF_NAME: node.node_name,
@@ -314,7 +315,7 @@ def _path(edge: LifEdge, layer: int, points: dict[str, Point], names: Names) -> 
         destination=edge.end_node_id,
         length_mm=max(1, round(length_m * MM_PER_M)),
         max_velocity_mm_s=_speed_mm_s(types),
-        properties=_without_none(
+        properties=without_none(
             {
                 keys.LIF_ID: edge.edge_id if name != edge.edge_id else None,
                 keys.LIF_NAME: edge.edge_name,
@@ -327,7 +328,7 @@ def _path(edge: LifEdge, layer: int, points: dict[str, Point], names: Names) -> 
 
 
 def _first_of_each(uses: Sequence[Use]) -> tuple[Use, ...]:
-    """Return the first rule of each vehicle type."""
+    """Return the first rule for each vehicle type."""
     found: dict[str, Use] = {}
     for use in uses:
         found.setdefault(use.vehicle_type_id, use)
@@ -370,7 +371,7 @@ def _visual_layout(layouts: Sequence[Layout]) -> VisualLayout:
             for number, layout in enumerate(layouts)
         ),
         layer_groups=(LayerGroup(id=0, name="Layouts"),),
-        properties=_without_none(
+        properties=without_none(
             {
                 f"{keys.LIF_LAYOUT}.{number}.{key}": value
                 for number, layout in enumerate(layouts)
@@ -386,7 +387,3 @@ def _visual_layout(layouts: Sequence[Layout]) -> VisualLayout:
             }
         ),
     )
-
-
-def _without_none(values: Mapping[str, str | None]) -> dict[str, str]:
-    return {key: value for key, value in values.items() if value is not None}

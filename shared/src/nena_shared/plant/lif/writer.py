@@ -41,21 +41,21 @@ from nena_shared.plant.track import (
 _CREATOR: Final = "NeNa"
 _HEIGHT: Final = TypeAdapter(Annotated[float, Field(ge=0, allow_inf_nan=False)])
 DEFAULT_VEHICLE_TYPE: Final = "vehicle"
-"""Vehicle type that may use everything if neither the model nor the caller names one."""
+"""Default vehicle type, with access to everything, if neither model nor caller names one."""
 
 DEFAULT_MAP_ID: Final = "map"
 
 
 @dataclass(frozen=True, slots=True)
 class ExportOptions:
-    """Values that LIF requires and a plant model may lack."""
+    """Values that LIF requires but a plant model may lack."""
 
     at: datetime
-    """Time of the export, timezone-aware."""
+    """Export time, timezone-aware."""
     map_id: str
-    """mapId of points without one."""
+    """MapId for points without one."""
     vehicle_types: tuple[str, ...]
-    """Vehicle types that may use whatever the model does not restrict; at least one."""
+    """Vehicle types that may use everything the model does not restrict; at least one."""
 
 
 def write(
@@ -66,10 +66,11 @@ def write(
     map_id: str | None = None,
     vehicle_types: Sequence[str] = (),
 ) -> ExportReport:
-    """Write a plant model as LIF; warnings name what is lost. `at` (timezone-aware) dates the file.
+    """Write a plant model as LIF, with warnings about lost content.
 
-    `map_id` is the mapId of points without one, by default the map of all vehicles. What the model does not
-    restrict is open to `vehicle_types`, by default those of its vehicles.
+    `at` is the export time (timezone-aware). `map_id` is used for points without a mapId; default: the map of
+    all vehicles. `vehicle_types` may use everything the model does not restrict; default: the types of its
+    vehicles.
     """
     maps = {vehicle.map_id for vehicle in model.vehicles if vehicle.map_id}
     types = {vehicle.vehicle_type for vehicle in model.vehicles if vehicle.vehicle_type}
@@ -89,7 +90,7 @@ def write(
 
 
 def _as_1_0(part: Any) -> Any:  # noqa: ANN401 - a value of JSON
-    """Return a part of a file without what LIF 1.0 does not have."""
+    """Remove everything that LIF 1.0 does not have from a part of a file."""
     if isinstance(part, list):
         return [_as_1_0(each) for each in part]
     if not isinstance(part, dict):
@@ -105,7 +106,7 @@ def _as_1_0(part: Any) -> Any:  # noqa: ANN401 - a value of JSON
 
 
 def from_plant(model: PlantModel, options: ExportOptions) -> LifFile:
-    """Return the file: with the layouts of an imported LIF file, else with one layout."""
+    """Convert a plant model to a file: with the layouts of its imported LIF file, else with one layout."""
     numbers = _layout_numbers(model)
     actions = _actions(model)
     nodes, edges, stations = defaultdict(list), defaultdict(list), defaultdict(list)
@@ -143,9 +144,9 @@ def _timestamp(at: datetime) -> str:
 
 
 def distinct_ids(wanted: Mapping[str, str | None]) -> dict[str, str]:
-    """Return a unique id for each object, by name: the wanted one if possible, else the name.
+    """Return a unique ID for each object, by name: the wanted ID if it is unique, else the name.
 
-    Copied objects keep their properties, so ids may be empty or occur twice: none of these is used.
+    Wanted IDs may be empty or duplicate, because copied objects keep their properties.
     """
     ids = {name: own or name for name, own in wanted.items()}
     # Each round uses up a wanted ID, and names are distinct.
@@ -185,7 +186,7 @@ def _layout(
 
 
 def _actions(model: PlantModel) -> defaultdict[str, tuple[TypeAction, ...]]:
-    """Return the actions that locations allow at each point, as optional actions."""
+    """Return the operations that locations allow at each point, as optional actions."""
     found: defaultdict[str, tuple[TypeAction, ...]] = defaultdict(tuple)
     for location in model.locations:
         for link in location.links:
@@ -235,7 +236,7 @@ def _edge(edge: DirectedEdge, edge_id: str, options: ExportOptions) -> LifEdge:
 
 
 def _uses(edge: DirectedEdge, vehicle_types: Iterable[str]) -> Iterator[VehicleTypeOnPath]:
-    """Yield the rule of each vehicle type; backward edges are driven with the back first."""
+    """Yield the rule of each vehicle type; vehicles drive backward edges in reverse."""
     rules = edge.path.vehicle_types
     if rules and edge.is_forward:
         yield from rules
@@ -273,7 +274,7 @@ def _height(text: str) -> float | None:
 
 
 def _station_position(location: Location, *, imported: bool) -> StationPosition | None:
-    """Return the station's position as imported, which may be None, else the location's position."""
+    """Return the imported position of a station (may be None), else the position of the location."""
     try:
         return StationPosition.model_validate_json(location.properties.get(keys.LIF_STATION_POSITION, ""))
     except ValidationError:

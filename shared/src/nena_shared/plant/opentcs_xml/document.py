@@ -14,6 +14,7 @@ from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
+from nena_shared.plant.exchange import refusal
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,11 +25,11 @@ class Limits:
     depth: int = 16
     elements: int = 1_000_000
     attributes: int = 1000
-    """Of one element: the parser's time rises with their square."""
+    """Attributes of one element; the parsing time is quadratic in their number."""
 
 
 _LONG_TAG: Final = re.compile(rb"<[^<]{16384,}")
-"""What may hold more attributes than an element has; there is no < within a tag."""
+"""Matches text that may be an element's attributes; a tag contains no <."""
 
 
 DEFAULT_LIMITS: Final = Limits()
@@ -39,7 +40,7 @@ class _LimitExceededError(Exception):
 
 
 class _BoundedTreeBuilder(TreeBuilder):
-    """Tree builder with limits: stops hostile files before they fill the memory."""
+    """Tree builder with limits; stops malicious files before they exhaust the memory."""
 
     def __init__(self, limits: Limits) -> None:
         super().__init__()
@@ -66,9 +67,9 @@ class _BoundedTreeBuilder(TreeBuilder):
 def parse(data: bytes, limits: Limits) -> Element:
     """Parse a document and return its root element `model`; raises PlantModelError with one problem."""
     if len(data) > limits.size_bytes:
-        raise _refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes, more than {limits.size_bytes}")
+        raise refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes, more than {limits.size_bytes}")
     if any(each.group().count(b"=") > limits.attributes for each in _LONG_TAG.finditer(data)):
-        raise _refusal("LIMIT_EXCEEDED", f"an element has more than {limits.attributes} attributes")
+        raise refusal("LIMIT_EXCEEDED", f"an element has more than {limits.attributes} attributes")
     if data.startswith(_BINARY_FORMATS):
         raise _old_format()
     parser = DefusedXMLParser(target=_BoundedTreeBuilder(limits), forbid_dtd=True)
@@ -76,23 +77,23 @@ def parse(data: bytes, limits: Limits) -> Element:
         parser.feed(data)
         root: Element = parser.close()
     except _LimitExceededError as error:
-        raise _refusal("LIMIT_EXCEEDED", str(error)) from None
+        raise refusal("LIMIT_EXCEEDED", str(error)) from None
     except DefusedXmlException as error:
-        raise _refusal("FORBIDDEN_XML", f"DTDs and entities are not allowed: {error}") from error
+        raise refusal("FORBIDDEN_XML", f"DTDs and entities are not allowed: {error}") from error
     except (ParseError, LookupError, ValueError) as error:
-        raise _refusal("MALFORMED_XML", f"the XML is not well-formed: {error}") from error
+        raise refusal("MALFORMED_XML", f"the XML is not well-formed: {error}") from error
     if root.tag in _EDITOR_ROOTS:
         raise _old_format()
     if root.tag != "model":
-        raise _refusal("NOT_A_PLANT_MODEL", f"the root element is {root.tag!r} instead of 'model'")
+        raise refusal("NOT_A_PLANT_MODEL", f"the root element is {root.tag!r} instead of 'model'")
     return root
 
 
 _BINARY_FORMATS: Final = (b"\xac\xed\x00\x05", b"PK\x03\x04")
-"""How Java objects and archives begin: models that openTCS's plant overview saved before it wrote XML."""
+"""First bytes of Java objects and archives: models saved by openTCS's plant overview before it wrote XML."""
 
 _EDITOR_ROOTS: Final = frozenset({"courseModel", "java", "object-stream"})
-"""Roots of the plant overview's own files (.opentcs), which are no plant models of the kernel."""
+"""Root elements of the plant overview's own files (.opentcs), which are not plant models of the kernel."""
 
 
 def _old_format() -> PlantModelError:
@@ -100,11 +101,7 @@ def _old_format() -> PlantModelError:
         "this is a file of openTCS's plant overview from before it saved plant models as XML; open it in "
         f"openTCS 4 and save it as XML. Readable: {_READABLE}"
     )
-    return _refusal("OLD_OPENTCS_FORMAT", text)
-
-
-def _refusal(code: str, text: str) -> PlantModelError:
-    return PlantModelError([PlantProblem(code, ObjectKind.MODEL, "", text)])
+    return refusal("OLD_OPENTCS_FORMAT", text)
 
 
 _READABLE = "0.0.2, 0.0.3, 0.0.4, 0.0.5, 6.0.x and 7.0.x"
@@ -112,7 +109,7 @@ _NUMBERS = re.compile(r"(\d{1,9})\.(\d{1,9})\.(\d{1,9})")
 
 
 class FormatVersion(IntEnum):
-    """Version of the format; newer versions compare greater."""
+    """Format version; newer versions compare greater."""
 
     V0_0_2 = 2
     V0_0_3 = 3
@@ -178,7 +175,7 @@ class Findings:
         self.is_old = self.version.is_old
 
     def error(self, code: str, kind: ObjectKind, name: str, text: str) -> None:
-        """Add an error: the model will be rejected after reading all of it."""
+        """Add an error: the model is rejected after it was read completely."""
         self.errors.append(PlantProblem(code, kind, name, text))
 
     def warn(self, code: str, kind: ObjectKind, name: str, text: str) -> None:
@@ -186,7 +183,7 @@ class Findings:
         self.warnings.append(PlantProblem(code, kind, name, text))
 
     def ignore(self, kind: ObjectKind, what: str, times: int = 1) -> None:
-        """Count ignored content: thousands of paths with an old attribute cause one warning."""
+        """Count ignored content, so that thousands of equal attributes cause one warning."""
         self._ignored[kind, what] += times
 
     def ignored(self) -> Iterator[PlantProblem]:
@@ -208,7 +205,7 @@ _BOOLEANS: Final = MappingProxyType({"true": True, "1": True, "false": False, "0
 class XmlObject:
     """Typed access to an element of a plant object. A missing attribute without a default is an error.
 
-    After an error a harmless value is returned, so that reading continues and finds all errors at once.
+    After an error a harmless value is returned, so that a single run finds all errors.
     """
 
     __slots__ = ("_children", "_element", "_read", "findings", "kind", "name")

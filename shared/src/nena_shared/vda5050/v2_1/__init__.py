@@ -1,4 +1,4 @@
-"""VDA 5050 2.1.0: where its messages differ from the neutral ones."""
+"""VDA 5050 2.1.0: messages that differ from the neutral ones."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RULES: Final = Rules(
     hibernation=False,
     wrong_stitching_node=ErrorType.OUTDATED_ORDER_UPDATE,
 )
-"""What this version means by its messages."""
+"""Rules of this version."""
 
 CODEC = Codec(
     version="2.1.0",

@@ -1,4 +1,4 @@
-"""Types that 2.x writes in its own way."""
+"""Types with a different format in 2.x."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ TimestampV2 = Annotated[
 """ISO 8601 in UTC with hundredths of a second (2.1 section 6.4)."""
 
 TimestampOrNow = Annotated[TimestampV2, Field(default_factory=lambda: datetime.now(UTC))]
-"""For messages whose header 2.x does not demand: one without a time is as new as its reading."""
+"""For messages without a mandatory header in 2.x: defaults to the time of reading."""
 
 
-def _turned_when_read(value: object, info: ValidationInfo) -> object:
+def _negated_in_json(value: object, info: ValidationInfo) -> object:
     return not value if info.mode == "json" and isinstance(value, bool) else value
 
 
-def _turned(value: bool | None) -> bool | None:  # noqa: FBT001 - the serializer's form
+def _negated(value: bool | None) -> bool | None:  # noqa: FBT001 - the serializer's form
     return None if value is None else not value
 
 
 Negated = Annotated[
-    bool | None, BeforeValidator(_turned_when_read), PlainSerializer(_turned, when_used="json")
+    bool | None, BeforeValidator(_negated_in_json), PlainSerializer(_negated, when_used="json")
 ]
-"""For a boolean that 2.x states the other way round."""
+"""A boolean with the opposite meaning in 2.x."""

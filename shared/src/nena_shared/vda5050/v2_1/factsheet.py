@@ -41,7 +41,7 @@ from nena_shared.vda5050.v2_1.order import (
     NodeV21,
     OrderV21,
 )
-from nena_shared.vda5050.v2_1.parameter import missing_names, neutral_path, speaks_of, written_path
+from nena_shared.vda5050.v2_1.parameter import has_segment_in, missing_names, neutral_path, written_path
 from nena_shared.vda5050.wire_names import Absent, always, reads, writes
 
 KINEMATICS = {"DIFF": "DIFFERENTIAL", "OMNI": "OMNIDIRECTIONAL", "THREEWHEEL": "THREE_WHEEL"}
@@ -81,7 +81,7 @@ class PhysicalParametersV21(PhysicalParameters):
 
 
 class MaximumStringLengthsV21(MaximumStringLengths):
-    """Maximum numbers of characters (2.1 section 6.15)."""
+    """Maximum string lengths, characters (2.1 section 6.15)."""
 
     maximum_message_length: Annotated[UInt32 | None, Field(alias="msgLen")] = None
     maximum_topic_serial_length: Annotated[UInt32 | None, Field(alias="topicSerialLen")] = None
@@ -91,7 +91,7 @@ class MaximumStringLengthsV21(MaximumStringLengths):
 
 
 class MaximumArrayLengthsV21(MaximumArrayLengths):
-    """Maximum entries per array (2.1 section 6.15)."""
+    """Maximum array lengths (2.1 section 6.15)."""
 
     zone_set_zones: Absent = None
     state_instant_action_states: Absent = None
@@ -99,7 +99,7 @@ class MaximumArrayLengthsV21(MaximumArrayLengths):
 
 
 class TimingV21(Timing):
-    """Seconds between messages (2.1 section 6.15)."""
+    """Intervals between messages, seconds (2.1 section 6.15)."""
 
     minimum_order_interval: Annotated[NotNegative, Field(alias="minOrderInterval")]
     minimum_state_interval: Annotated[NotNegative, Field(alias="minStateInterval")]
@@ -114,7 +114,7 @@ class ProtocolLimitsV21(ProtocolLimits):
 
 
 class ActionParameterDescriptionV21(ActionParameterDescription):
-    """A parameter of an action; FLOAT is a number like any other (2.1 section 6.15)."""
+    """A parameter of an action; FLOAT is read as NUMBER (2.1 section 6.15)."""
 
     value_data_type: Annotated[ValueDataType, reads({"FLOAT": "NUMBER"})]
 
@@ -127,7 +127,7 @@ def _without_zones(scopes: tuple[ActionScope, ...]) -> list[str]:
 
 
 class MobileRobotActionV21(MobileRobotAction):
-    """An action of the robot; 2.1 has no field for pausing and cancelling (2.1 section 6.15)."""
+    """A supported action; 2.1 has no fields for pausing and cancelling (2.1 section 6.15)."""
 
     action_type: ActionTypeV21
     action_scopes: Annotated[
@@ -161,7 +161,7 @@ class MobileRobotActionV21(MobileRobotAction):
     def _typed(
         self, parameter: ActionParameterDescriptionV21, old: ValueDataType, new: ValueDataType
     ) -> ActionParameterDescriptionV21:
-        """Return ``parameter`` with the type that the version has for the trigger."""
+        """Return ``parameter`` with this version's type of the trigger parameter."""
         if (self.action_type, parameter.key) != TRIGGER or parameter.value_data_type is not old:
             return parameter
         return parameter.model_copy(update={"value_data_type": new})
@@ -182,7 +182,7 @@ class OptionalParameterV21(OptionalParameter):
 
 
 class ProtocolFeaturesV21(ProtocolFeatures):
-    """Optional fields and actions (2.1 section 6.15); without fields that 2.1 does not have."""
+    """Optional fields and actions (2.1 section 6.15), without fields that 2.1 lacks."""
 
     missing: ClassVar[frozenset[str]] = missing_names(OrderV21, NodeV21, EdgeV21, CorridorV21, ActionV21)
     optional_parameters: tuple[OptionalParameterV21, ...]
@@ -190,11 +190,11 @@ class ProtocolFeaturesV21(ProtocolFeatures):
 
     @field_serializer("optional_parameters", when_used="json")
     def _known(self, parameters: tuple[OptionalParameterV21, ...]) -> tuple[OptionalParameterV21, ...]:
-        return tuple(each for each in parameters if not speaks_of(self.missing, each.parameter))
+        return tuple(each for each in parameters if not has_segment_in(self.missing, each.parameter))
 
 
 class Envelope3dV21(Envelope3d):
-    """An outline in space (2.1 section 6.15)."""
+    """A 3D envelope (2.1 section 6.15)."""
 
     envelope3d_id: Annotated[str, Field(alias="set")]
 
@@ -214,7 +214,7 @@ class MobileRobotGeometryV21(MobileRobotGeometry):
 
 
 class LoadSetV21(LoadSet):
-    """A kind of load that the robot handles (2.1 section 6.15)."""
+    """A kind of load (2.1 section 6.15)."""
 
     maximum_weight: Annotated[NotNegative | None, Field(alias="maxWeight")] = None
     minimum_loadhandling_height: Annotated[NotNegative | None, Field(alias="minLoadhandlingHeight")] = None
@@ -229,7 +229,7 @@ class LoadSetV21(LoadSet):
 
 
 class LoadSpecificationV21(LoadSpecification):
-    """What the robot can carry (2.1 section 6.15)."""
+    """Load handling (2.1 section 6.15)."""
 
     load_sets: tuple[LoadSetV21, ...] | None = None
 
@@ -241,10 +241,10 @@ class MobileRobotConfigurationV21(MobileRobotConfiguration):
 
 
 class FactsheetV21(Factsheet):
-    """Properties and abilities of a robot (2.1 section 6.15); blockingTypes are read, but not written.
+    """The factsheet (2.1 section 6.15); blockingTypes are read, but not written.
 
-    The schema of 2.1.0 requires this list to equal a string: a fleet control that checks messages with
-    it refuses each factsheet that has one.
+    The schema of 2.1.0 compares this list with a string, so fleet controls that validate messages reject
+    every factsheet that contains it.
     """
 
     header_id: UInt32 = 0
@@ -261,7 +261,7 @@ class FactsheetV21(Factsheet):
 
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
-        """Make the 2.1 form of a factsheet."""
+        """Convert a factsheet to its 2.1 form."""
         factsheet = Factsheet.model_validate(neutral, by_name=True, by_alias=False)
         features = factsheet.protocol_features
         actions = tuple(

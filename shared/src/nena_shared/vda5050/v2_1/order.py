@@ -47,21 +47,21 @@ ActionTypeV21 = Annotated[
 ]
 
 BlockingTypeV21 = Annotated[BlockingType, writes({"SINGLE": "HARD"}, BlockingType)]
-"""2.1 lacks SINGLE: HARD also keeps other actions away, and never allows more."""
+"""2.1 lacks SINGLE; HARD also excludes other actions and is stricter."""
 
 
 INSTANT_ACTIONS_OF_1_1: Final = "instantActions"
-"""What 1.1 calls the array of instant actions."""
+"""Name of the instant actions array in 1.1."""
 
 TRIGGER: Final = ("waitForTrigger", "triggerType")
-"""3.0 has a list of triggers, 2.x a single one."""
+"""A list of triggers in 3.0, a single one in 2.x."""
 
 CANCELLED_ORDER: Final = ("cancelOrder", "orderId")
-"""In 2.x it is always the order that the robot has."""
+"""Not in 2.x, where it is always the current order."""
 
 
 class ActionV21(Action):
-    """An action; 2.1 has no retry, and other forms of some parameters."""
+    """An action; 2.1 has no retries, and other formats for some parameters."""
 
     action_type: ActionTypeV21
     action_descriptor: Annotated[str | None, Field(alias="actionDescription")] = None
@@ -99,10 +99,7 @@ def _first(value: JsonValue) -> JsonValue:
 
 
 class ActionStateV21(ActionState):
-    """State of an action.
-
-    One that waits for a retry is still running for a 2.1 fleet control (2.1 section 6.11).
-    """
+    """State of an action; RETRIABLE is reported as RUNNING (2.1 section 6.11)."""
 
     action_type: ActionTypeV21 | None = None
     action_descriptor: Annotated[str | None, Field(alias="actionDescription")] = None
@@ -116,7 +113,7 @@ DEFAULT_DEGREE = 1
 class TrajectoryV21(Trajectory):
     """A NURBS from the start to the end of an edge (2.1 section 6.6.6); omitted fields get 3.0's defaults.
 
-    Too few control points for the degree make no curve, so they get no knots.
+    Knots are not added if there are too few control points for the degree.
     """
 
     degree: Annotated[
@@ -125,7 +122,7 @@ class TrajectoryV21(Trajectory):
 
     @staticmethod
     def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
-        """Leave to the codec what has to be filled in."""
+        """Reject trajectories without degree or knots, which only the codec adds."""
         if record.degree is None or record.knot_vector is None:
             message = "degree and knots are filled in by the codec"
             raise ValueError(message)
@@ -140,7 +137,7 @@ class TrajectoryV21(Trajectory):
 
 
 def uniform_knots(control_points: int, degree: int) -> tuple[float, ...]:
-    """Return clamped knots, evenly spread over 0 to 1; there are more control points than ``degree``."""
+    """Return clamped uniform knots from 0 to 1; requires more control points than ``degree``."""
     spans = control_points - degree
     inner = tuple(index / spans for index in range(1, spans))
     return (0.0,) * (degree + 1) + inner + (1.0,) * (degree + 1)
@@ -159,7 +156,7 @@ DeviationRadius = Annotated[
     BeforeValidator(_ellipse),
     PlainSerializer(_radius, return_type=NotNegative, when_used="json"),
 ]
-"""A radius in m; an ellipse is sent as its shorter half axis, which never allows more."""
+"""Radius, m. An ellipse is sent as its shorter semi-axis, the stricter value."""
 
 
 class NodePositionV21(NodePosition):
@@ -177,7 +174,7 @@ class NodeV21(Node):
 
 
 class CorridorV21(Corridor):
-    """A corridor that may be used without a release, which 2.1 does not have (2.1 section 6.6.5)."""
+    """A corridor (2.1 section 6.6.5); 2.1 has no corridors that need a release."""
 
     corridor_reference_point: Annotated[
         Annotated[
@@ -197,7 +194,7 @@ def _free_to_use(corridor: object) -> object:
 
 
 class EdgeV21(Edge):
-    """The connection between two nodes, with their IDs (2.1 section 6.6.6)."""
+    """An edge, with the IDs of its nodes (2.1 section 6.6.6)."""
 
     edge_descriptor: Annotated[str | None, Field(alias="edgeDescription")] = None
     start_node_id: Identifier
@@ -209,7 +206,7 @@ class EdgeV21(Edge):
     reach_orientation_before_entering: Annotated[Negated, Field(alias="rotationAllowed")] = None
     trajectory: TrajectoryV21 | None = None
     corridor: Annotated[CorridorV21 | None, BeforeValidator(_free_to_use)] = None
-    """One that needs a release is left out: the robot then keeps to the trajectory, as without a grant."""
+    """Omitted if it needs a release: the robot then stays on the trajectory, as without a grant."""
     actions: tuple[ActionV21, ...]
 
 
@@ -223,11 +220,11 @@ class OrderV21(Order):
 
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
-        """Return the 2.1 form of an order (2.1 section 6.6.6); edges get their ends from their neighbours."""
+        """Convert an order to its 2.1 form (2.1 section 6.6.6); add the node IDs to its edges."""
         order = Order.model_validate(neutral, by_name=True, by_alias=False)
         edges = tuple(
             EdgeV21.model_validate(
-                {**dict(edge), "start_node_id": before.node_id, "end_node_id": after.node_id},
+                {**vars(edge), "start_node_id": before.node_id, "end_node_id": after.node_id},
                 by_name=True,
                 by_alias=False,
             )
@@ -248,7 +245,7 @@ class OrderV21(Order):
 
 
 class InstantActionsV21(InstantActions):
-    """Actions to execute immediately (2.1 section 6.9); some masters name the list as in 1.1."""
+    """Actions to execute immediately (2.1 section 6.9); some fleet controls use the array name of 1.1."""
 
     timestamp: TimestampV2
     actions: Annotated[

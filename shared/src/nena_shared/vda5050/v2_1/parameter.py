@@ -1,7 +1,7 @@
-"""Names of the order's fields in 2.x, where messages speak about them by their dotted path.
+"""Translate dotted paths of order fields between 2.x and neutral names.
 
-The factsheet lists optional parameters by such paths, and errors refer to them: ``order.edges.maximumSpeed``
-is ``order.edges.maxSpeed`` in 2.x.
+Factsheets list optional parameters by such paths, and errors refer to them: ``order.edges.maximumSpeed`` is
+``order.edges.maxSpeed`` in 2.x.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SEGMENT: Final = re.compile(r"\w+")
 
 
 def _aliases(kind: type[WireObject], form: type[WireObject]) -> dict[str, str]:
-    """Return the wire names of ``kind``'s fields, and what ``form`` calls them."""
+    """Return the wire names in ``form`` by the wire names in ``kind``."""
     fields = form.model_fields
     return {str(field.alias): str(fields[name].alias) for name, field in kind.model_fields.items()}
 
@@ -30,28 +30,28 @@ WRITTEN: Final[Mapping[str, str]] = {
     for name, other in _aliases(kind, form).items()
     if name != other
 }
-"""Neutral names and those of 2.x, where they differ."""
+"""Names of 2.x by neutral names, where they differ."""
 
 _READ: Final[Mapping[str, str]] = {other: name for name, other in WRITTEN.items()}
 
 
 def written_path(path: str) -> str:
-    """Return a neutral path in the names of 2.x."""
+    """Convert a neutral path to 2.x names."""
     return SEGMENT.sub(lambda part: WRITTEN.get(part[0], part[0]), path)
 
 
 def neutral_path(path: str) -> str:
-    """Return a path of 2.x in neutral names."""
+    """Convert a 2.x path to neutral names."""
     return SEGMENT.sub(lambda part: _READ.get(part[0], part[0]), path)
 
 
 def missing_names(*forms: type[WireObject]) -> frozenset[str]:
-    """Return the neutral wire names of the fields that a version does not have, from its forms."""
+    """Return the neutral wire names of the fields that a version's forms lack."""
     return frozenset(
         str(field.alias) for form in forms for field in form.model_fields.values() if field.exclude
     )
 
 
-def speaks_of(names: frozenset[str], path: str) -> bool:
-    """Return whether a part of ``path`` is among ``names``."""
+def has_segment_in(names: frozenset[str], path: str) -> bool:
+    """Return whether a level of ``path`` is in ``names``."""
     return not names.isdisjoint(SEGMENT.findall(path))

@@ -58,7 +58,7 @@ WRITTEN: dict[str, str] = {
     ErrorType.ACTION_FAILED: "actionFailed",
     ErrorType.NAVIGATION_NOT_AVAILABLE: "navigationNotAvailable",
 }
-"""What a neutral error type is called in a 2.x state."""
+"""Error types of 2.x by neutral error type."""
 
 REJECTIONS: frozenset[str] = frozenset(
     {
@@ -78,18 +78,15 @@ REJECTIONS: frozenset[str] = frozenset(
         ErrorType.INVALID_INSTANT_ACTION,
     }
 )
-"""Errors that refuse a message and do not affect the robot: in 2.x always of level WARNING."""
+"""Errors that reject a message without affecting the robot; always WARNING in 2.x."""
 
 
 PARAMETER: Final = "parameter"
-"""The key under which the value names a parameter."""
+"""Reference key whose value is a parameter path."""
 
 
 class ErrorReferenceV21(ErrorReference):
-    """The subject of an error (2.1 section 7.1).
-
-    Parameters of the order have their 2.x names, as key or as value.
-    """
+    """The subject of an error, with 2.x names of order parameters in key and value (2.1 section 7.1)."""
 
     @staticmethod
     def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
@@ -120,7 +117,7 @@ class ErrorEntryV21(ErrorEntry):
 
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
-        """Make the 2.1 form: a rejection is always a warning, what stops the robot is fatal."""
+        """Convert to the 2.1 form: rejections are WARNING, errors that stop the robot are FATAL."""
         error = ErrorEntry.model_validate(neutral, by_name=True, by_alias=False)
         mild = error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT) or error.error_type in REJECTIONS
         return cls.model_validate(
@@ -149,21 +146,21 @@ class MapV21(Map):
 
 
 class PositionOfNodeStateV21(NodePosition):
-    """Position of a node; the allowed deviation is only in the order."""
+    """Position of a node; without the allowed deviation, which only orders contain."""
 
     allowed_deviation_xy: Absent = None
     allowed_deviation_theta: Absent = None
 
 
 class NodeStateV21(NodeState):
-    """A node that is still to be traversed (2.1 section 6.10.6)."""
+    """A node that the robot has not traversed yet (2.1 section 6.10.6)."""
 
     node_descriptor: Annotated[str | None, Field(alias="nodeDescription")] = None
     node_position: PositionOfNodeStateV21 | None = None
 
 
 class EdgeStateV21(EdgeState):
-    """An edge that is still to be driven to its end (2.1 section 6.10.6)."""
+    """An edge that the robot has not left yet (2.1 section 6.10.6)."""
 
     edge_descriptor: Annotated[str | None, Field(alias="edgeDescription")] = None
     trajectory: TrajectoryV21 | None = None
@@ -184,10 +181,7 @@ class PowerSupplyV21(PowerSupply):
 
 
 class SafetyStateV21(SafetyState):
-    """Emergency stop and protective field (2.1 section 6.10.6).
-
-    A stop with automatic acknowledgement is a field violation in 3.0.
-    """
+    """Emergency stop and protective field (2.1 section 6.10.6); AUTOACK is a field violation in 3.0."""
 
     active_emergency_stop: Annotated[EmergencyStop, reads({"AUTOACK": "NONE"}), Field(alias="eStop")]
 
@@ -206,7 +200,7 @@ class InformationV21(Information):
 
 
 class StateV21(State):
-    """The whole state; instant action states are among those of the order's actions (2.1 section 6.10.6)."""
+    """The state (2.1 section 6.10.6); actionStates also contains the instant actions."""
 
     timestamp: TimestampV2
     maps: tuple[MapV21, ...] | None = None
@@ -229,7 +223,7 @@ class StateV21(State):
 
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
-        """Make the 2.1 form of a state; while a person intervenes, fleet control sees a pause."""
+        """Convert a state to its 2.1 form; INTERVENED is reported as paused."""
         state = State.model_validate(neutral, by_name=True, by_alias=False)
         return cls.model_validate(
             state.model_copy(
@@ -245,7 +239,7 @@ class StateV21(State):
 
 
 class VisualizationV21(Visualization):
-    """Position and speed (2.1 section 6.13), without its state, and not always with its sender."""
+    """Position and velocity (2.1 section 6.13); manufacturer and serial number may be missing."""
 
     header_id: UInt32 = 0
     timestamp: TimestampOrNow
@@ -266,7 +260,7 @@ ConnectionStateV21 = Annotated[
 
 
 class ConnectionV21(Connection):
-    """CONNECTION_BROKEN without the underscore (2.1 section 6.14); a hibernating robot is still connected."""
+    """Connection state (2.1 section 6.14): CONNECTIONBROKEN; HIBERNATING is sent as ONLINE."""
 
     timestamp: TimestampV2
     connection_state: ConnectionStateV21

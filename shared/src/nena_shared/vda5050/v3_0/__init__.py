@@ -1,4 +1,4 @@
-"""VDA 5050 3.0.0: the neutral messages, but for spellings that are read besides the right ones."""
+"""VDA 5050 3.0.0: the neutral messages, with additional spellings that are accepted."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ RULES: Final = Rules(
     node_forgotten_in=frozenset({OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN}),
     node_left_in=frozenset({OperatingMode.MANUAL}),
 )
-"""What this version means by its messages."""
+"""Rules of this version."""
 
 CODEC = Codec(
     version="3.0.0",

@@ -1,4 +1,4 @@
-"""The messages of VDA 5050 3.0: the neutral ones, and misspelt or older names that are read, too."""
+"""VDA 5050 3.0: the neutral messages, which also accept misspelt and older names."""
 
 from __future__ import annotations
 
@@ -68,14 +68,14 @@ class ActionV30(Action):
 
 
 def _half_turn(theta: float) -> float:
-    """Return the same turn of an ellipse, which looks alike after half a turn, within -π/2 to π/2."""
+    """Normalise the rotation of an ellipse to [-π/2, π/2]; half a turn changes nothing."""
     if abs(theta) <= pi / 2:
         return theta
     return theta - pi if theta > 0 else theta + pi
 
 
 class AllowedDeviationXYV30(AllowedDeviationXY):
-    """An ellipse around a node (section 7.3); its theta is limited to the schema's range."""
+    """An ellipse around a node (section 7.3); theta is normalised to the schema's range."""
 
     theta: Annotated[Angle, PlainSerializer(_half_turn, return_type=float, when_used="json")] = 0.0
 
@@ -94,7 +94,7 @@ class NodeV30(Node):
 
 
 class ControlPointV30(ControlPoint):
-    """A point that shapes a trajectory (section 7.3); a weight of 0 has no effect."""
+    """A control point of a trajectory (section 7.3); a weight of 0 has no effect."""
 
     weight: Annotated[float, Field(gt=0)] | None = None
 
@@ -106,7 +106,7 @@ class TrajectoryV30(Trajectory):
 
 
 class CorridorV30(Corridor):
-    """How far a robot may leave a trajectory (section 7.3)."""
+    """Allowed deviation from a trajectory (section 7.3)."""
 
     corridor_reference_point: (
         Annotated[CorridorReferencePoint, reads({"KINEMATICCENTER": "KINEMATIC_CENTER"})] | None
@@ -114,10 +114,7 @@ class CorridorV30(Corridor):
 
 
 class EdgeV30(Edge):
-    """The connection between two nodes (section 7.3).
-
-    The schema has another name for the speed of rotation.
-    """
+    """An edge (section 7.3); the schema has another name for the maximum rotation speed."""
 
     maximum_rotation_speed: Annotated[
         NotNegative | None, Field(validation_alias=AliasChoices("maximumRotationSpeed", "maxRotationSpeed"))
@@ -136,7 +133,7 @@ class OrderV30(Order):
 
 
 class InstantActionV30(ActionV30):
-    """An instant action: its blocking type is always NONE (section 6.2.1)."""
+    """An instant action; its blocking type is always NONE (section 6.2.1)."""
 
     blocking_type: Annotated[
         BlockingType,
@@ -152,30 +149,30 @@ class InstantActionsV30(InstantActions):
 
 
 RequestStatusV30 = Annotated[RequestStatus, writes({"QUEUED": "REQUESTED"}, RequestStatus)]
-"""Section 6.9 has QUEUED, table and schema do not: read, but not sent to a fleet control of 3.0.0."""
+"""Section 6.9 has QUEUED, table and schema do not: accepted, but not sent to 3.0.0 fleet controls."""
 
 
 class PositionOfNodeStateV30(NodePosition):
-    """Position of a node (section 7.8); the allowed deviation is only in the order."""
+    """Position of a node (section 7.8); without the allowed deviation, which only orders contain."""
 
     allowed_deviation_xy: Absent = None
     allowed_deviation_theta: Absent = None
 
 
 class NodeStateV30(NodeState):
-    """A node that is still to be traversed (section 7.8)."""
+    """A node that the robot has not traversed yet (section 7.8)."""
 
     node_position: PositionOfNodeStateV30 | None = None
 
 
 class EdgeStateV30(EdgeState):
-    """An edge that is still to be driven to its end (section 7.8)."""
+    """An edge that the robot has not left yet (section 7.8)."""
 
     trajectory: TrajectoryV30 | None = None
 
 
 class PlannedPathV30(PlannedPath):
-    """The path that the robot plans, at least to the end of its base (section 7.8)."""
+    """The robot's planned path, at least to the end of the base (section 7.8)."""
 
     trajectory: TrajectoryV30
 
@@ -200,7 +197,7 @@ class EdgeRequestV30(EdgeRequest):
 
 
 class ErrorEntryV30(ErrorEntry):
-    """One active error; two types have older names."""
+    """An active error (section 6.6.5); two types also have older names."""
 
     error_type: Annotated[
         str,
@@ -209,7 +206,7 @@ class ErrorEntryV30(ErrorEntry):
 
 
 class StateV30(State):
-    """The whole state of the robot (section 7.8)."""
+    """The complete state of the robot (section 7.8)."""
 
     zone_set_id: Absent = None
     node_states: tuple[NodeStateV30, ...]
@@ -231,10 +228,7 @@ class VisualizationV30(Visualization):
 
 
 class ConnectionV30(Connection):
-    """State of a robot's MQTT connection (section 7.7).
-
-    The schema's description still has the name of 2.x.
-    """
+    """State of a robot's MQTT connection (section 7.7); also accepts CONNECTIONBROKEN of 2.x."""
 
     connection_state: Annotated[ConnectionState, reads({"CONNECTIONBROKEN": "CONNECTION_BROKEN"})]
 
@@ -243,7 +237,7 @@ KINEMATICS = {"DIFF": "DIFFERENTIAL", "OMNI": "OMNIDIRECTIONAL", "THREEWHEEL": "
 
 
 class TypeSpecificationV30(TypeSpecification):
-    """The robot's class and navigation types (section 7.10); the schema of 3.0.0 demands a misspelt name."""
+    """Class and navigation types (section 7.10); the schema of 3.0.0 requires a misspelt name."""
 
     mobile_robot_kinematics: Annotated[
         str,
@@ -260,14 +254,14 @@ class ActionParameterDescriptionV30(ActionParameterDescription):
 
 
 class MobileRobotActionV30(MobileRobotAction):
-    """An action of the robot (section 7.10)."""
+    """A supported action (section 7.10)."""
 
     action_type: ActionTypeV30
     action_parameters: tuple[ActionParameterDescriptionV30, ...] | None = None
 
 
 def _right_name(path: str) -> str:
-    """Return the name of the text for the one that the order's schema has."""
+    """Replace a field name of the order's schema with that of the standard's text."""
     return path.replace("maxRotationSpeed", "maximumRotationSpeed")
 
 
@@ -289,7 +283,7 @@ def _whole(seconds: float) -> float:
 
 
 class BatteryChargingV30(BatteryCharging):
-    """When to charge (section 7.10); written in whole seconds, as 3.0.1 wants it."""
+    """Charging thresholds (section 7.10); times are written in whole seconds, as 3.0.1 requires."""
 
     minimum_charging_time: (
         Annotated[NotNegative, PlainSerializer(_whole, return_type=float, when_used="json")] | None
@@ -297,7 +291,7 @@ class BatteryChargingV30(BatteryCharging):
 
 
 class MobileRobotConfigurationV30(MobileRobotConfiguration):
-    """Configuration of this robot (section 7.10); the schema of 3.0.0 has a blank behind one name."""
+    """Configuration of this robot (section 7.10); the schema of 3.0.0 has a name with a trailing blank."""
 
     battery_charging: Annotated[
         BatteryChargingV30 | None,
@@ -306,7 +300,7 @@ class MobileRobotConfigurationV30(MobileRobotConfiguration):
 
 
 class FactsheetV30(Factsheet):
-    """Properties and abilities of a robot (section 7.10)."""
+    """The factsheet (section 7.10)."""
 
     type_specification: TypeSpecificationV30
     protocol_features: ProtocolFeaturesV30
@@ -314,7 +308,7 @@ class FactsheetV30(Factsheet):
 
 
 def _of_zone_type(zone_type: ZoneType) -> BeforeValidator:
-    """Accept a value only in a zone of that type, since ``limitation`` may mean either of two fields."""
+    """Accept a value only in zones of this type, because ``limitation`` can mean either of two fields."""
 
     def read(value: object, info: ValidationInfo) -> object:
         return value if info.data.get("zone_type") is zone_type else None
@@ -329,7 +323,7 @@ class ZoneActionV30(ZoneAction):
 
 
 class ZoneV30(Zone):
-    """An area of a map; a RELEASE zone always has its behaviour on a lost release (section 7.5)."""
+    """An area of a map; RELEASE zones always contain releaseLossBehavior (section 7.5)."""
 
     entry_actions: tuple[ZoneActionV30, ...] | None = None
     during_actions: tuple[ZoneActionV30, ...] | None = None

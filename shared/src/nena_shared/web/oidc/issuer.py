@@ -1,4 +1,4 @@
-"""The OIDC issuer: its metadata and keys, fetched with limits and kept."""
+"""The OIDC issuer: its metadata and keys, fetched with limits and cached."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from nena_shared.web.oidc.users import IssuerAwayError, OidcUser, TokenRefusedEr
 from nena_shared.web.settings import OidcSettings, ProtectedUrl
 
 ANSWER_LIMIT = 512 * 1024
-"""Bytes; a discovery document has some 5 KB, keys some more."""
+"""Maximum size of a response, bytes; a discovery document has about 5 KB, a key set somewhat more."""
 
 Answer = tuple[int, dict[str, Any]]
-"""Status and JSON object."""
+"""Status and JSON object of a response."""
 
 
 class BoundedHttp:
-    """An HTTP client with a new connection for each request, because requests are rare."""
+    """HTTP client with limits; opens a new connection for each request, as requests are rare."""
 
     def __init__(self, settings: OidcSettings) -> None:
-        """Prepare.
+        """Create the client.
 
         Raises:
-            ConfigurationError: the CA file for the issuer cannot be used.
+            ConfigurationError: the CA file for the issuer is unusable.
         """
         self._timeout = settings.timeout
         try:
@@ -47,10 +47,10 @@ class BoundedHttp:
             raise ConfigurationError([f"http.oidc.ca: {settings.ca}: {error}"]) from error
 
     async def get(self, url: str) -> dict[str, Any]:
-        """Return the JSON object at a URL.
+        """Fetch a JSON object.
 
         Raises:
-            IssuerAwayError: there is none.
+            IssuerAwayError: no JSON object was received in time.
         """
         status, found = await self.ask("GET", url)
         if status != HTTPStatus.OK:
@@ -65,7 +65,7 @@ class BoundedHttp:
         form: Mapping[str, str] | None = None,
         login: tuple[str, str] | None = None,
     ) -> Answer:
-        """Send a request, with ``form`` as its body and ``login`` as user and password.
+        """Send a request with ``form`` as body and ``login`` as user name and password.
 
         Raises:
             IssuerAwayError: no JSON object was received in time.
@@ -94,7 +94,7 @@ class BoundedHttp:
 
 
 HEADERS = {"accept": "application/json", "accept-encoding": "identity"}
-"""Uncompressed, so that the limit applies to what arrives and to what is kept."""
+"""Requests uncompressed responses, so that the size limit applies to received and stored data alike."""
 
 
 async def _body(answer: httpx.Response) -> bytes:
@@ -111,7 +111,7 @@ PROBLEMS_SHOWN = 5
 
 
 class Metadata(BaseModel):
-    """The issuer's endpoints that are used here."""
+    """The parts of the issuer's metadata that are used here."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -128,15 +128,15 @@ def place_of(issuer: str) -> str:
 
 
 def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
-    """Read the metadata of ``issuer``.
+    """Parse the metadata of ``issuer``.
 
     Raises:
-        IssuerAwayError: required fields are missing, or it belongs to another issuer.
+        IssuerAwayError: required fields are missing, or the metadata belongs to another issuer.
     """
     try:
         found = Metadata.model_validate(document)
     except ValidationError as error:
-        problems = "; ".join(in_words(error.errors(), whole="all of it", most=PROBLEMS_SHOWN))
+        problems = "; ".join(in_words(error.errors(), whole="the document", most=PROBLEMS_SHOWN))
         message = f"{place_of(issuer)} is invalid: {problems}"
         raise IssuerAwayError(message) from error
     if found.issuer != issuer:
@@ -148,12 +148,11 @@ def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
 KEYS_LIMIT = 100
 
 KINDS = {"RS": "RSA", "PS": "RSA", "ES": "EC", "Ed": "OKP"}
-"""The kind of key (kty) that a signature requires, by the first letters of its name. Shared secrets are none.
-"""
+"""Key type (kty) by the first letters of the signature algorithm. Shared secrets are not supported."""
 
 
 class KeySet:
-    """Keys by their ids; anything but public keys for signatures is ignored."""
+    """Public signature keys by key ID; all other keys are ignored."""
 
     def __init__(self, keys: Sequence[Mapping[str, Any]]) -> None:
         self._keys = keys
@@ -161,19 +160,19 @@ class KeySet:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> KeySet:
-        """Read a JWK Set.
+        """Parse a JWK Set.
 
         Raises:
-            ValueError: it is none, or has no key that could be used.
+            ValueError: the document is not a JWK Set, or contains no usable key.
 
         """
         listed = document.get("keys")
         if not isinstance(listed, list) or len(listed) > KEYS_LIMIT:
-            message = f"it has no list of keys, or more than {KEYS_LIMIT}"
+            message = f"the document has no list of keys, or more than {KEYS_LIMIT} keys"
             raise ValueError(message)
         usable = [each for each in listed if isinstance(each, dict) and _is_usable(each)]
         if not usable:
-            message = "it has no public signature key"
+            message = "the document has no public signature key"
             raise ValueError(message)
         return cls(usable)
 
@@ -182,7 +181,7 @@ class KeySet:
         return self.find(kid, algorithm) is not None
 
     def find(self, kid: str | None, algorithm: str) -> PyJWK | None:
-        """Return the one key of this id for signatures of this kind; without an id the only one."""
+        """Return the key with this ID for a signature algorithm; without an ID, the only suitable key."""
         if (made := self._made.get((kid, algorithm))) is not None:
             return made
         fitting = [each for each in self._keys if _fits(each, kid, algorithm)]
@@ -208,12 +207,12 @@ def _fits(key: Mapping[str, Any], kid: str | None, algorithm: str) -> bool:
 log = get_logger(__name__)
 
 FRESH = 3600.0
-"""Seconds after which the next request fetches the keys again, which drops revoked ones."""
+"""Age after which the next request fetches the keys again, which drops revoked ones, seconds."""
 KEPT = 24 * 3600.0
-"""Seconds for which cached keys stay valid while the issuer cannot be reached."""
+"""Validity of cached keys while the issuer is unavailable, seconds."""
 LOOKS_PER_SECOND = 0.1
 LOOKS_AT_ONCE = 3
-"""Maximum rate of requests to it, whatever keys tokens name."""
+"""Maximum rate of requests to the issuer, however many unknown keys tokens name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,29 +220,29 @@ class _KnownKeys:
     metadata: Metadata
     keys: KeySet
     at: float
-    """Seconds of the monotonic clock."""
+    """Time of the fetch, monotonic seconds."""
 
 
 _Serves = Callable[[_KnownKeys], bool]
-"""Returns whether what is known is sufficient for a request."""
+"""Returns whether cached keys are sufficient for a request."""
 
 
 class Issuer:
-    """Fetches the issuer's keys and description.
+    """Fetches and caches the issuer's keys and metadata.
 
-    One request to the issuer runs at a time. Requests that cached keys can serve do not wait for it.
+    Only one request to the issuer runs at a time. Requests that cached keys can serve do not wait for it.
     """
 
     def __init__(self, settings: OidcSettings, clock: Clock | None = None) -> None:
-        """Prepare; nothing is requested yet.
+        """Create the issuer; nothing is requested yet.
 
         Raises:
-            ConfigurationError: the CA file for the issuer cannot be used.
+            ConfigurationError: the CA file for the issuer is unusable.
         """
         self.settings = settings
         self.http = BoundedHttp(settings)
         self.problem = ""
-        """Why the last look failed; empty when it did not."""
+        """Error of the last request; empty if it succeeded."""
         self._clock = clock or SystemClock()
         self._looks = RateLimit(LOOKS_PER_SECOND, LOOKS_AT_ONCE)
         self._lock = asyncio.Lock()
@@ -254,16 +253,16 @@ class Issuer:
         """Return the issuer's metadata.
 
         Raises:
-            IssuerAwayError: the issuer does not answer.
+            IssuerAwayError: the issuer is unavailable.
         """
         return (await self._current(lambda _: True)).metadata
 
     async def key(self, header: TokenHeader) -> PyJWK:
-        """Return the key that a token names as its signing key.
+        """Return the signing key named in a token's header.
 
         Raises:
             TokenRefusedError: the issuer has no such key.
-            IssuerAwayError: the issuer does not answer, or the limit of requests to it is reached.
+            IssuerAwayError: the issuer is unavailable, or the limit of requests to it is reached.
         """
         known = await self._current(lambda known: known.keys.has(header.kid, header.algorithm))
         key = known.keys.find(header.kid, header.algorithm)
@@ -275,7 +274,7 @@ class Issuer:
         return key
 
     async def _current(self, serves: _Serves) -> _KnownKeys:
-        """Return what is already known if it is sufficient, else what the issuer answers now."""
+        """Return the cached keys if they are sufficient, else fetch them."""
         known = self._known
         if known and serves(known) and self._is_younger(known, KEPT):
             if not self._is_younger(known, FRESH):
@@ -285,21 +284,21 @@ class Issuer:
         known = self._known
         if known and (answered or serves(known)) and self._is_younger(known, KEPT):
             return known
-        raise IssuerAwayError(self.problem or "too many requests to it")
+        raise IssuerAwayError(self.problem or "too many requests to the issuer")
 
     def _begin_to_renew(self) -> None:
-        """Start to renew from the issuer while requests continue, unless a renewal is running."""
+        """Start renewing the keys in the background, unless a renewal is running."""
         if self._renewing is None or self._renewing.done():
-            self._renewing = asyncio.create_task(self._renew_aside(), name="ask the OIDC issuer")
+            self._renewing = asyncio.create_task(self._renew_in_background(), name="ask the OIDC issuer")
 
-    async def _renew_aside(self) -> None:
+    async def _renew_in_background(self) -> None:
         try:
             await self._renew(lambda _: True)
         except Exception:
             log.exception("OIDC issuer unavailable; its known keys remain in use")
 
     async def _renew(self, serves: _Serves) -> bool:
-        """Ask the issuer, unless its last answer is sufficient; False: too many requests to it."""
+        """Fetch the keys unless they are sufficient by now; return False if the rate limit is reached."""
         async with self._lock:
             known = self._known
             if known and serves(known) and self._is_younger(known, FRESH):
@@ -336,7 +335,7 @@ class Issuer:
 
 
 class AccessTokens:
-    """Accepts tokens that the issuer has made for this service's audience."""
+    """Verifies the issuer's tokens for this service's audience."""
 
     def __init__(self, issuer: Issuer) -> None:
         self.issuer = issuer
@@ -357,7 +356,7 @@ class AccessTokens:
 
         Raises:
             TokenRefusedError: the token is invalid.
-            IssuerAwayError: as :meth:`who`.
+            IssuerAwayError: as in :meth:`who`.
         """
         settings = self.issuer.settings
         header = header_of(token, settings.algorithms)

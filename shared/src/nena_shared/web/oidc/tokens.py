@@ -1,4 +1,4 @@
-"""Check the form, signature and claims of OIDC tokens."""
+"""Check format, signature and claims of OIDC tokens."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ LENGTH_LIMIT = 16_384
 """Characters."""
 
 TYPES = frozenset({"", "jwt", "at+jwt", "application/at+jwt"})
-"""Accepted types in a token's header; others do not prove an identity."""
+"""Accepted types (typ) of tokens; tokens of other types do not prove an identity."""
 
 REQUIRED = ["exp", "iss", "aud", "sub"]
 
 UNREADABLE = (flaws.PyJWTError, ValueError, TypeError, OverflowError, RecursionError)
-"""What the library raises at texts that are damaged on purpose."""
+"""Exceptions of the library for malformed tokens."""
 
 REASONS: dict[type[Exception], str] = {
     flaws.ExpiredSignatureError: "it has expired",
@@ -36,17 +36,17 @@ REASONS: dict[type[Exception], str] = {
 
 @dataclass(frozen=True, slots=True)
 class TokenHeader:
-    """What a token claims about its signature; nothing of it is verified yet."""
+    """The header of a token; not verified yet."""
 
     kid: str | None
     algorithm: str
 
 
 def header_of(token: str, algorithms: Sequence[str]) -> TokenHeader:
-    """Read how a token is signed.
+    """Parse the header of a token.
 
     Raises:
-        TokenRefusedError: it cannot be read, or is signed in a way that does not count here.
+        TokenRefusedError: the token is malformed, or its type or algorithm is not accepted.
 
     """
     try:
@@ -70,10 +70,10 @@ def header_of(token: str, algorithms: Sequence[str]) -> TokenHeader:
 def verified(
     token: str, key: PyJWK, header: TokenHeader, *, issuer: str, audience: str, leeway: float
 ) -> dict[str, Any]:
-    """Return the claims of a token that counts.
+    """Verify a token and return its claims.
 
     Raises:
-        TokenRefusedError: it does not.
+        TokenRefusedError: the token is invalid.
 
     """
     try:

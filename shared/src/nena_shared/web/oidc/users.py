@@ -1,4 +1,4 @@
-"""OIDC users: the user and role of a token by its claims, and why a token is refused."""
+"""OIDC users: user and role from the claims of a token, and reasons to reject it."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from nena_shared.web.settings import OidcSettings
 
 
 class TokenRefusedError(Exception):
-    """The token is invalid; the text says why: "it has expired"."""
+    """The token is invalid; the message is the reason, e.g. "it has expired"."""
 
 
 class NoRoleError(Exception):
-    """The token is valid, but its user has no role here; the text says what to do."""
+    """The token is valid, but its user has no role; the message explains what to do."""
 
 
 class IssuerAwayError(Exception):
-    """The issuer does not answer, so its tokens cannot be checked; the text says what happened."""
+    """The issuer is unavailable, so its tokens cannot be checked; the message explains why."""
 
 
 NAME_LIMIT = 64
 
 
 SUBJECT_LIMIT = 255
-"""Characters, by OpenID Connect Core 1.0, section 2."""
+"""Maximum length of a subject, characters (OpenID Connect Core 1.0, section 2)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,18 +37,18 @@ class OidcUser:
     name: str
     role: Role
     subject: str
-    """The issuer's ID of the user, which is never reused."""
+    """The issuer's ID of the user; never reused."""
     expires: datetime
-    """Expiry of the token, leeway included, and of the sessions that it opened."""
+    """Expiry of the token and its sessions, including leeway."""
 
     @property
     def known_as(self) -> str:
-        """Unique identity, different from those of NeNa's own users, since names are chosen freely."""
+        """Unique identity; differs from those of NeNa's own users, even if the names are equal."""
         return f"{self.name} (subject {self.subject})"
 
 
 def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
-    """Make the user from verified claims.
+    """Return the user of verified claims.
 
     Raises:
         TokenRefusedError: the subject or the expiry is invalid.
@@ -63,9 +63,9 @@ def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
 
 
 def values_of(claims: Mapping[str, Any], path: str) -> frozenset[str]:
-    """Return the texts in a claim, alone or in a list.
+    """Return the strings in a claim, which is a string or a list.
 
-    A claim of the whole name has priority: some issuers name their claims by URLs, which have dots.
+    A claim with the whole path as its name has priority, as some issuers use URLs as names.
     """
     found: Any = claims.get(path)
     if found is None:

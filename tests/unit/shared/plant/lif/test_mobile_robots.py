@@ -69,7 +69,7 @@ def losses(data: bytes, version: LifVersion) -> list[str]:
     return [each.text.removesuffix(": not representable in LIF") for each in found]
 
 
-def test_all_examples_are_read_strictly_and_written_as_they_were() -> None:
+def test_all_examples_are_valid_and_round_trip() -> None:
     for example in examples():
         content = json.loads(example.read_bytes())
         report = files.read(example.read_bytes(), strict=True)
@@ -118,7 +118,7 @@ def test_the_form_is_that_of_the_stated_version() -> None:
 
 
 @pytest.mark.parametrize("version", ["3.0.0", "20.0", "", "two", "2.0.0-rc.1"])
-def test_an_unknown_version_is_named_with_the_known_ones(version: str) -> None:
+def test_unknown_version_error_lists_known_ones(version: str) -> None:
     told = refusal(lif_2_0(origin(layout(robot_node("A"))), version=version))
     assert f"lifVersion {version!r} is not supported; save the file as 1.0.0 or 2.0.0" in told
     assert "UNSUPPORTED_VERSION" in told
@@ -211,7 +211,7 @@ def test_the_length_of_line_guidance_is_that_of_the_path() -> None:
     ("rules", "told"),
     [
         ({"allowedDeviationXY": {"aMinimum": 2, "aMaximum": 1}}, "allows no ellipse: a is at least 2.0"),
-        ({"allowedDeviationXY": {"bMinimum": 2, "aMaximum": 1}}, "allows no ellipse: the shorter half axis"),
+        ({"allowedDeviationXY": {"bMinimum": 2, "aMaximum": 1}}, "allows no ellipse: the shorter semi-axis"),
         ({"allowedDeviationXY": {"theta": 2}}, "is turned by 2.0"),
         ({"theta": 3.2}, "heading 3.2 is not between"),
         ({"loadRestriction": {"unloaded": True, "loaded": False, "loadSetNames": ["p"]}}, "forbids loads"),
@@ -223,11 +223,11 @@ def test_the_length_of_line_guidance_is_that_of_the_path() -> None:
         ({"actions": []}, "unknown field 'actions'"),
     ],
 )
-def test_what_is_wrong_in_a_node_is_told(rules: dict[str, Any], told: str) -> None:
+def test_errors_in_nodes_are_reported(rules: dict[str, Any], told: str) -> None:
     assert told in refusal(lif_2_0_of(robot_node("A", **rules)), strict=True)
 
 
-def test_what_is_wrong_elsewhere_is_told() -> None:
+def test_errors_elsewhere_are_reported() -> None:
     curve = {"knotVector": [0, 0, 1, 1], "controlPoints": [{"x": 0, "y": 0}, {"x": 3, "y": 4}]}
     both = robot_edge("A B", trajectory=curve, physicalLineGuidedProperty={"length": 5.0})
     assert "a trajectory and a physicalLineGuidedProperty" in refusal(

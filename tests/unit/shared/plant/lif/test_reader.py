@@ -185,7 +185,7 @@ DEPARTURES = {
     ),
     "draft version": (lif(layout(*RING), version="0.11.0"), "never published"),
     "unknown field": (lif_of(node("A", colour="red")), "unknown field 'colour'"),
-    "no map": (lif_of(node("A", mapId=None)), "names no map"),
+    "no map": (lif_of(node("A", mapId=None)), "has no mapId"),
     "a type twice": (lif_of(node("A", 0, 0, "t", "t")), "2 times"),
     "closed end": (lif_of(node("A"), node("B"), edge("A B", use("u"))), "may not use its node"),
     "half a load": (
@@ -288,7 +288,7 @@ def test_files_beyond_the_limits_are_refused(limits: JsonLimits) -> None:
     assert [problem.code for problem in caught.value.problems] == ["LIMIT_EXCEEDED"]
 
 
-def test_what_is_kept_and_not_acted_on_is_said_once() -> None:
+def test_unsupported_content_is_reported_once() -> None:
     heights = use(minHeight=0.1, rotationAtEndNodeAllowed="CW", reentryAllowed=False)
     data = lif_of(node("A"), node("B"), edge("A B", heights), edge("B A", heights))
     found = [problem.text for problem in read(data).warnings if problem.code == "NOT_HEEDED"]
@@ -360,7 +360,7 @@ def test_stations_with_the_same_operations_are_of_one_type() -> None:
     assert [each.name for each in made.types] == [types[0], types[2]]
 
 
-def test_one_is_called_otherwise_where_its_id_is_taken_and_keeps_its_id() -> None:
+def test_object_with_a_taken_id_is_renamed_and_keeps_its_id() -> None:
     location = maker().location(station("A", "B"), 0)
     assert (location.name, location.properties["lif:id"]) == ("station:A", "A")
 
@@ -394,7 +394,7 @@ def test_what_it_does_not_say_is_no_property() -> None:
     }
 
 
-def test_who_comes_first_is_called_by_its_id_and_the_others_by_their_kind_and_a_number() -> None:
+def test_first_object_keeps_its_id_and_others_get_kind_and_number() -> None:
     names = Names(["A"])
     assert names.allocate(ObjectKind.PATH, "B", "edge") == "B"
     assert names.renamed == []
@@ -408,7 +408,7 @@ def test_who_comes_first_is_called_by_its_id_and_the_others_by_their_kind_and_a_
 
 
 @given(st.lists(st.sampled_from(["A", "B", "edge:A", "edge2:A", "edge:edge:A"])))
-def test_no_name_is_given_twice(wanted: list[str]) -> None:
+def test_allocated_names_are_unique(wanted: list[str]) -> None:
     names = Names(["A"])
     given_names = [names.allocate(ObjectKind.PATH, each, "edge") for each in wanted]
     assert len({"A", *given_names}) == len(wanted) + 1

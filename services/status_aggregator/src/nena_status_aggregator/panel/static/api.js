@@ -18,7 +18,7 @@ export async function logIn(token) {
   return answer?.status === UNKNOWN ? "login.wrong" : "login.failed";
 }
 
-/** Return the address of the single sign-on; null if there is none. */
+/** Return the URL of the single sign-on; null if it is not configured. */
 export async function startAtIssuer() {
   const answer = await fetch(`${URL_OF_SESSION}/oidc`).catch(() => null);
   return answer?.ok ? (await answer.json()).start : null;
@@ -32,7 +32,7 @@ export async function logOut() {
 
 const BASE = "api/v1/control";
 
-/** The command was refused; `message` and `errors` give the reasons. */
+/** The command was rejected; `message` and `errors` contain the reasons. */
 export class RefusedError extends Error {
   constructor(problem) {
     super(problem.detail || problem.title);

@@ -1,4 +1,4 @@
-// Helpers that create and update elements, icons and form controls. They touch the page only where something changed.
+// Helpers that create and update elements, icons and form controls. The page is only modified where something changed.
 
 /** Create an element with attributes and children (elements or texts). */
 export function element(name, attributes = {}, ...children) {
@@ -26,12 +26,12 @@ export function refill(node, content, make) {
   node.replaceChildren(...make(content));
 }
 
-/** Create an element with the words of another program, which are always English. */
+/** Create an element with a text of another program, which is always English. */
 export function foreign(name, text, attributes = {}) {
   return element(name, { lang: "en", translate: "no", ...attributes }, text ?? "");
 }
 
-/** Create an element with names and values that are the same in all languages. */
+/** Create an element with names or values that are not translated. */
 export function verbatim(name, text, attributes = {}) {
   return element(name, { translate: "no", ...attributes }, text ?? "");
 }

@@ -14,9 +14,9 @@ const SINCE = {
 };
 
 const COORDINATE_NODE = /^(goal|start):/; // the order service's nodes at a coordinate instead of a point
-const EVASION = "evasion-"; // its orders that make a robot clear a route
+const EVASION = "evasion-"; // its orders that move a robot out of the way
 
-/** Return the name of a node; a node at a coordinate is named by that. */
+/** Return the name of a node; for a node at a coordinate, the coordinate. */
 export function nodeName(robot, nodeId) {
   if (!COORDINATE_NODE.test(nodeId)) return nodeId;
   const node = robot.order?.ahead.find((each) => each.nodeId === nodeId);
@@ -25,8 +25,8 @@ export function nodeName(robot, nodeId) {
 }
 
 /**
- * Return the order that a robot has, `{name, progress, id}`: the transport order to which it is assigned (`id`: its id), also
- * between two destinations; else its active VDA 5050 order; null if it has none.
+ * Return a robot's order, `{name, progress, id}`: the transport order to which it is assigned (`id`: its id), also between
+ * two destinations; else its active VDA 5050 order; null if it has none.
  */
 export function orderOf({ order, vehicle }, orders) {
   const progress = order?.active ? order.progress : null;
@@ -36,7 +36,7 @@ export function orderOf({ order, vehicle }, orders) {
   return { name: order.orderId.startsWith(EVASION) ? t("orders.evasion") : order.orderId, progress, id: null };
 }
 
-/** Return the condition of a robot in one or two words: of an urgent one, what is wrong. */
+/** Return the condition of a robot in one or two words; for an urgent one, what is wrong. */
 export function conditionText(robot) {
   return t(robot.urgent ? `urgent.${robot.reasonCode}` : `condition.${robot.condition}`);
 }
@@ -48,15 +48,15 @@ export function filterOf(robot) {
 
 const OF_ORDER_SERVICE = ["idle_why", "waits_passing", "waits_standing", "waits_turn", "waits_other"];
 
-/** Return whether the order service gives the reason of a robot's condition. */
+/** Return whether the reason for a robot's condition comes from the order service. */
 export function isOfOrderService(robot) {
   return OF_ORDER_SERVICE.includes(robot.reasonCode);
 }
 
-// Texts without the English words of the order service, by reason code.
+// Texts without the order service's English reason, by reason code.
 const WITHOUT_WORDS = { idle_why: "reason.idle", waits_other: "reason.waits_with_order" };
 
-/** Return why a robot is in its condition. */
+/** Return the reason for a robot's condition. */
 export function reasonOf(robot) {
   const { reasonCode: code, reasonValues: values } = robot;
   if (code in WITHOUT_WORDS && chosenLanguage() !== "en") return t(WITHOUT_WORDS[code], values);
@@ -76,7 +76,7 @@ export function adviceFor(robot) {
   return has(key) ? t(key) : "";
 }
 
-/** Return what to do about an error, by its type (2.x: nodeUnreachable); empty if only its own text helps. */
+/** Return what to do about an error, by its type (2.x: nodeUnreachable); empty for other types. */
 export function adviceForError(error) {
   const key = `errorAdvice.${error.errorType.replace(/([a-z])([A-Z])/g, "$1_$2").toUpperCase()}`;
   return has(key) ? t(key) : "";
@@ -87,14 +87,14 @@ const CANDIDATES = 8;
 const NEAR = 0.75; // m
 
 /**
- * Return the causes for a robot, a list of `{text, advice, foreign, link}`: `foreign` holds the English words of another
+ * Return the causes for a robot, a list of `{text, advice, foreign, link}`: `foreign` is an English text of another
  * program, `link` the address of the robot or order concerned.
  */
 export function causesOfRobot(robot, fleet) {
   return [...causesOfStaleData(fleet), ...chain(robot, fleet, new Set())];
 }
 
-/** Return the causes for an order. */
+/** Return the causes for an order's status. */
 export function causesOfOrder(order, fleet) {
   const causes = causesOfStaleData(fleet);
   causes.push({ text: t(`why.order.${shownState(order)}`), foreign: order.reason });
@@ -106,7 +106,7 @@ export function causesOfOrder(order, fleet) {
   return [...causes, ...candidates(fleet)];
 }
 
-// Data may be out of date; then everything else may be wrong.
+// If the data may be out of date, everything else may be wrong.
 function causesOfStaleData({ store, link }) {
   if (!link.connected) return [{ text: t("why.stale"), advice: t("why.stale.advice") }];
   if (!store.link.connected) return [{ text: t("why.blind"), advice: t("why.blind.advice") }];
@@ -117,13 +117,13 @@ function causesOfStaleData({ store, link }) {
 function chain(robot, fleet, seen, lead = "") {
   if (seen.has(robot.id) || seen.size >= DEPTH) return [];
   seen.add(robot.id);
-  const reason = robot.reasonCode === "idle_why" ? t("reason.idle") : reasonOf(robot); // its words are quoted anyway
+  const reason = robot.reasonCode === "idle_why" ? t("reason.idle") : reasonOf(robot); // its text is quoted anyway
   const text = [lead, conditionAnd(robot, reason)].filter(Boolean).join(" ");
   const own = { text, advice: adviceFor(robot), link: lead ? address("robots", robot.id) : null };
   return [own, ...causesOfWaiting(robot, fleet, seen), ...causesOfFleet(robot, fleet, lead)];
 }
 
-// The condition of a robot and the reason; of a robot that waits for others only the reason, which says so.
+// The condition of a robot and the reason; for a robot that waits for others only the reason, which includes it.
 function conditionAnd(robot, reason) {
   return saysThatItWaits(robot) ? reason : `${conditionText(robot)}: ${reason}`;
 }
@@ -132,7 +132,7 @@ function saysThatItWaits(robot) {
   return robot.reasonCode.startsWith("waits") || robot.reasonCode === "waiting_for_release";
 }
 
-// The queue up to its head; without word from the order service the robot that occupies the next node.
+// The queue up to its head; without data from the order service, the robot that occupies the next node.
 function causesOfWaiting(robot, fleet, seen) {
   if (robot.vehicle?.wait?.next) return causesOfQueue(robot, fleet);
   if (robot.reasonCode !== "waiting_for_release") return [];
@@ -193,7 +193,7 @@ function causesOfFleet(robot, { store }, lead) {
   return [{ text: t("why.hasOrder", values), foreign: order.reason, link: address("orders", order.id) }];
 }
 
-// For an order without a vehicle: why each vehicle cannot take it.
+// For an order without a vehicle: why each vehicle cannot execute it.
 function candidates({ store }) {
   const vehicles = [...store.robots.values()].filter((robot) => robot.vehicle);
   if (!vehicles.length) return [{ text: t("why.noVehicles") }];

@@ -2,7 +2,7 @@
 
 import { ask, command } from "./api.js";
 
-/** Return the state to show: an order on hold is shown as held, whatever its state. */
+/** Return the state to show; HELD for an order on hold. */
 export function shownState(order) {
   return order.held && !order.final ? "HELD" : order.state;
 }
@@ -77,8 +77,8 @@ function patch(views, patches = [], gone = []) {
 const LOCKS_EVERY = 5000;
 
 /**
- * The plant model, loaded when the event stream reports a new version, with the present locks of its paths. `model` is null
- * without one. Fires `change`, and `locks` if only those have changed.
+ * The plant model, loaded when the event stream reports a new version, with the current locks of its paths. `model` is null
+ * without a plant model. Fires `change`, and `locks` if only those have changed.
  */
 export class PlantStore extends EventTarget {
   model = null;
@@ -93,7 +93,7 @@ export class PlantStore extends EventTarget {
     store.addEventListener("change", (event) => event.detail.parts.has("plant") && this.#load(store.plant));
   }
 
-  /** Ask the order service for the locks of the paths from now on. */
+  /** Start loading the locks of the paths from the order service. */
   followLocks() {
     this.#locksFollowed = true;
     this.#loadLocks();
@@ -106,7 +106,7 @@ export class PlantStore extends EventTarget {
     this.#takeLocks([path]);
   }
 
-  /** Return a point, location or path as `{kind, thing}`; null if there is none of that name. */
+  /** Return a point, location or path as `{kind, thing}`; null if the name is unknown. */
   find(name) {
     const kinds = { point: this.model?.points, location: this.model?.locations, path: this.model?.paths };
     for (const [kind, things] of Object.entries(kinds)) {
@@ -153,7 +153,7 @@ export class PlantStore extends EventTarget {
   }
 }
 
-const SILENCE = 12_000; // the stream sends at least a heartbeat each 5 s
+const SILENCE = 12_000; // the stream sends a heartbeat at least every 5 s
 const PAUSES = [500, 1000, 2000, 4000];
 
 /**

@@ -5,8 +5,8 @@ import { button, element, field, foreign, numberInput, numberOf, refillSelect, s
 import { byName, t } from "./i18n.js";
 
 /**
- * Create a form around `fields`. `send()` returns a promise of `[key, values, words]`: a text and words of another
- * program, both shown as the result. A second click while the first command is running does nothing.
+ * Create a form around `fields`. `send()` returns a promise of `[key, values, words]`: a text, and a text of another
+ * program, both shown as the result. A second click while the first command is running has no effect.
  */
 export function commandForm({ label, submit, send, fields = [], more = [] }) {
   const result = element("output", { class: "result", role: "status" });
@@ -24,7 +24,7 @@ export function commandForm({ label, submit, send, fields = [], more = [] }) {
   return form;
 }
 
-/** Return the form with input that was not sent yet; null if there is none. */
+/** Return the form with unsent input; null if there is none. */
 export function unsentForm() {
   return document.querySelector("form.command[data-touched]");
 }
@@ -56,15 +56,15 @@ function show(result, level, text, words = "", errors = []) {
 }
 
 /**
- * Turn the answer to an instant action into what {@link run} shows; `done` is the text for success, and `values`
- * (`name` of the vehicle, `action`) fill in every text.
+ * Convert the answer to an instant action for {@link run}. `done` is the text for success; `values` (`name` of the
+ * vehicle, `action`) are filled into each text.
  */
 export function outcome(answer, done, values) {
   if (answer.status === "FINISHED") return [done, values, answer.result];
   return [`command.${answer.status}`, values, [answer.reason, answer.result].filter(Boolean).join(" – ")];
 }
 
-/** Fields for a point or location and an operation that it allows. */
+/** Fields for a point or location and one of its operations. */
 export class PlaceFields {
   constructor(plant) {
     this.plant = plant;
@@ -80,7 +80,7 @@ export class PlaceFields {
     this.#showOperations();
   }
 
-  /** Return the destination in the form of the order service. */
+  /** Return the destination as in the order service's API. */
   get destination() {
     return { locationName: this.place.value, operation: this.operation.value };
   }
@@ -95,14 +95,14 @@ export class PlaceFields {
   }
 }
 
-/** Return the options of a select for a vehicle: those of the plant model, and others that the order service knows. */
+/** Return the options of a vehicle select: those of the plant model, and others known to the order service. */
 export function vehicles({ store, plant }) {
   const known = [...store.robots.values()].map((robot) => robot.vehicle?.name).filter(Boolean);
   const names = new Set([...(plant.model?.vehicles ?? []).map((each) => each.name), ...known]);
   return [...names].sort(byName).map((name) => [name, name, true]);
 }
 
-/** Return the option of a select for an operation. */
+/** Return the option of an operation select. */
 export function operation(name) {
   return ["MOVE", "PARK", "NOP"].includes(name) ? [name, t(`operation.${name}`)] : [name, name, true];
 }
@@ -154,7 +154,7 @@ export class PoseFields {
     this.element.dispatchEvent(new Event("input", { bubbles: true }));
   }
 
-  /** Fill in a pose unless one was entered, picked or suggested before. */
+  /** Fill in a pose, unless one was entered, picked or filled in before. */
   suggest(pose) {
     if (this.#touched) return;
     this.pose = pose;

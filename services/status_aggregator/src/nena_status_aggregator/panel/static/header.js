@@ -22,7 +22,7 @@ export const CONDITIONS = [
 
 const NAMED = 5;
 
-/** Robots that need a person by name, jams, and the others by condition: chips that filter the list of robots. */
+/** Chips that filter the robot list: robots that need attention by name, jams, and all others by condition. */
 class FleetSummary extends HTMLElement {
   /** Attach to the store. */
   show(store) {
@@ -61,7 +61,7 @@ class FleetSummary extends HTMLElement {
     const chosen = conditions();
     for (const [name, chip] of this.chips) {
       const count = robots.filter((each) => filterOf(each) === name).length;
-      const shown = name === "URGENT" && count <= NAMED ? 0 : count; // so few are named
+      const shown = name === "URGENT" && count <= NAMED ? 0 : count; // up to NAMED robots are named instead
       chip.show(`${count} ${t(`condition.${name}`)}`, shown, chosen.includes(name));
     }
   }
@@ -85,7 +85,7 @@ customElements.define("nena-fleet-summary", FleetSummary);
 const STUCK = ["ERROR", "BROKEN", "SILENT", "BLOCKED"];
 const LISTED = 8;
 
-/** On a telephone: the robots that need a person, before everything else. */
+/** On a phone: the robots that need attention, before everything else. */
 class Attention extends HTMLElement {
   /** Attach to the store. */
   show(store) {
@@ -93,7 +93,7 @@ class Attention extends HTMLElement {
   }
 
   #update(store) {
-    this.hidden = !store.robots.size; // without robots it is not known that all is well
+    this.hidden = !store.robots.size; // without robots, "none needs attention" would be misleading
     const stuck = [...store.robots.values()].filter((each) => each.urgent || STUCK.includes(each.condition));
     stuck.sort((a, b) => b.urgent - a.urgent || byName(a.name, b.name));
     const shown = stuck.slice(0, LISTED).map((each) => [each.id, each.name, each.urgent, each.condition, conditionText(each), reasonOf(each), adviceFor(each)]);

@@ -1,4 +1,4 @@
-// The history: a time slider that replays the map, and a list of events with filters, by order if wanted.
+// The history: a time slider that replays the map, and a list of events with filters, optionally grouped by order.
 
 import { button, element, field, foreign, refill, refillSelect, select, setAttribute, setText, verbatim } from "./dom.js";
 import { byName, dateAndTime, number, plural, t } from "./i18n.js";
@@ -26,7 +26,7 @@ export async function loadHistory(range) {
   return { entries: entries.reverse(), complete: before === null };
 }
 
-/** Return the address of the same time range as a file, `csv` or `jsonl`; only of one robot or kind, if they are given. */
+/** Return the URL of the same time range as a file, `csv` or `jsonl`; if given, only of one robot or kind. */
 export function exportAddress(range, form, { robot, kind }) {
   return `api/v1/history.${form}?${queryOf(range, { robot: robot || null }, kind ? [kind] : CODES)}`;
 }
@@ -41,8 +41,8 @@ function queryOf({ since, until }, more, codes = CODES) {
 const GAP = 15_000;
 
 /**
- * The history by time. `entries` are those of the API, oldest first; the store has the current robots: one that did not
- * move within the time range is shown at its current position.
+ * The history by time. `entries` are those of the API, oldest first. Robots that did not move within the time range are
+ * shown at their current position in the store.
  */
 export class Timeline {
   #store;
@@ -89,7 +89,7 @@ function append(map, key, value) {
   map.get(key).push(value);
 }
 
-// Before the first position the robot was less than one track step away; between two it is drawn on a straight line.
+// Before the first position, the robot was less than one track step away. Between two positions it moves in a straight line.
 function placeAt(track, time) {
   const at = track.findLastIndex((place) => place.at <= time);
   const [from, to] = [track[Math.max(at, 0)], track[at + 1]];
@@ -127,7 +127,7 @@ const LISTED = 60;
 class HistoryPage extends HTMLElement {
   #timeline = null;
   #playing = null;
-  #loads = 0; // a load that is not the latest, or ends after the page was left, has no effect
+  #loads = 0; // outdated loads, and those that end after the page was left, are ignored
 
   /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
@@ -165,7 +165,8 @@ class HistoryPage extends HTMLElement {
     const controls = element("section", {}, choices, this.slider, this.note);
     const narrowing = element("div", { class: "fields" }, ...Object.entries(this.filters).map(([name, control]) => field(t(`history.by.${name}`), control)));
     narrowing.addEventListener("input", () => this.#narrow());
-    const listed = element("section", {}, element("h3", {}, t("history.events")), narrowing, this.cut, this.list, this.files);
+    // The list grows while a replay plays: links above it stay where they are.
+    const listed = element("section", {}, element("h3", {}, t("history.events")), narrowing, this.files, this.cut, this.list);
     this.replaceChildren(head, controls, listed);
     heading.focus({ preventScroll: true });
     return this.#load();
@@ -186,14 +187,14 @@ class HistoryPage extends HTMLElement {
     return made;
   }
 
-  // Robots to choose from; `chosen` also if it is not known.
+  // Robots to choose from, including `chosen` even if it is unknown.
   #robotOptions(chosen) {
     const robots = [...this.fleet.store.robots.values()].sort((a, b) => byName(a.name, b.name)).map(({ id, name }) => [id, name, true]);
     const known = !chosen || robots.some(([id]) => id === chosen) ? [] : [[chosen, chosen, true]];
     return [["", t("history.all")], ...known, ...robots];
   }
 
-  // The page may be open before the robots are known.
+  // The page may be opened before the robots are known.
   #offerRobots() {
     const { robot } = this.filters;
     const options = this.#robotOptions(robot.value);
@@ -255,7 +256,7 @@ class HistoryPage extends HTMLElement {
     setText(this.cut, of > LISTED ? t("history.listed", { count: number(LISTED), of: number(of) }) : "");
   }
 
-  // One row for each order, the latest first; events without an order are in a row of their own.
+  // One row per order, latest first, and one for events without an order.
   #groups(found, names) {
     const groups = new Map();
     for (const entry of found) append(groups, entry.order ?? "", entry);
@@ -309,7 +310,7 @@ function noteOn(found) {
   return found.complete ? "" : t("history.cut");
 }
 
-// A time range of the address; null if it has none or one that cannot be read.
+// The time range in the address; null if it is missing or invalid.
 function rangeOf(from, to) {
   const [since, until] = [Date.parse(from), Date.parse(to)];
   return since < until ? { since, until } : null;

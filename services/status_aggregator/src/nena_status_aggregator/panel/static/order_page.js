@@ -51,7 +51,7 @@ class OrderPage extends HTMLElement {
     this.heading.focus({ preventScroll: true });
   }
 
-  // Withdrawing asks once, and says what it will do.
+  // Withdrawing asks for confirmation and shows the effect.
   #commands() {
     this.result = element("output", { class: "result", role: "status" });
     this.sure = button(t("order.withdrawSure", { name: this.#name }), () => run(this.sure, this.result, () => this.#ask("withdrawal", "withdrawn")), { class: "danger", "aria-describedby": "withdraw-effect" });

@@ -12,7 +12,7 @@ const PAUSE = 2000;
 class PlacePage extends HTMLElement {
   #name = null;
   #asking = false;
-  #held = null; // vehicle and whether it stands there, by the order service; null: not known
+  #held = null; // from the order service: vehicle, and whether it is there; null: unknown
 
   /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
@@ -51,7 +51,7 @@ class PlacePage extends HTMLElement {
     this.#update();
   }
 
-  // Points next to a place, and paths from or to it; of a path its ends and the opposite path.
+  // Points next to a place, and paths from or to it; for a path, its ends and the opposite path.
   #neighbours({ kind, thing }) {
     const { paths } = this.fleet.plant.model;
     if (kind === "location") return thing.links.map((link) => link.point);
@@ -64,7 +64,7 @@ class PlacePage extends HTMLElement {
     return this.fleet.plant.model.paths.find((path) => path.source === destination && path.destination === source);
   }
 
-  // Locking and unlocking are buttons of their own, so that a second click does not undo the first. Unlocking asks once.
+  // Locking and unlocking have separate buttons, so that a second click does not undo the first. Unlocking asks for confirmation.
   #lockCommands() {
     this.result = element("output", { class: "result", role: "status" });
     const opposite = this.#opposite(this.fleet.plant.find(this.#name).thing)?.name;
@@ -179,7 +179,7 @@ function holder({ name, id, text }) {
   return element("li", {}, id ? verbatim("a", name, { href: address("robots", id) }) : verbatim("span", name), ` ${text}`);
 }
 
-// `[[vehicle, text]]` if a vehicle of the traffic plan holds a point or path or stands on it; a location by its points.
+// `[[vehicle, text]]` if a vehicle of the traffic plan holds a point or path, or is on it; for a location, one of its points.
 function heldAs({ vehicle, at, ahead }, { kind, thing }) {
   const held = ahead.filter((each) => each.held).map((each) => each.point);
   if (kind === "path") {

@@ -51,7 +51,7 @@ export function positionForm(vehicle, position) {
       return outcome(answer, "done.position", { name: vehicle, action: t("position.title") });
     },
   });
-  // The robot may be known before its position is.
+  // The robot may be known before its position.
   form.update = (robot) => robot?.position && pose.suggest(robot.position);
   form.update({ position });
   return form;
@@ -123,7 +123,7 @@ export async function actionForm(vehicle, robot) {
 
 async function knownActions(robot) {
   const path = [robot.manufacturer, robot.serialNumber, "actions"].map(encodeURIComponent).join("/");
-  if (!robot.body) return null; // no factsheet has come
+  if (!robot.body) return null; // no factsheet received
   const answer = await fetch(`api/v1/robots/${path}`);
   return answer.ok ? answer.json() : null;
 }
@@ -172,7 +172,7 @@ function valueOf(control, type) {
   return type === "STRING" ? control.value : JSON.parse(control.value);
 }
 
-/** Say what a command will do to a robot, with the button that sends it. */
+/** Shows the effect of a command, with the button that sends it. */
 function confirmation({ label, effect, submit, send }) {
   const form = commandForm({ label, submit, send, fields: [element("p", { class: "effect", id: "command-effect", tabindex: -1 }, effect)] });
   const sure = form.querySelector("button");
@@ -232,7 +232,7 @@ class RobotCommands extends HTMLElement {
     this.note.textContent = t(this.noCommands ?? "command.unknownVehicle");
   }
 
-  // Only the one of the two that has an effect; it takes over the focus.
+  // Only the one of the two that has an effect; it receives the focus.
   #updatePause() {
     const paused = Boolean(this.#robot?.paused);
     const [shown, other] = paused ? [this.resume, this.pause] : [this.pause, this.resume];
@@ -242,7 +242,7 @@ class RobotCommands extends HTMLElement {
     if (focused) shown.focus();
   }
 
-  // A robot without a ROS session has no such buttons; a session is not switched to the state it is in.
+  // Only for robots with a ROS session; only the button that changes its state is enabled.
   #updateSession() {
     const state = this.#robot?.rosSession?.state;
     for (const each of this.sessionButtons) each.hidden = !state;
@@ -309,7 +309,7 @@ class RobotCommands extends HTMLElement {
     });
   }
 
-  // Meanwhile the robot may have another order than the one that was confirmed.
+  // The robot may have another order by now than the one that was confirmed.
   #checkStill({ name }) {
     const now = this.#order?.name;
     if (now !== name) throw new RefusedError({ detail: t("confirm.otherOrder", { name, now: now ?? t("none") }) });

@@ -145,7 +145,7 @@ function goal(each, goals) {
 
 const RUNNING = ["ACCEPTED", "EXECUTING", "CANCELING"];
 
-// Navigation goals; of a robot without an order only those in progress: it keeps reporting the last ones.
+// Navigation goals; without an order only those in progress, as the robot keeps reporting the last ones.
 function goalsOf({ condition, information }) {
   const goals = information.filter((each) => "goalId" in each.references);
   const idle = ["IDLE", "CHARGING"].includes(condition);

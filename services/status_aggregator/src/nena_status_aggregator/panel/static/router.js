@@ -1,4 +1,4 @@
-// Which view is shown: the part of the address after #, so that Back works and views can be shared.
+// The current view is the part of the address after #, so that Back works and views can be shared.
 
 import { element } from "./dom.js";
 import { t } from "./i18n.js";
@@ -27,14 +27,14 @@ export function parameters() {
   return new URLSearchParams(location.hash.split("?")[1] ?? "");
 }
 
-/** Replace the values of the current address; empty ones are left out. */
+/** Replace the values of the current address; empty ones are omitted. */
 export function setParameters(values) {
   const kept = new URLSearchParams(Object.entries(values).filter(([, value]) => value));
   const view = location.hash.split("?")[0] || "#/";
   history.replaceState(history.state, "", kept.size ? `${view}?${kept}` : view);
 }
 
-/** Call back with the current view and on every change. An address such as `#robots` is a place in the page instead. */
+/** Call back with the current view and on every change. An address such as `#robots` is an anchor in the page instead. */
 export function followView(callback) {
   const look = () => {
     if (!/^(#\/|$)/.test(location.hash)) return;
@@ -46,7 +46,7 @@ export function followView(callback) {
 }
 
 /**
- * What the lists show, kept in the address after `#/?`: `tab`, `q` (search), `condition` (of robots), `state` (of orders),
+ * Settings of the lists, stored in the address after `#/?`: `tab`, `q` (search), `condition` (of robots), `state` (of orders),
  * `robotSort` and `orderSort` (column, with `-` descending). Fires `change`.
  */
 class ListView extends EventTarget {
@@ -57,7 +57,7 @@ class ListView extends EventTarget {
     return this.#values.get(name) ?? "";
   }
 
-  /** Return the address of the lists as they are. */
+  /** Return the address of the lists with their current values. */
   get address() {
     return this.#values.size ? `#/?${this.#values}` : "#/";
   }
@@ -83,7 +83,7 @@ class ListView extends EventTarget {
     this.read();
   }
 
-  /** Take the values of the address, if it is that of the lists. */
+  /** Read the values from the address, if it is that of the lists. */
   read() {
     if (currentView().length) return;
     this.#values = parameters();
@@ -93,7 +93,7 @@ class ListView extends EventTarget {
 
 export const lists = new ListView();
 
-/** Create the link from a page back to the lists as they were. */
+/** Create the link from a page back to the lists with their values. */
 export function backLink() {
   return element("a", { href: lists.address, class: "back" }, t("page.back"));
 }

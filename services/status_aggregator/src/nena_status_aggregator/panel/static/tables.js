@@ -9,14 +9,14 @@ import { address, lists } from "./router.js";
 
 const LOW_BATTERY = 20;
 
-// The usual order: who needs a person, who waits, who works or is free, who is away.
+// The default order: robots that need attention, waiting, busy or idle, disconnected.
 const RANKS = ["ERROR BROKEN SILENT BLOCKED MANUAL", "WAITING", "BUSY CHARGING IDLE", "OFFLINE"].map((names) => names.split(" "));
 
 function rankOf({ urgent, condition }) {
   return urgent ? -1 : RANKS.findIndex((names) => names.includes(condition));
 }
 
-// Whether a name is searched in full.
+// Whether the search is exactly this name.
 function isNamed(name) {
   return lists.get("q").trim().toLowerCase() === name.toLowerCase();
 }
@@ -35,16 +35,16 @@ class RobotTable extends LiveTable {
     age: (a, b) => Date.parse(b.lastState ?? 0) - Date.parse(a.lastState ?? 0),
   };
 
-  /** Robots that are marked for a command. */
+  /** Robots selected for a command. */
   marked = new Set();
 
-  /** Show the robots of the store; `commanded`: whether they can be marked for a command. */
+  /** Show the robots of the store; `commanded`: whether they can be selected for a command. */
   show(store, commanded) {
     this.commanded = commanded;
     this.follow(store, "robots");
   }
 
-  /** Mark robots, or unmark them. Fires `marked`. */
+  /** Select or deselect robots. Fires `marked`. */
   mark(ids, on) {
     for (const id of ids) {
       if (on) this.marked.add(id);
@@ -56,7 +56,7 @@ class RobotTable extends LiveTable {
 
   accept(robot) {
     const conditions = lists.get("condition").split(",").filter(Boolean);
-    if (isNamed(robot.name)) return true; // whatever its condition
+    if (isNamed(robot.name)) return true; // regardless of its condition
     if (conditions.length && !conditions.includes(filterOf(robot))) return false;
     return matches(lists.get("q"), [robot.name, robot.id, robot.vehicle?.currentPosition, orderOf(robot, this.store.orders)?.name]);
   }
@@ -154,7 +154,7 @@ function updateOrder(parts, order) {
   setText(parts.progress.value, t("progress.value", { percent: number(progress) }));
 }
 
-// The head of the queue in which a robot waits: text and address; only a text in a circle; null if it waits for no robot.
+// Text and address of the head of a robot's queue; only a text for a circle; null if it waits for no robot.
 function headOf({ vehicle }, store) {
   const { head, circle } = vehicle?.wait ?? {};
   if (circle?.length) return { text: t("robots.circle", { names: circle.join(", ") }) };

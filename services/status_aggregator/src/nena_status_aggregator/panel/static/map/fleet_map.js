@@ -13,9 +13,9 @@ const OLD_KEY = "nena-layers"; // choices of panels without the layer that is hi
 
 /** The layers from bottom to top; named by the texts under `layer.`. */
 export const LAYERS = ["grids", "blocks", "paths", "points", "locations", "names", "routes", "goals", "plans", "traffic", "robots", "robotNames"];
-const HIDDEN = "traffic"; // it asks the order service again and again
+const HIDDEN = "traffic"; // polls the order service
 
-/** Return the stored choice; layers are visible by default, but for the traffic plan. */
+/** Return the stored choice; all layers except the traffic plan are visible by default. */
 export function readLayers() {
   const hidden = (localStorage.getItem(KEY) ?? `${localStorage.getItem(OLD_KEY) ?? ""} ${HIDDEN}`).split(" ");
   return Object.fromEntries(LAYERS.map((name) => [name, !hidden.includes(name)]));
@@ -63,7 +63,7 @@ class FleetMap extends HTMLElement {
   #grids = new Grids();
   #traffic = new TrafficPlan();
 
-  /** `enabled`: whether the order service can be asked. */
+  /** `enabled`: whether requests to the order service are possible. */
   show(store, plant, enabled) {
     this.store = store;
     this.#build();
@@ -93,7 +93,7 @@ class FleetMap extends HTMLElement {
     this.#draw();
   }
 
-  /** Start or stop keeping the highlighted robot in the middle. */
+  /** Start or stop centring the highlighted robot. */
   follow(on) {
     this.following = on;
     setAttribute(this.followTool, "aria-pressed", String(on));
@@ -262,7 +262,7 @@ class FleetMap extends HTMLElement {
   }
 
   #paint() {
-    if (!this.canvas.width || !this.canvas.height) return; // nothing can be drawn on an empty canvas
+    if (!this.canvas.width || !this.canvas.height) return; // drawing on an empty canvas fails
     const { selected, colours, pose } = this;
     const followed = this.following && this.#robots().find((robot) => robot.id === selected)?.position;
     if (followed) this.view.centre(followed.x, followed.y);
@@ -283,7 +283,7 @@ class FleetMap extends HTMLElement {
   }
 }
 
-// Robots that wait in a jam, by the vehicle at its head or by each one of its circle.
+// Waiting robots in jams, by the vehicle at the head, or by each vehicle of the circle.
 function jamsByVehicle(jams) {
   return new Map(jams.flatMap(({ head, circle, robots }) => (head ? [head] : circle).map((name) => [name, robots])));
 }

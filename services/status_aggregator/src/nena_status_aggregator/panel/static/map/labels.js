@@ -1,4 +1,4 @@
-// Labels of the map: placed beside their objects so that none overlaps another one.
+// Labels of the map, placed beside their objects without overlaps.
 
 const FONT = "12px system-ui, sans-serif";
 const SMALL = "11px system-ui, sans-serif";
@@ -6,7 +6,7 @@ const HALF = 7;
 const GAP = 4;
 const widths = new Map();
 
-/** Places labels and paints them; a label without room is left out. */
+/** Places and paints labels; labels without room are omitted. */
 export class Labels {
   /** Placed labels, `{text, box, important}`; a box is `[left, top, right, bottom]`. */
   placed = [];
@@ -19,7 +19,7 @@ export class Labels {
   }
 
   /**
-   * Place a label below or above its object, `distance` pixels from its centre, where `avoid` is free too if possible;
+   * Place a label below or above its object, `distance` pixels from its centre, if possible without covering `avoid`;
    * else beside it, if `beside`.
    */
   put(text, at, distance, { important = false, avoid = [], beside = false } = {}) {

@@ -119,7 +119,7 @@ export class Painter {
   }
 }
 
-// Setting the size also clears the canvas.
+// Note that setting the size clears the canvas.
 function cleared(sheet, width, height) {
   Object.assign(sheet, { width, height });
   return sheet.getContext("2d");

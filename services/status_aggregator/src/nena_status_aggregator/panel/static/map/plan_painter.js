@@ -46,7 +46,7 @@ function paths(published, shapes) {
     if (opposite && shape.line.length === 2 && opposite.line.length === 2) {
       opposite.forward ||= path.maxReverseVelocityMmS > 0;
       opposite.backward ||= path.maxVelocityMmS > 0;
-      opposite.locked ||= path.locked; // also if only one direction is
+      opposite.locked ||= path.locked; // even if only one direction is locked
     } else {
       found.set(`${path.source} ${path.destination}`, {
         ...shape,
@@ -176,7 +176,7 @@ function distanceToSegment([x, y], [ax, ay], [bx, by]) {
   return Math.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay));
 }
 
-/** Paint the mark of the chosen point, location or path, below what is painted already. */
+/** Highlight the chosen point, location or path, below everything painted so far. */
 export function paintMarked(context, view, { plan, place, colours }) {
   context.save();
   context.globalCompositeOperation = "destination-over";
@@ -208,7 +208,7 @@ export function paintPlan(context, view, { plan, grids, colours, layers }) {
   if (layers.points) for (const point of plan.points.values()) paintPoint(context, view, point, colours);
 }
 
-/** Paint the labels of a plan: locations first, then points. Returns those in sight. */
+/** Paint the labels of a plan: locations first, then points. Returns the visible ones. */
 export function labelPlan(context, view, { plan, colours, layers }) {
   if (!plan || !layers.names) return [];
   const labels = new Labels(context, view.width);

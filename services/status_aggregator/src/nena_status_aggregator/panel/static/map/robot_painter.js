@@ -9,9 +9,9 @@ const ROBOT = { length: 0.9, width: 0.6 };
 const LEAST_ROBOT = 16;
 const RING = 7;
 const HALO = 5;
-const BODY = 0.75; // a footprint fills about so much of the box around its circle
+const BODY = 0.75; // approximate share of its circumscribed square that a footprint fills
 
-/** Place the names of robots, `[{robot, at}]`: off all robots, and off the boxes of other labels if possible. Urgent ones come first. */
+/** Place the names of robots, `[{robot, at}]`, off all robots and if possible off other labels. Urgent ones come first. */
 export function labelRobots(context, view, places, { layers, selected, jams }, others) {
   const bodies = layers.robots ? places.map(({ robot, at: [x, y] }) => boxAround(x, y, isMarked(robot, jams) ? reachOf(view, robot, jams) : BODY * radiusOf(view, robot))) : [];
   const labels = new Labels(context, view.width, bodies);
@@ -28,7 +28,7 @@ function boxAround(x, y, reach) {
   return [x - reach, y - reach, x + reach, y + reach];
 }
 
-// How far a robot and its ring reach from its centre.
+// The radius of a robot including its ring.
 function reachOf(view, robot, jams) {
   return radiusOf(view, robot) + (isMarked(robot, jams) ? RING : 0);
 }
@@ -55,7 +55,7 @@ export function paintRobots(context, view, places, scene) {
   for (const { robot, at } of places) paintRobot(context, view, robot, at, scene);
 }
 
-/** Return the colour of a robot: that of its condition; red if a person has to go there. */
+/** Return the colour of a robot: that of its condition; red if it needs attention. */
 export function colourOf(robot, colours) {
   return robot.urgent ? colours.error : colours[robot.condition.toLowerCase()];
 }
@@ -167,7 +167,7 @@ function paintNose(context, length, width, colour) {
   context.fill();
 }
 
-// Around a robot to which a person has to go (solid) or behind which others wait (dashed).
+// Ring around a robot that needs attention (solid) or behind which others wait (dashed).
 function paintRing(context, radius, colour, solid) {
   context.beginPath();
   context.arc(0, 0, radius, 0, 2 * Math.PI);

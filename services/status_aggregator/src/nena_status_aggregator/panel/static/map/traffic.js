@@ -1,4 +1,4 @@
-// The plan of traffic control: asked for while it is shown, and painted over the plant.
+// The plan of traffic control, polled while it is shown and painted over the plant.
 
 import { ask } from "../api.js";
 import { number, t } from "../i18n.js";
@@ -11,11 +11,11 @@ const HELD = 7;
 const PLANNED = 2.5;
 const HEAD = 9;
 
-/** The plans of vehicles by name, asked for each second while `wanted()`. Fires `change`. */
+/** The plans of vehicles by name, polled every second while `wanted()`. Fires `change`. */
 export class TrafficPlan extends EventTarget {
   vehicles = [];
 
-  /** Begin to ask. */
+  /** Start polling. */
   async follow(wanted) {
     for (;;) {
       const shown = wanted() && !document.hidden;
@@ -30,8 +30,8 @@ export class TrafficPlan extends EventTarget {
 }
 
 /**
- * Paint what each vehicle holds (solid), what is planned (dashed), when it comes there, and for whom it waits. Times are
- * left out where they would cover one of the boxes of other labels, `taken`. Returns the labels.
+ * Paint for each vehicle what it holds (solid), what is planned (dashed), its times of arrival, and whom it waits for.
+ * Times that would cover boxes of other labels, `taken`, are omitted. Returns the labels.
  */
 export function paintTraffic(context, view, scene, taken) {
   const { plan, robots, colours } = scene;
@@ -82,7 +82,7 @@ function labelTimes(labels, view, plan, vehicle) {
   }
 }
 
-// An arrow from who waits to the place that it waits for, and from there a line to whom it waits for.
+// An arrow from the waiting vehicle to the place it waits for, and a line from there to the vehicle it waits for.
 function paintWait(context, view, plan, vehicle, places, colour) {
   if (!vehicle.wait?.vehicles.length) return;
   const from = places.get(vehicle.vehicle);
@@ -123,7 +123,7 @@ function paintArrow(context, [x, y], [goalX, goalY]) {
   context.restore();
 }
 
-// Where a point, path, location or block is.
+// The position of a point, path, location or block.
 function placeOf(plan, name) {
   const point = plan.points.get(name) ?? plan.locations.find((each) => each.name === name);
   if (point) return point;

@@ -1,4 +1,4 @@
-"""The course of a NURBS trajectory, in metres of the plant frame."""
+"""Evaluate NURBS trajectories, in metres in the plant frame."""
 
 from bisect import bisect_left, bisect_right
 from collections import Counter
@@ -11,13 +11,13 @@ from nena_shared.plant.track import PathTrajectory
 Place = tuple[float, float]
 _SAMPLES: Final = 64
 _PARTS: Final = 4
-"""Parts for each degree that a piece of a curve is cut into at least, so that a loop in it is not missed."""
+"""Minimum number of parts per degree for each segment of a curve, so that loops are not missed."""
 
 CUBIC_BEZIER_KNOTS: Final = (0.0,) * 4 + (1.0,) * 4
 
 
 def fault(trajectory: PathTrajectory) -> str:
-    """Return why this is no curve that can be followed, as a predicate; empty if it is one."""
+    """Return what is wrong with a curve, as a predicate ("has ..."); empty if it is valid."""
     knots, points = trajectory.knot_vector, trajectory.control_points
     wanted = len(points) + trajectory.degree + 1
     if len(points) <= trajectory.degree:
@@ -32,21 +32,21 @@ def fault(trajectory: PathTrajectory) -> str:
 
 
 def has_gap(trajectory: PathTrajectory) -> bool:
-    """Return whether a curve without fault may jump: a knot inside is repeated more often than the degree."""
+    """Return whether a valid curve may have a gap: an inner knot occurs more often than the degree."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     inner = Counter(knot for knot in knots if knots[degree] < knot < knots[-degree - 1])
     return any(count > degree for count in inner.values())
 
 
 def places(trajectory: PathTrajectory, samples: int = _SAMPLES) -> tuple[Place, ...]:
-    """Return this many points and one more along a valid curve, with both ends."""
+    """Return ``samples`` + 1 points along a valid curve, including both ends."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     first, last = knots[degree], knots[-degree - 1]
     return tuple(_place(trajectory, first + (last - first) * i / samples) for i in range(samples + 1))
 
 
 def steps(trajectory: PathTrajectory, longest: float) -> tuple[Place, ...]:
-    """Return points along a valid curve, with both ends, each at most ``longest`` m from the last."""
+    """Return points along a valid curve, including both ends, at most ``longest`` m apart."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     found = [_place(trajectory, knots[degree])]
     for low, high in pairwise(sorted(set(knots[degree : len(knots) - degree]))):
@@ -59,7 +59,7 @@ def steps(trajectory: PathTrajectory, longest: float) -> tuple[Place, ...]:
 def _add_steps(
     trajectory: PathTrajectory, part: tuple[float, float], longest: float, found: list[Place]
 ) -> None:
-    """Add the points of a part of the curve after its start, which is the last one of ``found``."""
+    """Append the points of a part of the curve; its start is already the last of ``found``."""
     waiting = [part]
     while waiting:
         low, high = waiting.pop()
@@ -71,12 +71,12 @@ def _add_steps(
 
 
 def length(trajectory: PathTrajectory) -> float:
-    """Return the length of a curve without fault, in metres."""
+    """Return the length of a valid curve, m."""
     return sum(hypot(bx - ax, by - ay) for (ax, ay), (bx, by) in pairwise(places(trajectory)))
 
 
 def scaled(trajectory: PathTrajectory) -> PathTrajectory:
-    """Return the same curve with knots from 0 to 1; the curve is without fault."""
+    """Return a valid curve with its knots scaled to 0 to 1."""
     knots = trajectory.knot_vector
     if knots[0] >= 0 and knots[-1] <= 1:
         return trajectory
@@ -85,13 +85,13 @@ def scaled(trajectory: PathTrajectory) -> PathTrajectory:
 
 
 def is_cubic_bezier(trajectory: PathTrajectory) -> bool:
-    """Whether this is one cubic Bezier curve, without weights."""
+    """Return whether a curve is a single cubic Bezier curve without weights."""
     weights = {point.weight for point in trajectory.control_points}
     return (trajectory.degree, trajectory.knot_vector) == (3, CUBIC_BEZIER_KNOTS) and len(weights) == 1
 
 
 def _place(trajectory: PathTrajectory, at: float) -> Place:
-    """Return the point at a parameter by de Boor's algorithm, with weights."""
+    """Return the point at parameter ``at``, by de Boor's algorithm for rational curves."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     last = bisect_left(knots, knots[-degree - 1]) - 1
     span = min(bisect_right(knots, at) - 1, last)

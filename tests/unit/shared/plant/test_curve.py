@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.plant.lif import curve
+from nena_shared.plant import curve
 from nena_shared.plant.track import PathTrajectory, TrajectoryPoint
 
 NUMBERS = st.floats(-1000, 1000)
@@ -41,7 +41,7 @@ def test_a_clamped_curve_runs_from_its_first_to_its_last_control_point(drawn: Pa
 
 
 @given(curves())
-def test_a_curve_stays_among_its_control_points_and_is_no_longer_than_they_are(drawn: PathTrajectory) -> None:
+def test_curve_is_within_its_control_polygon_and_not_longer(drawn: PathTrajectory) -> None:
     points = drawn.control_points
     for x, y in curve.places(drawn):
         assert min(each.x for each in points) - 1e-6 <= x <= max(each.x for each in points) + 1e-6
