@@ -42,6 +42,23 @@ _DRAW = """async (frames) => {
 """Draws some frames in one turn, so that nothing else comes between them."""
 
 
+_YARDSTICK = """() => {
+  const context = new OffscreenCanvas(400, 300).getContext("2d");
+  let found = 0;
+  for (let round = 0; round < 300; round += 1) {
+    const texts = JSON.stringify(Array.from({ length: 200 }, (_, each) => ({ robot: `r${each}`, x: Math.sin(each + round) })));
+    for (const each of JSON.parse(texts)) {
+      context.beginPath();
+      context.arc(each.x * 100 + 200, 150, 5, 0, 7);
+      context.fill();
+      found += each.x;
+    }
+  }
+  return found;
+}"""
+"""Work like the map's, always the same: JSON and circles."""
+
+
 async def frames_per_second(page: Page, seconds: float, *, move: bool) -> float:
     """Count the frames; with ``move`` the panel's map moves, so that nothing of it is kept."""
     counted: float = await page.evaluate(_FRAMES, {"seconds": seconds, "move": move})
@@ -66,3 +83,10 @@ async def seconds_for_a_frame(page: Page, session: CDPSession, frames: int = 60)
     before = await busy_seconds(session)
     drawn: int = await page.evaluate(_DRAW, frames)
     return (await busy_seconds(session) - before) / drawn
+
+
+async def seconds_for_the_yardstick(page: Page, session: CDPSession) -> float:
+    """Return the processor time for work that is always the same: how fast the machine is at the moment."""
+    before = await busy_seconds(session)
+    await page.evaluate(_YARDSTICK)
+    return await busy_seconds(session) - before

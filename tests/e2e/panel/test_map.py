@@ -14,7 +14,13 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.fleet_examples import ROBOT, connection, factsheet, position, state, way
-from support.frames import busy_clock, busy_seconds, frames_per_second, seconds_for_a_frame
+from support.frames import (
+    busy_clock,
+    busy_seconds,
+    frames_per_second,
+    seconds_for_a_frame,
+    seconds_for_the_yardstick,
+)
 from support.panel import COLOUR_NEAR, Hall, becomes, opened, picture, seconds_now
 from support.pausing import time_passes
 
@@ -23,6 +29,8 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 MAP = "document.querySelector('nena-fleet-map')"
 ROBOTS = 200
 FRAMES_WANTED = 30
+YARDSTICK_SECONDS = 0.13
+"""Of a quiet machine, see :func:`seconds_for_the_yardstick`: its time for two hundred robots is the limit."""
 SECONDS = 2.0
 
 
@@ -144,7 +152,7 @@ def remainder(angle: float) -> float:
 
 
 async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, browser: Browser) -> None:
-    """Count in the page's own processor time, so that other work on the machine has no effect.
+    """Count in the page's own processor time, in units of a yardstick: other work slows down both alike.
 
     The cost of the states is the same however few frames the page draws, so it is counted separately.
     """
@@ -157,7 +165,10 @@ async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, br
             await expect(page.get_by_role("tab", name="Robots")).to_have_text(f"Robots ({ROBOTS})")
             clock = await busy_clock(page)
             shares = [await share_of_a_core(page, clock) for _ in range(3)]
-            assert min(shares) <= 1, f"share of a core for {FRAMES_WANTED} frames a second, in runs: {shares}"
+            slower = min([await seconds_for_the_yardstick(page, clock) for _ in range(5)]) / YARDSTICK_SECONDS
+            assert min(shares) <= max(1.0, slower), (
+                f"share of a core for {FRAMES_WANTED} frames a second, in runs: {shares}"
+            )
         sending.cancel()
         with suppress(asyncio.CancelledError):
             await sending

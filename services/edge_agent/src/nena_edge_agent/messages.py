@@ -180,10 +180,10 @@ class RobotMessages:
         return self._outbound(Topic.VISUALIZATION, message, qos=0)
 
     def map(self, found: MapImage) -> Outbound:
-        """Return the message with the robot's map, retained."""
+        """Return the message with the robot's map, retained; it is kept until the link can send it."""
         payload = found.model_dump_json(by_alias=True).encode()
         topic = FleetTopics(self._settings.topic_prefix).robot_map(self._robot)
-        return Outbound(topic, payload, retain=True, keep=False)
+        return Outbound(topic, payload, retain=True)
 
     def _outbound(
         self, topic: Topic, message: Header, *, qos: int, retain: bool = False, keep: bool = False

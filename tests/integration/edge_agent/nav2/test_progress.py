@@ -16,6 +16,10 @@ from support.waiting import until
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
 
 
+LENGTH = pytest.approx(20, abs=2)
+"""Of the first goal's route, m."""
+
+
 @pytest.fixture
 def version() -> str:
     return "3.0.0"
@@ -29,6 +33,11 @@ def progress(state: dict[str, Any]) -> dict[str, float]:
         for information in found
         for each in information["infoReferences"]
     }
+
+
+def driven_and_left(state: dict[str, Any]) -> float:
+    """Return the length of the goal's route, m: driven so far, by odometry, and left, by Nav2."""
+    return float(state["distanceSinceLastNode"]) + progress(state)["goalDistanceLeft"]
 
 
 def visualizations(fleet: FleetControl) -> list[dict[str, Any]]:
@@ -46,8 +55,10 @@ async def test_state_and_visualization_tell_how_far_it_is(bench: Bench) -> None:
         )
         end = shown["intermediatePath"]["polyline"][-1]
         assert (end["x"], end["y"]) == pytest.approx((20.0, 0.0), abs=0.75)
-        half = await fleet.state(lambda state: progress(state).get("goalPercent", 0) >= 50)
-        assert half["distanceSinceLastNode"] + progress(half)["goalDistanceLeft"] == pytest.approx(20, abs=2)
+        # Odometry and Nav2's feedback arrive apart: on a busy machine not every state has both of one moment.
+        half = await fleet.state(
+            lambda state: progress(state).get("goalPercent", 0) >= 50 and driven_and_left(state) == LENGTH
+        )
         assert progress(half)["orderDistanceLeft"] - progress(half)["goalDistanceLeft"] == pytest.approx(10)
         assert half["intermediatePath"]["polyline"]
         done = await fleet.state(ended("o1"))
