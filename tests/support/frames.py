@@ -46,8 +46,8 @@ _YARDSTICK = """() => {
   const context = new OffscreenCanvas(400, 300).getContext("2d");
   let found = 0;
   for (let round = 0; round < 300; round += 1) {
-    const texts = JSON.stringify(Array.from({ length: 200 }, (_, each) => ({ robot: `r${each}`, x: Math.sin(each + round) })));
-    for (const each of JSON.parse(texts)) {
+    const drawn = Array.from({ length: 200 }, (_, i) => ({ robot: `r${i}`, x: Math.sin(i + round) }));
+    for (const each of JSON.parse(JSON.stringify(drawn))) {
       context.beginPath();
       context.arc(each.x * 100 + 200, 150, 5, 0, 7);
       context.fill();
