@@ -10,8 +10,10 @@ from typing import Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from nena_shared.vda5050.versions import CODECS
+
 FOLDER: Final = Path(__file__).parent / "clauses"
-VERSIONS: Final = ("2.0.0", "2.1.0", "3.0.0", "3.0.1")
+VERSIONS: Final = tuple(CODECS)
 
 
 class Side(StrEnum):
@@ -43,7 +45,8 @@ class Clause(BaseModel):
     ``id`` is the section of 3.0.0, with a name behind a slash if a section has several rules or sides. ``v2``
     is the section of 2.0 and 2.1, with ``2.1:`` before it if 2.0 has none, empty if neither has one. ``how``
     describes the implementation in every version; ``in_2``, ``in_2_0``, ``in_2_1``, ``in_3``, ``in_3_0_1``
-    replace it for a version that differs. A version without a text does not have the clause.
+    replace it for a version that differs, the last one also for those after it. A version without a text does
+    not have the clause.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -74,10 +77,9 @@ class Clause(BaseModel):
     def in_version(self, version: str) -> str:
         """Return how the clause is implemented in ``version``; empty if the version does not have it."""
         major, minor = version.split(".")[:2]
-        if major == "3":
-            return (version == "3.0.1" and self.in_3_0_1) or self.in_3 or self.how
-        own = getattr(self, f"in_2_{minor}") or self.in_2
-        return own or self.how
+        if major == "2":
+            return getattr(self, f"in_2_{minor}") or self.in_2 or self.how
+        return (version != "3.0.0" and self.in_3_0_1) or self.in_3 or self.how
 
     @property
     def place(self) -> tuple[tuple[int, ...], bool]:

@@ -21,7 +21,6 @@ from support.waiting import PATIENCE, until
 from support.zones import responses, transfer, zone
 
 FOLDER = Path(__file__).parents[1] / "fixtures" / "conversations"
-VERSIONS = ("2.0.0", "2.1.0", "3.0.0")
 INTERFACE = "fleet"
 
 Story = Callable[[BenchRobot], Awaitable[None]]

@@ -10,6 +10,7 @@ from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.v2_1.state import WRITTEN
+from nena_shared.vda5050.versions import CODECS
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,4 +43,4 @@ _IN_3 = Expressible(
     error_names={kind: kind.value for kind in ErrorType},
     instant_states_apart=True,
 )
-EXPRESSIBLE = {"2.0.0": _IN_2, "2.1.0": _IN_2, "3.0.0": _IN_3, "3.0.1": _IN_3}
+EXPRESSIBLE = {version: _IN_2 if version.startswith("2.") else _IN_3 for version in CODECS}

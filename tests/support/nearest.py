@@ -18,30 +18,26 @@ Plain = dict[str, Any]
 
 ONLY_IN_2_X = {"start_node_id", "end_node_id"}
 
-MISSING: Mapping[str, Plain] = {
-    "2.1.0": {
-        "order_description": None,
-        "retriable": None,
-        "release_required": None,
-        "release_loss_behavior": None,
-        "planned_path": None,
-        "intermediate_path": None,
-        "zone_sets": None,
-        "zone_requests": None,
-        "edge_requests": None,
-        "zone_action_states": None,
-        "battery_current": None,
-        "supported_zones": None,
-        "reference_state_header_id": 0,
-        "pause_allowed": False,
-        "cancel_allowed": False,
-        "battery_charging": None,
-        "blocking_types": None,
-        "error_description_translations": None,
-        "error_hint_translations": None,
-    },
-    "3.0.0": {},
-    "3.0.1": {},
+MISSING_IN_2: Plain = {
+    "order_description": None,
+    "retriable": None,
+    "release_required": None,
+    "release_loss_behavior": None,
+    "planned_path": None,
+    "intermediate_path": None,
+    "zone_sets": None,
+    "zone_requests": None,
+    "edge_requests": None,
+    "zone_action_states": None,
+    "battery_current": None,
+    "supported_zones": None,
+    "reference_state_header_id": 0,
+    "pause_allowed": False,
+    "cancel_allowed": False,
+    "battery_charging": None,
+    "blocking_types": None,
+    "error_description_translations": None,
+    "error_hint_translations": None,
 }
 MISSING_ALSO_IN_2_0: Plain = {
     "corridor": None,
@@ -97,7 +93,7 @@ def _said(version: str, value: Any) -> Any:
         return value
     result = dict(value)
     result |= {name: each for name, each in _missing(version).items() if name in value}
-    for special in SPECIALS[version]:
+    for special in SPECIALS.get(version, _IN_3):
         special(result)
     if "optional_parameters" in result and version in ABSENT_PARAMETERS:
         result["optional_parameters"] = [
@@ -111,7 +107,9 @@ def _said(version: str, value: Any) -> Any:
 
 
 def _missing(version: str) -> Plain:
-    return MISSING["2.1.0"] | MISSING_ALSO_IN_2_0 if version == "2.0.0" else MISSING[version]
+    if version >= "3":
+        return {}
+    return MISSING_IN_2 | MISSING_ALSO_IN_2_0 if version == "2.0.0" else MISSING_IN_2
 
 
 def _words(value: Plain) -> None:
@@ -225,7 +223,7 @@ _IN_2_1: tuple[Callable[[Plain], None], ...] = (
     _node_states,
     _limits,
 )
-_IN_3_0: tuple[Callable[[Plain], None], ...] = (
+_IN_3: tuple[Callable[[Plain], None], ...] = (
     _ellipse,
     _charging,
     _node_states,
@@ -236,6 +234,4 @@ _IN_3_0: tuple[Callable[[Plain], None], ...] = (
 SPECIALS: Mapping[str, tuple[Callable[[Plain], None], ...]] = {
     "2.0.0": (*_IN_2_1, _health, _node_states_in_2_0),
     "2.1.0": _IN_2_1,
-    "3.0.0": _IN_3_0,
-    "3.0.1": _IN_3_0,
 }

@@ -22,7 +22,6 @@ from support.fleet_examples import state as example_state
 from support.robot_core import order
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
-VERSIONS = ("2.0.0", "2.1.0", "3.0.0", "3.0.1")
 TOPICS: dict[type[Header], str] = {
     Order: "order",
     InstantActions: "instantActions",

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.versions import CODECS
 from support.broker import Broker, MqttPeer
 from support.edge_agent import FleetControl, agent_settings, ended, running_agent
 from support.robot_core import action, order
@@ -14,11 +15,9 @@ from support.schemas import schema_problems
 
 pytestmark = pytest.mark.broker
 
-VERSIONS = ("2.0.0", "2.1.0", "3.0.0", "3.0.1")
-
 
 @pytest.mark.clause("4.2", "7.2", "7.7", "7.8", "7.9", "7.10/message")
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 async def test_an_order_is_done_and_every_message_is_of_the_version(
     broker: Broker, interface_name: str, tmp_path: Path, version: str
 ) -> None:

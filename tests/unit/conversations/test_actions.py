@@ -9,8 +9,9 @@ import pytest
 from nena_conversations.pending import BoundedDict
 from nena_conversations.rules import Rule, Severity
 from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.versions import CODECS
 from support.robot_core import action
-from support.talk import VERSIONS, Talk, doing
+from support.talk import Talk, doing
 
 
 def at_once(*statuses: tuple[str, str], version: str = "3.0.0", blocking: str = "NONE") -> Talk:
@@ -20,7 +21,7 @@ def at_once(*statuses: tuple[str, str], version: str = "3.0.0", blocking: str = 
     return talk.state("n0", "n1", action_states=doing(*statuses))
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_each_action_has_a_state(version: str) -> None:
     fine = at_once(("a", "RUNNING"), ("b", "WAITING"), version=version)
     lost = at_once(("a", "RUNNING"), version=version)
@@ -116,7 +117,7 @@ def test_beside_some_actions_the_robot_stands(blocking: str, rules: list[Rule]) 
     assert {each.severity for each in talk.findings} <= {Severity.WARNING}
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_actions_of_edges_of_the_base_are_not_lost_by_an_update(version: str) -> None:
     talk = Talk(version).order("n0", "n1", edge_actions={"n0-n1": [action("a")]})
     talk.state("n0", "n1", action_states=doing(("a", "RUNNING"))).order("n1", "n2", first=2, update=1)
@@ -127,7 +128,7 @@ def test_actions_of_edges_of_the_base_are_not_lost_by_an_update(version: str) ->
 CANCEL = action("c", "NONE", "cancelOrder")
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_an_instant_action_is_answered(version: str) -> None:
     silent, answered = (Talk(version).act(action("a", "NONE", "startPause")) for _ in range(2))
     for _ in range(4):
@@ -149,7 +150,7 @@ def test_what_is_sent_again_after_its_answer_needs_no_other() -> None:
     assert talk.findings == []
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_a_cancel_ends_with_no_node_left(version: str) -> None:
     talk = Talk(version).order("n0", "n1").state("n0", "n1").act(CANCEL)
 
@@ -158,7 +159,7 @@ def test_a_cancel_ends_with_no_node_left(version: str) -> None:
     assert talk.state("n0", instant_action_states=doing(("c", "FINISHED"))).rules == [Rule.CANCEL_END]
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_a_cancel_ends_with_no_action_under_way(version: str) -> None:
     talk = Talk(version).order("n0", node_actions={"n0": [action("a")]})
     talk.act(CANCEL, action("m", "NONE", "downloadMap"))

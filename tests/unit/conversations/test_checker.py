@@ -21,13 +21,13 @@ from nena_shared.vda5050.versions import CODECS, codec_for
 from support.fleet_examples import factsheet
 from support.fleet_examples import state as example_state
 from support.robot_core import action, order, position
-from support.talk import HEADER, START, VERSIONS, Talk
+from support.talk import HEADER, START, Talk
 from support.zones import responses
 
 IN_3 = ("3.0.0", "3.0.1")
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_an_order_that_is_driven_to_its_end_is_fine(version: str) -> None:
     talk = Talk(version).online().state("n0", of="")
     talk.order("n0", "n1", "n2").state("n0", "n1", "n2").state("n1", "n2").state("n2").online("OFFLINE")
@@ -106,7 +106,7 @@ def changed(version: str, **fields: Any) -> Talk:
     return sent(version, "state", json.dumps(content).encode())
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_a_message_in_order_is_fine(version: str) -> None:
     assert changed(version).findings == []
 
@@ -167,7 +167,7 @@ def test_a_graph_that_a_schema_would_let_pass_is_named(version: str, section: st
     assert "sequenceId 4, not 2" in finding.text
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_a_field_that_the_version_does_not_have_is_a_warning(version: str) -> None:
     (finding,) = changed(version, colour="red").findings
 
@@ -227,7 +227,7 @@ def test_times_are_written_in_utc(timestamp: str, rules: list[Rule]) -> None:
     assert changed("2.1.0", timestamp=timestamp).rules == rules
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_what_the_versions_write_differently_is_compared_as_it_stands(version: str) -> None:
     places = {"n0": position(0.0), "n1": position(10.0, radius=0.5)}
 
@@ -288,7 +288,7 @@ def test_what_the_broker_has_kept_is_of_another_time() -> None:
     assert talk.rules == []
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_a_state_comes_each_half_minute(version: str) -> None:
     fine = Talk(version).online().state("n0", of="").wait(29).state("n0", of="")
     late = Talk(version).online().state("n0", of="").wait(40).state("n0", of="")
@@ -390,7 +390,7 @@ def offering(*scopes: ActionScope) -> Factsheet:
     return sheet.model_copy(update={"protocol_features": features})
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 @pytest.mark.parametrize(
     ("asked", "place", "fine"),
     [
@@ -440,7 +440,7 @@ def test_an_action_id_belongs_to_one_order() -> None:
     assert "order 'o1'" in finding.text
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_what_is_sent_again_has_its_id_again(version: str) -> None:
     again = {"n0": [action("a")]}
     talk = Talk(version).order("n0", node_actions=again).order("n0", node_actions=again)

@@ -14,9 +14,10 @@ from hypothesis.stateful import run_state_machine_as_test
 from nena_conversations.message import SENDERS, Sender
 from nena_conversations.rules import Severity
 from nena_edge_agent.protocol.events import Effect, Event, InstantActionsReceived, OrderReceived
+from nena_shared.vda5050.versions import CODECS
 from support.examples import EXAMPLES
 from support.robot_core import Bench
-from support.talk import VERSIONS, Talk
+from support.talk import Talk
 from unit.edge_agent.protocol import test_robot_machine as histories
 
 
@@ -37,7 +38,7 @@ class RecordedBench(Bench):
         return effects
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_nothing_is_found_wrong_with_what_the_core_says(
     version: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,8 +9,9 @@ import pytest
 from nena_conversations.rules import Rule, Severity
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.versions import CODECS
 from support.robot_core import action
-from support.talk import VERSIONS, Talk, doing
+from support.talk import Talk, doing
 
 
 @pytest.mark.parametrize(("version", "rules"), [("2.1.0", []), ("3.0.0", [Rule.FIRST_UPDATE_ID])])
@@ -20,7 +21,7 @@ def test_a_new_order_begins_with_update_0_where_the_version_says_so(version: str
     assert talk.rules == rules
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_a_new_order_begins_with_sequence_id_0(version: str) -> None:
     assert Talk(version).state("n0", of="").order("n1", "n2", first=2).rules == [Rule.FIRST_SEQUENCE_ID]
 
@@ -29,7 +30,7 @@ def test_an_order_whose_beginning_was_not_heard_is_no_new_one() -> None:
     assert Talk().state("n1", "n2", of="o1").order("n2", "n3", first=4, update=1).rules == []
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_a_new_order_is_for_an_idle_robot(version: str) -> None:
     busy = Talk(version).order("n0", "n1").state("n0", "n1").order("n1", "n2", order_id="o2")
     idle = Talk(version).order("n0", "n1").state("n0", "n1").state("n1").order("n1", "n2", order_id="o2")
@@ -53,7 +54,7 @@ def test_an_order_comes_in_modes_that_take_it(mode: OperatingMode, rules: list[R
     assert talk.rules == rules
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_an_update_begins_at_the_decision_point(version: str) -> None:
     fine = Talk(version).order("n0", "n1", "n2", released=2).order("n1", "n3", first=2, update=1)
     horizon = Talk(version).order("n0", "n1", "n2", released=2).order("n2", "n3", first=4, update=1)
@@ -77,7 +78,7 @@ def test_the_decision_point_is_repeated_in_full_where_the_version_says_so(
     assert kept.order("n1", "n2", first=2, update=1, node_actions=work).rules == []
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_update_ids_rise(version: str) -> None:
     talk = Talk(version).order("n0", "n1").order("n1", "n2", first=2, update=2)
 
@@ -114,7 +115,7 @@ def test_the_order_after_a_cancelled_one_gets_updates() -> None:
     assert talk.rules == []
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_an_order_whose_actions_run_is_not_ended(version: str) -> None:
     talk = Talk(version).order("n0", node_actions={"n0": [action("a")]})
     running = talk.state("n0", action_states=doing(("a", "RUNNING")))
@@ -122,7 +123,7 @@ def test_an_order_whose_actions_run_is_not_ended(version: str) -> None:
     assert running.order("n0", "n1", order_id="o2").rules == [Rule.OTHER_ORDER]
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_instant_actions_that_run_keep_no_robot_from_an_order(version: str) -> None:
     talk = (
         Talk(version).order("n0").act(action("i")).state("n0", instant_action_states=doing(("i", "RUNNING")))
@@ -135,14 +136,14 @@ def driving(*nodes: str, version: str = "3.0.0") -> Talk:
     return Talk(version).order(*nodes).state(*nodes)
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_nodes_leave_one_by_one(version: str) -> None:
     talk = driving("n0", "n1", "n2", version=version).state("n1", "n2").state("n2")
 
     assert talk.findings == []
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_no_node_is_skipped(version: str) -> None:
     one = driving("n0", "n1", "n2", version=version).state("n0", "n2")
     two = driving("n0", "n1", "n2", "n3", version=version).state("n0", "n3")
@@ -234,7 +235,7 @@ def test_what_was_not_heard_from_the_beginning_is_not_judged() -> None:
     assert talk.rules == []
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 @pytest.mark.parametrize("left", [(), ("n3",)])
 def test_no_robot_drives_into_the_horizon(version: str, left: tuple[str, ...]) -> None:
     horizon = tuple({"node_id": each, "sequence_id": 2 * int(each[1:]), "released": False} for each in left)
@@ -250,7 +251,7 @@ def refusal(**references: Any) -> ErrorEntry:
     return error(ErrorType.NO_ROUTE_TO_TARGET, "no way", **references)
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", CODECS)
 def test_an_order_is_answered_by_an_echo_or_an_error(version: str) -> None:
     silent, refused, echoed = (Talk(version).order("n0", "n1") for _ in range(3))
     entry = refusal(order_id="o1", order_update_id=0)
