@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import re
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -30,14 +29,14 @@ from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.api.session import make_rule
-from nena_status_aggregator.metrics.exposition import Exposition
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings
-from reference.configuration import PROGRAMS, settings_of
+from reference.configuration import PROGRAMS as SETTINGS
+from reference.configuration import settings_of
+from reference.metrics import PROGRAMS as METRICS
 
 FOLDER: Final = Path(__file__).parent
 TEXTS: Final = frozenset({"title", "description", "summary", "operationId"})
 OPENTCS: Final = "/opentcs"
-TYPE_LINE: Final = re.compile(r"^# TYPE (nena_\w+) (\w+)$", re.MULTILINE)
 
 
 def without_texts(part: Any) -> Any:
@@ -104,13 +103,15 @@ def roles(described: dict[str, Any], needed: Callable[[str, str], Any]) -> dict[
 
 def settings() -> dict[str, list[str]]:
     """Return the names of each program's settings."""
-    return {program: sorted(each.name for each in settings_of(model)) for program, model in PROGRAMS.items()}
+    return {program: sorted(each.name for each in settings_of(model)) for program, model in SETTINGS.items()}
 
 
-def metrics() -> dict[str, str]:
-    """Return the type of each metric."""
-    text = b"".join(Exposition(aggregator()).parts()).decode()
-    return dict(TYPE_LINE.findall(text))
+def metrics() -> dict[str, dict[str, str]]:
+    """Return the type of each program's metrics."""
+    return {
+        program: {metric.name: metric.kind.value for section in sections for metric in section.metrics}
+        for program, sections in METRICS.items()
+    }
 
 
 def topics() -> dict[str, Any]:
