@@ -93,7 +93,7 @@ class HostOperations:
     """
 
     def __init__(self, hosts: HostServices) -> None:
-        self._orders = hosts.requests
+        self._requests = hosts.requests
         self._sequences = hosts.sequences
         self._locks = hosts.locks
         self._zones = hosts.zones
@@ -103,7 +103,7 @@ class HostOperations:
 
     @_does(table.CREATE_ORDER)
     async def _create_order(self, call: Call[TransportOrderRequest]) -> Reply:
-        order, new = await self._orders.create(call.request)
+        order, new = await self._requests.create(call.request)
         return Reply(order, _created(new=new))
 
     @_does(table.LIST_ORDERS)
@@ -113,7 +113,7 @@ class HostOperations:
         wanted = OrderFilter(states, query.intended_vehicle, before, query.limit + 1)
         encoded: list[bytes] = []
         last, following = 0, None
-        async for order in self._orders.orders(wanted):
+        async for order in self._requests.orders(wanted):
             if len(encoded) < query.limit:
                 encoded.append(order.status.model_dump_json(by_alias=True).encode())
                 last = order.number
@@ -123,34 +123,34 @@ class HostOperations:
 
     @_does(table.SHOW_ORDER)
     async def _show_order(self, call: Call[None]) -> Reply:
-        return Reply(await self._orders.order(call.name))
+        return Reply(await self._requests.order(call.name))
 
     @_does(table.DELIVERY)
     async def _delivery(self, call: Call[None]) -> Reply:
-        return Reply(await self._orders.delivery(call.name))
+        return Reply(await self._requests.delivery(call.name))
 
     @_does(table.ASSIGNMENT)
     async def _assignment(self, call: Call[AssignmentQuery]) -> Reply:
-        return Reply(await self._orders.assignment(call.name, call.request.limit))
+        return Reply(await self._requests.assignment(call.name, call.request.limit))
 
     @_does(table.WITHDRAW)
     async def _withdraw(self, call: Call[WithdrawalRequest]) -> Reply:
         asked = call.request
         return Reply(
-            await self._orders.withdraw(call.name, asked.reason, seen=call.seen, immediate=asked.immediate)
+            await self._requests.withdraw(call.name, asked.reason, seen=call.seen, immediate=asked.immediate)
         )
 
     @_does(table.HOLD)
     async def _hold(self, call: Call[HoldRequest]) -> Reply:
         asked, by = call.request, call.request.by or call.caller
         return Reply(
-            await self._orders.hold(call.name, by, asked.reason, seen=call.seen, immediate=asked.immediate)
+            await self._requests.hold(call.name, by, asked.reason, seen=call.seen, immediate=asked.immediate)
         )
 
     @_does(table.RESUME)
     async def _resume(self, call: Call[ResumeRequest]) -> Reply:
         by = call.request.by or call.caller
-        return Reply(await self._orders.resume(call.name, by, call.request.reason, seen=call.seen))
+        return Reply(await self._requests.resume(call.name, by, call.request.reason, seen=call.seen))
 
     @_does(table.CREATE_SEQUENCE)
     async def _create_sequence(self, call: Call[OrderSequenceRequest]) -> Reply:
@@ -183,7 +183,7 @@ class HostOperations:
             query.processing_state or tuple(ProcessingState),
         )
         found: list[VehicleStatus] = []
-        async for each in self._orders.vehicles(query.after):
+        async for each in self._requests.vehicles(query.after):
             if each.state in states and each.processing_state in processing:
                 found.append(each)
             if len(found) > query.limit:
@@ -193,23 +193,23 @@ class HostOperations:
 
     @_does(table.SHOW_VEHICLE)
     async def _show_vehicle(self, call: Call[None]) -> Reply:
-        return Reply(self._orders.vehicle(call.name))
+        return Reply(self._requests.vehicle(call.name))
 
     @_does(table.INTEGRATION_LEVEL)
     async def _set_integration_level(self, call: Call[IntegrationLevelRequest]) -> Reply:
         level = call.request.integration_level
-        return Reply(await self._orders.set_integration_level(call.name, level))
+        return Reply(await self._requests.set_integration_level(call.name, level))
 
     @_does(table.ORDER_TYPES)
     async def _accept_order_types(self, call: Call[OrderTypesRequest]) -> Reply:
         types = call.request.acceptable_order_types
-        return Reply(await self._orders.accept_order_types(call.name, types))
+        return Reply(await self._requests.accept_order_types(call.name, types))
 
     @_does(table.DISPATCH)
     async def _dispatch(self, call: Call[DispatchRequest]) -> Reply:
         asked = call.request
-        self._orders.vehicle(call.name)
-        order, new = await self._orders.create(
+        self._requests.vehicle(call.name)
+        order, new = await self._requests.create(
             TransportOrderRequest(
                 destinations=(asked.destination(),),
                 intended_vehicle=call.name,
@@ -225,14 +225,14 @@ class HostOperations:
         asked = call.request
         action_type = ACTION_TYPES.get(asked.action_type, asked.action_type)
         parameters = self._parameters(call.name, asked)
-        action, end = await self._orders.instant_action(
+        action, end = await self._requests.instant_action(
             call.name, action_type, parameters, asked.blocking_type
         )
         return Reply(_instant_action_answer(action, end), HTTPStatus.OK if end else HTTPStatus.ACCEPTED)
 
     @_does(table.REROUTE)
     async def _reroute(self, call: Call[ReroutingRequest]) -> Reply:
-        return Reply(await self._orders.reroute(call.name, call.request.type))
+        return Reply(await self._requests.reroute(call.name, call.request.type))
 
     @_does(table.LIST_PATHS)
     async def _list_paths(self, _: Call[None]) -> Reply:
@@ -268,11 +268,11 @@ class HostOperations:
 
     @_does(table.SUMMARISE)
     async def _summarise(self, _: Call[None]) -> Reply:
-        return Reply(await self._orders.summary())
+        return Reply(await self._requests.summary())
 
     @_does(table.SHOW_TRAFFIC_PLAN)
     async def _show_traffic_plan(self, _: Call[None]) -> Reply:
-        return Reply(await self._orders.traffic_plan())
+        return Reply(await self._requests.traffic_plan())
 
     def _parameters(self, vehicle: str, asked: InstantActionRequest) -> tuple[ActionParameter, ...]:
         """Return the action's parameters; a pose is converted to the frame of the vehicle's map."""
@@ -280,7 +280,7 @@ class HostOperations:
         if asked.pose is None:
             return given
         pose = PlantPose(asked.pose.x, asked.pose.y, asked.pose.theta)
-        robot = self._orders.robot_pose(vehicle, pose, asked.pose.map_id)
+        robot = self._requests.robot_pose(vehicle, pose, asked.pose.map_id)
         return (
             ActionParameter(key="x", value=robot.pose.x_m),
             ActionParameter(key="y", value=robot.pose.y_m),
