@@ -94,8 +94,8 @@ class DriveSettings(SettingsGroup):
     )
     external_goals: ExternalGoals = Field(
         ExternalGoals.PAUSE,
-        description="What happens to an order while navigation drives to a goal of another program (RViz, a "
-        "docking server): pause: it waits and continues automatically; fail: its drive fails.",
+        description="What happens to an order while navigation is driving to another program's goal (RViz, a "
+        "docking server): pause: it waits and continues when that goal has ended; fail: its drive fails.",
     )
     link_loss: LinkLossPolicy = Field(
         LinkLossPolicy.ASSERTIVE,

@@ -267,7 +267,7 @@ class ActionTracker(GoalTracker):
         drive = self._drive
         if foreign and drive is not None and drive.goal_id is not None and drive.reached_at is None:
             text = (
-                f"another client sent Nav2 a goal ({foreign}), which Nav2 rejects while it drives through "
+                f"another program sent Nav2 a goal ({foreign}), which Nav2 rejects while it drives through "
                 "several poses: this robot pauses, so that the goal can be resent"
             )
             self._fail(drive, DriveFailure.TAKEN_OVER, text)

@@ -378,7 +378,7 @@ class GoalTracker:
         elif status is GoalStatus.SUCCEEDED:
             drive.reached_at = now
         elif status is GoalStatus.CANCELED:
-            text = f"the goal {goal_id} was cancelled by another client"
+            text = f"the goal {goal_id} was cancelled by another program"
             self._fail(drive, DriveFailure.CANCELED_FROM_OUTSIDE, text)
         elif status is GoalStatus.ABORTED:
             self._fail_aborted(drive, goal_id)
@@ -386,7 +386,7 @@ class GoalTracker:
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
         other = self._registry.taken_over(goal_id)
         if other is not None:
-            text = f"the goal {goal_id} was replaced by another client's goal ({other})"
+            text = f"the goal {goal_id} was replaced by another program's goal ({other})"
             self._fail(drive, DriveFailure.TAKEN_OVER, text)
         else:
             text = (

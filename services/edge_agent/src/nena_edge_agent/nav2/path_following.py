@@ -237,7 +237,7 @@ class Trackers:
                 case Report(Halted()) if self.navigator.halting:
                     pass  # the navigator's tracker answers for both
                 case Report(DriveFailed(failure=DriveFailure.ABORTED) as event) if self.navigator.others_run:
-                    text = "the path was replaced by the goal of another client"
+                    text = "the path was replaced by another program's goal"
                     taken = replace(event, failure=DriveFailure.TAKEN_OVER, description=text)
                     found.append(Report(taken))
                 case _:
