@@ -78,7 +78,7 @@ def test_orders_without_an_end_or_a_reason_are_detected() -> None:
     assert lost({"T-0"}, store(TransportOrderState.ACTIVE, reason="r")) == ["T-0 has no end: r"]
 
 
-def told(state: TransportOrderState, version: int, epoch: int) -> Inbound:
+def published(state: TransportOrderState, version: int, epoch: int) -> Inbound:
     status = order_status(name="T-0", state=state, version=version)
     body = status.model_dump_json(by_alias=True).encode()
     return Inbound("nena/v1/transportOrders/T-0/status", with_epoch(body, epoch), retained=False)
@@ -86,9 +86,9 @@ def told(state: TransportOrderState, version: int, epoch: int) -> Inbound:
 
 def test_statuses_that_go_back_are_detected() -> None:
     active = TransportOrderState.ACTIVE
-    good = [told(active, 1, 1), told(FINISHED, 2, 1), told(FINISHED, 2, 2)]
+    good = [published(active, 1, 1), published(FINISHED, 2, 1), published(FINISHED, 2, 2)]
     assert told_back(good) == []
-    for worse in (told(FINISHED, 2, 1), told(FINISHED, 1, 2), told(FAILED, 3, 2)):
+    for worse in (published(FINISHED, 2, 1), published(FINISHED, 1, 2), published(FAILED, 3, 2)):
         assert len(told_back([*good, worse])) == 1
 
 

@@ -167,7 +167,7 @@ async def test_a_stopped_aggregator_has_written_everything_it_received(fleet: Fl
         async with httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE) as panel:
             await order_from(client, "T-1")
             await client.post("/v1/transportOrders/T-1/withdrawal", json={})
-            await told(panel, "T-1")
+            await wait_for_end(panel, "T-1")
         assert aggregator.end() == 0
     with AggregatorProcess(*options) as aggregator:
         async with httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE) as panel:
@@ -175,7 +175,7 @@ async def test_a_stopped_aggregator_has_written_everything_it_received(fleet: Fl
     assert "FAILED" in json.dumps(kept)
 
 
-async def told(panel: httpx.AsyncClient, name: str) -> None:
+async def wait_for_end(panel: httpx.AsyncClient, name: str) -> None:
     async def orders() -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = (await panel.get("/api/v1/orders")).json()
         return found

@@ -41,11 +41,11 @@ def full(fleet: Fleet, postgres: Postgres) -> Engine:
     changes = Changes()
     changes.documents[PLANT_MODEL, ""] = stored.model_dump_json(exclude_defaults=True)
     write(engine, changes)
-    told(engine, *FULL)
+    execute(engine, *FULL)
     return engine
 
 
-def told(engine: Engine, *statements: str) -> None:
+def execute(engine: Engine, *statements: str) -> None:
     with engine.begin() as connection:
         for each in statements:
             connection.execute(text(each))
@@ -93,7 +93,7 @@ async def test_starting_with_a_full_store_is_reported_and_continues_with_room(
 ) -> None:
     ready = await started.is_in("starting")
     assert (ready.status_code, "no room is left" in ready.text) == (503, True)
-    told(full, ROOM)
+    execute(full, ROOM)
 
     await started.is_in("active")
     started.stop.set()

@@ -69,11 +69,11 @@ async def test_a_standby_is_healthy_and_redirects_hosts_to_the_active_one(shared
     second = await shared.order_service(name="second").client()
     assert (await second.get("/healthz")).status_code == 200
 
-    async def told() -> str:
+    async def readiness() -> str:
         return (await second.get("/readyz")).text
 
     await awaited(
-        told, lambda text: str(first.base_url) in text, seconds=PATIENCE, what="it knows the active one"
+        readiness, lambda text: str(first.base_url) in text, seconds=PATIENCE, what="it knows the active one"
     )
     ready = await second.get("/readyz")
     assert (ready.status_code, ready.json()["role"], ready.json()["storeReady"]) == (503, "standby", True)

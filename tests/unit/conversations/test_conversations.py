@@ -120,7 +120,7 @@ class Replay:
                 self.bench.do(ActionReport(each.action_id, end, each.action_result))
 
 
-def told(state: State) -> dict[str, object]:
+def comparable(state: State) -> dict[str, object]:
     """Return what must be the same: all but texts, poses, and what only the driver knows."""
     shown = (*state.action_states, *state.instant_action_states)
     return {
@@ -147,6 +147,6 @@ def test_the_robots_core_says_the_same_again(file: Path) -> None:
         if isinstance(each.message, State):
             replay.follow(each.message)
             if following is None or following.sender is Sender.ROBOT:
-                assert told(replay.bench.state) == told(each.message), each.number
+                assert comparable(replay.bench.state) == comparable(each.message), each.number
                 compared += 1
     assert compared

@@ -158,7 +158,7 @@ def test_visualization_is_sent_with_qos_0_and_not_kept() -> None:
     assert found.topic == made.topic(Topic.VISUALIZATION)
 
 
-class Desk:
+class Receiver:
     def __init__(
         self,
         serial: str = "0001",
@@ -182,24 +182,24 @@ class Desk:
 
 
 def test_a_good_order_becomes_an_event() -> None:
-    desk = Desk()
+    receiver = Receiver()
 
-    desk.order(CODEC.encode(order("n0", "n1")))
+    receiver.order(CODEC.encode(order("n0", "n1")))
 
-    (event,) = desk.events
+    (event,) = receiver.events
     assert isinstance(event, OrderReceived)
     assert [node.node_id for node in event.order.nodes] == ["n0", "n1"]
-    assert desk.inbox.counts.taken == 1
+    assert receiver.inbox.counts.taken == 1
 
 
 def test_good_instant_actions_become_an_event() -> None:
-    desk = Desk()
+    receiver = Receiver()
 
-    desk.inbox.take_instant_actions(
+    receiver.inbox.take_instant_actions(
         Inbound("x", CODEC.encode(InstantActions(**HEADER, actions=(action("a"),))), retained=False)
     )
 
-    (event,) = desk.events
+    (event,) = receiver.events
     assert isinstance(event, InstantActionsReceived)
     assert event.message.actions[0].action_id == "a"
     assert event.utc == ManualClock().now()
@@ -207,64 +207,64 @@ def test_good_instant_actions_become_an_event() -> None:
 
 @pytest.mark.clause("4.1/retain")
 def test_a_retained_message_is_ignored() -> None:
-    desk = Desk()
+    receiver = Receiver()
 
-    desk.order(CODEC.encode(order("n0")), retained=True)
+    receiver.order(CODEC.encode(order("n0")), retained=True)
 
-    assert desk.events == []
-    assert desk.inbox.counts.retained == 1
+    assert receiver.events == []
+    assert receiver.inbox.counts.retained == 1
 
 
 @pytest.mark.parametrize("retained", [True, False])
 def test_an_empty_message_only_clears_a_retained_one(*, retained: bool) -> None:
-    desk = Desk()
+    receiver = Receiver()
 
-    desk.order(b"", retained=retained)
+    receiver.order(b"", retained=retained)
 
-    assert desk.events == []
-    assert desk.inbox.counts == InboxCounts()
+    assert receiver.events == []
+    assert receiver.inbox.counts == InboxCounts()
 
 
 @pytest.mark.clause("6.1.4.1")
 @pytest.mark.parametrize("payload", [b" ", b"\xff", b"[]", b'"order"', b"{}", b"null"])
 def test_rubbish_is_refused_and_counted(payload: bytes) -> None:
-    desk = Desk()
+    receiver = Receiver()
 
-    desk.order(payload)
+    receiver.order(payload)
 
-    assert desk.refusal == {"topic": "order"}
-    assert desk.inbox.counts.malformed == 1
+    assert receiver.refusal == {"topic": "order"}
+    assert receiver.inbox.counts.malformed == 1
 
 
 @pytest.mark.clause("6.1.4.1", "6.6.5.2")
 def test_the_readable_ids_of_a_malformed_message_are_referenced() -> None:
-    desk = Desk()
+    receiver = Receiver()
     content = json.loads(CODEC.encode(order("n0", "n1", order_id="o7", update=2)))
     content["edges"] = []
 
-    desk.order(json.dumps(content).encode())
+    receiver.order(json.dumps(content).encode())
 
-    assert desk.refusal == {"topic": "order", "headerId": "7", "orderId": "o7", "orderUpdateId": "2"}
+    assert receiver.refusal == {"topic": "order", "headerId": "7", "orderId": "o7", "orderUpdateId": "2"}
 
 
 @pytest.mark.clause("7.2")
 def test_a_message_for_another_robot_is_refused() -> None:
-    desk = Desk(serial="0002")
+    receiver = Receiver(serial="0002")
 
-    desk.order(CODEC.encode(order("n0")))
+    receiver.order(CODEC.encode(order("n0")))
 
-    assert desk.refusal == {"topic": "order", "headerId": "7"}
-    assert desk.inbox.counts.misdirected == 1
+    assert receiver.refusal == {"topic": "order", "headerId": "7"}
+    assert receiver.inbox.counts.misdirected == 1
 
 
 @pytest.mark.clause("6.2.1/refused")
 def test_the_refusal_of_instant_actions_ends_with_the_next_ones_and_not_with_an_order() -> None:
-    desk = Desk()
+    receiver = Receiver()
 
-    desk.inbox.take_instant_actions(Inbound("x", b"{}", retained=False))
-    desk.order(b"{}")
+    receiver.inbox.take_instant_actions(Inbound("x", b"{}", retained=False))
+    receiver.order(b"{}")
 
-    assert [event.until for event in desk.events if isinstance(event, MessageRefused)] == [
+    assert [event.until for event in receiver.events if isinstance(event, MessageRefused)] == [
         Until.INSTANT_ACTION_ACCEPTED,
         Until.ORDER_ACCEPTED,
     ]
@@ -286,7 +286,7 @@ VALUES = {"height": 1.5, "levels": 3, "slowly": True, "station": "7", "unknown":
 
 @pytest.mark.parametrize("strict", [False, True])
 def test_numbers_and_booleans_sent_as_text_are_accepted_if_the_action_declares_them(*, strict: bool) -> None:
-    desk = Desk(actions={"lift": LIFT}, strict=strict)
+    receiver = Receiver(actions={"lift": LIFT}, strict=strict)
     lift = Action(
         action_type="lift",
         action_id="a",
@@ -294,18 +294,18 @@ def test_numbers_and_booleans_sent_as_text_are_accepted_if_the_action_declares_t
         action_parameters=tuple(ActionParameter(key=key, value=value) for key, value in TEXTS.items()),
     )
 
-    desk.order(CODEC.encode(order("n0", "n1", node_actions={"n1": [lift]})))
-    desk.inbox.take_instant_actions(
+    receiver.order(CODEC.encode(order("n0", "n1", node_actions={"n1": [lift]})))
+    receiver.inbox.take_instant_actions(
         Inbound("x", CODEC.encode(InstantActions(**HEADER, actions=(lift,))), retained=False)
     )
 
-    ordered, instant = desk.events
+    ordered, instant = receiver.events
     assert isinstance(ordered, OrderReceived)
     assert isinstance(instant, InstantActionsReceived)
     for taken in (ordered.order.nodes[1].actions[0], instant.message.actions[0]):
         values = {each.key: each.value for each in taken.action_parameters}
         assert values == (TEXTS if strict else VALUES)
-    assert desk.inbox.counts.repaired == (0 if strict else 2)
+    assert receiver.inbox.counts.repaired == (0 if strict else 2)
 
 
 @pytest.mark.parametrize(

@@ -455,17 +455,17 @@ async def test_two_programs_with_one_client_id_throw_each_other_out_ever_more_se
     links = [MqttLink(settings, client_id=interface_name) for _ in range(2)]
     with capture_logs() as logs:
         async with running(links[0], connected=False), running(links[1], connected=False):
-            await until(lambda: len(told(logs)) == len(links), what="both say so")
+            await until(lambda: len(duplicate_id_warnings(logs)) == len(links), what="both say so")
             before = sum(each.state.connects for each in links)
             start = perf_counter()
             await until(lambda: sum(each.state.connects for each in links) >= before + 6)
 
             assert perf_counter() - start > 1.0
-            assert len(told(logs)) == len(links)
-    assert {each["client_id"] for each in told(logs)} == {interface_name}
+            assert len(duplicate_id_warnings(logs)) == len(links)
+    assert {each["client_id"] for each in duplicate_id_warnings(logs)} == {interface_name}
 
 
-def told(logs: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def duplicate_id_warnings(logs: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     return [each for each in logs if "another program uses this client ID" in each["event"]]
 
 

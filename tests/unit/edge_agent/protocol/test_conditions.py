@@ -193,7 +193,7 @@ def session(state: SessionState, reason: str = "") -> SessionReport:
     return SessionReport(state, "/r1", 7, reason)
 
 
-def told(robot: Bench) -> dict[str, str]:
+def session_information(robot: Bench) -> dict[str, str]:
     (information,) = (each for each in robot.state.information or () if each.info_type == ROS_SESSION)
     return {each.reference_key: each.reference_value for each in information.info_references}
 
@@ -252,9 +252,9 @@ def test_an_order_received_while_the_session_stops_is_refused() -> None:
 
 def test_the_state_reports_each_change_of_the_session() -> None:
     robot = bench()
-    assert told(robot) == {"state": "ACTIVE", "namespace": "/r1", "domainId": "7"}
+    assert session_information(robot) == {"state": "ACTIVE", "namespace": "/r1", "domainId": "7"}
     assert robot.do(session(SessionState.FAILED, "no network"))
-    assert told(robot)["state"] == "FAILED"
+    assert session_information(robot)["state"] == "FAILED"
     texts = [each.info_descriptor for each in robot.state.information or () if each.info_type == ROS_SESSION]
     assert texts == ["the ROS session is FAILED: no network"]
     assert robot.do(session(SessionState.FAILED, "no network")) == []

@@ -72,7 +72,7 @@ class Site:
             with self.engine.change():
                 self.engine.sequences.complete(found)
 
-    def told(self, name: str = "S") -> OrderSequenceStatus:
+    def sequence_status(self, name: str = "S") -> OrderSequenceStatus:
         return self.sequences[name]
 
     def vehicle(self, name: str) -> VehicleStatus:
@@ -184,14 +184,14 @@ async def test_orders_of_a_sequence_are_executed_in_order_by_one_vehicle() -> No
         S.BEING_PROCESSED,
     ]
     assert site.order("T-2").reason == "waits for its turn in order sequence 'S', after 'T-0'"
-    assert site.told().processing_vehicle == "V1"
+    assert site.sequence_status().processing_vehicle == "V1"
     site.fleet.finish("V2")
 
     for number in range(3):
         assert site.order(f"T-{number}").processing_vehicle == "V1"
         while not site.fleet.finish("V1"):
             site.fleet.finish("V2")
-        assert site.told().finished_index == number
+        assert site.sequence_status().finished_index == number
     assert site.vehicle("V1").processing_state is ProcessingState.AWAITING_ORDER
     assert site.vehicle("V1").order_sequence == "S"
     assert "waits for the next order of order sequence 'S'" in site.vehicle("V1").reason
@@ -201,7 +201,7 @@ async def test_orders_of_a_sequence_are_executed_in_order_by_one_vehicle() -> No
         "waits for vehicle 'V1', which is bound to order sequence 'S'"
     )
     site.complete()
-    assert site.told().finished
+    assert site.sequence_status().finished
     assert site.order("late").state is S.BEING_PROCESSED
 
 
@@ -217,7 +217,7 @@ async def test_a_failure_ends_a_sequence_where_it_is_fatal(
     site.create("T-1", "C", wrappingSequence="S")
     site.create("T-2", "C", dependencies=["T-1"])
     site.fleet.fail("V1")
-    told = site.told()
+    told = site.sequence_status()
     if goes_on:
         assert site.state("T-0", "T-1") == [S.FAILED, S.BEING_PROCESSED]
         assert (told.finished_index, told.complete) == (0, False)
@@ -261,12 +261,12 @@ async def test_sequence_and_dependencies_continue_after_a_restart() -> None:
     assert again.vehicle("V1").order_sequence == "S"
     again.fleet.missions.setdefault(next(iter(site.fleet.missions)), next(iter(site.fleet.missions.values())))
     again.fleet.finish("V1")
-    assert again.told().finished_index == 1
+    assert again.sequence_status().finished_index == 1
     assert (again.order("T-3").processing_vehicle, again.order("T-3").state) == ("V1", S.BEING_PROCESSED)
     again.fleet.finish("V1")
     assert again.order("T-4").state is S.BEING_PROCESSED
     again.complete()
-    assert again.told().finished
+    assert again.sequence_status().finished
     assert store.found.sequences == ()
 
 

@@ -374,62 +374,62 @@ def alone(robot: HonestRobot | None = None, **arrays: int) -> InstantActionManag
 
 
 def test_due_actions_are_split_by_the_robots_limit() -> None:
-    desk = alone(instant_actions=2)
+    manager = alone(instant_actions=2)
     for number in range(5):
-        assert list(desk.request(action("startPause", f"i{number}"), 0.0)) == []
-    sent = [len(each.actions) for each in desk.send(0.0) if isinstance(each, PublishInstantActions)]
+        assert list(manager.request(action("startPause", f"i{number}"), 0.0)) == []
+    sent = [len(each.actions) for each in manager.send(0.0) if isinstance(each, PublishInstantActions)]
     assert sent == [2, 2, 1]
-    assert list(desk.send(0.0)) == [], "it waits for what the robot says"
+    assert list(manager.send(0.0)) == [], "it waits for what the robot says"
 
 
 def test_without_our_own_link_nothing_starts_and_started_actions_wait() -> None:
-    desk = alone()
-    cancel = desk.cancel("m")
-    desk.broker = False
-    (refused,) = desk.request(action("startPause"), 0.0)
+    manager = alone()
+    cancel = manager.cancel("m")
+    manager.broker = False
+    (refused,) = manager.request(action("startPause"), 0.0)
     assert isinstance(refused, InstantActionEnded)
     assert "no connection to the MQTT broker" in refused.reason
-    assert (desk.can_cancel(0.0), desk.cancelling) == (False, True)
-    assert list(desk.send(0.0)) == []
-    assert list(desk.on_tick(1000.0)) == []
+    assert (manager.can_cancel(0.0), manager.cancelling) == (False, True)
+    assert list(manager.send(0.0)) == []
+    assert list(manager.on_tick(1000.0)) == []
     assert cancel.outcome is None
-    desk.broker = True
-    assert len(list(desk.send(1000.0))) == 1
+    manager.broker = True
+    assert len(list(manager.send(1000.0))) == 1
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions")
 def test_a_clear_without_room_starts_once_there_is_room() -> None:
     robot = clearer()
-    desk = alone(robot)
+    manager = alone(robot)
     for number in range(INSTANT_ACTIONS_LIMIT):
-        list(desk.request(action("startPause", f"i{number}"), 0.0))
+        list(manager.request(action("startPause", f"i{number}"), 0.0))
     robot.instants["old"] = (action("startPause", "old"), ActionStatus.FINISHED)
-    list(desk.on_state(robot.state(), 1.0))
-    assert not any("clear" in each for each in sent_types(desk, 1.0))
+    list(manager.on_state(robot.state(), 1.0))
+    assert not any("clear" in each for each in sent_types(manager, 1.0))
 
     robot.instants["i0"] = (action("startPause", "i0"), ActionStatus.FINISHED)
-    list(desk.on_state(robot.state(), 2.0))
-    list(desk.on_state(robot.state(), 2.5))
-    assert sent_types(desk, 3.0).count("clearInstantActions") == 1
+    list(manager.on_state(robot.state(), 2.0))
+    list(manager.on_state(robot.state(), 2.5))
+    assert sent_types(manager, 3.0).count("clearInstantActions") == 1
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions")
 def test_a_robot_that_does_not_clear_is_sent_it_again_after_a_delay() -> None:
     robot = clearer()
-    desk = alone(robot)
+    manager = alone(robot)
     robot.instants["old"] = (action("startPause", "old"), ActionStatus.FINISHED)
     told = []
     for now in (0.0, 1.0, CLEARING_PAUSE - 0.5, CLEARING_PAUSE, CLEARING_PAUSE + 1.0):
-        list(desk.on_state(robot.state(), now))
-        for action_type in sent_types(desk, now):
+        list(manager.on_state(robot.state(), now))
+        for action_type in sent_types(manager, now):
             told.append((action_type, now))
-            (clearing,) = (each for each in desk.ids if each not in robot.instants)
+            (clearing,) = (each for each in manager.ids if each not in robot.instants)
             robot.instants[clearing] = (action(action_type, clearing), ActionStatus.FINISHED)
     assert told == [("clearInstantActions", 0.0), ("clearInstantActions", CLEARING_PAUSE)]
 
 
-def sent_types(desk: InstantActionManager, now: float) -> list[str]:
-    sent = (each for each in desk.send(now) if isinstance(each, PublishInstantActions))
+def sent_types(manager: InstantActionManager, now: float) -> list[str]:
+    sent = (each for each in manager.send(now) if isinstance(each, PublishInstantActions))
     return [each.action_type for message in sent for each in message.actions]
 
 

@@ -1,4 +1,4 @@
-"""The desk's account of who holds what."""
+"""Who holds what, as the traffic manager accounts for it."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ ROW = PlantModel(
 
 
 class Bench:
-    """A desk over one plant, and vehicles on points of it."""
+    """A traffic manager of one plant, and vehicles on points of it."""
 
     def __init__(self, *, exclusive: bool = True, box: BoundingBox = BOX, **places: str) -> None:
         self.router = Router(ROW)
-        self.desk = TrafficManager(ROW, routes_over(self.router), exclusive=exclusive)
+        self.manager = TrafficManager(ROW, routes_over(self.router), exclusive=exclusive)
         for vehicle, at in places.items():
-            self.desk.seen(vehicle, Found(at, on_point=True), box)
+            self.manager.seen(vehicle, Found(at, on_point=True), box)
 
     def go(self, vehicle: str, goal: str, ahead: int = 0) -> str:
         """Start a vehicle, and allocate; return its wait reason as text."""
-        self.desk.request_route(RouteRequest(vehicle, goal))
-        list(self.desk.decide(lambda name: name == vehicle))
-        if self.desk.journey(vehicle):
-            self.desk.allocate(vehicle, ahead)
-        return self.desk.why_waiting(vehicle)
+        self.manager.request_route(RouteRequest(vehicle, goal))
+        list(self.manager.decide(lambda name: name == vehicle))
+        if self.manager.journey(vehicle):
+            self.manager.allocate(vehicle, ahead)
+        return self.manager.why_waiting(vehicle)
 
     def held(self, vehicle: str) -> set[str]:
-        return {name for each in self.desk.held(vehicle) for name in each.uses}
+        return {name for each in self.manager.held(vehicle) for name in each.uses}
 
 
 def test_requested_sets_are_allocated_ahead_and_freed_behind() -> None:
@@ -52,23 +52,23 @@ def test_requested_sets_are_allocated_ahead_and_freed_behind() -> None:
     assert bench.go("v", "D", ahead=2) == ""
     assert bench.held("v") == {"A", "A --- B", "B", "B --- C", "C"}
 
-    bench.desk.arrived("v", 1)
+    bench.manager.arrived("v", 1)
     assert bench.held("v") == {"A --- B", "B", "B --- C", "C"}
-    assert bench.desk.allocate("v", 2)
-    assert not bench.desk.allocate("v", 2)
+    assert bench.manager.allocate("v", 2)
+    assert not bench.manager.allocate("v", 2)
 
-    bench.desk.finished("v")
+    bench.manager.finished("v")
     assert bench.held("v") == {"C --- D", "D"}
-    assert bench.desk.journey("v") is None
+    assert bench.manager.journey("v") is None
 
 
 def test_a_long_vehicle_keeps_resources_under_its_tail() -> None:
     bench = Bench(v="A", box=BoundingBox(length_mm=2500))
     bench.go("v", "D")
 
-    bench.desk.arrived("v", 2)
+    bench.manager.arrived("v", 2)
     assert {"A --- B", "B"} <= bench.held("v")
-    bench.desk.arrived("v", 3)
+    bench.manager.arrived("v", 3)
     assert "A --- B" not in bench.held("v")
 
 
@@ -77,52 +77,52 @@ def test_a_vehicle_that_drove_too_far_holds_its_position() -> None:
     bench.go("w", "X")
     bench.go("v", "D", ahead=1)
 
-    bench.desk.arrived("v", 2)
+    bench.manager.arrived("v", 2)
 
     assert "C" in bench.held("v")
-    assert "C" in bench.desk.sharing("w")
+    assert "C" in bench.manager.sharing("w")
 
 
 def test_after_a_route_is_broken_off_everything_is_held_until_the_vehicle_stands() -> None:
     bench = Bench(v="A")
     bench.go("v", "D")
-    bench.desk.arrived("v", 1)
+    bench.manager.arrived("v", 1)
 
-    bench.desk.break_off("v")
+    bench.manager.break_off("v")
     assert bench.held("v") >= {"B", "C", "D"}
-    assert bench.desk.broke_off("v")
-    bench.desk.seen("v", Found("C", on_point=False, place_mm=(3000.0, 0.0)), BOX, moving=True)
+    assert bench.manager.broke_off("v")
+    bench.manager.seen("v", Found("C", on_point=False, place_mm=(3000.0, 0.0)), BOX, moving=True)
     assert bench.held("v") >= {"B", "C", "D"}
 
-    bench.desk.seen("v", Found("C", on_point=False, place_mm=(3000.0, 0.0)), BOX)
+    bench.manager.seen("v", Found("C", on_point=False, place_mm=(3000.0, 0.0)), BOX)
     assert bench.held("v") == {"A --- B", "B", "B --- C", "C"}
-    assert not bench.desk.broke_off("v")
+    assert not bench.manager.broke_off("v")
 
 
 def test_a_vehicle_beside_a_point_keeps_its_possible_positions() -> None:
     """Far off the straight line, as on a path that is not straight: its pose alone would free it."""
     bench, beside = Bench(v="A"), Found("C", on_point=False, place_mm=(3000.0, 6000.0))
     bench.go("v", "D")
-    bench.desk.arrived("v", 1)
-    bench.desk.break_off("v")
+    bench.manager.arrived("v", 1)
+    bench.manager.break_off("v")
 
     for _ in range(3):
-        bench.desk.seen("v", beside, BOX)
+        bench.manager.seen("v", beside, BOX)
         assert bench.held("v") >= {"B", "B --- C", "C"}
 
     assert bench.go("v", "D") == ""
-    bench.desk.finished("v")
-    bench.desk.seen("v", Found("D", on_point=True), BOX)
+    bench.manager.finished("v")
+    bench.manager.seen("v", Found("D", on_point=True), BOX)
     assert bench.held("v") == {"C --- D", "D"}
 
 
 def test_breaking_off_on_a_point_keeps_the_point_and_the_tail() -> None:
     bench = Bench(v="A", box=BoundingBox(length_mm=2500))
     bench.go("v", "D")
-    bench.desk.arrived("v", 2)
+    bench.manager.arrived("v", 2)
 
-    bench.desk.break_off("v")
-    bench.desk.seen("v", Found("C", on_point=True), BoundingBox(length_mm=2500))
+    bench.manager.break_off("v")
+    bench.manager.seen("v", Found("C", on_point=True), BoundingBox(length_mm=2500))
 
     assert bench.held("v") == {"A --- B", "B", "B --- C", "C"}
 
@@ -130,15 +130,15 @@ def test_breaking_off_on_a_point_keeps_the_point_and_the_tail() -> None:
 def test_a_vehicle_moved_elsewhere_holds_only_its_new_position() -> None:
     bench = Bench(v="A")
 
-    assert bench.desk.seen("v", Found("D", on_point=True), BOX)
-    assert not bench.desk.seen("v", Found("D", on_point=True), BOX)
+    assert bench.manager.seen("v", Found("D", on_point=True), BOX)
+    assert not bench.manager.seen("v", Found("D", on_point=True), BOX)
 
     assert bench.held("v") == {"D"}
 
 
 def test_a_vehicle_beside_its_point_claims_it_first() -> None:
     bench = Bench(w="B")
-    bench.desk.seen("v", Found("B", on_point=False, place_mm=(2000.0, 900.0)), BOX)
+    bench.manager.seen("v", Found("B", on_point=False, place_mm=(2000.0, 900.0)), BOX)
 
     assert bench.go("v", "C") == "waits for w, which stands on 'B'"
     assert bench.held("v") == set()
@@ -147,32 +147,32 @@ def test_a_vehicle_beside_its_point_claims_it_first() -> None:
 def test_two_vehicles_on_one_point_both_hold_it_and_are_named() -> None:
     bench = Bench(v="B", w="B")
 
-    assert bench.desk.sharing("v") == "stands on 'B' together with w"
+    assert bench.manager.sharing("v") == "stands on 'B' together with w"
     assert bench.go("w", "C") == ""
-    bench.desk.finished("w")
-    assert bench.desk.sharing("v") == ""
+    bench.manager.finished("w")
+    assert bench.manager.sharing("v") == ""
 
 
 def test_a_route_is_revoked_before_any_allocation() -> None:
     bench = Bench(v="A", w="C")
     bench.go("w", "A")  # claimed, and nothing of it can be had
 
-    bench.desk.request_route(RouteRequest("v", "B"))
-    bench.desk.drop("w")
+    bench.manager.request_route(RouteRequest("v", "B"))
+    bench.manager.drop("w")
 
-    assert bench.desk.journey("w") is None
-    assert list(bench.desk.decide(lambda name: name == "v"))
-    bench.desk.revoke("v")
+    assert bench.manager.journey("w") is None
+    assert list(bench.manager.decide(lambda name: name == "v"))
+    bench.manager.revoke("v")
     assert bench.held("v") == {"A"}
-    assert bench.desk.waiting == frozenset()
+    assert bench.manager.waiting == frozenset()
 
 
 def test_a_shortened_route_ends_at_the_last_allocated_set() -> None:
     bench = Bench(v="A")
     bench.go("v", "E", ahead=2)
 
-    bench.desk.shorten("v")
-    bench.desk.finished("v")
+    bench.manager.shorten("v")
+    bench.manager.finished("v")
 
     assert bench.held("v") == {"B --- C", "C"}
     assert Bench(v="A").go("v", "E") == ""
@@ -182,91 +182,91 @@ def test_a_vehicle_stopping_on_a_route_is_sent_away_or_makes_others_stuck() -> N
     bench = Bench(v="A", w="C")
     bench.go("w", "D")
     bench.go("v", "C", ahead=1)  # behind w
-    bench.desk.break_off("w")
-    bench.desk.seen("w", Found("C", on_point=True), BOX)
+    bench.manager.break_off("w")
+    bench.manager.seen("w", Found("C", on_point=True), BOX)
 
-    assert not bench.desk.allocate("v")
-    assert bench.desk.is_blocked("v")
-    assert list(bench.desk.stuck(lambda _: False, lambda _: False)) == []
-    assert list(bench.desk.stuck(lambda _: False, lambda name: name == "w")) == ["v"]
+    assert not bench.manager.allocate("v")
+    assert bench.manager.is_blocked("v")
+    assert list(bench.manager.stuck(lambda _: False, lambda _: False)) == []
+    assert list(bench.manager.stuck(lambda _: False, lambda name: name == "w")) == ["v"]
 
-    (evasion,) = bench.desk.decide(lambda name: name == "w")
+    (evasion,) = bench.manager.decide(lambda name: name == "w")
     assert evasion.vehicle == "w"
-    assert bench.desk.journey("v")
-    assert bench.desk.journey("w")
+    assert bench.manager.journey("v")
+    assert bench.manager.journey("w")
 
 
 def test_after_a_restart_all_grants_are_held() -> None:
     before = Bench(v="A")
     before.go("v", "D", ahead=2)
-    journey = before.desk.journey("v")
+    journey = before.manager.journey("v")
     assert journey
 
     after = Bench()
-    after.desk.restore("v", [after.desk.resources.at("A")], 1)
-    after.desk.resume("v", journey.way, journey.allocated)
+    after.manager.restore("v", [after.manager.resources.at("A")], 1)
+    after.manager.resume("v", journey.way, journey.allocated)
 
     assert after.held("v") == before.held("v")
-    after.desk.arrived("v", 2)
-    assert after.desk.allocate("v")
+    after.manager.arrived("v", 2)
+    assert after.manager.allocate("v")
 
 
 def test_removing_a_vehicle_frees_everything() -> None:
     bench = Bench(v="A", w="D")
     bench.go("v", "C")
-    bench.desk.request_route(RouteRequest("w", "E"))
+    bench.manager.request_route(RouteRequest("w", "E"))
 
-    bench.desk.remove("v")
-    bench.desk.remove("w")
+    bench.manager.remove("v")
+    bench.manager.remove("w")
 
-    assert "v" not in bench.desk
+    assert "v" not in bench.manager
     assert bench.held("v") == set()
-    assert bench.desk.waiting == frozenset()
+    assert bench.manager.waiting == frozenset()
 
 
 def test_without_traffic_control_no_vehicle_waits() -> None:
     bench = Bench(v="A", w="B", exclusive=False)
 
     assert bench.go("v", "D") == ""
-    journey = bench.desk.journey("v")
+    journey = bench.manager.journey("v")
     assert journey
     assert journey.all_allocated
-    assert bench.desk.sharing("w") == ""
+    assert bench.manager.sharing("w") == ""
 
 
 def test_a_request_without_a_route_is_rejected_and_dropped() -> None:
     bench = Bench(v="A")
-    bench.desk.request_route(RouteRequest("v", "D", avoid=frozenset("C")))
+    bench.manager.request_route(RouteRequest("v", "D", avoid=frozenset("C")))
 
-    (told,) = bench.desk.decide(lambda _: True)
+    (told,) = bench.manager.decide(lambda _: True)
 
     assert isinstance(told, RouteRejection)
-    assert bench.desk.waiting == frozenset()
+    assert bench.manager.waiting == frozenset()
 
 
 @pytest.mark.parametrize(("on_point", "stands"), [(True, True), (False, False)])
 def test_known_position_of_a_vehicle(on_point: bool, stands: bool) -> None:  # noqa: FBT001 - an example
-    assert Bench(v="A").desk.stands("v", "A", on_point=on_point) is stands
+    assert Bench(v="A").manager.stands("v", "A", on_point=on_point) is stands
 
 
 def test_replanning_keeps_allocated_sets_and_a_refusal_changes_nothing() -> None:
     bench = Bench(v="A", w="D")
-    bench.desk.request_route(RouteRequest("v", "X"))
-    (_,) = bench.desk.decide(lambda _: True)
-    bench.desk.allocate("v", 1)
-    held, before = bench.desk.held("v"), bench.desk.journey("v")
+    bench.manager.request_route(RouteRequest("v", "X"))
+    (_,) = bench.manager.decide(lambda _: True)
+    bench.manager.allocate("v", 1)
+    held, before = bench.manager.held("v"), bench.manager.journey("v")
     assert before
     way = before.way
 
-    refusal = bench.desk.replan("v", bench.router.route("B", "E").steps)
+    refusal = bench.manager.replan("v", bench.router.route("B", "E").steps)
     assert refusal
     assert refusal.vehicles == ("w",)
-    assert (bench.desk.held("v"), before.way) == (held, way)
+    assert (bench.manager.held("v"), before.way) == (held, way)
 
-    assert bench.desk.replan("v", bench.router.route("B", "C").steps) is None
-    assert bench.desk.held("v") == held
+    assert bench.manager.replan("v", bench.router.route("B", "C").steps) is None
+    assert bench.manager.held("v") == held
     assert [each.point for each in before.way] == ["B", "C"]
-    bench.desk.allocate("v")
+    bench.manager.allocate("v")
     assert before.all_allocated
 
 
@@ -276,20 +276,20 @@ def test_routes_are_compared_by_cost_not_length() -> None:
     model = plant(path("A B"), *slow_short, *fast_long)
     router = Router(model, (travel_time,))
     routes = routes_over(router)
-    desk = TrafficManager(model, routes)
-    desk.seen("v", Found("A", on_point=True), BOX)
-    desk.request_route(RouteRequest("v", "D", avoid=frozenset({"X"})))
-    list(desk.decide(lambda _: True))
-    desk.allocate("v", 1)
+    manager = TrafficManager(model, routes)
+    manager.seen("v", Found("A", on_point=True), BOX)
+    manager.request_route(RouteRequest("v", "D", avoid=frozenset({"X"})))
+    list(manager.decide(lambda _: True))
+    manager.allocate("v", 1)
 
-    around = desk.route_around("v")
+    around = manager.route_around("v")
     assert around
     assert around.points == ("B", "X", "D")
-    assert desk.route_around("v", avoid={"X"}) is None, "its present route is the best one"
+    assert manager.route_around("v", avoid={"X"}) is None, "its present route is the best one"
 
     router.set_locks({"C --- D": True, "X --- D": True})
     routes.forget()
-    assert desk.route_around("v") is None
+    assert manager.route_around("v") is None
     router.set_locks({"C --- D": True})
     routes.forget()
-    assert desk.route_around("v") == router.route("B", "D"), "the present one is closed"
+    assert manager.route_around("v") == router.route("B", "D"), "the present one is closed"

@@ -75,11 +75,11 @@ class Line:
         self.come = asyncio.Event()
         self.answer = LastingAnswer(self._receive, self._send, allowed=self._allowed, clock=self.clock)
 
-    async def tell(self, text: bytes) -> None:
+    async def write(self, text: bytes) -> None:
         await self.answer.send({"type": "http.response.body", "body": text, "more_body": True})
 
     @property
-    def told(self) -> list[bytes]:
+    def bodies(self) -> list[bytes]:
         return [each["body"] for each in self.sent]
 
     def _allowed(self) -> bool:
@@ -98,33 +98,33 @@ async def test_short_response_needs_no_check() -> None:
     line = Line()
     line.welcome = False
 
-    await line.tell(b"a")
+    await line.write(b"a")
     line.clock.advance(LOOK_AFTER / 2)
-    await line.tell(b"b")
+    await line.write(b"b")
 
-    assert (line.told, line.looks) == ([b"a", b"b"], 0)
+    assert (line.bodies, line.looks) == ([b"a", b"b"], 0)
 
 
 async def test_access_is_checked_at_most_once_a_second() -> None:
     line = Line()
     for _ in range(4):
         line.clock.advance(LOOK_AFTER / 2)
-        await line.tell(b"x")
+        await line.write(b"x")
 
-    assert (line.told, line.looks) == ([b"x"] * 4, 2)
+    assert (line.bodies, line.looks) == ([b"x"] * 4, 2)
 
 
 async def test_client_without_access_receives_nothing_more() -> None:
     line = Line()
     waiting = asyncio.create_task(line.answer.receive())
-    await line.tell(b"a")
+    await line.write(b"a")
     line.welcome = False
     line.clock.advance(LOOK_AFTER)
 
-    await line.tell(b"b")
-    await line.tell(b"c")
+    await line.write(b"b")
+    await line.write(b"c")
 
-    assert line.told == [b"a", b""]
+    assert line.bodies == [b"a", b""]
     assert line.sent[-1]["more_body"] is False
     assert (await asyncio.wait_for(waiting, 30))["type"] == "http.disconnect"
     assert (await asyncio.wait_for(line.answer.receive(), 30))["type"] == "http.disconnect"

@@ -37,7 +37,7 @@ def of(*parts: dict[str, Any]) -> LifFile:
     return file(layout(*parts))
 
 
-def told(problems: Iterable[PlantProblem]) -> list[tuple[str, str]]:
+def codes_and_names(problems: Iterable[PlantProblem]) -> list[tuple[str, str]]:
     return [(each.code, each.name) for each in problems]
 
 
@@ -53,19 +53,19 @@ def test_valid_file_has_no_problems() -> None:
 @pytest.mark.parametrize("version", ["1.0.0", "1.9", "0.11.0"])
 def test_draft_version_is_reported(version: str) -> None:
     found = file(layout(*RING), version=version)
-    assert told(deviations(found)) == ([("NOT_LIF", "")] if version == "0.11.0" else [])
+    assert codes_and_names(deviations(found)) == ([("NOT_LIF", "")] if version == "0.11.0" else [])
 
 
 def test_ids_are_unique_for_their_own_kind_over_all_layouts() -> None:
     twice = file(layout(node("A"), node("B")), layout(node("A"), layoutId="up"))
-    assert told(errors(twice)) == [("DUPLICATE_NAME", "A")]
+    assert codes_and_names(errors(twice)) == [("DUPLICATE_NAME", "A")]
     kinds = of(node("A"), edge("A A", edgeId="A"), {"stationId": "A", "interactionNodeIds": ["A"]})
     assert list(errors(kinds)) == []
 
 
 def test_each_reference_that_leads_nowhere_is_named() -> None:
     found = list(errors(of(edge("X Y"), {"stationId": "S", "interactionNodeIds": ["Z"]})))
-    assert told(found) == [("UNKNOWN_REFERENCE", each) for each in ("X-Y", "X-Y", "S")]
+    assert codes_and_names(found) == [("UNKNOWN_REFERENCE", each) for each in ("X-Y", "X-Y", "S")]
     assert [text in each.text for text, each in zip(("'X'", "'Y'", "'Z'"), found, strict=True)] == [True] * 3
 
 
@@ -75,8 +75,8 @@ def test_each_reference_that_leads_nowhere_is_named() -> None:
 def test_headings_lie_between_minus_pi_and_pi(value: float, *, told_of: bool) -> None:
     at_node = of(heading(value))
     on_edge = of(*RING[:3], edge("B A", use(vehicleOrientation=value)))
-    assert told(deviations(at_node)) == ([("NOT_LIF", "A")] if told_of else [])
-    assert told(deviations(on_edge)) == ([("NOT_LIF", "B-A")] if told_of else [])
+    assert codes_and_names(deviations(at_node)) == ([("NOT_LIF", "A")] if told_of else [])
+    assert codes_and_names(deviations(on_edge)) == ([("NOT_LIF", "B-A")] if told_of else [])
 
 
 @pytest.mark.parametrize(("off", "nodes"), [(0.009, []), (0.011, ["A"])])
@@ -98,7 +98,7 @@ def test_an_edge_belongs_to_the_layout_of_its_start() -> None:
     down, up = layout(node("A"), edge("A B")), layout(node("B"), edge("B A"), layoutId="up")
     assert list(deviations(file(down, up))) == []
     down["edges"], up["edges"] = up["edges"], down["edges"]
-    assert told(deviations(file(down, up))) == [("NOT_LIF", "B-A"), ("NOT_LIF", "A-B")]
+    assert codes_and_names(deviations(file(down, up))) == [("NOT_LIF", "B-A"), ("NOT_LIF", "A-B")]
 
 
 def test_who_may_drive_an_edge_may_be_at_both_its_ends() -> None:
@@ -110,7 +110,7 @@ def test_who_may_drive_an_edge_may_be_at_both_its_ends() -> None:
 def test_load_sets_are_for_those_who_may_be_loaded(loaded: bool, told_of: bool) -> None:  # noqa: FBT001 - examples
     load = {"loaded": loaded, "unloaded": True, "loadSetNames": ["pallet"]}
     found = of(*RING[:3], edge("B A", use(loadRestriction=load)))
-    assert told(deviations(found)) == ([("NOT_LIF", "B-A")] if told_of else [])
+    assert codes_and_names(deviations(found)) == ([("NOT_LIF", "B-A")] if told_of else [])
 
 
 def test_unsupported_content_is_counted_by_kind() -> None:

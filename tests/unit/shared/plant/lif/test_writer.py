@@ -257,7 +257,7 @@ def model(
     return PlantModel(name="m", **content)
 
 
-def told(plant: PlantModel) -> list[str]:
+def not_exported(plant: PlantModel) -> list[str]:
     found = list(export_warnings(plant))
     assert all((each.code, each.name) == ("NOT_EXPORTED", "m") for each in found)
     return [each.text.removesuffix(": not representable in LIF") for each in found]
@@ -286,7 +286,7 @@ DRAWN = VehicleTypeOnPath(
     ],
 )
 def test_what_lif_holds_is_no_loss(plant: PlantModel) -> None:
-    assert told(plant) == []
+    assert not_exported(plant) == []
 
 
 @pytest.mark.parametrize(
@@ -320,9 +320,9 @@ def test_what_lif_holds_is_no_loss(plant: PlantModel) -> None:
     ],
 )
 def test_each_loss_is_reported_with_its_count(plant: PlantModel, loss: str) -> None:
-    assert told(plant) == [f"{loss} (1 times)"]
+    assert not_exported(plant) == [f"{loss} (1 times)"]
 
 
 def test_many_of_a_kind_are_one_loss() -> None:
     blocks = tuple(Block(name=name) for name in "KLM")
-    assert told(model(blocks=blocks)) == ["blocks (3 times)"]
+    assert not_exported(model(blocks=blocks)) == ["blocks (3 times)"]
