@@ -338,7 +338,7 @@ class InstantActionManager:
         return run
 
     def _note_leaving(self, state: State, now: float) -> None:
-        """Update whether the robot is about to hibernate or shut down, whoever requested it.
+        """Update whether the robot is about to hibernate or shut down, no matter who requested it.
 
         An action that has already ended in the first state of a connection is an old one: the robot is back.
         """

@@ -134,7 +134,7 @@ class HistoryWriter:
         database.write(self._engine, batch)
 
     def _take_back(self, batch: list[Event]) -> None:
-        """Requeue a batch at the front; drop the oldest events beyond the limit."""
+        """Put a failed batch back at the head of the queue; drop the oldest events beyond the limit."""
         room = max(0, self._settings.queue_limit - len(self._queue))
         lost = max(0, len(batch) - room)
         self._lose(lost)
