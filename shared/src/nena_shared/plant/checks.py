@@ -199,11 +199,11 @@ def _name_errors(model: PlantModel) -> Iterator[PlantProblem]:
     times = Counter(name for _, name in _names(model))
     for kind, name in dict.fromkeys(_names(model)):
         if times[name] > 1:
-            text = f"{times[name]} objects have this name; names must be unique over all kinds of objects"
+            text = f"{times[name]} objects have this name; rename all but one, even if their kinds differ"
             yield PlantProblem("DUPLICATE_NAME", kind, name, text)
     for path in model.paths:
         if path.max_reverse_velocity_mm_s and path.name + BACKWARD_SUFFIX in times:
-            text = f"another object has the ID of its backward edge, {path.name + BACKWARD_SUFFIX!r}"
+            text = f"rename {path.name + BACKWARD_SUFFIX!r}: the path's backward edge needs this name"
             yield PlantProblem("DUPLICATE_NAME", ObjectKind.PATH, path.name, text)
 
 
@@ -287,7 +287,7 @@ def _location_warnings(model: PlantModel) -> Iterator[PlantProblem]:
             text = "no link, so no vehicle can be sent there (a peripheral device needs none)"
             yield PlantProblem("LOCATION_WITHOUT_LINK", kind, name, text)
         if location.locked:
-            yield PlantProblem("LOCATION_LOCKED", kind, name, "locked")
+            yield PlantProblem("LOCATION_LOCKED", kind, name, "locked, so orders to it are refused")
         allowed = model.location_type(location.type).allowed_operations
         for link in location.links:
             if unknown := set(link.allowed_operations) - {*allowed, NO_OPERATION}:

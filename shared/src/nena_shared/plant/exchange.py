@@ -37,7 +37,7 @@ def parse_json(data: bytes, limits: JsonLimits = JSON_LIMITS) -> Any:  # noqa: A
 def check_size(data: bytes, limits: JsonLimits = JSON_LIMITS) -> None:
     """Raise PlantModelError if the text exceeds the limits."""
     if len(data) > limits.size_bytes:
-        raise refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes, more than {limits.size_bytes}")
+        raise refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes; the limit is {limits.size_bytes}")
     if sum(map(data.count, (b",", b"[", b"{"))) > limits.values:
         raise refusal("LIMIT_EXCEEDED", f"the file has more than {limits.values} values")
 

@@ -26,7 +26,10 @@ def find_fleet_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
         found += _topic_errors(vehicle, serial)
         other = owners.setdefault(serial, vehicle.name)
         if other != vehicle.name:
-            text = f"{other!r} and {vehicle.name!r} have the same serial number {serial!r}"
+            text = (
+                f"{other!r} and {vehicle.name!r} have the same serial number {serial!r}; "
+                f"change one by the property {keys.VDA5050_SERIAL_NUMBER}"
+            )
             found.append(PlantProblem("SAME_SERIAL_NUMBER", ObjectKind.VEHICLE, vehicle.name, text))
     return tuple(found)
 
@@ -34,8 +37,9 @@ def find_fleet_errors(model: PlantModel) -> tuple[PlantProblem, ...]:
 def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:
     """Yield the errors that prevent VDA 5050 topics for a vehicle (VDA 5050 3.0 section 4.2)."""
     kind, name = ObjectKind.VEHICLE, vehicle.name
-    if len(vehicle.manufacturer or "") + len(serial) >= KEY_LENGTH:
-        text = f"manufacturer and serial number have {KEY_LENGTH} characters or more together"
+    length = len(vehicle.manufacturer or "") + len(serial)
+    if length >= KEY_LENGTH:
+        text = f"manufacturer and serial number have {length} characters; shorten them to {KEY_LENGTH - 1}"
         yield PlantProblem("NOT_IN_TOPICS", kind, name, text)
     if any(sign in f"{vehicle.manufacturer}{serial}" for sign in "/+#"):
         names = f"manufacturer {vehicle.manufacturer!r} and serial number {serial!r}"
@@ -48,5 +52,6 @@ def _topic_errors(vehicle: Vehicle, serial: str) -> Iterator[PlantProblem]:
     try:
         _INTERFACE_NAME.validate_python(vehicle.interface_name or None)
     except ValidationError as error:
-        text = f"{keys.VDA5050_INTERFACE_NAME}: {error.errors()[0]['msg']}"
+        problem = error.errors()[0]["msg"].removeprefix("Value error, ")
+        text = f"{keys.VDA5050_INTERFACE_NAME} is {vehicle.interface_name!r}: {problem}"
         yield PlantProblem("NOT_IN_TOPICS", kind, name, text)

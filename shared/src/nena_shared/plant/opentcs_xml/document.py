@@ -52,10 +52,10 @@ class _BoundedTreeBuilder(TreeBuilder):
         self._depth += 1
         self._elements += 1
         if self._depth > self._limits.depth:
-            msg = f"elements are nested deeper than {self._limits.depth}"
+            msg = f"elements are nested deeper than {self._limits.depth} levels"
             raise _LimitExceededError(msg)
         if self._elements > self._limits.elements:
-            msg = f"there are more than {self._limits.elements} elements"
+            msg = f"the file has more than {self._limits.elements} elements"
             raise _LimitExceededError(msg)
         return super().start(tag, attrs)
 
@@ -67,7 +67,7 @@ class _BoundedTreeBuilder(TreeBuilder):
 def parse(data: bytes, limits: Limits) -> Element:
     """Parse a document and return its root element `model`; raises PlantModelError with one problem."""
     if len(data) > limits.size_bytes:
-        raise refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes, more than {limits.size_bytes}")
+        raise refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes; the limit is {limits.size_bytes}")
     if any(each.group().count(b"=") > limits.attributes for each in _LONG_TAG.finditer(data)):
         raise refusal("LIMIT_EXCEEDED", f"an element has more than {limits.attributes} attributes")
     if data.startswith(_BINARY_FORMATS):
@@ -79,13 +79,13 @@ def parse(data: bytes, limits: Limits) -> Element:
     except _LimitExceededError as error:
         raise refusal("LIMIT_EXCEEDED", str(error)) from None
     except DefusedXmlException as error:
-        raise refusal("FORBIDDEN_XML", f"DTDs and entities are not allowed: {error}") from error
+        raise refusal("FORBIDDEN_XML", f"DTDs and entities are not allowed; remove them: {error}") from error
     except (ParseError, LookupError, ValueError) as error:
-        raise refusal("MALFORMED_XML", f"the XML is not well-formed: {error}") from error
+        raise refusal("MALFORMED_XML", f"neither JSON nor well-formed XML: {error}") from error
     if root.tag in _EDITOR_ROOTS:
         raise _old_format()
     if root.tag != "model":
-        raise refusal("NOT_A_PLANT_MODEL", f"the root element is {root.tag!r} instead of 'model'")
+        raise refusal("NOT_A_PLANT_MODEL", f"the root element is {root.tag!r}, not openTCS's 'model'")
     return root
 
 
@@ -337,7 +337,7 @@ class XmlObject:
         for element in self._children.pop(tag, ()):
             child = XmlObject(element, kind, element.get("name", ""), self.findings)
             if not child.text("name", default=""):
-                child.error("MISSING_ATTRIBUTE", "every object needs a name")
+                child.error("MISSING_ATTRIBUTE", f"element {tag!r} needs a name")
             yield child
             child.finish()
 
@@ -347,7 +347,7 @@ class XmlObject:
         for child in self.children("property"):
             key = child.text("name")
             if key in found:
-                self.warn("DUPLICATE_PROPERTY", f"duplicate property {key!r}; the last value is used")
+                self.warn("DUPLICATE_PROPERTY", f"the property {key!r} is set twice; the last value is used")
             found[key] = child.text("value", default="")
         return found
 
