@@ -18,6 +18,7 @@ from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.versions import CODECS
 from support.broker import Broker, MqttPeer
 from support.edge_agent import QUICK, SERIAL, FleetControl, agent_settings, error_types, running_agent
 from support.robot_core import action, order
@@ -25,7 +26,7 @@ from support.waiting import until
 
 pytestmark = pytest.mark.broker
 
-IN_3 = ("3.0.0", "3.0.1")
+IN_3 = tuple(each for each in CODECS if each >= "3")
 NEVER = "2100-01-01T00:00:00.000Z"
 SLEEP = action("s", "NONE", "startHibernation", wakeUpTime=NEVER)
 WAKE = action("w", "NONE", "stopHibernation")

@@ -9,6 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
+from nena_shared.vda5050.versions import CODECS
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.programs import Program
@@ -17,7 +18,7 @@ from support.waiting import PATIENCE, awaited
 pytestmark = pytest.mark.broker
 
 Start = Callable[..., Awaitable[httpx.AsyncClient]]
-IN_3 = ("3.0.0", "3.0.1")
+IN_3 = tuple(each for each in CODECS if each >= "3")
 WAKE_UP = {"key": "wakeUpTime", "value": "2100-01-01T00:00:00.000Z"}
 SLEEP = {"actionType": "startHibernation", "parameters": [WAKE_UP]}
 PATIENT = {"instant_action_timeout": PATIENCE}

@@ -50,7 +50,7 @@ AT_SIX = "2026-01-01T18:00:00.000Z"
 SIX = datetime(2026, 1, 1, 18, tzinfo=UTC)
 HAS_SLEPT = PowerReport(PowerCommand.HIBERNATE)
 HAS_WOKEN = PowerReport(PowerCommand.WAKE)
-IN_3 = ("3.0.0", "3.0.1")
+IN_3 = tuple(each for each in RULES if each >= "3")
 
 
 def sleep(action_id: str = "s", at: Any = AT_SIX) -> InstantActionsReceived:
