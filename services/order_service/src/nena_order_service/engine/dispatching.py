@@ -310,8 +310,8 @@ class Dispatching:
         return dispatched, decisions.reasons
 
     def look_at(self, vehicles: Iterable[FleetVehicle]) -> None:
-        """Update the dispatcher's view of these vehicles."""
-        self._candidates.refresh(each.name for each in vehicles)
+        """Update the dispatcher's view of these vehicles, except of those that just drive for their order."""
+        self._candidates.refresh(each.name for each in vehicles if not self._just_drives(each))
 
     def offer_all(self) -> None:
         """Offer all orders to the free vehicles again."""
@@ -491,6 +491,13 @@ class Dispatching:
         if order.state is not TransportOrderState.BEING_PROCESSED or order.held:
             return False
         return order.status.dispensable or (is_automatic_recharge(order) and order.is_operating)
+
+    def _just_drives(self, vehicle: FleetVehicle) -> bool:
+        """Return whether a vehicle is busy as before, and only an event can change that."""
+        known, order = self._candidates.get(vehicle.name), self._state.order_of(vehicle.key)
+        if known is None or order is None or vehicle.name in self._state.touched:
+            return False
+        return known.view is None and known.seen.obstacle == BUSY and not order.is_operating
 
     def _refresh(self) -> list[str]:
         """Update the vehicles that have changed; return their names."""

@@ -20,10 +20,11 @@ log = get_logger(__name__)
 
 @dataclass(slots=True)
 class _Sighting:
-    """The last state that determined a vehicle's position, and whether it reported one."""
+    """The last state of a vehicle whose position was read, and what it said; no position if it had none."""
 
     state: State
-    located: bool
+    standing: Standing | None
+    moving: bool
 
 
 class Positions:
@@ -49,22 +50,21 @@ class Positions:
         name = vehicle.name
         if not self._counts(vehicle):
             return self._take_out(vehicle)
-        if self._traffic.journey(name):
+        view, known = self._view(vehicle), self._sightings.get(name)
+        if self._traffic.journey(name) or view.link is not LinkStatus.ONLINE:
             return False
-        view = self._view(vehicle)
-        if view.state is None or view.link is not LinkStatus.ONLINE or self._is_doubted(name, view):
+        if view.state is None or (known and known.state is view.state) or self._is_doubted(name, view):
             return False
-        known = self._sightings.get(name)
-        if known and known.state is view.state:
-            return False
-        sighting = self._sightings[name] = _Sighting(view.state, located=False)
+        sighting = self._sightings[name] = _Sighting(view.state, None, _is_moving(view.state))
         try:
-            standing = self._planner.standing(vehicle, view)
+            standing = sighting.standing = self._planner.standing(vehicle, view)
         except NotLocatedError:
             return False
-        sighting.located = True
+        stayed = known is not None and known.standing is standing and known.moving is sighting.moving
+        if stayed and name in self._traffic:
+            return False
         changed = self._traffic.seen(
-            name, self._found(vehicle, standing), box_of(vehicle), moving=_is_moving(view.state)
+            name, self._found(vehicle, standing), box_of(vehicle), moving=sighting.moving
         )
         if changed:
             self.note(vehicle)
@@ -84,7 +84,7 @@ class Positions:
     def located(self, vehicle: FleetVehicle) -> bool:
         """Return whether a vehicle has reported its position, and holds those resources."""
         sighting = self._sightings.get(vehicle.name)
-        return sighting is not None and sighting.located and vehicle.name in self._traffic
+        return sighting is not None and sighting.standing is not None and vehicle.name in self._traffic
 
     def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> str:
         """Return, as a predicate, why a vehicle's level or position keeps it from taking orders; or empty.

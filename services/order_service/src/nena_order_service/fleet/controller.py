@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import chain
 from typing import Final
@@ -100,9 +101,7 @@ class RobotControl:
         if self._instant_actions.unread:
             self._instant_actions.unread = False
             self._changes += 1
-        if self._is_unchanged(message):
-            self._changes += 1
-        else:
+        if not self._is_unchanged(message):
             yield from self._take_state(message, now)
         self._left_at = self._changes
 
@@ -211,6 +210,8 @@ class RobotControl:
         )
         if self._seen is None or self._seen[0] != moment:
             self._seen = moment, self._view(now)
+        elif self._seen[1].state is not robot.state:  # an unchanged one
+            self._seen = moment, replace(self._seen[1], state=robot.state, state_at=robot.state_at)
         return self._seen[1]
 
     def _view(self, now: float) -> RobotView:

@@ -32,7 +32,6 @@ from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.plant import BACKWARD_SUFFIX, DirectedEdge, PlantModel, UnknownObjectError
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
-from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 
@@ -158,8 +157,8 @@ class OrderPlanner:
         self._speed_limits = speed_limits
         self.finder = finder
         self._operations = operations
-        self._standings: dict[str, tuple[State, RobotProfile, Standing]] = {}
-        """The last position of each vehicle, and what it was found by."""
+        self._standings: dict[str, tuple[tuple[object, str], RobotProfile, Standing]] = {}
+        """The last position of each vehicle, and the reported place and profile that it was found by."""
         self._limits: dict[str, tuple[FleetVehicle, SpeedLimit]] = {}
 
     def recharging(self, operation: str) -> bool:
@@ -167,13 +166,14 @@ class OrderPlanner:
         return self._operations.recharges(operation)
 
     def standing(self, vehicle: FleetVehicle, view: RobotView) -> Standing:
-        """Return where a vehicle is; raises NotLocatedError."""
+        """Return where a vehicle is, the same object while it stays; raises NotLocatedError."""
         if view.state is None:
             raise NotLocatedError("it has not reported its state yet")
         state, profile = view.state, vehicle.profile
+        place = state.mobile_robot_position, state.last_node_id
         known = self._standings.get(vehicle.name)
-        if known is None or known[0] is not state or known[1] is not profile:
-            known = self._standings[vehicle.name] = state, profile, locate(self.plant, state, profile)
+        if known is None or known[0] != place or known[1] is not profile:
+            known = self._standings[vehicle.name] = place, profile, locate(self.plant, state, profile)
         return known[2]
 
     def map_id(self, point: str, vehicle: FleetVehicle) -> str:
