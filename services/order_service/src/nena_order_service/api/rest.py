@@ -9,6 +9,7 @@ import asyncio
 import re
 from collections.abc import AsyncGenerator, Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from http import HTTPStatus
 from inspect import Parameter, Signature
 from typing import Annotated, Any
@@ -51,6 +52,8 @@ ChangePlant = Callable[..., Awaitable[None]]
 OPEN = frozenset({"/healthz", "/readyz"})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})
 GUARDED: tuple[Operation[Any], ...] = (*OPERATIONS, CHANGE_PLANT)
+ROLES_KEPT = 1000
+"""Number of paths whose roles are cached."""
 OPENTCS_PLANT_CHANGES = ("/v1/locations/", "/energyLevelThresholdSet", "/envelopeKey")
 """Parts of the paths in openTCS's web API that change the plant model."""
 
@@ -121,6 +124,7 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     return app
 
 
+@lru_cache(ROLES_KEPT)
 def role_needed(method: str, path: str) -> Role | None:
     """Return the role that a request needs; None: no login needed.
 

@@ -377,7 +377,8 @@ class Dispatcher:
         found = _Round(settings, {each.name: each for each in vehicles}, knowledge, moment, kept)
         if settings.choosers is Chooser.SCARCER and found.free < len(waiting):
             found.let_vehicles_choose(waiting)
-        if settings.choosers is Chooser.TOGETHER and settings.vehicle_candidates[0] in ROUTING_COSTS:
+        together = settings.choosers is Chooser.TOGETHER and settings.vehicle_candidates[0] in ROUTING_COSTS
+        if together and (len(waiting) > 1 or found.soon):  # otherwise there is nothing to weigh up
             found.assign_together(waiting)
         found.let_orders_choose(waiting)
         return found.decisions
@@ -437,7 +438,7 @@ class _Round:
         self._kinds: dict[int, OrderKind] = {}
         self._restricted = any(each.restriction for each in vehicles.values())
         self._loaded = any(each.carried for each in vehicles.values())
-        self._soon = {each.name: replace(each, obstacle="") for each in vehicles.values() if each.soon}
+        self.soon = {each.name: replace(each, obstacle="") for each in vehicles.values() if each.soon}
         """Vehicles that will soon be free, in the state they will have then."""
 
     @property
@@ -478,13 +479,13 @@ class _Round:
                 return
             parts = [part for _, same in groupby(alike, level) for part in self._by_age_window([*same])]
             only_one = len(groups) == len(parts) == 1
-            pairs = self._cheapest_pairs(alike, self._soon if only_one else {})
+            pairs = self._cheapest_pairs(alike, self.soon if only_one else {})
             levels = [
                 {each.number: pairs[each.number].costs for each in part if each.number in pairs}
                 for part in parts
             ]
             for number, vehicle in assign(levels).items():
-                if vehicle in self._soon:
+                if vehicle in self.soon:
                     continue
                 choices = pairs[number]
                 best = choices.pairs[vehicle]
@@ -605,15 +606,9 @@ class _Round:
         why_unsuitable = self._knowledge.why_unsuitable(order, vehicle.name)
         if why_unsuitable:
             return why_unsuitable
-        return vehicle.why_not(order, recharges=self._recharges(order), pick=self._pick(order))
-
-    def _recharges(self, order: TransportOrder) -> bool:
-        """Return whether an order's next operation is recharging; False if no vehicle is restricted."""
-        return self._restricted and self._knowledge.recharges(order)
-
-    def _pick(self, order: TransportOrder) -> Pick | None:
-        """Return what an order picks up first; None if no vehicle is loaded."""
-        return self._knowledge.pick(order) if self._loaded else None
+        recharges = self._restricted and self._knowledge.recharges(order)
+        pick = self._knowledge.pick(order) if self._loaded else None
+        return vehicle.why_not(order, recharges=recharges, pick=pick)
 
     def _why(self, best: Candidate, choices: int) -> str:
         if self._intended(best.order) is not None:

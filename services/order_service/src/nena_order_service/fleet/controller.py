@@ -32,6 +32,7 @@ from nena_order_service.fleet.zones import ReleaseManager
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
@@ -42,13 +43,24 @@ STRAY_PAUSE: Final = 30.0
 """Seconds between attempts to stop a robot that executes a VDA order that has already ended here."""
 
 
+def _no_deviations(_: RobotKey) -> tuple[Repair, ...]:
+    return ()
+
+
 class RobotControl:
     """Controls one robot. The methods yield messages to send and events: exhaust them."""
 
     def __init__(
-        self, key: RobotKey, settings: FleetSettings, new_id: Callable[[], str], *, broker: bool
+        self,
+        key: RobotKey,
+        settings: FleetSettings,
+        new_id: Callable[[], str],
+        *,
+        broker: bool,
+        deviations: Callable[[RobotKey], tuple[Repair, ...]] = _no_deviations,
     ) -> None:
         self.robot = Robot(key, settings)
+        self._deviations = deviations
         self._settings = settings
         self._instant_actions = InstantActionManager(self.robot, settings, new_id, broker=broker)
         self._run: OrderExecution | None = None
@@ -211,7 +223,9 @@ class RobotControl:
         if self._seen is None or self._seen[0] != moment:
             self._seen = moment, self._view(now)
         elif self._seen[1].state is not robot.state:  # an unchanged one
-            self._seen = moment, replace(self._seen[1], state=robot.state, state_at=robot.state_at)
+            found, state_at = self._deviations(robot.key), robot.state_at
+            view = replace(self._seen[1], state=robot.state, state_at=state_at, deviations=found)
+            self._seen = moment, view
         return self._seen[1]
 
     def _view(self, now: float) -> RobotView:
@@ -230,6 +244,7 @@ class RobotControl:
             order_phase=run.phase if run else None,
             wait_reason=self._wait_reason(now),
             stale=robot.stale,
+            deviations=self._deviations(robot.key),
         )
 
     def _advance(self, now: float) -> Iterator[FleetOutput]:
@@ -402,9 +417,12 @@ class FleetController:
         *,
         new_id: Callable[[], str] = unique_id,
         utc_now: Callable[[], datetime] = _utc_now,
+        deviations: Callable[[RobotKey], tuple[Repair, ...]] = _no_deviations,
     ) -> None:
+        """``deviations`` returns the repairs of a robot's messages."""
         self._settings = settings
         self._new_id = new_id
+        self._deviations = deviations
         self._broker = False
         self._broker_since = 0.0
         self._robots: dict[RobotKey, RobotControl] = {}
@@ -571,4 +589,6 @@ class FleetController:
         return known
 
     def _new_control(self, robot: RobotKey) -> RobotControl:
-        return RobotControl(robot, self._settings, self._new_id, broker=self._broker)
+        return RobotControl(
+            robot, self._settings, self._new_id, broker=self._broker, deviations=self._deviations
+        )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from math import pi, remainder, tau
@@ -353,7 +353,6 @@ class FleetLink:
         self._settings = settings
         self._clock = clock
         self._on_events = on_events
-        self._controller = FleetController(settings, utc_now=clock.now)
         self._outgoing = Outgoing(clock, epoch)
         self._last_nodes = LastNodes()
         self._connected = False
@@ -365,6 +364,7 @@ class FleetLink:
         """Hashes of the last commands that this program has sent, oldest first."""
         self.deviations = Deviations(clock)
         """Repairs of the robots' messages."""
+        self._controller = FleetController(settings, utc_now=clock.now, deviations=self.deviations.of)
         self._reader = MessageReader(self.deviations.note_message, strict=settings.strict)
         self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         self._subscribe_to(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
@@ -421,9 +421,7 @@ class FleetLink:
 
     def view(self, robot: RobotKey) -> RobotView:
         """See :meth:`FleetController.view`."""
-        view = self._controller.view(robot, self._now())
-        found = self.deviations.of(robot)
-        return replace(view, deviations=found) if found else view
+        return self._controller.view(robot, self._clock.monotonic())
 
     def robots(self) -> tuple[RobotKey, ...]:
         """See :meth:`FleetController.robots`."""

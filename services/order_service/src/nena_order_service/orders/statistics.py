@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Final
 
 from nena_order_service.orders.transport_order import EventCode, TransportOrder
 from nena_shared.fleet_api.transport_order import TransportOrderState
@@ -23,6 +24,9 @@ class Wait(StrEnum):
     """Waits for a person to resume it."""
 
 
+WAITS: Final = {S.ACTIVE: Wait.DEPENDENCY, S.DISPATCHABLE: Wait.VEHICLE}
+
+
 def wait_of(order: TransportOrder) -> Wait | None:
     """Return what an order waits for; None: it has ended, or a vehicle works on it."""
     status = order.status
@@ -32,7 +36,7 @@ def wait_of(order: TransportOrder) -> Wait | None:
         return Wait.HOLD
     if status.next_try:
         return Wait.RETRY
-    return {S.ACTIVE: Wait.DEPENDENCY, S.DISPATCHABLE: Wait.VEHICLE}.get(status.state)
+    return WAITS.get(status.state)
 
 
 class OrderStatistics:
