@@ -30,7 +30,7 @@ pytestmark = [
     pytest.mark.timeout(1800),
 ]
 
-EXAMPLES = int(os.environ.get("NENA_FUZZ_EXAMPLES", "2"))
+EXAMPLES = int(os.environ.get("NENA_FUZZ_EXAMPLES", "1"))
 """Requests of each kind (allowed, forbidden) to each operation."""
 CHECKS = [
     not_a_server_error,

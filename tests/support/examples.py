@@ -16,7 +16,7 @@ PLANTS = int(os.environ.get("NENA_PLANTS", "6"))
 KERNEL_PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "4"))
 """Random plants on which a fleet is simulated under the real engine."""
 
-KILLS = int(os.environ.get("NENA_KILLS", "5"))
+KILLS = int(os.environ.get("NENA_KILLS", "3"))
 """How often the process of an edge agent is killed while it drives."""
 
 DAMAGED_FILES = int(os.environ.get("NENA_FUZZ_FILES", "100"))

@@ -22,7 +22,7 @@ AWAY = {"locationName": "South 2"}
 Start = Callable[..., Awaitable[httpx.AsyncClient]]
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=[pytest.param("sqlite", marks=pytest.mark.long), "postgresql"])
 def site(request: pytest.FixtureRequest, fleet: Fleet) -> Fleet:
     """Return a fleet with one kind of store."""
     if request.param == "postgresql":

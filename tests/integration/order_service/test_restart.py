@@ -45,6 +45,7 @@ async def test_killed_during_an_order_it_continues_from_the_robots_position(flee
     assert actions_done(wire, fleet) == {f"T-{order}-{leg}": 1 for order in range(2) for leg in range(2)}
 
 
+@pytest.mark.long
 @pytest.mark.clause("6.6/restart")
 async def test_killed_again_and_again_under_load_every_order_is_done_once(fleet: Fleet) -> None:
     wire = fleet.peer()

@@ -183,6 +183,7 @@ async def test_the_active_service_keeps_the_lead_over_a_database_restart(
     assert len((await client.get("/v1/transportOrders")).json()["transportOrders"]) == 11
 
 
+@pytest.mark.long
 async def test_orders_are_executed_once_while_the_database_keeps_crashing(
     shared: Fleet, postgres: Postgres
 ) -> None:

@@ -71,7 +71,13 @@ async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
     await wire.wait_for(f"{topic}/state", lambda state: b'"orderId":"running-4-0"' in state.payload)
 
 
-@pytest.mark.parametrize("sent", [False, True], ids=["order not sent yet", "robot has its order"])
+@pytest.mark.parametrize(
+    "sent",
+    [
+        pytest.param(False, id="order not sent yet", marks=pytest.mark.long),
+        pytest.param(True, id="robot has its order"),
+    ],
+)
 async def test_orders_of_the_first_release_are_completed(fleet: Fleet, keeper: Keeper, *, sent: bool) -> None:
     first_tables(keeper.url)
     wire = fleet.peer()

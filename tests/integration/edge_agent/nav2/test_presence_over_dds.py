@@ -82,6 +82,7 @@ async def test_nav2_ends_in_order_in_mid_drive_and_comes_back(domain_id: int, tm
             assert await robot.hears(Arrived) == Arrived(2)
 
 
+@pytest.mark.long
 async def test_crashed_nav2_is_told_in_seconds_and_its_drive_ends_with_the_lease(
     domain_id: int, tmp_path: Path
 ) -> None:

@@ -15,7 +15,7 @@ from support.waiting import until
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
 
 
-@pytest.mark.parametrize("arrives_meanwhile", [False, True])
+@pytest.mark.parametrize("arrives_meanwhile", [pytest.param(False, marks=pytest.mark.long), True])
 async def test_the_goal_under_way_is_taken_up_and_not_given_again(
     bench: Bench, *, arrives_meanwhile: bool
 ) -> None:

@@ -76,7 +76,7 @@ async def test_a_navigator_that_hangs_for_less_than_a_second_fails_no_drive(benc
 
 @BY_BOTH
 @NAVIGATOR_FAULTS
-@pytest.mark.parametrize("request_type", ["cancelOrder", "startPause"])
+@pytest.mark.parametrize("request_type", [pytest.param("cancelOrder", marks=pytest.mark.long), "startPause"])
 async def test_a_stop_without_a_navigator_is_finished_when_the_robot_stands(
     bench: Bench, navigation: str, fault: str, request_type: str
 ) -> None:

@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.broker, pytest.mark.usefixtures("unst
 @pytest.mark.parametrize(
     "navigation",
     [
-        Navigation.TOPICS,
+        pytest.param(Navigation.TOPICS, marks=pytest.mark.long),
         pytest.param(Navigation.ACTION, marks=(needs_action_types, pytest.mark.long)),
         pytest.param(Navigation.THROUGH_POSES, marks=needs_action_types),
     ],

@@ -33,7 +33,6 @@ WORK = ("drive", "pass", "cancel", "pause", "dock")
 FEW = (
     ("bt_navigator", "drive"),
     ("bt_navigator", "cancel"),
-    ("bt_navigator", "dock"),
     ("controller_server", "pause"),
     ("planner_server", "pass"),
     ("behavior_server", "cancel"),
