@@ -13,6 +13,7 @@ from support.postgres import Postgres
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(900)]
 
 
+@pytest.mark.long
 async def test_killed_and_started_again(trial: Callable[..., Any], own_postgres: Postgres) -> None:
     async with trial(seed=7, store_url=own_postgres.url) as running:
         for _ in range(2 * TIMES):

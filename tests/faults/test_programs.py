@@ -14,6 +14,7 @@ from support.waiting import awaited
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(900)]
 
 
+@pytest.mark.long
 async def test_order_service_killed(trial: Callable[..., Any]) -> None:
     async with trial(seed=2) as running:
         for _ in range(2 * TIMES):

@@ -22,7 +22,6 @@ MANY = 1000
 USABLE_WITHIN = 1.0
 """Seconds of the page's own time from the list of many robots to the answer to a search."""
 
-WINDOW = [(1600, 1000), (1280, 800)]
 
 SEARCH_SECONDS = """(word) => new Promise((done) => {
   const input = document.querySelector("nena-search input");
@@ -60,8 +59,15 @@ async def names(page: Page) -> list[str]:
     return [each.strip() for each in await page.locator("tr[data-robot] a.name").all_inner_texts()]
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-@pytest.mark.parametrize(("width", "height"), WINDOW)
+@pytest.mark.parametrize(
+    ("width", "height", "dark"),
+    [
+        (1600, 1000, True),
+        (1280, 800, False),
+        pytest.param(1600, 1000, False, marks=pytest.mark.long),
+        pytest.param(1280, 800, True, marks=pytest.mark.long),
+    ],
+)
 async def test_sorting_and_filters_are_stored_in_the_address(
     hall: Hall, browser: Browser, width: int, height: int, *, dark: bool
 ) -> None:

@@ -118,6 +118,7 @@ async def test_repeated_requests_after_the_upgrade_return_the_old_orders(
         assert answer.json()["created"] == before["created"]
 
 
+@pytest.mark.long
 async def test_the_backup_before_the_upgrade_allows_a_downgrade(fleet: Fleet, keeper: Keeper) -> None:
     """This release plays the older one: the store is such as the next one would leave."""
     wire = fleet.peer()

@@ -151,6 +151,7 @@ async def test_an_agent_that_was_killed_drives_the_rest_of_the_path(
     assert off_the_bend(bench) < 0.6, "it has left its corridor"
 
 
+@pytest.mark.long
 async def test_a_pause_holds_although_the_agent_was_killed_meanwhile(bench: Bench) -> None:
     with bench.simulator(time_factor=1.0), bench.agent_process(*OPTIONS) as agent:
         await bench.fleet.state(ready)

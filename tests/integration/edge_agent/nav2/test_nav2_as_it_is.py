@@ -133,6 +133,7 @@ async def test_a_late_extension_through_poses_costs_no_seconds(bench: Bench) -> 
     assert len(stood) * 0.05 < 1.0, f"it stood for {len(stood) * 0.05:.1f} s"
 
 
+@pytest.mark.long
 @needs_action_types
 async def test_an_operator_takes_over_a_way_through_poses(bench: Bench) -> None:
     ros = {**QUICK, "navigation": Navigation.THROUGH_POSES}
