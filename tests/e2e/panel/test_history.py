@@ -33,6 +33,13 @@ SLIDE = """(time) => {
   slider.dispatchEvent(new Event("input"));
 }"""
 
+LEAVE_WHILE_NARROWING = """() => {
+  location.hash = "#/robots/ACME%2Fr1";
+  const search = document.querySelector("nena-history-page input[type=search]");
+  search.dispatchEvent(new Event("input", { bubbles: true }));
+}"""
+"""Change a filter after the address, before the panel has noticed the new address."""
+
 
 async def positions(hall: Hall) -> list[str]:
     """Return the times of the positions in the history, oldest first."""
@@ -82,6 +89,10 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             for broken in ("from=x", "from=2026-01-01T00:00:00Z", "from=x&to=y"):
                 await page.goto(f"{hall.url}#/history?{broken}")
                 await expect(page.get_by_label("Time range")).to_have_value("minutes10")
+            await expect(page.get_by_role("button", name="Play")).to_be_enabled()
+            await page.evaluate(LEAVE_WHILE_NARROWING)
+            await expect(page.get_by_role("button", name="Play")).to_be_hidden()
+            assert await page.evaluate("location.hash") == "#/robots/ACME%2Fr1"
 
 
 async def leaving_ends_the_load(page: Page) -> None:

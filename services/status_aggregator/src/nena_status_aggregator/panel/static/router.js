@@ -27,17 +27,22 @@ export function parameters() {
   return new URLSearchParams(location.hash.split("?")[1] ?? "");
 }
 
-/** Replace the values of the current address; empty ones are omitted. */
+let followed = ""; // the address that is shown: a new one counts only once its hashchange event has arrived
+
+/** Replace the values of the current address; empty ones are omitted. Does nothing if the user has just gone elsewhere. */
 export function setParameters(values) {
+  if (location.hash !== followed) return;
   const kept = new URLSearchParams(Object.entries(values).filter(([, value]) => value));
   const view = location.hash.split("?")[0] || "#/";
   history.replaceState(history.state, "", kept.size ? `${view}?${kept}` : view);
+  followed = location.hash;
 }
 
 /** Call back with the current view and on every change. An address such as `#robots` is an anchor in the page instead. */
 export function followView(callback) {
   const look = () => {
     if (!/^(#\/|$)/.test(location.hash)) return;
+    followed = location.hash;
     lists.read();
     callback(currentView());
   };
