@@ -38,7 +38,7 @@ CHECKS = [
     content_type_conformance,
     response_schema_conformance,
 ]
-STREAMS = "/events"
+STREAMS = "/(events|sse)"
 """Answers without an end."""
 
 

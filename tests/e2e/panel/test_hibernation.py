@@ -29,9 +29,10 @@ async def test_a_hibernating_robot_has_a_button_that_wakes_it(
     port = free_port()
     url = f"http://127.0.0.1:{port}/{ROBOT}"
     with fleet.stack:
-        content = fleet.agent_file(version="3.0.1")
-        fleet.agent_of(content.replace("[loopback]", "[loopback]\npower = true"))
         async with await fleet.order_service("--kernel.instant_action_timeout", 60).client() as orders:
+            # started last: the plant names another version, which only a live message overrides
+            content = fleet.agent_file(version="3.0.1")
+            fleet.agent_of(content.replace("[loopback]", "[loopback]\npower = true"))
             options = [
                 *("--http.port", str(port), "--mqtt.port", str(broker.port)),
                 *("--interface_name", interface_name, "--interface_name_v3", interface_name),

@@ -48,17 +48,9 @@ class Crossing:
 @asynccontextmanager
 async def crossing(broker: Broker, interface_name: str, folder: Path) -> AsyncIterator[Crossing]:
     fleet = Fleet(broker, interface_name, folder)
+    port = free_port()
     with fleet.stack:
-        fleet.agent(speed=SLOW)
-        fleet.agent("robot-02", x=15.0, y=7.0, speed=SLOW)
-        service = fleet.order_service()
-        async with await service.client() as orders:
-            for number, goal in ((2, "Middle 1"), (1, "Middle 3")):
-                await vehicle_idle(orders, f"Robot-0{number}")
-                to = {"destinations": [{"locationName": goal}], "intendedVehicle": f"Robot-0{number}"}
-                await orders.post("/v1/transportOrders", json={**to, "name": f"T-{number}"})
-                await order_in(orders, f"T-{number}", "BEING_PROCESSED")
-            port = free_port()
+        async with await fleet.order_service().client() as orders:
             options = [
                 *("--http.port", str(port), "--mqtt.port", str(broker.port)),
                 *("--interface_name", interface_name, "--topic_prefix", fleet.prefix),
@@ -66,6 +58,14 @@ async def crossing(broker: Broker, interface_name: str, folder: Path) -> AsyncIt
             ]
             with AggregatorProcess(*options) as aggregator:
                 await aggregator.logged("broker connected")
+                # started last: the aggregator needs their first states, and the next ones take 30 s
+                fleet.agent(speed=SLOW)
+                fleet.agent("robot-02", x=15.0, y=7.0, speed=SLOW)
+                for number, goal in ((2, "Middle 1"), (1, "Middle 3")):
+                    await vehicle_idle(orders, f"Robot-0{number}")
+                    to = {"destinations": [{"locationName": goal}], "intendedVehicle": f"Robot-0{number}"}
+                    await orders.post("/v1/transportOrders", json={**to, "name": f"T-{number}"})
+                    await order_in(orders, f"T-{number}", "BEING_PROCESSED")
                 yield Crossing(orders, f"http://127.0.0.1:{port}/")
 
 

@@ -43,17 +43,17 @@ def test_processes_of_their_own_give_the_same_result_as_each_other() -> None:
 
 
 def test_one_robot_alone_does_what_nothing_keeps_it_from() -> None:
-    one_by_one = replace(CASE, plant=HALL.with_robots(1), robots=1, hours=0.5, demand=Demand(backlog=1))
+    one_by_one = replace(CASE, plant=HALL.with_robots(1), robots=1, hours=0.3, demand=Demand(backlog=1))
 
     found = simulate(one_by_one)
 
     assert found.orders_per_hour / 60 == pytest.approx(bound(HALL, 1, turns=True), rel=0.1)
     assert found.doing[Doing.WAITS] < 0.03
-    assert found.doing[Doing.WORKS] == pytest.approx(found.finished * 4.0 / 1800, rel=0.15)
+    assert found.doing[Doing.WORKS] == pytest.approx(found.finished * 4.0 / 1080, rel=0.15)
     assert 0.3 < found.empty_share < 0.7
     assert found.failed == 0
     assert sum(found.finished_by_minute) == found.finished
-    assert len(found.finished_by_minute) == 30
+    assert len(found.finished_by_minute) == 18
 
 
 def test_robots_in_each_others_way_wait_and_it_is_said_where_and_why() -> None:
