@@ -10,7 +10,7 @@ from structlog.testing import capture_logs
 
 from support.broker import Broker
 from support.edge_agent import FleetControl, agent_settings, ended, error_types, running_agent, status_of
-from support.robot_core import hard, order
+from support.robot_core import action, hard, order
 from support.waiting import until
 
 pytestmark = pytest.mark.broker
@@ -93,6 +93,7 @@ async def test_the_end_of_each_action_is_logged_once_and_again_after_a_restart(
             fleet.send(order("n0", "n1", order_id="fetch", node_actions=taken))
             await fleet.state(ended("fetch"))
             seen = len(fleet.states)
+            fleet.instant(action("s", "NONE", "stateRequest"))
             await until(lambda: len(fleet.states) > seen, what="a state that shows the same actions again")
         fleet.peer.clear()
         async with running_agent(settings):

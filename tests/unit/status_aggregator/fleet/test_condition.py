@@ -64,9 +64,11 @@ def test_silence_is_attributed_to_a_lost_broker_connection() -> None:
 
 
 def test_no_state_ever() -> None:
-    condition, text = conclude(state=None)
+    first = "No state received yet; waiting for the first one for up to 35 s."
+    assert conclude(state=None) == (Condition.SILENT, first)
+    condition, text = conclude(state=None, overdue=True)
     assert condition is Condition.SILENT
-    assert text.startswith("No state received yet")
+    assert text.startswith("No state received yet. Check that its agent runs")
 
 
 def test_vehicle_known_only_to_the_order_service_is_not_silent() -> None:

@@ -45,6 +45,7 @@ TEXTS = {
     "hibernating": "Hibernating since {since}; responds only to a wake-up command.",
     "broken": "Connection lost at {since}: no power, no network, or its agent stopped.",
     "unheard": "Never connected; known only from the plant model.",
+    "expected": "No state received yet; waiting for the first one for up to {limit} s.",
     "stateless": "No state received yet. Check that its agent runs and its VDA 5050 version is supported.",
     "unreadable": "Unreadable state: {problem}",
     "silent": "No state since {since} (limit: {limit} s).",
@@ -167,6 +168,8 @@ def _no_state(inputs: ConditionInputs) -> Assessment:
         return Condition.ERROR, Reason("unreadable", {"problem": inputs.problem})
     if inputs.connection is None and inputs.fleet_remark is not None:
         return Condition.OFFLINE, Reason("unheard")
+    if not inputs.overdue:
+        return Condition.SILENT, Reason("expected", {"limit": round(inputs.silence_limit)})
     return Condition.SILENT, Reason("stateless")
 
 
