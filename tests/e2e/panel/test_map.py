@@ -8,7 +8,7 @@ from itertools import count
 from math import pi, sin
 
 import pytest
-from playwright.async_api import Browser, CDPSession, Page, expect
+from playwright.async_api import Browser, CDPSession, Page, Route, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.factsheet import Factsheet
@@ -85,6 +85,26 @@ async def test_the_robots_own_map_lies_under_the_plan_and_is_switched_off(
             await page.get_by_label("Layers").click()
             await page.get_by_role("checkbox", name="Robot maps").uncheck()
             await becomes(page, COLOUR_NEAR, [10, 13.15, "muted"], lambda found: found < 5)
+
+
+async def test_a_map_that_could_not_be_loaded_is_loaded_again(hall: Hall, browser: Browser) -> None:
+    asked = 0
+
+    async def first_fails(route: Route) -> None:
+        nonlocal asked
+        asked += 1
+        await (route.abort() if asked == 1 else route.continue_())
+
+    async with hall.connected():
+        hall.publish_plant()
+        hall.publish_map()
+        busy_robot(hall)
+        async with opened(browser, hall.url) as page:
+            await page.route("**/map?*", first_fails)
+            await page.reload()
+            await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Busy")
+            await becomes(page, COLOUR_NEAR, [10, 13.15, "muted"], lambda found: found > 8)
+            assert asked == 2
 
 
 async def test_factsheet_footprint_is_drawn(hall: Hall, browser: Browser) -> None:

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from alembic import command
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
-from sqlalchemy import text
+from sqlalchemy import Connection, text
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from nena_order_service.orders.automatic import park_request
@@ -213,3 +215,28 @@ def test_automatic_orders_of_an_older_release_are_recognised(
     assert found is not None
     assert found.status.automatic is automatic
     assert found.status.model_copy(update={"automatic": False}) == order.status
+
+
+def test_a_migration_may_pause_longer_than_other_transactions(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It reads documents between its statements, which takes long in a large store or on a busy machine."""
+    if not url.startswith("postgresql"):
+        pytest.skip("SQLite ends no transactions")
+    shown: list[str] = []
+    upgrade = command.upgrade
+
+    def watched(config: Config, revision: str) -> None:
+        shown.append(timeout(config.attributes["connection"]))
+        upgrade(config, revision)
+
+    monkeypatch.setattr(command, "upgrade", watched)
+    engine = open_database(url)
+    with engine.begin() as connection:
+        shown.append(timeout(connection))
+
+    assert shown == ["1min", "3s"]
+
+
+def timeout(connection: Connection) -> str:
+    return str(connection.execute(text("SHOW idle_in_transaction_session_timeout")).scalar())

@@ -174,6 +174,10 @@ def migrate(engine: Engine) -> None:
     """
     logging.getLogger("alembic").setLevel(logging.WARNING)
     with engine.begin() as connection:
+        if connection.dialect.name == "postgresql":
+            connection.execute(
+                text(f"SET LOCAL idle_in_transaction_session_timeout = '{MIGRATION_STUCK_SECONDS}s'")
+            )
         config = Config()
         config.set_main_option("script_location", "nena_order_service.store:migrations")
         config.attributes["connection"] = connection
@@ -227,6 +231,9 @@ UNMASKED = "write an @ in a password as %40"
 
 STUCK_SECONDS = 3
 """Seconds after which PostgreSQL ends the transaction of a program that hangs."""
+
+MIGRATION_STUCK_SECONDS = 60
+"""The same during a migration, which reads and changes documents between its statements."""
 
 POSTGRESQL = "postgresql+psycopg"
 

@@ -1,5 +1,7 @@
 // The robots' grid maps: loads them as images and paints them in the colours of the page.
 
+const RETRY = 3000; // ms between two attempts to load a map
+
 /** The robots' grid maps as images. Fires `change` when an image has been loaded. */
 export class Grids extends EventTarget {
   #images = new Map(); // by digest
@@ -29,9 +31,16 @@ export class Grids extends EventTarget {
     try {
       await image.decode();
     } catch {
-      return; // the robot or its map no longer exists
+      setTimeout(() => this.#retry(digest), RETRY);
+      return;
     }
     if (this.#images.has(digest)) this.#images.set(digest, image);
+    this.dispatchEvent(new Event("change"));
+  }
+
+  // Painting again loads the map again, unless the robot or its map no longer exists.
+  #retry(digest) {
+    this.#images.delete(digest);
     this.dispatchEvent(new Event("change"));
   }
 }
