@@ -36,11 +36,14 @@ help: ## list these commands
 
 setup: $(STAMP) action-types ## create .venv with all services
 
+# With --no-deps pip installs what is pinned and searches for nothing else: otherwise pip 23 fails as soon as a package
+# behind an extra, such as coverage[toml], has a release newer than its pin.
 $(STAMP): requirements/dev.txt $(DISTRIBUTIONS:%=%/pyproject.toml)
 	@[ -n "$(PYTHON)" ] || { echo "NeNa needs CPython 3.11, 3.12 or 3.13 with venv. On Debian or Ubuntu: apt-get install python3 python3-venv. Or name one: make PYTHON=/path/to/python3.12 setup" >&2; exit 1; }
 	@[ -x $(BIN)/python ] || "$(PYTHON)" -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements/dev.txt
+	$(BIN)/python -m pip install --quiet --no-deps --require-hashes -r requirements/dev.txt
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation $(DISTRIBUTIONS:%=-e %)
+	$(BIN)/python -m pip check
 	@touch $@
 
 # For the simulator and the tests only: robots have the real ones.
@@ -140,7 +143,7 @@ nav2-test: $(STAMP) action-types broker ## the edge agent against the Nav2 in re
 
 colcon-test: $(STAMP) broker ## build the edge agent as a ROS package with colcon, and start the installed agent
 	@[ -x $(VENV)/colcon/bin/colcon ] || { $(BIN)/python -m venv $(VENV)/colcon && \
-		$(VENV)/colcon/bin/pip install --quiet --require-hashes -r requirements/colcon.txt; }
+		$(VENV)/colcon/bin/pip install --quiet --no-deps --require-hashes -r requirements/colcon.txt; }
 	COLCON=$(abspath $(VENV))/colcon/bin/colcon $(BIN)/pytest tests/deploy/test_ros_package.py
 
 smoke: $(STAMP) action-types broker ## the demo unattended: two robots, two orders, a check of the final state

@@ -1,7 +1,8 @@
-"""Dependencies whose next major version is known to break the code have an upper bound."""
+"""Dependencies are bounded where a major version breaks the code, and locked files are installed as they are."""
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -28,3 +29,14 @@ def test_mqtt_libraries_have_an_upper_bound(path: Path) -> None:
 
 def test_the_mqtt_library_is_a_declared_dependency_of_the_shared_library() -> None:
     assert any(each.startswith("paho-mqtt") for each in named_in(ROOT / "shared/pyproject.toml"))
+
+
+INSTALLED = [ROOT / "Makefile", ROOT / "docs/installation.md", *ROOT.glob("services/*/Dockerfile*")]
+
+
+@pytest.mark.parametrize("path", INSTALLED, ids=lambda path: f"{path.parent.name}-{path.name}")
+def test_pip_installs_locked_files_without_a_search_for_dependencies(path: Path) -> None:
+    commands = re.findall(r"install .*requirements/\S+\.txt", path.read_text(encoding="utf-8"))
+
+    assert commands
+    assert [each for each in commands if "--no-deps --require-hashes" not in each] == []
