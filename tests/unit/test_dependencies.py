@@ -1,4 +1,4 @@
-"""Dependencies are bounded where a major version breaks the code, and locked files are installed as they are."""
+"""Major versions that break the code are excluded, and locked files are installed as they are."""
 
 from __future__ import annotations
 
