@@ -18,7 +18,7 @@ def test_each_clause_has_a_test_and_each_marker_a_clause() -> None:
     assert problems(chapters(), by_clause(shown_by_tests())) == []
 
 
-def test_the_document_is_that_of_the_catalogue_and_the_markers() -> None:
+def test_document_is_up_to_date() -> None:
     assert DOCUMENT.read_text() == document(), "run `make conformance` and commit docs/vda5050.md"
 
 

@@ -31,7 +31,7 @@ class Listener(MqttPeer):
 
 
 @pytest.mark.parametrize("qos", [0, 1])
-async def test_a_robot_sends_connection_with_1_and_states_as_it_is_set(
+async def test_robot_publishes_connection_with_qos_1_and_states_as_configured(
     broker: Broker, interface_name: str, tmp_path: Path, qos: int
 ) -> None:
     with Listener(broker, f"{interface_name}/#") as peer:
@@ -44,7 +44,7 @@ async def test_a_robot_sends_connection_with_1_and_states_as_it_is_set(
 
 
 @pytest.mark.parametrize("qos", [0, 1])
-async def test_fleet_control_sends_orders_as_it_is_set(
+async def test_fleet_control_publishes_orders_as_configured(
     broker: Broker, interface_name: str, qos: Literal[0, 1]
 ) -> None:
     settings = FleetSettings(qos=qos, tick_interval=0.02)

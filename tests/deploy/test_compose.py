@@ -66,7 +66,7 @@ async def stored(compose: Compose, statement: str, row: str) -> None:
     await until(lambda: row in rows(), what=f"{row} among what {statement!r} gives")
 
 
-async def test_a_robot_in_a_container_does_a_transport_order(healthy: Compose) -> None:
+async def test_robot_in_a_container_executes_a_transport_order(healthy: Compose) -> None:
     name = healthy.create(*CARRY)
 
     order = await order_ended(healthy, name)
@@ -75,7 +75,7 @@ async def test_a_robot_in_a_container_does_a_transport_order(healthy: Compose) -
     assert order["processingVehicle"] in ("Robot-01", "Robot-02")
 
 
-async def test_what_was_ordered_survives_a_crash_of_the_order_service(healthy: Compose) -> None:
+async def test_orders_survive_a_crash_of_the_order_service(healthy: Compose) -> None:
     name = healthy.create(("Packing", "Load cargo"))
 
     healthy.run("kill", "-s", "SIGKILL", "order-service")
@@ -86,7 +86,7 @@ async def test_what_was_ordered_survives_a_crash_of_the_order_service(healthy: C
 
 
 @pytest.mark.usefixtures("healthy")
-def test_nobody_commands_without_the_token(compose: Compose) -> None:
+def test_commands_need_the_token(compose: Compose) -> None:
     for port, path in (("REST_PORT", "/v1/transportOrders"), ("PANEL_PORT", "/api/v1/fleet")):
         assert httpx.get(compose.url(port) + path, timeout=10.0).status_code == 401
         assert httpx.get(compose.url(port) + path, headers=compose.login, timeout=10.0).status_code == 200
@@ -121,7 +121,7 @@ async def test_prometheus_has_the_rules(healthy: Compose) -> None:
     assert {rule["type"] for rule in rules} == {"alerting", "recording"}
 
 
-async def test_the_doctor_finds_a_robot_well(healthy: Compose) -> None:
+async def test_doctor_reports_a_healthy_robot(healthy: Compose) -> None:
     done = healthy.execute("robot-01", "nena-edge-agent", "doctor", "--config", "/etc/nena/agent.toml")
 
     assert done.returncode == 0, done.stdout + done.stderr
@@ -144,7 +144,7 @@ async def test_orders_and_history_are_in_postgresql(healthy: Compose) -> None:
     await stored(healthy, "select distinct order_name from happenings", name)
 
 
-async def test_a_backup_brings_a_lost_database_back(healthy: Compose, tmp_path: Path) -> None:
+async def test_lost_database_is_restored_from_a_backup(healthy: Compose, tmp_path: Path) -> None:
     """By the commands of docs/operations.md for the container."""
     before = healthy.create(*CARRY)
     assert (await order_ended(healthy, before))["state"] == "FINISHED"
@@ -165,7 +165,7 @@ async def test_a_backup_brings_a_lost_database_back(healthy: Compose, tmp_path: 
     assert order["state"] == "FINISHED", order["reason"]
 
 
-async def test_the_database_wants_its_password(healthy: Compose) -> None:
+async def test_database_requires_its_password(healthy: Compose) -> None:
     connect = "psql -h 127.0.0.1 -U nena -d nena -Atc 'select 1'"
     with_password = healthy.execute("postgres", "sh", "-c", f"PGPASSWORD={healthy.password} {connect}")
     without = healthy.execute("postgres", "sh", "-c", f"PGPASSWORD=wrong {connect}")
@@ -175,7 +175,7 @@ async def test_the_database_wants_its_password(healthy: Compose) -> None:
 
 
 @pytest.mark.parametrize("service", sorted(OURS))
-async def test_a_container_of_ours_can_do_little(healthy: Compose, service: str) -> None:
+async def test_containers_are_restricted(healthy: Compose, service: str) -> None:
     container = healthy.containers()[service]
     host = container["HostConfig"]
 
@@ -189,7 +189,7 @@ async def test_a_container_of_ours_can_do_little(healthy: Compose, service: str)
     assert "NoNewPrivs:\t1" in status
 
 
-async def test_nothing_listens_beyond_this_machine(healthy: Compose) -> None:
+async def test_services_listen_on_loopback_only(healthy: Compose) -> None:
     bindings = [
         binding
         for container in healthy.containers().values()
@@ -210,7 +210,7 @@ async def test_a_robot_with_a_hanging_program_is_unhealthy(healthy: Compose) -> 
     healthy.run("kill", "-s", "SIGCONT", "robot-02")
 
 
-async def test_everything_ends_in_order(healthy: Compose) -> None:
+async def test_all_containers_stop_cleanly(healthy: Compose) -> None:
     healthy.run(*PROFILES, "stop")
 
     containers = healthy.containers()

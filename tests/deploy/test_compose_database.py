@@ -37,7 +37,7 @@ def value(url: str, statement: str) -> object:
         return connection.execute(text(statement)).scalar()
 
 
-def test_the_services_user_is_no_superuser_and_has_its_database(made: Postgres) -> None:
+def test_service_user_owns_its_database_and_is_not_a_superuser(made: Postgres) -> None:
     rights = "rolsuper OR rolcreaterole OR rolcreatedb OR rolreplication OR rolbypassrls"
     url = made.url_of("nena", "nena")
     assert value(url, f"SELECT {rights} FROM pg_roles WHERE rolname = 'nena'") is False  # noqa: S608 - our own
@@ -51,12 +51,12 @@ def test_the_services_user_is_no_superuser_and_has_its_database(made: Postgres) 
             value(url, statement)
 
 
-def test_both_passwords_are_as_they_should_be(made: Postgres) -> None:
+def test_both_passwords_work(made: Postgres) -> None:
     password = "SELECT rolpassword LIKE 'SCRAM-SHA-256$%' FROM pg_authid WHERE rolname = '{}'"
     assert value(made.url, password.format("nena")) is True
     assert value(made.url, password.format("postgres")) is None, "the superuser has none"
 
 
-def test_the_order_service_makes_its_tables_there(made: Postgres) -> None:
+def test_order_service_creates_its_tables(made: Postgres) -> None:
     open_database(made.url_of("nena", "nena")).dispose()
     assert value(made.url_of("nena", "nena"), "SELECT count(*) FROM leadership") == 1

@@ -57,9 +57,7 @@ def client_at(compose: Compose, port: str, tls: MqttTlsSettings) -> Client:
     return Client(settings, "nena-test", "nena/v1/plantModel")
 
 
-async def test_services_and_clients_with_certificates_meet_at_the_broker(
-    healthy: Compose, folder: Path
-) -> None:
+async def test_services_and_clients_connect_with_certificates(healthy: Compose, folder: Path) -> None:
     async with connected(
         client_at(healthy, "MQTTS_PORT", identity_in(folder / "hosts" / "health"))
     ) as client:
@@ -69,7 +67,7 @@ async def test_services_and_clients_with_certificates_meet_at_the_broker(
 @pytest.mark.parametrize(
     ("port", "authority"), [("MQTTS_PORT", "broker/ca.pem"), ("MQTTS_PORT", None), ("MQTT_PORT", None)]
 )
-async def test_who_has_no_certificate_is_not_let_in(
+async def test_client_without_a_certificate_is_rejected(
     healthy: Compose, folder: Path, port: str, authority: str | None
 ) -> None:
     tls = MqttTlsSettings(ca=folder / authority) if authority else MqttTlsSettings()
@@ -79,7 +77,7 @@ async def test_who_has_no_certificate_is_not_let_in(
         assert nobody.link.state.connects == 0
 
 
-async def test_who_is_removed_is_not_let_in_again(healthy: Compose, tmp_path: Path) -> None:
+async def test_removed_client_is_rejected(healthy: Compose, tmp_path: Path) -> None:
     """By the commands for a change: the broker gets to see the new files, and may read them."""
     stolen = tmp_path / "wms"
     healthy.shell(f"nena-deploy host add $SITE wms && cp -r $SITE/hosts/wms {stolen}")
@@ -97,14 +95,14 @@ async def test_who_is_removed_is_not_let_in_again(healthy: Compose, tmp_path: Pa
 
 
 @pytest.mark.parametrize("service", sorted(SERVICES))
-def test_a_container_is_as_fenced_in_as_on_one_machine(compose: Compose, service: str) -> None:
+def test_containers_are_restricted_as_on_one_machine(compose: Compose, service: str) -> None:
     host = compose.containers()[service]["HostConfig"]
 
     assert host["ReadonlyRootfs"] is True
     assert host["CapDrop"] == ["ALL"]
 
 
-async def test_a_backup_brings_lost_orders_back(healthy: Compose, tmp_path: Path) -> None:
+async def test_lost_orders_are_restored_from_a_backup(healthy: Compose, tmp_path: Path) -> None:
     """By the commands of docs/operations.md for a store in a volume."""
     before = healthy.create(("Packing", "Load cargo"))
     healthy.follow("operations.md", "order-service copy.db >", tmp_path)

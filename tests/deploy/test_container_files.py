@@ -36,7 +36,7 @@ def ids(paths: list[Path]) -> list[str]:
 
 
 @pytest.mark.parametrize("path", DOCKERFILES, ids=ids(DOCKERFILES))
-def test_an_image_runs_as_nobody_special_from_locked_packages(path: Path) -> None:
+def test_image_runs_unprivileged_from_locked_packages(path: Path) -> None:
     text = path.read_text()
     last = text[text.rindex("\nFROM ") :]
 
@@ -75,7 +75,7 @@ def serving(files: Files | None) -> Iterator[int]:
 @pytest.mark.parametrize("status", [HTTPStatus.OK, HTTPStatus.SERVICE_UNAVAILABLE])
 @pytest.mark.parametrize("scheme", ["http", "https"])
 @pytest.mark.parametrize("service", ["order_service", "status_aggregator"])
-def test_a_service_is_healthy_when_it_is_ready(
+def test_health_check_uses_readiness(
     service: str, scheme: str, status: HTTPStatus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = (ROOT / "services" / service / "Dockerfile").read_text()
@@ -94,7 +94,7 @@ def test_a_service_is_healthy_when_it_is_ready(
 
 
 @pytest.mark.parametrize("path", DOCKERFILES, ids=ids(DOCKERFILES))
-def test_an_image_locks_what_its_service_needs(path: Path) -> None:
+def test_image_locks_all_requirements_of_its_service(path: Path) -> None:
     (lock,) = {
         name for name in re.findall(r"requirements/([\w-]+)\.txt", path.read_text()) if name != "build"
     }
@@ -111,7 +111,7 @@ def test_an_image_locks_what_its_service_needs(path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", SERVICES)
-def test_a_service_is_fenced_in(name: str) -> None:
+def test_services_are_restricted(name: str) -> None:
     service = SERVICES[name]
 
     assert service["read_only"] is True
@@ -121,7 +121,7 @@ def test_a_service_is_fenced_in(name: str) -> None:
     assert name in OF_OTHERS or "cap_add" not in service
 
 
-def test_a_site_opens_one_port_and_takes_no_fence_away() -> None:
+def test_site_opens_one_port_and_keeps_the_restrictions() -> None:
     site = yaml.safe_load((ROOT / "docker-compose.site.yml").read_text())["services"]
 
     assert {key for each in site.values() for key in each} == {
@@ -136,7 +136,7 @@ def test_a_site_opens_one_port_and_takes_no_fence_away() -> None:
     assert all(volume.endswith(":ro") for each in site.values() for volume in each["volumes"])
 
 
-def test_profiles_hold_what_they_say() -> None:
+def test_profiles_contain_the_documented_services() -> None:
     profiles = {name: tuple(service.get("profiles", ())) for name, service in SERVICES.items()}
 
     assert {name for name, each in profiles.items() if not each} == {
@@ -154,7 +154,7 @@ def test_profiles_hold_what_they_say() -> None:
     assert {name for name, each in profiles.items() if each == ("grafana",)} == {"grafana"}
 
 
-def test_grafana_has_the_provisioning_and_the_dashboards_where_that_expects_them() -> None:
+def test_grafana_dashboards_are_mounted_where_provisioning_expects_them() -> None:
     grafana = SERVICES["grafana"]
     places = {source: place for source, place, *_ in (each.split(":") for each in grafana["volumes"])}
     provider = yaml.safe_load((ROOT / "deploy/grafana/provisioning/dashboards/nena.yml").read_text())
@@ -165,19 +165,19 @@ def test_grafana_has_the_provisioning_and_the_dashboards_where_that_expects_them
     assert source["datasources"][0]["url"].removeprefix("$") in grafana["environment"]
 
 
-def test_no_password_stands_in_the_file() -> None:
+def test_file_contains_no_password() -> None:
     text = (ROOT / "docker-compose.yml").read_text()
 
     assert set(re.findall(r"PASSWORD: (.*)", text)) == {"${POSTGRES_PASSWORD:-}"}
 
 
-def test_each_image_of_others_has_a_version() -> None:
+def test_third_party_images_have_a_version() -> None:
     images = [re.sub(r"\$\{\w+:-(.*)\}", r"\1", SERVICES[name]["image"]) for name in OF_OTHERS]
 
     assert [each for each in images if not re.fullmatch(r"[\w./-]+:v?\d[\w.-]*", each)] == []
 
 
-def test_a_client_at_a_published_port_is_not_believed_to_be_a_proxy() -> None:
+def test_clients_of_published_ports_are_not_trusted_as_proxies() -> None:
     """Requests come from the bridge's address; no proxy stands there that would replace X-Forwarded-For."""
     of_http = {name: value for name, value in COMPOSE["x-http"].items() if name.startswith("NENA_HTTP__")}
     fields = {name.removeprefix("NENA_HTTP__").lower(): value for name, value in of_http.items()}
@@ -188,7 +188,7 @@ def test_a_client_at_a_published_port_is_not_believed_to_be_a_proxy() -> None:
         assert not [each for each in http.trusted_proxies if ip_address(bridge) in each]
 
 
-def test_the_services_are_no_superuser_of_the_database() -> None:
+def test_services_are_not_superusers_of_the_database() -> None:
     text, postgres = (ROOT / "docker-compose.yml").read_text(), SERVICES["postgres"]
     users = set(re.findall(r"postgresql(?:\+psycopg)?://(\w+)@postgres/", text))
 

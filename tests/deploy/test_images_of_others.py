@@ -52,7 +52,7 @@ def site_database() -> Iterator[Postgres | ImagePostgres]:
         ("site_database", Postgres, "PostgreSQL of this machine stands in for the image postgres:"),
     ],
 )
-def test_a_program_of_this_machine_stands_in_where_the_image_is_not_there_and_it_is_told(
+def test_missing_image_is_replaced_by_a_local_program_with_a_notice(
     fixture: str,
     local: type[Broker | Postgres],
     told: str,
@@ -79,7 +79,7 @@ def site(
         yield made
 
 
-async def test_orders_outlive_broker_and_database(
+async def test_orders_survive_restarts_of_broker_and_database(
     site: Fleet, site_broker: Broker | ImageBroker, site_database: Postgres | ImagePostgres
 ) -> None:
     service = site.order_service()

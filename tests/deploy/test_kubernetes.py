@@ -103,24 +103,24 @@ def files_of(name: str) -> set[str]:
 @pytest.mark.parametrize(
     "manifest", manifests(), ids=lambda each: f"{each['kind']}-{each['metadata']['name']}"
 )
-def test_a_manifest_fits_the_schema(manifest: Any, release: str) -> None:
+def test_manifest_matches_the_schema(manifest: Any, release: str) -> None:
     kubernetes_validate.validate(manifest, release, strict=True)
 
 
-def test_a_spelling_mistake_does_not_fit_the_schema() -> None:
+def test_misspelt_field_does_not_match_the_schema() -> None:
     wrong = {"apiVersion": "v1", "kind": "Service", "metadata": {"name": "a"}, "spec": {"prots": []}}
     with pytest.raises(kubernetes_validate.ValidationError, match="prots"):
         kubernetes_validate.validate(wrong, RELEASES[0], strict=True)
 
 
-def test_every_file_is_a_resource() -> None:
+def test_every_file_is_listed_as_a_resource() -> None:
     files = {path.name for path in FOLDER.iterdir()} - {"kustomization.yaml"}
 
     assert files == set(KUSTOMIZATION["resources"])
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_an_image_is_one_that_is_built_and_of_this_version(name: str) -> None:
+def test_images_are_built_here_in_this_version(name: str) -> None:
     compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"][name]["image"]
     project = tomllib.loads((ROOT / "services" / name.replace("-", "_") / "pyproject.toml").read_text())
     image, version = container_of(name)["image"], project["project"]["version"]
@@ -131,7 +131,7 @@ def test_an_image_is_one_that_is_built_and_of_this_version(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_the_environment_makes_the_settings(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_environment_variables_are_valid_settings(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for variable, value in environment(name).items():
         monkeypatch.setenv(variable, value)
 
@@ -151,20 +151,20 @@ def is_set(settings: Any, variable: str) -> bool:
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_each_file_that_a_setting_names_is_mounted(name: str) -> None:
+def test_files_named_by_settings_are_mounted(name: str) -> None:
     wanted = {value for value in environment(name).values() if value.startswith("/etc/nena/")}
 
     assert wanted == files_of(name)
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_no_secret_stands_in_the_manifests(name: str) -> None:
+def test_manifests_contain_no_secrets(name: str) -> None:
     assert not [each for each in environment(name) if each.endswith(("PASSWORD", "STORE__URL"))]
     assert manifests("Secret") == []
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_ports_and_probes_meet_the_program(name: str) -> None:
+def test_ports_and_probes_match_the_program(name: str) -> None:
     container = container_of(name)
     (port,) = container["ports"]
     exposed = re.findall(r"^EXPOSE (\d+)$", dockerfile(name), re.MULTILINE)
@@ -188,7 +188,7 @@ def dockerfile(name: str) -> str:
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_a_pod_is_fenced_in(name: str) -> None:
+def test_pods_are_restricted(name: str) -> None:
     spec, container = pod_of(name)["spec"], container_of(name)
     user = re.search(r"useradd --uid (\d+)", dockerfile(name))
 
@@ -209,7 +209,7 @@ def test_a_pod_is_fenced_in(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_budgets_policies_and_services_find_their_pods(name: str) -> None:
+def test_budgets_policies_and_services_select_their_pods(name: str) -> None:
     stateful = named("StatefulSet", name)["spec"]
     start = stateful.get("ordinals", {}).get("start", 0)
     pods = [labels_of(name, start + number) for number in range(stateful["replicas"])]
@@ -242,7 +242,7 @@ def test_each_share_of_the_robots_has_one_aggregator_and_its_panel() -> None:
     assert json.loads(environment("status-aggregator")["NENA_ORDER_SERVICE__TRUSTED_HOSTS"]) == ours
 
 
-def test_what_the_ingress_leads_to_takes_a_login(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_services_behind_the_ingress_require_a_login(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in environment("status-aggregator").items():
         monkeypatch.setenv(name, value)
     http = load(AggregatorSettings, [], program="p", description="d").http
@@ -291,7 +291,7 @@ def test_no_token_crosses_the_cluster_unencrypted() -> None:
     assert (secret, "ca.crt") in set(files_made_by_the_guide())
 
 
-def test_policies_let_through_what_the_settings_need() -> None:
+def test_policies_allow_the_configured_connections() -> None:
     def open_ports(name: str) -> set[object]:
         rules = named("NetworkPolicy", name)["spec"]["egress"]
         return {port["port"] for rule in rules for port in rule["ports"]}

@@ -25,7 +25,7 @@ LAUNCH = FOLDER / "launch" / "edge_agent.launch.xml"
 PACKAGE = "nena_edge_agent"
 
 
-def test_the_settings_file_fits() -> None:
+def test_settings_file_is_valid() -> None:
     settings = load(
         EdgeAgentSettings,
         ["--config", str(FOLDER / "config" / "edge_agent.toml")],
@@ -74,7 +74,7 @@ def test_colcon_installs_a_ros_package(prefix: Path) -> None:
     assert where.stdout.startswith(str(prefix)), where.stderr
 
 
-def test_the_launch_file_finds_what_it_starts(prefix: Path) -> None:
+def test_launch_file_finds_its_executable(prefix: Path) -> None:
     launch = defusedxml.ElementTree.fromstring(LAUNCH.read_text())
 
     def found(text: str) -> Path:
@@ -91,7 +91,7 @@ def test_the_launch_file_finds_what_it_starts(prefix: Path) -> None:
 
 
 @pytest.mark.broker
-async def test_what_is_installed_runs(prefix: Path, broker: Broker, interface_name: str) -> None:
+async def test_installed_agent_runs(prefix: Path, broker: Broker, interface_name: str) -> None:
     config = prefix / "share" / PACKAGE / "config" / "edge_agent.toml"
     options = (
         f"--config {config} --driver loopback --journal.folder {prefix.parent}/journal "

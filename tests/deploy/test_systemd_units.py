@@ -41,19 +41,19 @@ def analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
 
 
-def test_systemd_understands_a_unit(unit: Path) -> None:
+def test_units_are_valid(unit: Path) -> None:
     result = analyze("verify", "--man=no", "--recursive-errors=no", unit)
 
     assert (result.returncode, result.stderr) == (0, "")
 
 
-def test_a_unit_is_fenced_in(unit: Path) -> None:
+def test_units_are_restricted(unit: Path) -> None:
     result = analyze("security", "--offline=true", f"--threshold={EXPOSURE}", unit)
 
     assert result.returncode == 0, result.stdout
 
 
-def test_there_is_a_unit_for_each_service() -> None:
+def test_each_service_has_a_unit() -> None:
     assert [path.stem for path in UNITS] == [
         "nena-edge-agent",
         "nena-order-service",
@@ -73,7 +73,7 @@ def supervisor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[sock
 
 
 @pytest.mark.e2e
-async def test_the_program_tells_systemd_of_its_life(supervisor: socket.socket, tmp_path: Path) -> None:
+async def test_program_notifies_systemd(supervisor: socket.socket, tmp_path: Path) -> None:
     heard: list[str] = []
 
     def gather() -> list[str]:

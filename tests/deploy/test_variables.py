@@ -48,7 +48,7 @@ def variables(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize(("service", "path"), cases())
-def test_a_file_of_one_service_names_its_settings(service: str, path: Path) -> None:
+def test_environment_file_of_one_service_names_its_settings(service: str, path: Path) -> None:
     found = variables(path.read_text())
 
     assert found
@@ -72,7 +72,7 @@ def test_docker_compose_names_settings() -> None:
     assert unknown == []
 
 
-def test_drop_ins_name_settings_of_each_unit_that_they_are_for() -> None:
+def test_drop_ins_name_settings_of_their_units() -> None:
     folder = ROOT / "deploy" / "systemd"
 
     assert variables((folder / "broker-password.conf").read_text()) == {"NENA_MQTT__PASSWORD_FILE"}

@@ -59,7 +59,7 @@ def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_every_process_and_removes_every_file(
+def test_signal_ends_every_process_and_removes_every_file(
     running_demo: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
 ) -> None:
     children = psutil.Process(running_demo.pid).children(recursive=True)

@@ -57,7 +57,7 @@ def _shown(state: State) -> Visualization:
 
 
 @pytest.mark.parametrize(("version", "topic"), SAID)
-def test_what_comes_is_read_or_refused(version: str, topic: Topic) -> None:
+def test_any_message_is_read_or_refused(version: str, topic: Topic) -> None:
     codec, chance = CODECS[version], stream(f"{version} {topic}")
     found = samples(version, topic)
     outcomes, longest = {True: 0, False: 0}, 0
@@ -80,7 +80,7 @@ def test_what_comes_is_read_or_refused(version: str, topic: Topic) -> None:
 
 @pytest.mark.parametrize("topic", RECORDS)
 @pytest.mark.parametrize("version", CODECS)
-def test_what_is_read_as_a_record_is_what_the_codec_takes(version: str, topic: Topic) -> None:
+def test_records_and_codec_accept_the_same_messages(version: str, topic: Topic) -> None:
     codec, chance = CODECS[version], stream(f"{version} {topic} as a record")
     found = samples(version, topic)
     for _ in range(MESSAGES):
@@ -99,7 +99,7 @@ def test_what_is_read_as_a_record_is_what_the_codec_takes(version: str, topic: T
 
 
 @pytest.mark.parametrize("version", CODECS)
-def test_the_checker_says_what_is_wrong_and_goes_on(version: str) -> None:
+def test_checker_reports_findings_and_continues(version: str) -> None:
     chance, checker = stream(version), Checker()
     entries = [
         entry if chance.random() < 0.5 else Entry(entry.time, entry.topic, damaged(entry.payload, chance))

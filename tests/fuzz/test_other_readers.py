@@ -30,7 +30,7 @@ def reader(request: pytest.FixtureRequest, place: Place) -> Reader:
     return READERS[request.param](place)
 
 
-def test_what_is_damaged_is_read_or_refused(reader: Reader, request: pytest.FixtureRequest) -> None:
+def test_damaged_input_is_read_or_refused(reader: Reader, request: pytest.FixtureRequest) -> None:
     assert all(map(reader.takes, reader.samples))
     chance = stream(request.node.name)
     outcomes = [
@@ -46,7 +46,7 @@ def test_any_bytes(reader: Reader, data: bytes) -> None:
     reader.takes(data)
 
 
-def test_what_is_nested_deep(reader: Reader) -> None:
+def test_deeply_nested_input(reader: Reader) -> None:
     for depth in (150, 240, 600, 1200, DEPTH):
         for begin, middle, end in (("[", "", "]"), ('{"a":', "1", "}"), ("[", "", "")):
             reader.takes(f"{begin * depth}{middle}{end * depth}".encode())

@@ -4,7 +4,7 @@ from reference.compatibility import DOCUMENT, document
 from support.deviating_robots import DEVIATIONS
 
 
-def test_the_document_is_that_of_the_table() -> None:
+def test_document_is_up_to_date() -> None:
     expected = document()
     assert DOCUMENT.read_text(encoding="utf-8") == expected, (
         "run `make reference` and commit docs/compatibility.md"

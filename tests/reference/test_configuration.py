@@ -10,12 +10,12 @@ from nena_shared.settings import load
 from reference.configuration import BY_FILE, DOCUMENT, PROGRAMS, Setting, document, settings_of
 
 
-def test_the_document_is_that_of_the_settings() -> None:
+def test_document_is_up_to_date() -> None:
     assert DOCUMENT.read_text() == document(), "run `make reference` and commit docs/configuration.md"
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_each_option_is_one_of_the_program(program: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_option_exists_in_its_program(program: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         load(PROGRAMS[program], ["--help"], program=program, description="")
     words = capsys.readouterr().out.replace(",", " ").split()
@@ -24,7 +24,7 @@ def test_each_option_is_one_of_the_program(program: str, capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_each_variable_is_one_of_the_program(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_variable_exists_in_its_program(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = settings_of(PROGRAMS[program])
     for each in settings:
         monkeypatch.setenv(each.variable, f'"{each.name}"')
@@ -42,13 +42,13 @@ def _at(read: dict[str, Any], setting: Setting) -> object:
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_each_secret_may_stand_in_a_file(program: str) -> None:
+def test_each_secret_can_be_read_from_a_file(program: str) -> None:
     settings = {each.name: each for each in settings_of(PROGRAMS[program])}
 
     assert [name for name, each in settings.items() if each.secret and name + BY_FILE not in settings] == []
 
 
-def test_what_is_not_described_is_found() -> None:
+def test_missing_descriptions_are_detected() -> None:
     class Bare(BaseModel):
         number: int = 1
 

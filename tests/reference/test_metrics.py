@@ -7,19 +7,19 @@ from reference.metrics import DOCUMENT, PROGRAMS, document, metrics
 NAME = re.compile(r"nena_[a-z0-9_]+")
 
 
-def test_the_document_is_that_of_the_tables() -> None:
+def test_document_is_up_to_date() -> None:
     expected = document()
     assert DOCUMENT.read_text(encoding="utf-8") == expected, "run `make reference` and commit docs/metrics.md"
 
 
-def test_each_metric_has_a_name_by_the_rules_and_says_what_it_is() -> None:
+def test_each_metric_has_a_valid_name_and_a_help_text() -> None:
     for each in metrics():
         assert NAME.fullmatch(each.name), each.name
         assert each.name.endswith("_total") is (each.kind == "counter"), each.name
         assert each.text.endswith("."), each.name
 
 
-def test_no_program_has_a_name_twice() -> None:
+def test_names_are_unique_in_each_program() -> None:
     for program, sections in PROGRAMS.items():
         names = [each.name for section in sections for each in section.metrics]
         assert len(names) == len(set(names)), program

@@ -4,7 +4,7 @@ from reference.opentcs_web_api import DOCUMENT, document
 from support.opentcs_routes import ROUTES
 
 
-def test_the_document_is_that_of_the_routes() -> None:
+def test_document_is_up_to_date() -> None:
     expected = document()
     assert DOCUMENT.read_text(encoding="utf-8") == expected, (
         "run `make reference` and commit docs/opentcs-web-api.md"

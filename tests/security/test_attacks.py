@@ -34,7 +34,7 @@ def filled(path: str) -> str:
 
 
 @pytest.mark.parametrize("service", SERVICES)
-async def test_without_a_token_nothing_is_answered(site: TlsSite, service: str) -> None:
+async def test_requests_without_a_token_are_rejected(site: TlsSite, service: str) -> None:
     routes = [each for each in await site.routes(service) if each.path not in OPEN]
     assert len(routes) > 8
     async with site.client(service) as nobody:
@@ -46,7 +46,7 @@ async def test_without_a_token_nothing_is_answered(site: TlsSite, service: str) 
 
 
 @pytest.mark.parametrize("service", SERVICES)
-async def test_a_viewer_changes_nothing(site: TlsSite, service: str) -> None:
+async def test_viewer_cannot_change_anything(site: TlsSite, service: str) -> None:
     routes = [each for each in await site.routes(service) if each.method not in ("GET", "HEAD")]
     assert routes
     async with site.client(service, Role.VIEWER) as viewer:
@@ -56,7 +56,7 @@ async def test_a_viewer_changes_nothing(site: TlsSite, service: str) -> None:
             assert answer.status_code == 403 or own, (each, answer.status_code, answer.text)
 
 
-async def test_an_operator_does_not_administrate(site: TlsSite) -> None:
+async def test_operator_cannot_administrate(site: TlsSite) -> None:
     async with site.client("order-service", Role.OPERATOR) as operator:
         for path in ("/v1/plantModel", "/v1/zoneSets/x"):
             assert (await operator.put(path, json={})).status_code == 403
@@ -108,7 +108,7 @@ PATHS = (
 
 
 @pytest.mark.parametrize("service", SERVICES)
-async def test_no_path_leads_to_a_file_of_the_machine(site: TlsSite, service: str) -> None:
+async def test_paths_cannot_reach_local_files(site: TlsSite, service: str) -> None:
     for path in PATHS:
         head = (
             f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
@@ -183,7 +183,7 @@ BOMBS = {
 
 
 @pytest.mark.parametrize("bomb", BOMBS)
-async def test_a_bomb_is_refused_at_once(site: TlsSite, bomb: str) -> None:
+async def test_decompression_bomb_is_refused_at_once(site: TlsSite, bomb: str) -> None:
     method, path, kind, body = BOMBS[bomb]
     program = site.programs["order-service"]
     megabytes, begun = program.memory_mb, time.monotonic()
@@ -210,7 +210,7 @@ XML = {
 
 
 @pytest.mark.parametrize("bomb", XML)
-async def test_an_xml_bomb_of_an_administrator_is_refused_at_once(site: TlsSite, bomb: str) -> None:
+async def test_xml_bomb_of_an_administrator_is_refused_at_once(site: TlsSite, bomb: str) -> None:
     program = site.programs["order-service"]
     megabytes, begun = program.memory_mb, time.monotonic()
     async with site.client("order-service", Role.ADMIN) as admin:
@@ -257,7 +257,7 @@ async def test_ambiguous_request_is_refused(site: TlsSite, service: str, head: s
     assert answer.count(b"HTTP/1.1 ") == 1
 
 
-async def test_who_names_another_address_is_not_believed(site: TlsSite) -> None:
+async def test_forged_forwarding_headers_are_ignored(site: TlsSite) -> None:
     """Wrong tokens are counted by the address that they come from, whatever X-Forwarded-For claims."""
     statuses = set()
     for number in range(60):
@@ -276,7 +276,7 @@ MARKUP = re.compile(
 IMPORT = re.compile(r'(?:from|import) "(\.[^"]+)"')
 
 
-async def test_the_panel_makes_no_markup_of_text(site: TlsSite) -> None:
+async def test_panel_does_not_render_text_as_markup(site: TlsSite) -> None:
     """Names and texts of others become nodes of text: no script of the panel parses HTML or code."""
     async with site.client("status-aggregator") as browser:
         page = (await browser.get("/")).text
@@ -302,7 +302,7 @@ async def test_the_panel_makes_no_markup_of_text(site: TlsSite) -> None:
         {"host": "evil.example", "origin": "https://evil.example", "sec-fetch-site": "same-origin"},
     ],
 )
-async def test_a_page_of_another_site_commands_nothing(site: TlsSite, headers: dict[str, str]) -> None:
+async def test_pages_of_other_sites_cannot_send_commands(site: TlsSite, headers: dict[str, str]) -> None:
     """Its browser has a session; what another page sends with it is refused."""
     async with site.client("status-aggregator") as browser:
         session = await browser.post("/api/v1/session", headers={"authorization": "Bearer OPERATOR"})
@@ -322,7 +322,7 @@ async def test_a_page_of_another_site_commands_nothing(site: TlsSite, headers: d
         assert (await viewer.get(f"{ORDERS}/T-of-another-page")).status_code == 404
 
 
-async def test_its_own_page_commands(site: TlsSite) -> None:
+async def test_own_page_can_send_commands(site: TlsSite) -> None:
     """What the tests above are refused is refused for the page that it comes from."""
     async with site.client("status-aggregator") as browser:
         await browser.post("/api/v1/session", headers={"authorization": "Bearer OPERATOR"})

@@ -118,7 +118,7 @@ async def signed_in(panel: httpx.AsyncClient, name: str) -> httpx.Response:
     return await panel.get(await at_issuer(sent.headers["location"], name))
 
 
-async def test_a_person_signs_in_at_the_panel(issuer: Issuer) -> None:
+async def test_user_signs_in_to_the_panel(issuer: Issuer) -> None:
     async with panel_of(issuer) as panel:
         assert (await panel.get(FLEET)).status_code == 401
         back = await signed_in(panel, "ann")
@@ -136,7 +136,7 @@ async def test_user_without_a_role_is_rejected(issuer: Issuer) -> None:
         assert (await panel.get(FLEET)).status_code == 401
 
 
-async def test_a_code_is_of_use_once_and_to_its_browser_only(issuer: Issuer) -> None:
+async def test_code_works_once_and_in_its_browser_only(issuer: Issuer) -> None:
     async with panel_of(issuer) as panel, panel_of(issuer) as thief:
         sent = await panel.get((await panel.get(f"{SESSION}/oidc")).json()["start"])
         back = await at_issuer(sent.headers["location"], "ann")
@@ -148,7 +148,7 @@ async def test_a_code_is_of_use_once_and_to_its_browser_only(issuer: Issuer) -> 
         assert "problem=" in (await panel.get(back)).headers["location"]
 
 
-async def test_its_tokens_are_roles_at_the_order_service_and_no_others_are(
+async def test_order_service_accepts_only_tokens_of_the_issuer(
     issuer: Issuer, broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     async with panel_of(issuer) as panel, panel_of(issuer) as other:

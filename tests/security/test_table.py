@@ -23,7 +23,7 @@ THREATS = rows("What NeNa protects, and against whom")
 TRIED = rows("Tests of each threat")
 
 
-def test_each_threat_is_tried_in_the_order_of_the_table() -> None:
+def test_threats_are_tested_in_the_order_of_the_table() -> None:
     numbers = [number for number, _ in THREATS]
     assert numbers == [f"T{number}" for number in range(1, len(THREATS) + 1)]
     assert len(numbers) > 10
@@ -33,7 +33,7 @@ def test_each_threat_is_tried_in_the_order_of_the_table() -> None:
 @pytest.mark.parametrize(
     ("number", "cells"), TRIED, ids=[f"{number}-{n}" for n, (number, _) in enumerate(TRIED)]
 )
-def test_the_tests_that_are_named_are_there(number: str, cells: str) -> None:
+def test_named_tests_exist(number: str, cells: str) -> None:
     named = list(NAMED.finditer(cells))
     assert named, f"{number} names no test: {cells}"
     for each in named:

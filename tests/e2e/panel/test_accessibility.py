@@ -193,7 +193,7 @@ async def test_axe_finds_nothing_serious(hall: Hall, browser: Browser, *, dark: 
 
 
 @pytest.mark.parametrize("language", [pytest.param("en-GB", marks=pytest.mark.long), "de-DE"])
-async def test_no_view_is_wider_than_a_telephone(hall: Hall, browser: Browser, language: str) -> None:
+async def test_no_view_is_wider_than_a_phone(hall: Hall, browser: Browser, language: str) -> None:
     async with hall.connected(*commanded()):
         populate(hall)
         async with opened(browser, hall.url, width=390, language=language, expected=NO_ORDER_SERVICE) as page:
@@ -231,7 +231,7 @@ async def test_a_robot_is_commanded_by_keys_alone(hall: Hall, browser: Browser) 
             await expect(page.get_by_text("No answer from the order service")).to_be_visible()
 
 
-async def test_a_chain_of_causes_leads_from_one_robot_to_another(hall: Hall, browser: Browser) -> None:
+async def test_chain_of_causes_links_robots(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         populate(hall)
         async with opened(browser, hall.url + VIEWS["order"]) as page:

@@ -327,7 +327,7 @@ async def test_order_is_held_and_resumed(
             await expect(resume).to_be_hidden()
 
 
-async def test_without_an_order_service_the_page_only_shows(
+async def test_panel_is_read_only_without_an_order_service(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     fleet = Fleet(broker, interface_name, tmp_path)

@@ -92,7 +92,7 @@ def row(page: Page, number: int) -> Any:
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-async def test_a_jam_is_led_to_its_head(hall: Hall, browser: Browser, *, dark: bool) -> None:
+async def test_jam_is_traced_to_its_first_robot(hall: Hall, browser: Browser, *, dark: bool) -> None:
     async with hall.connected(*JAM):
         jam(hall)
         async with opened(browser, hall.url, width=1600, height=1000, dark=dark) as page:
@@ -173,7 +173,7 @@ async def test_an_idle_robot_shows_no_old_goals_and_no_internal_orders(hall: Hal
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
-async def test_an_emergency_stop_among_many_robots_is_seen_at_once(
+async def test_emergency_stop_among_many_robots_is_visible_at_once(
     hall: Hall, browser: Browser, width: int, height: int
 ) -> None:
     async with hall.connected():
@@ -229,7 +229,7 @@ async def test_red_banner_for_a_stopped_or_hanging_order_service(
             service.kill()
 
 
-async def test_a_robot_that_waits_for_a_paused_one_is_not_idle(
+async def test_robot_waiting_for_a_paused_one_is_not_idle(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     """The robots and the order service are real: Robot-01 is assigned to an order and has none yet."""

@@ -156,7 +156,7 @@ async def test_one_search_finds_robots_orders_and_places(hall: Hall, browser: Br
             await expect(page.get_by_role("tab", name="Robots")).to_have_text("Robots (4)")
 
 
-async def test_the_tabs_are_moved_by_keys(hall: Hall, browser: Browser) -> None:
+async def test_tabs_are_switched_by_keyboard(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         shift(hall)
         async with opened(browser, hall.url) as page:
@@ -216,7 +216,7 @@ async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -
             await expect(page.get_by_text("robots selected")).to_be_hidden()
 
 
-async def test_a_thousand_robots_stay_usable(hall: Hall, browser: Browser) -> None:
+async def test_list_of_a_thousand_robots_stays_usable(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()
         for number in range(1, MANY + 1):

@@ -87,7 +87,7 @@ async def test_an_operator_logs_in_works_and_logs_out(site: Site, browser: Brows
         await expect(page.get_by_role("heading", name="Sign in")).to_be_visible()
 
 
-async def test_a_viewer_sees_everything_and_commands_nothing(site: Site, browser: Browser) -> None:
+async def test_viewer_has_read_only_access(site: Site, browser: Browser) -> None:
     async with site.aggregator(), opened(browser, site.hall.url, expected=UNKNOWN) as page:
         await site.log_in(page, "viewer")
         await page.locator("tr[data-robot='ACME/r1']").get_by_role("link").click()
@@ -111,7 +111,7 @@ async def test_removed_user_is_sent_to_the_login_page(site: Site, browser: Brows
 
 
 @pytest.mark.parametrize(("language", "title"), [("nl-NL", "Aanmelden"), ("de-DE", "Anmelden")])
-async def test_the_page_speaks_the_browsers_language_on_a_telephone(
+async def test_login_page_uses_the_browser_language_on_a_phone(
     site: Site, browser: Browser, language: str, title: str
 ) -> None:
     async with (

@@ -48,9 +48,7 @@ async def near(page: Page, x: float, y: float, colour: str) -> int:
     return found
 
 
-async def test_what_is_ahead_of_a_robot_is_drawn_and_layers_are_switched(
-    hall: Hall, browser: Browser
-) -> None:
+async def test_planned_route_is_drawn_and_layers_are_switched(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()
         busy_robot(hall)
@@ -70,9 +68,7 @@ async def test_what_is_ahead_of_a_robot_is_drawn_and_layers_are_switched(
             await expect(page.get_by_role("checkbox", name="Blocks")).to_be_checked()
 
 
-async def test_the_robots_own_map_lies_under_the_plan_and_is_switched_off(
-    hall: Hall, browser: Browser
-) -> None:
+async def test_robot_map_is_drawn_below_the_plan_and_can_be_hidden(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()
         hall.publish_map()
@@ -87,7 +83,7 @@ async def test_the_robots_own_map_lies_under_the_plan_and_is_switched_off(
             await becomes(page, COLOUR_NEAR, [10, 13.15, "muted"], lambda found: found < 5)
 
 
-async def test_a_map_that_could_not_be_loaded_is_loaded_again(hall: Hall, browser: Browser) -> None:
+async def test_failed_map_is_loaded_again(hall: Hall, browser: Browser) -> None:
     asked = 0
 
     async def first_fails(route: Route) -> None:
@@ -124,7 +120,7 @@ async def test_factsheet_footprint_is_drawn(hall: Hall, browser: Browser) -> Non
             assert await near(page, 12, 4, "idle") == 0
 
 
-async def test_the_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, browser: Browser) -> None:
+async def test_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()
         hall.send(Topic.STATE, state(at=seconds_now(), mobile_robot_position=position(5, 2)))

@@ -37,7 +37,7 @@ async def test_empty_page_has_advice(hall: Hall, browser: Browser) -> None:
         await expect(page.locator("nena-link-banner")).to_be_hidden()
 
 
-async def test_robots_and_orders_live(hall: Hall, browser: Browser) -> None:
+async def test_robots_and_orders_are_updated_live(hall: Hall, browser: Browser) -> None:
     async with hall.connected(), opened(browser, hall.url) as page:
         hall.publish_plant()
         hall.send(Topic.CONNECTION, connection(), retain=True)
@@ -84,7 +84,7 @@ async def test_deviations_are_shown(hall: Hall, browser: Browser) -> None:
             await expect(section.get_by_role("listitem")).to_have_text("state.errors null: empty list")
 
 
-async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, browser: Browser) -> None:
+async def test_robot_is_selected_on_the_map_and_by_keyboard(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()
         for robot, x in ((ROBOT, 5.0), (OTHER, 15.0)):
@@ -111,7 +111,7 @@ async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, br
             await becomes(page, scale, None, lambda after: after == pytest.approx(before * 1.25))
 
 
-async def test_on_a_telephone_a_name_leads_to_the_robot_and_to_the_map(hall: Hall, browser: Browser) -> None:
+async def test_names_link_to_robot_and_map_on_a_phone(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()
         for number in range(1, 6):
@@ -130,7 +130,7 @@ async def test_on_a_telephone_a_name_leads_to_the_robot_and_to_the_map(hall: Hal
             await expect(title).to_be_in_viewport()
 
 
-async def test_the_page_outlives_the_aggregator(hall: Hall, browser: Browser) -> None:
+async def test_page_survives_a_restart_of_the_aggregator(hall: Hall, browser: Browser) -> None:
     first = hall.aggregator()
     with first:
         await first.logged("broker connected")
@@ -164,7 +164,7 @@ async def test_lost_broker_connection_is_shown(own_broker: Broker, browser: Brow
 
 
 @pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.long)])
-async def test_nothing_sticks_out_of_a_telephone(hall: Hall, browser: Browser, *, dark: bool) -> None:
+async def test_nothing_overflows_on_a_phone(hall: Hall, browser: Browser, *, dark: bool) -> None:
     async with hall.connected():
         hall.publish_plant()
         hall.publish_order(1, TransportOrderState.BEING_PROCESSED)

@@ -79,9 +79,7 @@ async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
                     assert await findings(page) == []
 
 
-async def test_a_map_without_room_draws_nothing_and_full_screen_has_a_button(
-    hall: Hall, browser: Browser
-) -> None:
+async def test_tiny_map_draws_nothing_and_has_a_full_screen_button(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()
         hall.publish_map()

@@ -44,7 +44,7 @@ def test_a_port_in_use_is_one_clear_line() -> None:
             )
 
 
-async def test_it_ends_in_order_while_somebody_follows_the_events(broker: Broker) -> None:
+async def test_exits_cleanly_while_a_client_follows_the_events(broker: Broker) -> None:
     with AggregatorProcess("--http.port", "0", "--mqtt.port", str(broker.port)) as aggregator:
         url = await aggregator.url()
         async with (

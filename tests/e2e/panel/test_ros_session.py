@@ -65,7 +65,7 @@ def fact(page: Page, name: str) -> Locator:
     return page.locator(f".facts dt:text-is('{name}') + dd")
 
 
-async def test_the_driver_is_switched_off_on_and_moved(
+async def test_ros_session_is_stopped_started_and_moved(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     with own_domain_id() as domain_id, RosPeer(domain_id) as peer:
@@ -110,7 +110,7 @@ async def test_the_driver_is_switched_off_on_and_moved(
                         await expect(other.get_by_role("button", name=name, exact=True)).to_be_visible()
 
 
-async def test_a_robot_without_ros_has_no_such_buttons(
+async def test_robot_without_ros_has_no_session_buttons(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     fleet = Fleet(broker, interface_name, tmp_path)

@@ -203,7 +203,7 @@ async def test_a_vehicle_is_hibernated_woken_and_shut_down(fleet: Fleet) -> None
     assert robot.process.wait(PATIENCE) == 0
 
 
-async def test_plant_model_is_put_in_use(fleet: Fleet) -> None:
+async def test_plant_model_is_activated(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
     nena = Nena(str(client.base_url))
     file = str(sample_plant_path())
@@ -236,7 +236,7 @@ async def test_all_orders_are_watched_as_they_change(fleet: Fleet) -> None:
     assert [each["state"] for each in told].index("FAILED") == len(told) - 1 > 0
 
 
-async def test_what_goes_wrong_is_one_clear_text(fleet: Fleet) -> None:
+async def test_errors_are_one_clear_text(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
     nena = Nena(str(client.base_url))
     for arguments, said in (
@@ -259,7 +259,7 @@ async def test_what_goes_wrong_is_one_clear_text(fleet: Fleet) -> None:
     assert (away.exit_code, "Cannot connect to the order service" in away.stderr) == (2, True)
 
 
-async def test_of_several_order_services_the_active_one_is_asked(fleet: Fleet) -> None:
+async def test_active_order_service_is_used(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
     nena = Nena(f"http://127.0.0.1:{free_port()}", str(client.base_url))
     assert len(await nena.json("vehicles", "list")) == 2

@@ -16,7 +16,7 @@ def nena(*arguments: str, stdin: bytes = b"") -> subprocess.CompletedProcess[byt
     return subprocess.run(command, capture_output=True, input=stdin, timeout=PATIENCE, check=False)
 
 
-def test_a_plant_goes_through_a_pipe_from_format_to_format(tmp_path: Path) -> None:
+def test_plant_is_converted_in_a_pipe(tmp_path: Path) -> None:
     own = nena("import", str(sample_plant_path()), "-o", "-")
     assert own.returncode == 0, own.stderr
     out = tmp_path / "hall.xml"

@@ -31,7 +31,7 @@ def url(broker: Broker) -> str:
     return f"mqtt://{broker.host}:{broker.port}"
 
 
-async def test_what_is_replayed_is_what_was_recorded(own_broker: Broker, tmp_path: Path) -> None:
+async def test_replay_equals_the_recording(own_broker: Broker, tmp_path: Path) -> None:
     again = tmp_path / "again.jsonl"
     with recorder(own_broker, again):
         await until(lambda: "SUBSCRIBE" in own_broker.log, what="the recorder")
@@ -69,7 +69,7 @@ async def test_a_part_of_a_recording_is_replayed(own_broker: Broker) -> None:
     assert [each.payload for each in received] == [first.payload, second.payload]
 
 
-async def test_one_robot_is_recorded_as_it_was_said(own_broker: Broker, tmp_path: Path) -> None:
+async def test_messages_of_one_robot_are_recorded_unchanged(own_broker: Broker, tmp_path: Path) -> None:
     file = tmp_path / "one.jsonl"
     wanted = ("--interface", "site/hall", "--robot", "ACME/1", "--messages", "3")
     with MqttPeer(own_broker, "none") as peer:
@@ -92,7 +92,7 @@ async def test_one_robot_is_recorded_as_it_was_said(own_broker: Broker, tmp_path
     ]
 
 
-async def test_a_recording_that_is_interrupted_is_whole(own_broker: Broker, tmp_path: Path) -> None:
+async def test_interrupted_recording_is_complete(own_broker: Broker, tmp_path: Path) -> None:
     file = tmp_path / "some.jsonl"
     with MqttPeer(own_broker, "none") as peer, recorder(own_broker, file) as process:
         await until(lambda: own_broker.log.count("SUBSCRIBE") > 1, what="the recorder")
@@ -104,12 +104,12 @@ async def test_a_recording_that_is_interrupted_is_whole(own_broker: Broker, tmp_
     assert [each.payload for each in read_file(file)] == [b"{}"]
 
 
-def test_nothing_is_left_of_a_recording_that_did_not_begin(tmp_path: Path) -> None:
+def test_failed_recording_leaves_no_file(tmp_path: Path) -> None:
     assert nena("record", "mqtt://127.0.0.1:1", str(tmp_path / "it.jsonl")).returncode == 2
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_is_never_written_over(own_broker: Broker, tmp_path: Path) -> None:
+def test_existing_recording_is_never_overwritten(own_broker: Broker, tmp_path: Path) -> None:
     file = tmp_path / "there.jsonl"
     file.write_text("precious")
 
@@ -119,7 +119,7 @@ def test_a_recording_is_never_written_over(own_broker: Broker, tmp_path: Path) -
     assert "there.jsonl" in done.stderr
 
 
-def test_show_tells_what_changed() -> None:
+def test_show_lists_changes() -> None:
     done = nena("show", str(FILE))
 
     assert done.returncode == 0, done.stderr
@@ -130,7 +130,7 @@ def test_show_tells_what_changed() -> None:
     assert nena("show", str(FILE), "--robot", "ACME/0009").stdout == ""
 
 
-def test_check_says_what_is_wrong_and_ends_with_1() -> None:
+def test_check_reports_errors_and_exits_with_1() -> None:
     lines = FILE.read_text()
 
     assert nena("check", str(FILE)).returncode == 0
@@ -143,7 +143,7 @@ def test_check_says_what_is_wrong_and_ends_with_1() -> None:
     assert "message; VDA 5050 3.0.0, 7.8" in text
 
 
-def test_warnings_count_when_they_are_to() -> None:
+def test_warnings_count_with_the_option() -> None:
     refusals = str(FOLDER / "2.1.0-refusals.jsonl")
 
     assert nena("check", refusals).returncode == 0
@@ -152,7 +152,7 @@ def test_warnings_count_when_they_are_to() -> None:
     assert nena("check", refusals, "--strict", "--topic", "+/+/+/+/state").returncode == 0
 
 
-async def test_check_listens_to_a_broker(own_broker: Broker) -> None:
+async def test_check_reads_from_a_broker(own_broker: Broker) -> None:
     command = [
         sys.executable,
         "-m",
@@ -189,7 +189,7 @@ async def _start(command: list[str]) -> subprocess.Popen[str]:
         (("record", "http://x", "never.jsonl"), "Invalid broker URL"),
     ],
 )
-def test_what_cannot_be_done_is_one_clear_line_and_status_2(arguments: tuple[str, ...], text: str) -> None:
+def test_errors_are_one_clear_line_and_status_2(arguments: tuple[str, ...], text: str) -> None:
     done = nena(*arguments)
 
     assert done.returncode == 2

@@ -84,7 +84,7 @@ async def nothing_gets_through(running: RunningSite, who: tuple[Kind, str], *for
 
 
 @pytest.mark.parametrize("tls", ["no certificate", "a foreign authority's", "no TLS"])
-async def test_who_has_no_certificate_of_the_site_is_not_let_in(running: RunningSite, tls: str) -> None:
+async def test_client_without_a_site_certificate_is_rejected(running: RunningSite, tls: str) -> None:
     good = running.settings_in(running.folder_of(*ORDER_SERVICE))
     foreign = Authority(running.site.folder.parent, "foreign").sign("order-service")
     settings = {
@@ -106,7 +106,7 @@ async def test_who_has_no_certificate_of_the_site_is_not_let_in(running: Running
     assert stranger.link.state.connects == 0
 
 
-async def test_a_host_hears_neither_other_hosts_nor_robots(running: RunningSite) -> None:
+async def test_host_cannot_read_messages_of_hosts_or_robots(running: RunningSite) -> None:
     own, commands = "nena/v1/hosts/wms/transportOrders/answer", of_robot("1", *SAID_TO_ROBOTS)
     states, answers = said_by_robot("1"), [each for each in OF_ANOTHER_HOST if "answer" in each]
     async with (
@@ -126,14 +126,14 @@ async def test_a_host_hears_neither_other_hosts_nor_robots(running: RunningSite)
         assert set(host.topics) == {own}
 
 
-async def test_a_host_says_nothing_for_robots_or_the_order_service(running: RunningSite) -> None:
+async def test_host_cannot_publish_for_robots_or_the_order_service(running: RunningSite) -> None:
     robots = [*said_by_robot("1"), *of_robot("1", *SAID_TO_ROBOTS)]
     forbidden = (*robots, *OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE, *COMMANDS_OF_NOBODY)
 
     await nothing_gets_through(running, HOST, *forbidden)
 
 
-async def test_a_robot_says_nothing_for_its_neighbour_or_anybody_else(running: RunningSite) -> None:
+async def test_robot_cannot_publish_for_others(running: RunningSite) -> None:
     own = of_robot("1", *SAID_TO_ROBOTS)
     neighbours = [*said_by_robot("2"), *of_robot("2", *SAID_TO_ROBOTS)]
     others = (*OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE, *COMMANDS_OF_NOBODY)
@@ -141,7 +141,7 @@ async def test_a_robot_says_nothing_for_its_neighbour_or_anybody_else(running: R
     await nothing_gets_through(running, ROBOT_1, *own, *neighbours, *others)
 
 
-async def test_a_robot_hears_nothing_of_its_neighbour_or_anybody_else(running: RunningSite) -> None:
+async def test_robot_cannot_read_messages_of_others(running: RunningSite) -> None:
     own, commands = of_robot("1", "order"), of_robot("2", *SAID_TO_ROBOTS)
     states = said_by_robot("2")
     others = [*OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE[1:]]
@@ -161,14 +161,14 @@ async def test_a_robot_hears_nothing_of_its_neighbour_or_anybody_else(running: R
         assert set(robot.topics) == set(own)
 
 
-async def test_the_aggregator_says_nothing_at_all(running: RunningSite) -> None:
+async def test_aggregator_cannot_publish(running: RunningSite) -> None:
     robots = [*said_by_robot("1"), *of_robot("1", *SAID_TO_ROBOTS)]
     forbidden = (*robots, *OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE, *COMMANDS_OF_NOBODY)
 
     await nothing_gets_through(running, AGGREGATOR, *forbidden, "nena/v1/hosts/wms/transportOrders/create")
 
 
-async def test_the_order_service_does_not_speak_as_a_robot(running: RunningSite) -> None:
+async def test_order_service_cannot_publish_for_a_robot(running: RunningSite) -> None:
     await nothing_gets_through(running, ORDER_SERVICE, *of_robot("1", *SAID_BY_ROBOTS))
 
 
@@ -178,7 +178,7 @@ PLANT_OF_10_000_POINTS = 15_000_000
 """Bytes of its JSON."""
 
 
-async def test_a_message_that_is_too_long_ends_the_connection_and_reaches_nobody(
+async def test_oversized_message_is_dropped_and_closes_the_connection(
     running: RunningSite,
 ) -> None:
     topic = "nena/v1/hosts/wms/transportOrders/create"
@@ -192,7 +192,7 @@ async def test_a_message_that_is_too_long_ends_the_connection_and_reaches_nobody
         assert service.link.state.connects == 1, "nobody else has noticed"
 
 
-async def test_the_model_of_a_large_plant_is_not_too_long(running: RunningSite) -> None:
+async def test_large_plant_model_is_within_the_size_limit(running: RunningSite) -> None:
     topic = "nena/v1/plantModel"
     async with running.client(ORDER_SERVICE) as service, running.client(HOST, topic) as host:
         service.link.publish(Outbound(topic, bytes(PLANT_OF_10_000_POINTS), retain=True))

@@ -55,7 +55,7 @@ async def test_the_main_job_is_possible(running: RunningSite) -> None:
         await until(lambda: state in service.topics and state in aggregator.topics)
 
 
-async def test_its_certificates_stand_the_strictest_look(running: RunningSite) -> None:
+async def test_certificates_pass_strict_verification(running: RunningSite) -> None:
     """Verify them as CPython 3.13 does, whatever version runs this test."""
     async with running.client(ROBOT_2):
         pass  # the broker is there
@@ -68,7 +68,7 @@ async def test_its_certificates_stand_the_strictest_look(running: RunningSite) -
     writer.close()
 
 
-async def test_a_robot_cannot_command_its_neighbour_or_speak_for_it(running: RunningSite) -> None:
+async def test_robot_can_neither_command_nor_impersonate_another(running: RunningSite) -> None:
     forbidden = [
         "uagv/v2/ACME/2/order",
         "uagv/v2/ACME/2/instantActions",
@@ -89,7 +89,7 @@ async def test_a_robot_cannot_command_its_neighbour_or_speak_for_it(running: Run
         assert neighbour.came == []
 
 
-async def test_a_robot_does_not_read_the_orders_of_others(running: RunningSite) -> None:
+async def test_robot_cannot_read_orders_of_others(running: RunningSite) -> None:
     async with (
         running.client(ROBOT_1, "uagv/v2/+/+/order", "#") as robot,
         running.client(ORDER_SERVICE) as service,
@@ -100,7 +100,7 @@ async def test_a_robot_does_not_read_the_orders_of_others(running: RunningSite) 
         assert set(robot.topics) == {"uagv/v2/ACME/1/order"}
 
 
-async def test_a_host_neither_commands_robots_nor_speaks_for_another_host(running: RunningSite) -> None:
+async def test_host_can_neither_command_robots_nor_impersonate_another_host(running: RunningSite) -> None:
     async with (
         running.client(ORDER_SERVICE, "nena/v1/hosts/#") as service,
         running.client(ROBOT_1, "uagv/v2/ACME/1/order") as robot,
@@ -115,7 +115,7 @@ async def test_a_host_neither_commands_robots_nor_speaks_for_another_host(runnin
         assert robot.came == []
 
 
-async def test_the_aggregator_only_watches(running: RunningSite) -> None:
+async def test_aggregator_is_read_only(running: RunningSite) -> None:
     async with (
         running.client(ROBOT_1, "uagv/v2/ACME/1/order") as robot,
         running.client(ORDER_SERVICE) as service,
@@ -129,7 +129,7 @@ async def test_the_aggregator_only_watches(running: RunningSite) -> None:
         assert len(robot.came) == 1
 
 
-async def test_who_is_removed_is_not_let_in_again(running: RunningSite, tmp_path: Path) -> None:
+async def test_removed_client_is_rejected(running: RunningSite, tmp_path: Path) -> None:
     shutil.copytree(running.folder_of(*ROBOT_1), tmp_path / "stolen")
     running.site.remove(*ROBOT_1)
     running.restart()
@@ -142,7 +142,7 @@ async def test_who_is_removed_is_not_let_in_again(running: RunningSite, tmp_path
         assert gone.link.state.connects == 0
 
 
-async def test_who_is_added_has_its_rights_without_a_restart(running: RunningSite) -> None:
+async def test_added_client_has_its_rights_without_a_restart(running: RunningSite) -> None:
     new = (Kind.ROBOT, "ACME/3")
     async with running.client(AGGREGATOR, "uagv/v2/#") as watcher:
         running.site.add(*new, days=1)
@@ -155,7 +155,7 @@ async def test_who_is_added_has_its_rights_without_a_restart(running: RunningSit
         assert watcher.link.state.connects == 1, "nobody else has noticed"
 
 
-async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: RunningSite) -> None:
+async def test_robot_cannot_take_over_another_session(running: RunningSite) -> None:
     """A robot knows how client IDs are made, but has its own key, so it gets another ID."""
     one, two = (running.settings_in(running.folder_of(*each)) for each in (ROBOT_1, ROBOT_2))
     neighbour = RobotKey("ACME", "2")
@@ -172,7 +172,7 @@ async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: R
         assert victim.link.state.connects == 1
 
 
-async def test_a_site_that_was_lost_comes_back_from_its_copy(running: RunningSite, tmp_path: Path) -> None:
+async def test_lost_site_is_restored_from_its_backup(running: RunningSite, tmp_path: Path) -> None:
     """Follow `docs/operations.md`: restored with its modes, and robots notice nothing."""
     stolen = shutil.copytree(running.folder_of(*ROBOT_2), tmp_path / "stolen")
     on_the_robot = shutil.copytree(running.folder_of(*ROBOT_1), tmp_path / "robot")
@@ -203,7 +203,7 @@ INVENTED = (
 )
 
 
-async def test_a_robot_leaves_no_messages_under_topics_that_it_invents(running: RunningSite) -> None:
+async def test_robot_cannot_retain_messages_under_other_topics(running: RunningSite) -> None:
     own = "uagv/v2/ACME/1/state"
     async with running.client(ROBOT_1) as robot:
         for topic in (*INVENTED, own):
@@ -220,7 +220,7 @@ LONGEST = 16 * MEGABYTE - 1000
 """Bytes of a message that the broker just accepts."""
 
 
-async def test_what_a_robot_may_leave_does_not_take_all_memory(running: RunningSite) -> None:
+async def test_retained_messages_of_a_robot_are_limited(running: RunningSite) -> None:
     """The longest messages on all its topics: the broker refuses what is beyond its limit, and continues."""
     running.limit_memory(64 * MEGABYTE)
     topics = [*topics_of_robot(RobotKey("ACME", "1"), SiteTopics())]
@@ -239,7 +239,7 @@ async def test_what_a_robot_may_leave_does_not_take_all_memory(running: RunningS
         assert (service.link.state.connects, neighbour.link.state.connects) == (1, 1)
 
 
-async def test_what_the_broker_retains_of_a_robot_goes_with_it(running: RunningSite) -> None:
+async def test_retained_messages_are_deleted_with_their_robot(running: RunningSite) -> None:
     own = ("uagv/v2/ACME/1/connection", "vda5050/v3/ACME/1/factsheet", "nena/v1/robots/ACME/1/map")
     async with running.client(ROBOT_1) as robot:
         for topic in own:
@@ -261,7 +261,7 @@ def _remove_robot(site: Path) -> None:
     assert (done.exit_code, "cannot be reached" in done.stderr) == (0, False), done.stderr
 
 
-def test_a_broker_that_is_away_does_not_keep_a_robot(running: RunningSite) -> None:
+def test_robot_is_removed_without_a_broker(running: RunningSite) -> None:
     running.end()
     done = CliRunner().invoke(app, ["robot", "remove", str(running.site.folder), "ACME", "1"])
 

@@ -38,7 +38,7 @@ OPERATIONS = [lifting("pick", "take"), lifting("drop", "give"), {"kind": "dock",
 
 
 @pytest.mark.clause("6.1.4.3")
-async def test_without_ros_such_an_action_is_refused_before_the_robot_drives(
+async def test_ros_action_is_rejected_without_ros_before_the_robot_drives(
     broker: Broker, interface_name: str, fleet: FleetControl, tmp_path: Path
 ) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path, operations=OPERATIONS)):
@@ -52,7 +52,7 @@ async def test_without_ros_such_an_action_is_refused_before_the_robot_drives(
 
 
 @pytest.mark.clause("6.2.3/pick", "7.8/loads")
-async def test_rehearsed_actions_do_a_whole_order_and_the_load_outlives_the_agent(
+async def test_rehearsed_actions_complete_an_order_and_the_load_survives_a_restart(
     broker: Broker, interface_name: str, fleet: FleetControl, tmp_path: Path
 ) -> None:
     actions = {"without_ros": "rehearse", "rehearsal_seconds": 0.05}

@@ -44,7 +44,7 @@ async def fleet(
 
 
 @pytest.mark.clause("6.6.2", "7.8/loads", "6.2.3/pick")
-async def test_an_order_is_driven_to_its_end(fleet: FleetControl) -> None:
+async def test_order_is_executed_to_its_end(fleet: FleetControl) -> None:
     work = {"n1": [action("a", "HARD", "pick")], "n3": [action("b", "HARD", "drop")]}
     fleet.send(order("n0", "n1", "n2", "n3", node_actions=work))
 
@@ -74,7 +74,7 @@ async def test_headers_are_counted_per_topic(fleet: FleetControl) -> None:
 
 
 @pytest.mark.clause("6.6.3", "6.1.2/B6")
-async def test_a_base_that_is_extended_in_time_is_driven_on(fleet: FleetControl) -> None:
+async def test_base_extended_in_time_is_driven_without_a_stop(fleet: FleetControl) -> None:
     fleet.send(order("n0", "n1", "n2", released=2))
     waiting = await fleet.state(lambda state: state["lastNodeId"] == "n1")
     assert [each["nodeId"] for each in waiting["nodeStates"]] == ["n2"]
@@ -87,7 +87,7 @@ async def test_a_base_that_is_extended_in_time_is_driven_on(fleet: FleetControl)
 
 
 @pytest.mark.clause("6.1.4.1", "6.6.5.2", "6.6.1/request", "7.1/malformed")
-async def test_a_malformed_order_is_answered_and_the_robot_lives_on(fleet: FleetControl) -> None:
+async def test_malformed_order_is_rejected_and_the_robot_continues(fleet: FleetControl) -> None:
     fleet.peer.publish(fleet.topic(Topic.ORDER), '{"orderId": "bad", "orderUpdateId": 3, "nodes": []}')
     state = await fleet.state(lambda state: state["errors"])
     (error,) = state["errors"]
@@ -109,7 +109,7 @@ async def test_a_malformed_order_is_answered_and_the_robot_lives_on(fleet: Fleet
 
 
 @pytest.mark.clause("7.2")
-async def test_an_order_for_another_robot_is_refused(fleet: FleetControl) -> None:
+async def test_order_for_another_robot_is_rejected(fleet: FleetControl) -> None:
     wrong = json.dumps(
         {
             "headerId": 5,
@@ -130,7 +130,7 @@ async def test_an_order_for_another_robot_is_refused(fleet: FleetControl) -> Non
 
 @pytest.mark.clause("7.2/version")
 @pytest.mark.parametrize(("version", "taken"), [("2.0.0", True), ("3.0.0", False)])
-async def test_the_major_version_decides(fleet: FleetControl, version: str, taken: bool) -> None:  # noqa: FBT001
+async def test_only_the_major_version_must_match(fleet: FleetControl, version: str, taken: bool) -> None:  # noqa: FBT001
     fleet.send(order("n0", "n1", order_id="first"))
     await fleet.state(ended("first"))
     payload = json.loads(fleet.peer.payloads(fleet.topic(Topic.ORDER))[0])
@@ -144,7 +144,7 @@ async def test_the_major_version_decides(fleet: FleetControl, version: str, take
 
 
 @pytest.mark.clause("6.1.3")
-async def test_a_cancel_stops_the_robot_on_its_way(
+async def test_cancel_stops_the_driving_robot(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
 ) -> None:
     slow = {"speed": 2.0, "pose_interval": 0.02, "turn_rate": 50.0}
@@ -163,7 +163,7 @@ async def test_a_cancel_stops_the_robot_on_its_way(
 
 
 @pytest.mark.clause("4.1/retain")
-async def test_a_retained_order_is_not_executed(
+async def test_retained_order_is_not_executed(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
 ) -> None:
     fleet = FleetControl(peer, interface_name)
@@ -181,7 +181,7 @@ async def test_a_retained_order_is_not_executed(
 
 
 @pytest.mark.clause("6.5", "6.5/start", "4.1/retain", "6.10")
-async def test_connection_factsheet_and_state_come_at_the_start_and_offline_at_the_end(
+async def test_publishes_connection_factsheet_and_state_at_startup_and_offline_at_the_end(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
 ) -> None:
     fleet = FleetControl(peer, interface_name)
@@ -209,7 +209,7 @@ async def test_a_factsheet_request_is_answered(fleet: FleetControl) -> None:
 
 
 @pytest.mark.clause("7.7", "7.8", "7.9", "7.10/message")
-async def test_what_the_robot_publishes_fits_the_official_schemas(fleet: FleetControl) -> None:
+async def test_published_messages_match_the_official_schemas(fleet: FleetControl) -> None:
     fleet.send(order("n0", "n1", "n2", released=2, node_actions={"n1": [action("a", "SOFT", "pick")]}))
     await fleet.state(lambda state: status_of(state, "a") == "FINISHED")
     fleet.send(order("n5", order_id="o2"))
@@ -222,7 +222,7 @@ async def test_what_the_robot_publishes_fits_the_official_schemas(fleet: FleetCo
             assert not schema_problems("2.1.0", topic.value, payload)
 
 
-async def test_a_fleet_of_loopback_robots_runs_in_one_process(
+async def test_fleet_of_loopback_robots_runs_in_one_process(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
 ) -> None:
     many = {"count": 5, "spacing": 10.0, "speed": 50.0, "turn_rate": 50.0}
@@ -237,9 +237,7 @@ async def test_a_fleet_of_loopback_robots_runs_in_one_process(
             assert state["serialNumber"] == f"0001-{index + 1}"
 
 
-async def test_a_disk_that_fails_is_shown_and_the_order_waits_for_it(
-    fleet: FleetControl, tmp_path: Path
-) -> None:
+async def test_disk_failure_is_reported_and_the_order_waits(fleet: FleetControl, tmp_path: Path) -> None:
     journal = tmp_path / "ACME.0001.new"
     journal.mkdir()
     (tmp_path / "ACME.0001.journal").unlink()  # another one cannot be made now
@@ -252,7 +250,7 @@ async def test_a_disk_that_fails_is_shown_and_the_order_waits_for_it(
     await fleet.state(lambda state: ended("o1")(state) and not state["errors"])
 
 
-async def test_a_disk_that_hangs_is_shown_and_waited_for(fleet: FleetControl, tmp_path: Path) -> None:
+async def test_hanging_disk_is_reported_and_the_order_waits(fleet: FleetControl, tmp_path: Path) -> None:
     journal = tmp_path / "ACME.0001.new"
     os.mkfifo(journal)  # opening it for writing takes until somebody reads
     (tmp_path / "ACME.0001.journal").unlink()
@@ -266,7 +264,7 @@ async def test_a_disk_that_hangs_is_shown_and_waited_for(fleet: FleetControl, tm
     assert '"order_id":"o1"' in (tmp_path / "ACME.0001.journal").read_text()
 
 
-async def test_a_fault_in_the_core_costs_one_message_and_not_the_robot(
+async def test_exception_in_the_core_loses_one_message_only(
     fleet: FleetControl, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     receive = orders.receive
@@ -286,7 +284,7 @@ async def test_a_fault_in_the_core_costs_one_message_and_not_the_robot(
 
 
 @pytest.mark.clause("6.6.5.1/keeps")
-async def test_a_driver_that_fails_is_an_error_in_the_state(
+async def test_driver_failure_is_an_error_in_the_state(
     fleet: FleetControl, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(_: LoopbackDriver, goal: DriveGoal) -> None:
@@ -307,7 +305,7 @@ async def test_a_driver_that_fails_is_an_error_in_the_state(
 
 
 @pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause", "6.6.9")
-async def test_an_action_is_held_and_goes_on(fleet: FleetControl) -> None:
+async def test_action_is_paused_and_resumed(fleet: FleetControl) -> None:
     fleet.send(order("n0", node_actions={"n0": [action("a", "HARD", "wait", duration=3.0)]}))
     await fleet.state(lambda state: status_of(state, "a") == "RUNNING")
 
@@ -321,7 +319,7 @@ async def test_an_action_is_held_and_goes_on(fleet: FleetControl) -> None:
 
 
 @pytest.mark.clause("6.1.3/actions")
-async def test_a_running_action_is_cancelled_with_its_order(fleet: FleetControl) -> None:
+async def test_running_action_is_cancelled_with_its_order(fleet: FleetControl) -> None:
     fleet.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD", "wait", duration=60)]}))
     await fleet.state(lambda state: status_of(state, "a") == "RUNNING")
 
@@ -332,7 +330,7 @@ async def test_a_running_action_is_cancelled_with_its_order(fleet: FleetControl)
 
 
 @pytest.mark.clause("6.2.3/initializePosition")
-async def test_a_robot_is_told_where_it_is(fleet: FleetControl) -> None:
+async def test_init_position_sets_the_pose(fleet: FleetControl) -> None:
     place: dict[str, Any] = {"x": 50.0, "y": 0.0, "theta": 1.0, "mapId": MAP, "lastNodeId": "n5"}
     fleet.instant(action("i", "NONE", "initializePosition", **place))
 

@@ -166,7 +166,7 @@ async def test_row_1_a_malformed_order(robot: BenchRobot, fault: str) -> None:
 
 
 @pytest.mark.clause("6.1.4.9", "6.6.6")
-async def test_row_2_a_mode_that_takes_no_orders(robot: BenchRobot) -> None:
+async def test_row_2_a_mode_that_rejects_orders(robot: BenchRobot) -> None:
     await robot.command("operatingMode", mode="MANUAL")
     await robot.state(lambda state: state.operating_mode is OperatingMode.MANUAL)
 
@@ -191,7 +191,7 @@ async def test_row_3_more_than_the_robot_can_hold(robot: BenchRobot) -> None:
 
 
 @pytest.mark.clause("6.1.4.2", "7.3/edge")
-async def test_row_4_an_optional_field_that_the_robot_cannot_act_on(robot: BenchRobot) -> None:
+async def test_row_4_an_unsupported_optional_field(robot: BenchRobot) -> None:
     await held(robot, new_id())
 
     await refused(
@@ -203,7 +203,7 @@ async def test_row_4_an_optional_field_that_the_robot_cannot_act_on(robot: Bench
 
 @pytest.mark.clause("6.1.4.3")
 @pytest.mark.parametrize("released", [2, 1], ids=["base", "horizon"])
-async def test_row_5_an_action_that_the_robot_does_not_have(robot: BenchRobot, released: int) -> None:
+async def test_row_5_an_unknown_action(robot: BenchRobot, released: int) -> None:
     await held(robot, new_id())
 
     await refused(
@@ -237,7 +237,7 @@ async def test_row_a2_a_new_order_with_an_update_id(robot: BenchRobot) -> None:
 
 
 @pytest.mark.clause("6.1.4.10", "6.3.1")
-async def test_row_a3_a_map_that_is_not_on_the_robot(robot: BenchRobot) -> None:
+async def test_row_a3_an_unknown_map(robot: BenchRobot) -> None:
     elsewhere = position(10.0).model_copy(update={"map_id": f"not-{MAP}"})
 
     await refused(
@@ -248,7 +248,7 @@ async def test_row_a3_a_map_that_is_not_on_the_robot(robot: BenchRobot) -> None:
 
 
 @pytest.mark.clause("6.1.4.7")
-async def test_row_a4_a_start_where_the_robot_is_not(robot: BenchRobot) -> None:
+async def test_row_a4_a_start_away_from_the_robot(robot: BenchRobot) -> None:
     await refused(
         robot,
         order("n4", "n5", order_id=new_id()),
@@ -257,7 +257,7 @@ async def test_row_a4_a_start_where_the_robot_is_not(robot: BenchRobot) -> None:
 
 
 @pytest.mark.clause("6.1.4.8")
-async def test_row_a5_a_node_to_which_no_way_leads(robot: BenchRobot) -> None:
+async def test_row_a5_an_unreachable_node(robot: BenchRobot) -> None:
     await robot.command("noRoute", x=30, y=0)
     await robot.state(lambda _: True)
 
@@ -271,7 +271,7 @@ async def test_row_a5_a_node_to_which_no_way_leads(robot: BenchRobot) -> None:
 
 
 @pytest.mark.clause("6.1.2/A6", "6.6.5")
-async def test_row_a6_an_accepted_order_ends_what_was_refused_before(robot: BenchRobot) -> None:
+async def test_row_a6_an_accepted_order_clears_earlier_rejections(robot: BenchRobot) -> None:
     await refused(robot, order("n4", "n5", order_id=new_id()), Refusal(ErrorType.START_NODE_OUT_OF_RANGE))
     await robot.command("speed", speed=1)
 
@@ -307,7 +307,7 @@ async def test_row_b2_an_update_after_a_cancel(robot: BenchRobot) -> None:
 
 
 @pytest.mark.clause("6.1.4.5")
-async def test_row_b3_the_update_that_is_held_already(robot: BenchRobot) -> None:
+async def test_row_b3_a_repeated_update(robot: BenchRobot) -> None:
     order_id = new_id()
     await held(robot, order_id)
     repeated = order("n1", "n2", order_id=order_id, update=1, first=2, released=1)
@@ -352,7 +352,7 @@ async def test_row_b4_an_update_that_changes_the_decision_point(robot: BenchRobo
 
 
 @pytest.mark.clause("6.1.2/B5")
-async def test_row_b5_an_update_of_an_order_that_is_done(robot: BenchRobot) -> None:
+async def test_row_b5_an_update_of_a_finished_order(robot: BenchRobot) -> None:
     order_id = new_id()
     robot.fleet.send(order("n0", "n1", order_id=order_id))
     await robot.state(lambda state: state.order_id == order_id and idle(state))
@@ -367,7 +367,7 @@ async def test_row_b5_an_update_of_an_order_that_is_done(robot: BenchRobot) -> N
 
 
 @pytest.mark.clause("6.1.2/B6")
-async def test_row_b6_an_accepted_update_takes_the_place_of_the_horizon(robot: BenchRobot) -> None:
+async def test_row_b6_an_accepted_update_replaces_the_horizon(robot: BenchRobot) -> None:
     order_id = new_id()
     await held(robot, order_id)
     await refused(

@@ -48,13 +48,13 @@ def first_missing(view: BrokerView) -> LinkFinding:
     return next(each for each in view.findings if each.verdict is MISSING)
 
 
-async def test_a_broker_that_lets_the_robot_in(broker: Broker, interface_name: str) -> None:
+async def test_broker_accepts_the_robot(broker: Broker, interface_name: str) -> None:
     view = await examine_broker(settings_for(broker.settings, interface_name=interface_name))
 
     assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: OK, Link.ACCESS: OK}
 
 
-async def test_a_port_where_nobody_listens() -> None:
+async def test_closed_port() -> None:
     port = free_port()
 
     view = await examine_broker(settings_for(MqttSettings(port=port)))
@@ -63,13 +63,13 @@ async def test_a_port_where_nobody_listens() -> None:
     assert f"127.0.0.1:{port} is unreachable: Connection refused" in first_missing(view).text
 
 
-async def test_a_name_that_nobody_knows() -> None:
+async def test_unknown_host() -> None:
     view = await examine_broker(settings_for(MqttSettings(host="broker.invalid")))
 
     assert "the name does not resolve" in first_missing(view).text
 
 
-async def test_something_that_is_no_broker(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_server_that_is_not_a_broker(monkeypatch: pytest.MonkeyPatch) -> None:
     """Accept the connection and close it."""
     monkeypatch.setattr("nena_edge_agent.doctor.broker.ANSWER_WITHIN", 2.0)
 
@@ -84,7 +84,7 @@ async def test_something_that_is_no_broker(monkeypatch: pytest.MonkeyPatch) -> N
     assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: MISSING, Link.ACCESS: UNKNOWN}
 
 
-async def test_a_link_that_forgets_that_it_is_to_end_is_told_again(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_link_that_ignores_its_end_is_ended_again(monkeypatch: pytest.MonkeyPatch) -> None:
     cancel_again_at_once(monkeypatch)
     monkeypatch.setattr("nena_edge_agent.doctor.broker.ANSWER_WITHIN", 2.0)
     monkeypatch.setattr(MqttLink, "run", forgetful)
@@ -123,7 +123,7 @@ async def test_a_login(
     assert verdicts(view)[Link.LOGIN] is verdict
 
 
-async def test_a_robot_that_may_not_write(guarded: Broker) -> None:
+async def test_robot_without_write_permission(guarded: Broker) -> None:
     mqtt = guarded.settings.model_copy(update={"username": "mute", "password": SecretStr("m")})
 
     view = await examine_broker(settings_for(mqtt))
@@ -134,7 +134,7 @@ async def test_a_robot_that_may_not_write(guarded: Broker) -> None:
 
 
 @pytest.mark.skipif(not PLUGIN.exists(), reason=f"Mosquitto's dynamic security plug-in is not at {PLUGIN}")
-async def test_a_robot_that_may_not_read_orders(tmp_path: Path) -> None:
+async def test_robot_without_permission_to_read_orders(tmp_path: Path) -> None:
     deny = {"acltype": "subscribePattern", "topic": "+/v2/+/+/order", "priority": 1, "allow": False}
     rules = {
         "defaultACLAccess": dict.fromkeys(
@@ -171,7 +171,7 @@ async def test_the_maps_of_a_plant_model_are_read(
     assert view.plant_maps == {"hall"}
 
 
-async def test_a_running_agent_goes_on(broker: Broker, interface_name: str, tmp_path: Path) -> None:
+async def test_running_agent_is_not_disturbed(broker: Broker, interface_name: str, tmp_path: Path) -> None:
     settings = agent_settings(broker, interface_name, tmp_path)
     with MqttPeer(broker, f"{interface_name}/#") as peer:
         fleet = FleetControl(peer, interface_name)
@@ -185,7 +185,7 @@ async def test_a_running_agent_goes_on(broker: Broker, interface_name: str, tmp_
             assert fleet.connections == ["ONLINE"]
 
 
-def test_the_command_ends_with_what_it_found(capsys: pytest.CaptureFixture[str], broker: Broker) -> None:
+def test_exit_status_reflects_the_findings(capsys: pytest.CaptureFixture[str], broker: Broker) -> None:
     loopback = ("--driver", "loopback", "--mqtt.port")
 
     well = main((*loopback, str(broker.port)))
@@ -201,14 +201,14 @@ def test_the_command_ends_with_what_it_found(capsys: pytest.CaptureFixture[str],
     assert report.endswith("The first missing link: broker.\n")
 
 
-def test_wrong_settings_get_a_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_settings_are_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
     status = main(("--mqtt.password_file", "/nowhere/password", "--driver", "loopback"))
 
     assert status == 2
     assert capsys.readouterr().err.startswith("nena-edge-agent doctor: setting mqtt.password_file: ")
 
 
-def test_it_says_as_whom_it_was_let_in() -> None:
+def test_reports_the_identity_it_connected_with() -> None:
     tls = MqttTlsSettings(certificate=Path("me.pem"), key=Path("key.pem"))
 
     assert as_whom(MqttSettings()) == "as anonymous"

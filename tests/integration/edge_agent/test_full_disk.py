@@ -61,7 +61,7 @@ def check_all(fleet: FleetControl) -> None:
 
 
 @pytest.mark.clause("6.6.5.4")
-async def test_an_order_that_the_disk_does_not_take_is_neither_shown_nor_begun(
+async def test_order_that_cannot_be_saved_is_neither_reported_nor_started(
     fleet: FleetControl, agent: AgentProcess
 ) -> None:
     await fleet.state()
@@ -82,7 +82,7 @@ async def test_an_order_that_the_disk_does_not_take_is_neither_shown_nor_begun(
 
 
 @pytest.mark.clause("6.6.5.4", "6.6/restart")
-async def test_an_agent_that_is_killed_with_a_full_disk_takes_nothing_back(
+async def test_agent_killed_with_a_full_disk_loses_nothing_it_reported(
     fleet: FleetControl, agent: AgentProcess
 ) -> None:
     await fleet.state()
@@ -104,7 +104,7 @@ async def test_an_agent_that_is_killed_with_a_full_disk_takes_nothing_back(
 
 
 @pytest.mark.clause("6.6.5.4", "6.6/restart")
-async def test_a_robot_whose_journal_is_lost_says_so_and_takes_no_orders(
+async def test_robot_with_a_lost_journal_reports_it_and_rejects_orders(
     broker: Broker, interface_name: str, fleet: FleetControl, tmp_path: Path
 ) -> None:
     (tmp_path / "ACME.0001.journal").write_bytes(b"torn")

@@ -146,7 +146,7 @@ async def test_a_robot_hibernates_and_wakes(
 
 
 @pytest.mark.clause("6.2.3/startHibernation", "6.6/restart")
-async def test_a_restarted_agent_greets_as_hibernating(
+async def test_restarted_agent_connects_as_hibernating(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     async with site(broker, interface_name, tmp_path) as there:
@@ -176,7 +176,7 @@ class ShiftedClock(SystemClock):
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-async def test_a_robot_wakes_at_its_wake_up_time_also_if_its_computer_was_suspended(
+async def test_robot_wakes_at_its_wake_up_time_even_after_a_suspend(
     broker: Broker, interface_name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The monotonic clock stands still meanwhile: only the time of day is set forward."""
@@ -193,7 +193,7 @@ async def test_a_robot_wakes_at_its_wake_up_time_also_if_its_computer_was_suspen
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-async def test_a_failed_command_leaves_the_robot_awake_with_a_warning(
+async def test_robot_stays_awake_with_a_warning_if_its_command_fails(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     with MqttPeer(broker, f"{interface_name}/#") as peer:
@@ -212,9 +212,7 @@ async def test_a_failed_command_leaves_the_robot_awake_with_a_warning(
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-async def test_a_wake_command_that_hangs_is_ended(
-    broker: Broker, interface_name: str, tmp_path: Path
-) -> None:
+async def test_hanging_wake_command_is_ended(broker: Broker, interface_name: str, tmp_path: Path) -> None:
     hanging = {"wake_command": ["sleep", "3600"], "command_timeout": 0.2}
     async with site(broker, interface_name, tmp_path, power=hanging) as there:
         there.fleet.instant(SLEEP)
@@ -229,7 +227,7 @@ async def test_a_wake_command_that_hangs_is_ended(
 
 @pytest.mark.clause("6.2.3/shutdown", "6.5")
 @pytest.mark.parametrize("version", IN_3)
-async def test_a_robot_shuts_down_after_it_has_said_so(
+async def test_robot_shuts_down_after_announcing_it(
     broker: Broker, interface_name: str, tmp_path: Path, version: str
 ) -> None:
     async with site(broker, interface_name, tmp_path, version) as there:
@@ -246,7 +244,7 @@ def full_disk(*_: object) -> None:
 
 
 @pytest.mark.clause("6.2.3/shutdown")
-async def test_a_robot_whose_disk_fails_shuts_down(
+async def test_robot_with_a_failing_disk_shuts_down(
     broker: Broker, interface_name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with site(broker, interface_name, tmp_path) as there:
@@ -259,7 +257,7 @@ async def test_a_robot_whose_disk_fails_shuts_down(
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-async def test_a_robot_whose_disk_fails_stays_awake(
+async def test_robot_with_a_failing_disk_stays_awake(
     broker: Broker, interface_name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with site(broker, interface_name, tmp_path) as there:
@@ -276,7 +274,7 @@ async def test_a_robot_whose_disk_fails_stays_awake(
 
 
 @pytest.mark.clause("6.2.3/shutdown")
-async def test_a_shutdown_that_fails_ends_the_agent_with_a_failure(
+async def test_failed_shutdown_ends_the_agent_with_an_error_status(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     missing = {"shutdown_command": [str(tmp_path / "missing")]}
@@ -291,7 +289,9 @@ async def test_a_shutdown_that_fails_ends_the_agent_with_a_failure(
 
 
 @pytest.mark.clause("6.2.3/shutdown")
-async def test_the_other_robots_of_a_fleet_go_on(broker: Broker, interface_name: str, tmp_path: Path) -> None:
+async def test_other_robots_of_the_fleet_continue(
+    broker: Broker, interface_name: str, tmp_path: Path
+) -> None:
     loopback = {**QUICK, "count": 2, "power": True}
     settings = agent_settings(broker, interface_name, tmp_path, version="3.0.0", loopback=loopback)
     with MqttPeer(broker, f"{interface_name}/#") as peer:
@@ -320,7 +320,7 @@ async def test_the_other_robots_of_a_fleet_go_on(broker: Broker, interface_name:
     ],
 )
 @pytest.mark.parametrize("version", ["2.1.0", *IN_3])
-async def test_the_factsheet_lists_what_has_a_command(
+async def test_factsheet_lists_actions_with_a_command(
     broker: Broker,
     interface_name: str,
     tmp_path: Path,

@@ -74,7 +74,7 @@ def check(*arguments: str, sites: tuple[Path, ...]) -> subprocess.CompletedProce
     )
 
 
-def test_the_example_of_the_page_keeps_the_contract(forks: Path) -> None:
+def test_example_of_the_guide_passes_the_contract_tests(forks: Path) -> None:
     done = check("forks", "--parameters", '{"height": 1.0}', sites=(forks,))
 
     assert done.returncode == 0, done.stdout + done.stderr
@@ -82,14 +82,14 @@ def test_the_example_of_the_page_keeps_the_contract(forks: Path) -> None:
     assert "Passed: the plug-in keeps the contract." in done.stdout
 
 
-def test_a_plug_in_that_cannot_be_loaded_is_called_broken(broken: Path) -> None:
+def test_plugin_that_cannot_be_loaded_is_reported_as_broken(broken: Path) -> None:
     done = check("broken", sites=(broken,))
 
     assert done.returncode == 1
     assert "No module named 'acme_hydraulics'" in done.stdout
 
 
-def test_a_name_that_nobody_has_is_a_mistake_of_the_caller(forks: Path) -> None:
+def test_unknown_plugin_is_a_usage_error(forks: Path) -> None:
     done = check("froks", sites=(forks,))
 
     assert done.returncode == 2
@@ -97,7 +97,7 @@ def test_a_name_that_nobody_has_is_a_mistake_of_the_caller(forks: Path) -> None:
 
 
 @pytest.mark.clause("6.2.3", "6.10", "6.6.9")
-async def test_the_agent_does_its_actions_and_lives_with_the_broken_ones(
+async def test_agent_runs_plugin_actions_despite_broken_plugins(
     broker: Broker,
     interface_name: str,
     tmp_path: Path,

@@ -39,7 +39,7 @@ def robot(
 
 
 @pytest.mark.clause("6.6.6")
-async def test_a_person_takes_the_robot_over_and_gives_it_back(robot: BenchRobot) -> None:
+async def test_manual_mode_is_entered_and_left(robot: BenchRobot) -> None:
     answer = await robot.command("operatingMode", mode="MANUAL")
     assert answer["accepted"]
     assert answer["command"] == "operatingMode"
@@ -50,7 +50,7 @@ async def test_a_person_takes_the_robot_over_and_gives_it_back(robot: BenchRobot
 
 
 @pytest.mark.clause("6.6.5.4/localisation", "7.8/position")
-async def test_a_lost_position_stops_the_robot_until_it_is_found(robot: BenchRobot) -> None:
+async def test_lost_position_stops_the_robot_until_it_is_localised(robot: BenchRobot) -> None:
     await robot.begin("n0", "n9")
     await robot.command("localization", localized=False)
     lost = await robot.state(lambda state: not place(state).localized and not state.driving)
@@ -62,7 +62,7 @@ async def test_a_lost_position_stops_the_robot_until_it_is_found(robot: BenchRob
 
 
 @pytest.mark.clause("6.6.5.4/unreachable", "6.6.5.1/keeps")
-async def test_a_node_that_cannot_be_reached_is_an_error_and_the_order_stays(robot: BenchRobot) -> None:
+async def test_unreachable_node_is_an_error_and_the_order_stays_active(robot: BenchRobot) -> None:
     await robot.command("speed", speed=50)
     await robot.command("unreachable", x=20, y=0)
     await robot.begin("n0", "n1", "n2")
@@ -77,7 +77,7 @@ async def test_a_node_that_cannot_be_reached_is_an_error_and_the_order_stays(rob
 
 
 @pytest.mark.clause("6.1.4.8")
-async def test_an_order_to_where_no_way_leads_is_refused(robot: BenchRobot) -> None:
+async def test_order_without_a_route_is_rejected(robot: BenchRobot) -> None:
     await robot.begin("n0")
     await robot.command("noRoute", x=20, y=0)
     robot.fleet.send(order("n0", "n1", "n2", order_id="nowhere"))
@@ -91,7 +91,7 @@ async def test_an_order_to_where_no_way_leads_is_refused(robot: BenchRobot) -> N
     assert not errors(await robot.finish("n2"))
 
 
-async def test_an_order_goes_on_when_navigation_is_back(robot: BenchRobot) -> None:
+async def test_order_continues_when_navigation_is_back(robot: BenchRobot) -> None:
     await robot.begin("n0", "n5")
     await robot.command("navigation", available=False, reason="the map server is restarted")
     gone = await robot.state(lambda state: "NAVIGATION_NOT_AVAILABLE" in errors(state))
@@ -191,14 +191,14 @@ async def test_an_action_that_charges_fills_the_battery_too(robot: BenchRobot) -
     await robot.state(lambda state: not state.power_supply.charging)
 
 
-async def test_the_robot_is_carried_away(robot: BenchRobot) -> None:
+async def test_robot_is_moved_by_hand(robot: BenchRobot) -> None:
     await robot.command("pose", x=-3.5, y=2, theta=1)
 
     state = await robot.state(lambda state: place(state).x == -3.5)
     assert (place(state).y, place(state).theta) == (2, 1)
 
 
-async def test_the_robot_keeps_to_the_speed_that_is_set(robot: BenchRobot) -> None:
+async def test_robot_keeps_to_the_set_speed(robot: BenchRobot) -> None:
     await robot.command("speed", speed=2.5)
     await robot.begin("n0", "n1")
     await robot.state(lambda state: state.velocity is not None and state.velocity.vx == 2.5)
@@ -207,7 +207,7 @@ async def test_the_robot_keeps_to_the_speed_that_is_set(robot: BenchRobot) -> No
 
 
 @pytest.mark.clause("4.1/will", "4.1")
-async def test_a_robot_that_falls_silent_is_broken_until_it_is_back(robot: BenchRobot) -> None:
+async def test_silent_robot_is_reported_as_broken_until_it_is_back(robot: BenchRobot) -> None:
     await robot.command("linkSilence", seconds=0.3)
 
     broken = "CONNECTION_BROKEN" if robot.version == "3.0.0" else "CONNECTIONBROKEN"
@@ -226,7 +226,7 @@ async def test_a_robot_that_falls_silent_is_broken_until_it_is_back(robot: Bench
         ({"command": "emergencyStop", "stop": "NONE"}, "emergencyStop.stop: Input should be"),
     ],
 )
-async def test_a_wrong_command_is_answered_with_what_is_wrong_and_changes_nothing(
+async def test_invalid_command_is_answered_with_the_reason_and_changes_nothing(
     robot: BenchRobot, fields: dict[str, Any], problem: str
 ) -> None:
     answer = await robot.send(fields | {"id": f"wrong-{uuid4()}"})
@@ -240,7 +240,7 @@ async def test_a_wrong_command_is_answered_with_what_is_wrong_and_changes_nothin
 
 
 @pytest.mark.parametrize("payload", [b"{", b"[]", b"\xff", b"[" * 5000, b'"' + b"x" * 20_000 + b'"'])
-async def test_what_is_no_command_at_all_is_answered_as_well(robot: BenchRobot, payload: bytes) -> None:
+async def test_malformed_command_is_answered_too(robot: BenchRobot, payload: bytes) -> None:
     await robot.command("pauseButton", pressed=False)
     robot.publish(payload)
 
@@ -251,7 +251,7 @@ async def test_what_is_no_command_at_all_is_answered_as_well(robot: BenchRobot, 
 
 
 @pytest.mark.clause("6.6.9/failed", "6.2.3/pick")
-async def test_actions_for_rehearsal_fail_and_succeed_as_they_say(robot: BenchRobot) -> None:
+async def test_rehearsed_actions_fail_and_succeed_as_configured(robot: BenchRobot) -> None:
     await robot.command("pauseButton", pressed=False)
     run = uuid4().hex
     kinds = ("failAlways", "failOnce", "failOnce", "waitUninterrupted", "pick", "drop")
@@ -267,7 +267,7 @@ async def test_actions_for_rehearsal_fail_and_succeed_as_they_say(robot: BenchRo
 
 @pytest.mark.clause("6.1.4.3")
 @pytest.mark.parametrize("parameters", [{}, {"count": "three"}])
-async def test_an_order_without_the_parameter_that_its_action_needs_is_refused(
+async def test_order_without_a_required_action_parameter_is_rejected(
     robot: BenchRobot, parameters: dict[str, Any]
 ) -> None:
     await robot.command("pose", x=0, y=0)

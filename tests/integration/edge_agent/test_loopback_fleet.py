@@ -27,7 +27,7 @@ def robots(peer: MqttPeer, interface_name: str) -> list[BenchRobot]:
     return [BenchRobot(peer, interface_name, serial=each, version="2.1.0") for each in serials]
 
 
-async def test_a_command_reaches_the_robot_that_it_names_and_no_other(
+async def test_command_reaches_only_the_named_robot(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     settings = agent_settings(broker, interface_name, tmp_path, loopback=FLEET)
@@ -44,7 +44,7 @@ async def test_a_command_reaches_the_robot_that_it_names_and_no_other(
         assert paused.operating_mode is OperatingMode.AUTOMATIC
 
 
-async def test_a_robot_with_a_damaged_journal_waits_for_help_while_the_others_work(
+async def test_robot_with_a_damaged_journal_waits_while_the_others_work(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     damaged = tmp_path / f"ACME.{SERIAL}-1.journal"
@@ -68,7 +68,7 @@ async def test_a_robot_with_a_damaged_journal_waits_for_help_while_the_others_wo
 
 
 @pytest.mark.clause("6.5")
-async def test_a_robot_whose_task_fails_is_broken_until_it_is_started_again(
+async def test_robot_with_a_failed_task_is_reported_as_broken_until_its_restart(
     broker: Broker, interface_name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fault, wait = asyncio.Event(), Mailbox.wait

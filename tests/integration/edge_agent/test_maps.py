@@ -29,7 +29,7 @@ def in_attic(x: float) -> NodePosition:
 
 @pytest.mark.clause("6.3", "6.2.3/downloadMap", "6.2.3/enableMap", "6.1.4.10")
 @pytest.mark.parametrize(("version", "error_type"), [("2.1.0", "orderError"), ("3.0.0", "UNKNOWN_MAP_ID")])
-async def test_a_map_is_brought_and_the_robot_drives_on_it(
+async def test_map_is_downloaded_and_driven_on(
     broker: Broker, interface_name: str, tmp_path: Path, version: str, error_type: str
 ) -> None:
     folder = {"store": "folder", "folder": str(tmp_path / "maps")}

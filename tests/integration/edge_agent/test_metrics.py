@@ -64,7 +64,7 @@ async def test_each_metric_is_shown_with_its_robot(client: httpx.AsyncClient) ->
                 assert each.labels.items() >= ROBOT.items()
 
 
-async def test_what_the_robot_does_is_shown(client: httpx.AsyncClient) -> None:
+async def test_metrics_show_what_the_robot_does(client: httpx.AsyncClient) -> None:
     assert await sample(client, "nena_agent_journal_works") == 1
     assert (await sample(client, "nena_agent_journal_seconds_count") or 0) > 0
     assert (await sample(client, "nena_agent_disk_free_bytes") or 0) > 0
@@ -75,11 +75,13 @@ async def test_what_the_robot_does_is_shown(client: httpx.AsyncClient) -> None:
 @pytest.mark.parametrize(
     ("method", "path", "status"), [("GET", "/", 404), ("POST", "/metrics", 405), ("GET", "/metrics", 200)]
 )
-async def test_nothing_else_is_served(client: httpx.AsyncClient, method: str, path: str, status: int) -> None:
+async def test_only_metrics_are_served(
+    client: httpx.AsyncClient, method: str, path: str, status: int
+) -> None:
     assert (await client.request(method, path)).status_code == status
 
 
-async def test_who_sends_too_much_is_cut_off_and_others_are_answered(client: httpx.AsyncClient) -> None:
+async def test_oversized_requests_are_disconnected_and_others_answered(client: httpx.AsyncClient) -> None:
     reader, writer = await asyncio.open_connection("127.0.0.1", client.base_url.port)
     writer.write(b"GET /metrics HTTP/1.1\r\nX: " + b"x" * 20_000)
     try:

@@ -38,9 +38,7 @@ async def started(
 
 
 @pytest.mark.clause("4.1/will", "6.5")
-async def test_the_last_will_tells_of_a_killed_agent(
-    broker: Broker, interface_name: str, tmp_path: Path
-) -> None:
+async def test_last_will_reports_a_killed_agent(broker: Broker, interface_name: str, tmp_path: Path) -> None:
     async with started(broker, interface_name, tmp_path) as (fleet, agent):
         agent.kill()
 
@@ -53,9 +51,7 @@ async def test_the_last_will_tells_of_a_killed_agent(
 
 
 @pytest.mark.clause("6.5")
-async def test_an_agent_that_is_told_to_end_says_so(
-    broker: Broker, interface_name: str, tmp_path: Path
-) -> None:
+async def test_terminated_agent_reports_offline(broker: Broker, interface_name: str, tmp_path: Path) -> None:
     async with started(broker, interface_name, tmp_path) as (fleet, agent):
         assert agent.terminate() == 0
 
@@ -64,7 +60,7 @@ async def test_an_agent_that_is_told_to_end_says_so(
 
 
 @pytest.mark.clause("6.6/restart")
-async def test_an_order_goes_on_after_kill_9(broker: Broker, interface_name: str, tmp_path: Path) -> None:
+async def test_order_continues_after_kill_9(broker: Broker, interface_name: str, tmp_path: Path) -> None:
     """Killed on the way, in an action and at a node: traversed nodes stay so, finished actions too."""
     work = {
         "n1": [action("a", "HARD", "wait", duration=1.0)],
@@ -114,7 +110,7 @@ async def test_a_paused_robot_is_still_paused_after_kill_9(
 
 
 @pytest.mark.clause("4.1/offline", "4.1", "6.5/start")
-async def test_the_robot_drives_on_without_a_broker_and_is_right_when_it_is_back(
+async def test_robot_drives_without_a_broker_and_reports_correctly_afterwards(
     own_broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     with AgentProcess(own_broker, interface_name, tmp_path, *SLOW):
@@ -141,7 +137,7 @@ def run(*options: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
 
 
-def test_a_wrong_setting_gets_one_clear_line() -> None:
+def test_invalid_setting_is_one_clear_line() -> None:
     result = run("--driver", "loopback", "--serial_number", "a/b")
 
     assert result.returncode == 2
@@ -149,7 +145,7 @@ def test_a_wrong_setting_gets_one_clear_line() -> None:
     assert "serial_number" in result.stderr
 
 
-def test_a_folder_for_journals_that_cannot_be_used_gets_one_clear_line(tmp_path: Path) -> None:
+def test_unusable_journal_folder_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
 
     result = run("--driver", "loopback", "--journal.folder", str(tmp_path / "file"))

@@ -21,7 +21,7 @@ ERROR = {"2.0.0": "orderUpdateError", "2.1.0": "orderUpdateError", "3.0.0": "OUT
 @pytest.mark.clause("6.1.4.4", "6.6/restart")
 @pytest.mark.parametrize("version", ERROR)
 @pytest.mark.parametrize("restarted", [False, True])
-async def test_an_order_that_is_replayed_byte_for_byte_is_not_done_again(
+async def test_replayed_order_is_not_executed_again(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path, version: str, *, restarted: bool
 ) -> None:
     settings = agent_settings(broker, interface_name, tmp_path, version=version)
@@ -61,7 +61,7 @@ async def replay(fleet: FleetControl, captured: bytes, error_type: str) -> None:
 
 
 @pytest.mark.clause("7.2/headerId")
-async def test_a_fleet_control_that_counts_its_headers_from_0_again_is_obeyed(
+async def test_fleet_control_may_restart_its_header_ids_at_0(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
 ) -> None:
     fleet = FleetControl(peer, interface_name)

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.broker
 
 @pytest.mark.clause("4.2", "7.2", "7.7", "7.8", "7.9", "7.10/message")
 @pytest.mark.parametrize("version", CODECS)
-async def test_an_order_is_done_and_every_message_is_of_the_version(
+async def test_order_is_executed_and_every_message_conforms_to_the_version(
     broker: Broker, interface_name: str, tmp_path: Path, version: str
 ) -> None:
     settings = agent_settings(broker, interface_name, tmp_path, version=version)

@@ -25,7 +25,7 @@ pytestmark = [pytest.mark.broker, pytest.mark.clause("6.7", "7.9")]
 
 
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
-async def test_it_shows_the_robot_on_its_way(
+async def test_visualization_shows_the_driving_robot(
     broker: Broker, interface_name: str, tmp_path: Path, version: str
 ) -> None:
     settings = agent_settings(
@@ -58,7 +58,7 @@ async def test_it_shows_the_robot_on_its_way(
         assert len(set(references)) > 1
 
 
-async def test_there_is_none_before_the_robot_knows_where_it_is(
+async def test_no_visualization_before_the_robot_is_localised(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     intervals = {"visualization": 0.02, "state_minimum": 0.02, "state_maximum": 0.05}

@@ -55,7 +55,7 @@ async def enable(fleet: FleetControl, zone_set_id: str) -> None:
 
 
 @pytest.mark.clause("6.4/BLOCKED", "6.4.1", "6.4.2", "6.1.4.8")
-async def test_an_order_through_a_blocked_zone_is_refused_while_its_set_is_enabled(
+async def test_order_through_a_blocked_zone_is_rejected_while_its_set_is_enabled(
     fleet: FleetControl,
 ) -> None:
     fleet.publish(Topic.ZONE_SET, transfer(WALL))
@@ -72,7 +72,7 @@ async def test_an_order_through_a_blocked_zone_is_refused_while_its_set_is_enabl
 
 
 @pytest.mark.clause("6.4.3", "6.9")
-async def test_a_release_zone_is_asked_for_entered_and_given_back(fleet: FleetControl) -> None:
+async def test_release_zone_is_requested_entered_and_released(fleet: FleetControl) -> None:
     fleet.publish(Topic.ZONE_SET, transfer(GATE))
     await enable(fleet, "s1")
 
@@ -91,7 +91,7 @@ async def test_a_release_zone_is_asked_for_entered_and_given_back(fleet: FleetCo
 
 
 @pytest.mark.clause("6.4.1")
-async def test_a_set_that_was_brought_twice_is_said(fleet: FleetControl) -> None:
+async def test_duplicate_zone_set_is_reported(fleet: FleetControl) -> None:
     fleet.publish(Topic.ZONE_SET, transfer(WALL))
     fleet.publish(Topic.ZONE_SET, transfer(GATE))
 
@@ -101,7 +101,7 @@ async def test_a_set_that_was_brought_twice_is_said(fleet: FleetControl) -> None
 
 
 @pytest.mark.clause("6.2.3/downloadZoneSet")
-async def test_a_set_is_fetched_when_told_to(fleet: FleetControl) -> None:
+async def test_zone_set_is_downloaded_on_request(fleet: FleetControl) -> None:
     with served_files() as files:
         link = files.put("/zones.json", CODEC.encode(transfer(WALL)))
         fleet.instant(action("d", "NONE", "downloadZoneSet", zoneSetId="s1", zoneSetDownloadLink=link))
@@ -111,7 +111,7 @@ async def test_a_set_is_fetched_when_told_to(fleet: FleetControl) -> None:
 
 
 @pytest.mark.clause("7.6")
-async def test_what_is_no_zone_set_is_refused(fleet: FleetControl) -> None:
+async def test_invalid_zone_set_is_rejected(fleet: FleetControl) -> None:
     fleet.peer.publish(fleet.topic(Topic.ZONE_SET), b'{"zoneSet": {}}')
 
     await fleet.state(lambda state: "VALIDATION_FAILURE" in error_types(state))

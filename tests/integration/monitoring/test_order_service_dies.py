@@ -77,7 +77,7 @@ async def _site(broker: Broker, interface_name: str, folder: Path) -> AsyncItera
                 yield Site(fleet, f"{interface_name}/nena", port, prometheus)
 
 
-async def test_an_order_service_that_is_killed_is_found_and_its_return_too(site: Site) -> None:
+async def test_killed_order_service_and_its_return_are_detected(site: Site) -> None:
     first = await site.order_service()
     await eventually(partial(site.prometheus.query, "nena_order_service_up == 1"), "it is up")
     assert await site.firing() == set()
@@ -89,7 +89,7 @@ async def test_an_order_service_that_is_killed_is_found_and_its_return_too(site:
     await site.until_firing()
 
 
-async def test_an_order_service_that_hangs_is_found(site: Site) -> None:
+async def test_hanging_order_service_is_detected(site: Site) -> None:
     program = await site.order_service()
     await eventually(partial(site.prometheus.query, "nena_order_service_up == 1"), "it is up")
 
@@ -101,7 +101,7 @@ async def test_an_order_service_that_hangs_is_found(site: Site) -> None:
     await site.until_firing()
 
 
-async def test_an_order_service_that_ends_in_order_says_so(site: Site) -> None:
+async def test_terminated_order_service_reports_its_end(site: Site) -> None:
     program = await site.order_service()
     await eventually(partial(site.prometheus.query, "nena_order_service_up == 1"), "it is up")
 

@@ -39,7 +39,7 @@ def promtool(*arguments: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_configuration_and_its_rules_are_in_order() -> None:
+def test_configuration_and_rules_are_valid() -> None:
     promtool("check", "config", str(CONFIGURATION / "prometheus.yml"))
 
 
@@ -69,7 +69,7 @@ def test_every_alert_has_an_entry_in_the_runbook_to_which_it_points() -> None:
     assert pointers == [name.lower() for name in names]
 
 
-def test_rules_and_dashboards_name_only_metrics_that_there_are() -> None:
+def test_rules_and_dashboards_use_existing_metrics() -> None:
     documented = set(NAME.findall((PROJECT / "docs" / "metrics.md").read_text(encoding="utf-8")))
     for file in (*DASHBOARDS, *sorted((CONFIGURATION / "rules").glob("*.yml"))):
         used = {name.removesuffix("_bucket") for name in NAME.findall(file.read_text(encoding="utf-8"))}
@@ -146,7 +146,7 @@ def say_everything(served: Served, peer: MqttPeer, turn: int) -> None:
 
 
 @pytest.mark.broker
-async def test_every_query_of_rules_and_dashboards_finds_something(
+async def test_every_query_of_rules_and_dashboards_returns_data(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     history = HistorySettings.model_validate({"url": f"sqlite:///{tmp_path / 'history.db'}"})

@@ -42,7 +42,7 @@ async def both(halls: list[Hall]) -> list[dict[str, Any]]:
 
 
 @pytest.mark.broker
-async def test_two_aggregators_divide_the_robots_and_one_prometheus_sums_them_up(
+async def test_two_aggregators_share_the_robots_and_prometheus_adds_them_up(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     with MqttPeer(broker) as peer:
@@ -79,7 +79,7 @@ async def one_prometheus_sums_them_up(halls: list[Hall], folder: Path) -> None:
         await eventually(partial(ask, watched), "nothing to alert of")
 
 
-def test_a_share_that_is_none_is_a_mistake_at_the_start() -> None:
+def test_invalid_share_is_rejected_at_startup() -> None:
     with AggregatorProcess("--share", "3/2") as process:
         assert process.process.wait(PATIENCE) != 0
         assert "1/2 for the first of two" in process.output

@@ -100,14 +100,14 @@ async def test_starting_with_a_full_store_is_reported_and_continues_with_room(
     await started.end()
 
 
-async def test_it_ends_when_it_is_told_to(started: Started) -> None:
+async def test_exits_when_terminated(started: Started) -> None:
     await started.is_in("starting")
     started.stop.set()
 
     await started.end()
 
 
-async def test_it_ends_when_another_one_has_the_store(started: Started, full: Engine) -> None:
+async def test_exits_when_another_process_owns_the_store(started: Started, full: Engine) -> None:
     await started.is_in("starting")
     Fence.raise_for(full, "http://other:55200")
 

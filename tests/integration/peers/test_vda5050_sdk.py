@@ -43,7 +43,7 @@ def order(*nodes: str, order_id: str, released: int, start: float = 0.0, picks: 
 
 
 @pytest.mark.clause("6.1.1", "6.2.1", "7.3")
-async def test_its_fleet_control_has_orders_done_and_cancelled(own_broker: Broker, tmp_path: Path) -> None:
+async def test_its_fleet_control_completes_and_cancels_orders(own_broker: Broker, tmp_path: Path) -> None:
     key = sdk.VehicleKey(manufacturer=MANUFACTURER, serial_number=SERIAL)
     config = sdk.MasterConfig(
         broker_url=f"mqtt://{own_broker.host}:{own_broker.port}", validate_messages=True, visualization=True
@@ -78,7 +78,7 @@ async def test_its_fleet_control_has_orders_done_and_cancelled(own_broker: Broke
 
 
 @pytest.mark.clause("6.1.2/confirm", "6.6.8")
-async def test_a_robot_on_it_does_its_order(own_broker: Broker, tmp_path: Path) -> None:
+async def test_its_robot_executes_an_order(own_broker: Broker, tmp_path: Path) -> None:
     fleet, history = Fleet(own_broker, INTERFACE, tmp_path), History()
     with fleet.stack:
         async with (

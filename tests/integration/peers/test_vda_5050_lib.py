@@ -99,7 +99,7 @@ def order(order_id: str, *nodes: tuple[str, float], picks: bool = False) -> Json
 
 
 @pytest.mark.clause("6.1.1", "6.1.3", "6.2.1")
-async def test_its_fleet_control_has_orders_done_and_cancelled(
+async def test_its_fleet_control_completes_and_cancels_orders(
     own_broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     settings = agent_settings(own_broker, interface_name, tmp_path, version="2.0.0")
@@ -123,7 +123,7 @@ async def test_its_fleet_control_has_orders_done_and_cancelled(
 
 
 @pytest.mark.clause("6.1.2/confirm")
-async def test_its_robot_does_its_order(own_broker: Broker, interface_name: str, tmp_path: Path) -> None:
+async def test_its_robot_executes_an_order(own_broker: Broker, interface_name: str, tmp_path: Path) -> None:
     start = {"mapId": "sample-hall", "x": 3.0, "y": 2.0, "theta": 0.0, "lastNodeId": "South 1"}
     robot = {"initialPosition": start, "vehicleSpeed": 5, "timeLapse": 20}
     fleet = Fleet(own_broker, interface_name, tmp_path)

@@ -50,7 +50,7 @@ def through(fault: Fault, peer: RosPeer) -> Client:  # noqa: ARG001 - the robot 
     return Client(peer, Action.THROUGH_POSES)
 
 
-def test_a_goal_is_accepted_told_of_and_reached(client: Client, peer: RosPeer) -> None:
+def test_goal_is_accepted_reported_and_reached(client: Client, peer: RosPeer) -> None:
     arrays = peer.subscribe(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
     handle = client.send((4.0, 2.0))
     assert handle.accepted
@@ -66,7 +66,7 @@ def test_a_goal_is_accepted_told_of_and_reached(client: Client, peer: RosPeer) -
     assert place[0] > 1.0
 
 
-def test_a_goal_in_place_of_another_one_aborts_that(client: Client) -> None:
+def test_new_goal_aborts_the_previous_one(client: Client) -> None:
     first = client.send((35.0, 0.0))
     client.feedback.wait_for(lambda told: told.current_pose.pose.position.x > 1.0)
     second = client.send((5.0, 0.0))
@@ -89,7 +89,7 @@ def test_a_cancelled_goal_ends_canceled(client: Client) -> None:
         ('{"kind": "stuck", "active": false}', (400.0, 0.0), (ABORTED, 204)),
     ],
 )
-def test_a_drive_that_fails_says_why(
+def test_failed_drive_contains_the_reason(
     text: str, place: tuple[float, float], outcome: Outcome, fault: Fault, client: Client
 ) -> None:
     fault(text)
@@ -106,7 +106,7 @@ def test_goals_are_refused(kind: str, fault: Fault, client: Client) -> None:
     wait_until(lambda: not client.send((4.0, 0.0)).accepted, what="a refusal")
 
 
-def test_a_goal_id_is_taken_once(client: Client) -> None:
+def test_goal_id_is_accepted_once(client: Client) -> None:
     goal_id = UUID(uuid=list(range(16)))
     assert client.send((4.0, 0.0), goal_id=goal_id).accepted
     assert not client.send((5.0, 0.0), goal_id=goal_id).accepted
@@ -118,7 +118,7 @@ def test_recoveries_are_counted(fault: Fault, client: Client) -> None:
     client.feedback.wait_for(lambda told: told.number_of_recoveries >= 2)
 
 
-def test_places_on_the_way_are_passed_at_speed(through: Client, peer: RosPeer) -> None:
+def test_poses_on_the_way_are_passed_at_speed(through: Client, peer: RosPeer) -> None:
     odometry = peer.subscribe(Odometry, "odom", BEST_EFFORT)
     handle = through.send((8.0, 0.0), (16.0, 1.0), (24.0, 0.0), (34.0, 0.0))
     assert outcome_of(handle) == (SUCCEEDED, 0)
@@ -140,7 +140,7 @@ def test_places_on_the_way_are_passed_at_speed(through: Client, peer: RosPeer) -
         ('{"kind": "stuck", "active": false}', (), 309),
     ],
 )
-def test_a_way_that_is_not_found_says_why(
+def test_missing_route_contains_the_reason(
     text: str, places: tuple[tuple[float, float], ...], code: int, fault: Fault, through: Client
 ) -> None:
     fault(text)
@@ -164,13 +164,13 @@ def test_cancelling_goals_of_one_action_leaves_the_other(through: Client, peer: 
 
 
 @pytest.mark.usefixtures("fault")
-def test_a_result_that_nobody_knows_is_unknown(peer: RosPeer) -> None:
+def test_unknown_goal_has_an_unknown_result(peer: RosPeer) -> None:
     kind = action_types()[Action.TO_POSE].Impl.GetResultService
     asker = peer.client(kind, "navigate_to_pose/_action/get_result")
     assert peer.call(asker, kind.Request()).status == 0
 
 
-def test_servers_go_and_come_back(fault: Fault, client: Client) -> None:
+def test_action_servers_disappear_and_return(fault: Fault, client: Client) -> None:
     fault('{"kind": "unconfigured"}')
     wait_until(lambda: not client.ros.server_is_ready(), what="the server's leave")
     fault('{"kind": "unconfigured", "active": false}')
@@ -178,7 +178,7 @@ def test_servers_go_and_come_back(fault: Fault, client: Client) -> None:
     wait_until(lambda: client.send((1.0, 0.0)).accepted, what="an accepted goal")
 
 
-def test_a_robot_can_do_without_actions(domain_id: int, peer: RosPeer) -> None:
+def test_robot_works_without_actions(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id, actions=False):
         peer.client(CancelGoal, "navigate_to_pose/_action/cancel_goal")
         names = [name for name, _ in peer.node.get_service_names_and_types()]

@@ -17,7 +17,7 @@ def no_others(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ros, "_free", [])
 
 
-def test_a_domain_is_used_again_once_it_has_been_seen_to_be_empty(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_empty_domain_is_reused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Who is in a domain in which this process never was cannot be known at once."""
     with own_domain_id() as first:
         pass
@@ -28,7 +28,7 @@ def test_a_domain_is_used_again_once_it_has_been_seen_to_be_empty(monkeypatch: p
         assert third == first
 
 
-def test_a_domain_that_others_are_still_in_is_not_used_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_occupied_domain_is_not_reused(monkeypatch: pytest.MonkeyPatch) -> None:
     with own_domain_id() as first:
         left_over = Participant(first)
     monkeypatch.setattr(Participant, "DISCOVERY", 0.0)

@@ -14,7 +14,7 @@ from support.waiting import wait_until
 pytestmark = pytest.mark.ros
 
 
-async def test_a_thread_that_ends_by_itself_is_noticed_and_ends_the_program(domain_id: int) -> None:
+async def test_unexpected_end_of_a_thread_ends_the_program(domain_id: int) -> None:
     with simulated_robot(domain_id) as robot:
         assert robot.alive
         robot._session._executor.create_task(lambda: 1 / 0)

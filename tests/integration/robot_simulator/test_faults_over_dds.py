@@ -56,9 +56,7 @@ def servers(peer: RosPeer) -> set[bytes]:
     return {bytes(each.endpoint_gid) for each in peer.node.get_publishers_info_by_topic(f"/{STATUS}")}
 
 
-def test_an_unconfigured_navigator_comes_back_as_another_server(
-    faults: Faults, peer: RosPeer, arrays: Inbox[Any]
-) -> None:
+def test_reconfigured_navigator_is_a_new_server(faults: Faults, peer: RosPeer, arrays: Inbox[Any]) -> None:
     active = peer.client(Trigger, "lifecycle_manager_navigation/is_active")
     publisher_to(peer, PoseStamped, "goal_pose").publish(goal(35.0, 0.0))
     wait_until(lambda: trace(arrays.messages) == ["A:2"], what="the drive")
@@ -75,7 +73,7 @@ def test_an_unconfigured_navigator_comes_back_as_another_server(
     arrays.wait_for(lambda array: len(array.status_list) == 1 and array.status_list[0].status == 4)
 
 
-def test_a_goal_that_is_first_seen_with_its_end(faults: Faults, peer: RosPeer, arrays: Inbox[Any]) -> None:
+def test_goal_first_seen_with_its_result(faults: Faults, peer: RosPeer, arrays: Inbox[Any]) -> None:
     publisher = publisher_to(peer, PoseStamped, "goal_pose")
     with faults.on("terminal_first"):
         publisher.publish(goal(1.0, 0.0))
@@ -86,7 +84,7 @@ def test_a_goal_that_is_first_seen_with_its_end(faults: Faults, peer: RosPeer, a
     ("kind", "end"),
     [("duplicate_status", ["A:4", "A:4"]), ("reordered_status", ["A:4", "A:2", "A:4"])],
 )
-def test_the_newest_array_stands_in_the_end(
+def test_newest_array_is_published_last(
     faults: Faults, peer: RosPeer, arrays: Inbox[Any], kind: str, end: list[str]
 ) -> None:
     publisher = publisher_to(peer, PoseStamped, "goal_pose")
@@ -97,7 +95,7 @@ def test_the_newest_array_stands_in_the_end(
     assert trace(arrays.messages)[-1] == "A:4"
 
 
-def test_estimates_without_numbers_and_in_another_aisle(faults: Faults, peer: RosPeer) -> None:
+def test_non_finite_and_displaced_estimates(faults: Faults, peer: RosPeer) -> None:
     poses = peer.subscribe(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
     fresh = peer.client(Empty, "request_nomotion_update")
     with faults.on("nan_pose"):
@@ -108,14 +106,14 @@ def test_estimates_without_numbers_and_in_another_aisle(faults: Faults, peer: Ro
         poses.wait_for(lambda message: message.pose.pose.position.x > 2.5)
 
 
-def test_the_battery_comes_in_the_other_scale(faults: Faults, peer: RosPeer) -> None:
+def test_battery_uses_the_other_scale(faults: Faults, peer: RosPeer) -> None:
     battery = peer.subscribe(BatteryState, "battery_state", BEST_EFFORT)
     battery.wait_for(lambda message: message.percentage <= 1.0)
     with faults.on("battery_scale"):
         battery.wait_for(lambda message: message.percentage > 50.0)
 
 
-def test_a_frozen_robot_answers_when_it_goes_on(faults: Faults, peer: RosPeer) -> None:
+def test_frozen_robot_answers_when_it_continues(faults: Faults, peer: RosPeer) -> None:
     active = peer.client(Trigger, "lifecycle_manager_navigation/is_active")
     battery = peer.subscribe(BatteryState, "battery_state", BEST_EFFORT)
     battery.wait_for()

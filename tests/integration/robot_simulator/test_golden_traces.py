@@ -146,7 +146,7 @@ def test_cancel_codes(conversation: Conversation) -> None:
     assert conversation.peer.call(conversation.canceller, unknown).return_code == 2
 
 
-def test_cancel_by_time_spares_what_was_accepted_later(conversation: Conversation) -> None:
+def test_cancel_by_time_spares_goals_accepted_later(conversation: Conversation) -> None:
     conversation.send(35.0, 0.0)
     conversation.see("A:2")
     accepted = messages.nanoseconds_of(conversation.arrays.messages[-1].status_list[0].goal_info.stamp)
@@ -166,7 +166,7 @@ def test_retention_passed_is_seen_with_the_next_goal_only(domain_id: int, peer: 
     assert conversation.trace() == ["A:2", "A:4", "B:2", "B:4"]
 
 
-def test_not_localised_and_localised_at_last(domain_id: int, peer: RosPeer) -> None:
+def test_not_localised_then_localised(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id, localisation={"known_at_start": False}):
         conversation = Conversation(peer)
         poses = peer.subscribe(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
@@ -182,7 +182,7 @@ def test_not_localised_and_localised_at_last(domain_id: int, peer: RosPeer) -> N
         conversation.see("A:6 B:4")
 
 
-def test_a_restarted_server_begins_with_an_empty_list(domain_id: int, peer: RosPeer) -> None:
+def test_restarted_server_starts_with_an_empty_list(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id):
         conversation = Conversation(peer)
         conversation.send(1.0, 0.0)

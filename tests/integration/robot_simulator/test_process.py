@@ -40,7 +40,7 @@ def settings_file(directory: Path, domain_id: int) -> str:
 
 
 @pytest.mark.parametrize("stop_signal", [signal.SIGTERM, signal.SIGINT])
-def test_two_robots_drive_and_the_program_leaves_nothing_behind(
+def test_two_robots_drive_and_the_program_exits_cleanly(
     tmp_path: Path, domain_id: int, peer: RosPeer, stop_signal: signal.Signals
 ) -> None:
     scratch = tmp_path / "tmp"
@@ -82,7 +82,7 @@ def test_settings_come_from_the_environment_too(
         (("--faults", '{"kind": "explode"}'), "explode"),
     ],
 )
-def test_settings_that_do_not_fit_end_the_program_with_a_line(
+def test_invalid_settings_end_the_program_with_one_line(
     tmp_path: Path, arguments: tuple[str, ...], problem: str
 ) -> None:
     with SimulatorProcess(*arguments, directory=tmp_path) as process:
@@ -92,7 +92,7 @@ def test_settings_that_do_not_fit_end_the_program_with_a_line(
         assert problem in process.lines[0]
 
 
-def test_it_goes_on_after_it_was_frozen(tmp_path: Path, domain_id: int, peer: RosPeer) -> None:
+def test_continues_after_being_frozen(tmp_path: Path, domain_id: int, peer: RosPeer) -> None:
     with SimulatorProcess("--config", settings_file(tmp_path, domain_id), directory=tmp_path) as process:
         process.wait_for_line("robot ready", "robot=beta")
         process.stop(signal.SIGSTOP)

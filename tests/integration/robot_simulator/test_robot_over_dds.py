@@ -40,7 +40,7 @@ def fault(peer: RosPeer, text: str) -> None:
 
 
 @pytest.mark.usefixtures("robot")
-def test_the_ends_have_the_quality_of_service_of_nav2(peer: RosPeer) -> None:
+def test_endpoints_have_nav2s_quality_of_service(peer: RosPeer) -> None:
     def offered(topic: str) -> tuple[Any, Any]:
         wait_until(lambda: bool(peer.node.get_publishers_info_by_topic(topic)), what=topic)
         profile = peer.node.get_publishers_info_by_topic(topic)[0].qos_profile
@@ -122,7 +122,7 @@ def test_an_unusable_initial_pose_changes_nothing(peer: RosPeer) -> None:
 
 
 @pytest.mark.usefixtures("robot")
-def test_the_lifecycle_is_told(peer: RosPeer) -> None:
+def test_lifecycle_state_is_served(peer: RosPeer) -> None:
     state = peer.client(GetState, "bt_navigator/get_state")
     active = peer.client(Trigger, "lifecycle_manager_navigation/is_active")
     assert peer.call(state, GetState.Request()).current_state.label == "active"
@@ -152,7 +152,7 @@ def test_silence_hides_everything_and_its_end_shows_the_newest_array(peer: RosPe
 
 
 @pytest.mark.usefixtures("robot")
-def test_what_is_no_fault_is_refused_and_the_robot_lives_on(peer: RosPeer) -> None:
+def test_unknown_fault_is_refused_and_the_robot_continues(peer: RosPeer) -> None:
     arrays = peer.subscribe(GoalStatusArray, STATUS, LATCHED)
     for text in ("", "no json", '{"kind": "explode"}', '{"kind": "stuck", "goals": 1}'):
         fault(peer, text)
@@ -181,7 +181,7 @@ def test_a_battery_in_percent(domain_id: int, peer: RosPeer) -> None:
     assert battery.percentage == pytest.approx(50.0, abs=0.1)
 
 
-def test_two_namespaces_of_one_domain_do_not_hear_each_other(domain_id: int, peer: RosPeer) -> None:
+def test_namespaces_of_one_domain_are_isolated(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id, "r1", name="one"), simulated_robot(domain_id, "r2", name="two"):
         first = peer.subscribe(GoalStatusArray, f"/r1/{STATUS}", LATCHED)
         second = peer.subscribe(GoalStatusArray, f"/r2/{STATUS}", LATCHED)
@@ -191,7 +191,7 @@ def test_two_namespaces_of_one_domain_do_not_hear_each_other(domain_id: int, pee
         assert second.messages == []
 
 
-def test_two_domains_do_not_hear_each_other(domain_id: int, peer: RosPeer) -> None:
+def test_domains_are_isolated(domain_id: int, peer: RosPeer) -> None:
     with (
         own_domain_id() as other_domain,
         RosPeer(other_domain) as other_peer,
@@ -205,7 +205,7 @@ def test_two_domains_do_not_hear_each_other(domain_id: int, peer: RosPeer) -> No
         assert arrays[1].messages == []
 
 
-def test_starts_and_stops_leave_no_thread_behind(domain_id: int) -> None:
+def test_starts_and_stops_leave_no_threads(domain_id: int) -> None:
     with simulated_robot(domain_id):
         pass
     before = threading.active_count()
@@ -216,7 +216,7 @@ def test_starts_and_stops_leave_no_thread_behind(domain_id: int) -> None:
     wait_until(lambda: threading.active_count() == before, what="the end of all threads")
 
 
-def test_a_callback_that_fails_costs_its_message_only(
+def test_failing_callback_loses_only_its_message(
     domain_id: int, peer: RosPeer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with simulated_robot(domain_id) as robot:
@@ -233,7 +233,7 @@ def test_a_callback_that_fails_costs_its_message_only(
         arrays.wait_for(lambda array: array.status_list[0].status == 4)
 
 
-def test_the_stamps_are_of_now(domain_id: int, peer: RosPeer) -> None:
+def test_stamps_are_current(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id):
         inbox = peer.subscribe(Odometry, "odom", BEST_EFFORT)
         began = peer.node.get_clock().now().nanoseconds

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.ros
 
 
 @needs_action_types
-def test_a_simple_commander_finds_its_way_about(domain_id: int, peer: RosPeer) -> None:
+def test_simple_commander_navigates(domain_id: int, peer: RosPeer) -> None:
     kind = action_types()[Action.TO_POSE].Impl.FeedbackMessage
     with simulated_robot(domain_id, localisation={"known_at_start": False}):
         feedback = peer.subscribe(kind, "navigate_to_pose/_action/feedback")
@@ -46,7 +46,7 @@ def test_a_simple_commander_finds_its_way_about(domain_id: int, peer: RosPeer) -
 
 
 @needs_nav2_types
-def test_a_simple_commander_uses_the_behaviours_the_controller_and_the_maps(
+def test_simple_commander_uses_behaviors_controller_and_maps(
     domain_id: int, peer: RosPeer, tmp_path: Path
 ) -> None:
     odometry = peer.subscribe(Odometry, "odom", BEST_EFFORT)
@@ -115,7 +115,7 @@ def test_a_simple_commander_follows_waypoints_docks_and_undocks(domain_id: int, 
 
 
 @needs_commander_types
-def test_a_simple_commander_shuts_nav2_down_and_starts_it(domain_id: int, peer: RosPeer) -> None:
+def test_simple_commander_shuts_down_and_starts_nav2(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id):
         commander = SimpleCommander(peer, start=(1.0, 1.0))
         assert commander.go_to_pose(35.0, 1.0)
@@ -156,7 +156,7 @@ def test_a_deactivated_navigator_refuses_until_it_is_activated(domain_id: int, p
         assert [each.goal_state.label for each in events.messages] == ["inactive", "active"]
 
 
-def test_parameters_are_told_all_or_none(domain_id: int, peer: RosPeer) -> None:
+def test_parameters_are_returned_all_or_none(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id, tolerance={"xy": 0.4}):
         client = peer.client(GetParameters, "controller_server/get_parameters")
         names = ["goal_checker_plugins", "general_goal_checker.xy_goal_tolerance"]
@@ -176,9 +176,7 @@ def test_parameters_are_told_all_or_none(domain_id: int, peer: RosPeer) -> None:
         ("lifecycle_manager_localization", "lifecycle_manager_localization/is_active"),
     ],
 )
-def test_a_process_that_dies_takes_its_endpoints_along(
-    domain_id: int, peer: RosPeer, server: str, service: str
-) -> None:
+def test_killed_process_loses_its_endpoints(domain_id: int, peer: RosPeer, server: str, service: str) -> None:
     def offered() -> bool:
         return f"/{service}" in dict(peer.node.get_service_names_and_types())
 
@@ -191,9 +189,7 @@ def test_a_process_that_dies_takes_its_endpoints_along(
         wait_until(offered, what=f"{service} back")
 
 
-def test_a_process_that_comes_back_is_unconfigured_until_it_is_brought_up(
-    domain_id: int, peer: RosPeer
-) -> None:
+def test_restarted_process_is_unconfigured_until_bring_up(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id):
         events = peer.subscribe(TransitionEvent, "planner_server/transition_event")
         fault = publisher_to(peer, String, "simulator/fault")
@@ -204,7 +200,7 @@ def test_a_process_that_comes_back_is_unconfigured_until_it_is_brought_up(
         assert steps == [("unconfigured", "inactive"), ("inactive", "active")]
 
 
-def test_a_lifecycle_manager_tells_of_a_server_that_is_missing(domain_id: int, peer: RosPeer) -> None:
+def test_lifecycle_manager_reports_a_missing_server(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id):
         active = peer.client(Trigger, "lifecycle_manager_localization/is_active")
         assert peer.call(active, Trigger.Request()).success

@@ -43,18 +43,18 @@ ALL = [f"{number:02}".encode() for number in range(COUNT)]
     "conduct",
     [Conduct(), Conduct(delay=0.005), Conduct(held={Way.FROM_BROKER}), Conduct(held={Way.TO_BROKER})],
 )
-async def test_what_is_delayed_or_held_arrives_as_it_was(
+async def test_delayed_or_held_messages_arrive_unchanged(
     broker: Broker, line: MqttLine, interface_name: str, conduct: Conduct
 ) -> None:
     assert await sent(broker, line, interface_name, conduct) == ALL
 
 
-async def test_what_is_repeated_arrives_twice(broker: Broker, line: MqttLine, interface_name: str) -> None:
+async def test_repeated_message_arrives_twice(broker: Broker, line: MqttLine, interface_name: str) -> None:
     conduct = Conduct(repeated=1.0)
     assert await sent(broker, line, interface_name, conduct) == sorted(ALL * 2)
 
 
-async def test_what_is_swapped_arrives_in_another_order(
+async def test_swapped_messages_arrive_in_another_order(
     broker: Broker, line: MqttLine, interface_name: str
 ) -> None:
     conduct = Conduct(swapped=0.5)
@@ -63,7 +63,7 @@ async def test_what_is_swapped_arrives_in_another_order(
     assert sorted(found)[:-1] == ALL[:-1] or sorted(found) == ALL
 
 
-async def test_what_is_swallowed_does_not_arrive_and_the_broker_goes_on(
+async def test_dropped_message_does_not_arrive_and_the_broker_continues(
     broker: Broker, line: MqttLine, interface_name: str
 ) -> None:
     conduct = Conduct(swallowed=True)

@@ -56,7 +56,7 @@ def assert_silent(program: Program) -> None:
     assert [secret for secret in SECRETS if secret in program.log] == []
 
 
-async def test_an_order_service_at_work_tells_none(files: Path, broker: Broker) -> None:
+async def test_working_order_service_logs_no_secrets(files: Path, broker: Broker) -> None:
     given = arguments(files, broker)
     given += ["--plant", sample_plant_path(), "--store.url_file", files / "file-store"]
     given += ["--http.port", 0, "--http.users", files / "users"]
@@ -73,7 +73,7 @@ async def test_an_order_service_at_work_tells_none(files: Path, broker: Broker) 
         assert_silent(program)
 
 
-async def test_tokens_of_an_issuer_are_told_to_nobody(files: Path, broker: Broker) -> None:
+async def test_tokens_of_an_issuer_are_never_logged(files: Path, broker: Broker) -> None:
     (files / "client").write_text(CLIENT_SECRET)
     given = [*arguments(files, broker), "--history.url", "none", "--http.port", 0]
     with oidc_issuer() as issuer:
@@ -99,7 +99,7 @@ async def test_tokens_of_an_issuer_are_told_to_nobody(files: Path, broker: Broke
         ("nena-status-aggregator", ("--history.url_file", "history")),
     ],
 )
-async def test_a_database_that_is_away_is_told_without_its_password(
+async def test_missing_database_is_logged_without_its_password(
     files: Path, broker: Broker, script: str, more: tuple[str, str]
 ) -> None:
     given = [*arguments(files, broker), more[0], files / more[1], "--http.port", 0]
@@ -117,7 +117,7 @@ async def test_a_database_that_is_away_is_told_without_its_password(
         ("nena-status-aggregator", ("--history.url_file", "no-store"), "history.url is unusable"),
     ],
 )
-async def test_a_program_that_cannot_use_a_secret_says_why_without_it(
+async def test_unusable_secret_is_reported_without_its_value(
     files: Path, broker: Broker, script: str, more: tuple[str, str], complaint: str
 ) -> None:
     given = [*arguments(files, broker), more[0], files / more[1], "--http.port", 0]
@@ -128,7 +128,7 @@ async def test_a_program_that_cannot_use_a_secret_says_why_without_it(
         assert_silent(program)
 
 
-async def test_an_agent_tells_none(files: Path, broker: Broker) -> None:
+async def test_edge_agent_logs_no_secrets(files: Path, broker: Broker) -> None:
     given = [*arguments(files, broker), "--driver", "loopback", "--journal.folder", files / "journal"]
     with Program("nena-edge-agent", *given, log=files / "log") as program:
         await program.logged("connected")

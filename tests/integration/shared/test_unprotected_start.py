@@ -28,7 +28,7 @@ WITHOUT_A_LOGIN = "setting http.host: 0.0.0.0 is reached from other machines, wi
         (("--http.users", "users.toml"), (WITHOUT_TLS,)),
     ],
 )
-def test_it_ends_with_status_2_and_a_line_for_each_thing_that_is_missing(
+def test_exits_with_status_2_and_a_line_per_missing_protection(
     tmp_path: Path, service: str, options: tuple[str, ...], complaints: tuple[str, ...]
 ) -> None:
     command = [sys.executable, "-m", *SERVICES[service], "--http.host", "0.0.0.0", "--http.port", "0"]

@@ -55,7 +55,7 @@ async def drive(served: Served, peer: MqttPeer) -> None:
     await served.until("/api/v1/history?order=TO-0", lambda page: bool(page["entries"]))
 
 
-async def test_the_history_of_a_robot_also_after_a_restart(
+async def test_history_of_a_robot_survives_a_restart(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     async with serving(broker, interface_name, history=kept_in(tmp_path)) as served:
@@ -78,7 +78,7 @@ async def test_the_history_of_a_robot_also_after_a_restart(
         assert (wrong.status_code, wrong.headers["content-type"]) == (422, "application/problem+json")
 
 
-async def test_the_history_as_files(broker: Broker, interface_name: str, tmp_path: Path) -> None:
+async def test_history_is_exported_as_files(broker: Broker, interface_name: str, tmp_path: Path) -> None:
     async with serving(broker, interface_name, history=kept_in(tmp_path)) as served:
         with MqttPeer(broker) as peer:
             await drive(served, peer)
@@ -95,7 +95,7 @@ async def test_the_history_as_files(broker: Broker, interface_name: str, tmp_pat
         assert nobody.text == "id,time,code,robot,order,text,values\r\n"
 
 
-async def test_no_history_says_what_to_set(served: Served) -> None:
+async def test_disabled_history_names_the_setting(served: Served) -> None:
     answer = await served.http.get("/api/v1/history")
     assert answer.status_code == 404
     assert "--history.url" in answer.json()["detail"]

@@ -107,7 +107,7 @@ def keeper(request: pytest.FixtureRequest, tmp_path: Path) -> Keeper:
     return PostgresKeeper(request.getfixturevalue("postgres_server"), tmp_path)
 
 
-async def test_after_a_loss_the_history_goes_on_from_its_last_backup(
+async def test_lost_history_continues_from_its_last_backup(
     broker: Broker, interface_name: str, keeper: Keeper
 ) -> None:
     site = Site(broker, interface_name, keeper.url)
@@ -129,7 +129,7 @@ async def test_after_a_loss_the_history_goes_on_from_its_last_backup(
     assert orders_in(now[len(backed_up) :]) == ["TO-4"], "what query after the backup is forgotten"
 
 
-async def test_an_older_aggregator_ends_at_a_newer_history_and_begins_a_new_one_when_it_is_put_aside(
+async def test_older_aggregator_exits_on_a_newer_history_and_starts_without_it(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     """This release plays the older one: the history is such as the next one would leave."""

@@ -13,7 +13,7 @@ from support.served_aggregator import Served
 pytestmark = pytest.mark.broker
 
 
-async def test_the_same_problem_is_logged_once_and_another_one_again(broker: Broker, served: Served) -> None:
+async def test_repeated_problem_is_logged_once_and_a_new_one_again(broker: Broker, served: Served) -> None:
     topic = served.robots.of(ROBOT, Topic.STATE)
     with capture_logs() as lines, MqttPeer(broker) as peer:
         for payload in (b"{", b"{", b"{", b"[]"):

@@ -31,7 +31,7 @@ from support.served_aggregator import EventReader, Served, serving
 pytestmark = pytest.mark.broker
 
 
-async def test_a_robot_from_its_first_message_to_its_end(broker: Broker, served: Served) -> None:
+async def test_robot_is_followed_from_its_first_message_to_offline(broker: Broker, served: Served) -> None:
     robot = "/api/v1/robots/ACME/r1"
     with MqttPeer(broker) as peer:
         peer.publish(served.robots.of(ROBOT, Topic.CONNECTION), b"", retain=True)
@@ -57,7 +57,7 @@ async def test_a_robot_from_its_first_message_to_its_end(broker: Broker, served:
 @pytest.mark.parametrize(
     "payload", [b"", b"{", b"[]", b'{"headerId": "one"}', b"\xff\xfe", b'{"headerId": 1e999}']
 )
-async def test_a_malformed_state_is_counted_and_changes_nothing(
+async def test_malformed_state_is_counted_and_changes_nothing(
     broker: Broker, served: Served, payload: bytes
 ) -> None:
     with MqttPeer(broker) as peer:
@@ -73,7 +73,7 @@ async def test_a_malformed_state_is_counted_and_changes_nothing(
         await served.until("/api/v1/robots/ACME/r1", lambda shown: shown["condition"] == "BUSY")
 
 
-async def test_a_robot_that_deviates_is_shown_with_how(broker: Broker, served: Served) -> None:
+async def test_deviations_of_a_robot_are_shown(broker: Broker, served: Served) -> None:
     robot, here = "/api/v1/robots/ACME/r1", served.robots.of(ROBOT, Topic.STATE)
     with MqttPeer(broker) as peer:
         served.send(peer, Topic.STATE, state())
@@ -118,7 +118,7 @@ async def test_orders_vehicles_and_plant_of_the_order_service(broker: Broker, se
         assert (await served.get("/api/v1/fleet"))["plant"] is not None
 
 
-async def test_what_was_kept_before_the_start_is_known(broker: Broker, interface_name: str) -> None:
+async def test_retained_messages_are_read_at_startup(broker: Broker, interface_name: str) -> None:
     with MqttPeer(broker) as peer:
         robots = TopicScheme(interface_name)
         old = state(at=(datetime.now(UTC) - START).total_seconds() - 300)
@@ -131,7 +131,7 @@ async def test_what_was_kept_before_the_start_is_known(broker: Broker, interface
             assert 299 < shown["stateAge"] < 320
 
 
-async def test_the_event_stream_tells_it_all_and_lets_a_client_catch_up(
+async def test_event_stream_contains_all_changes_and_lets_a_client_catch_up(
     broker: Broker, served: Served
 ) -> None:
     with MqttPeer(broker) as peer:
@@ -151,7 +151,7 @@ async def test_the_event_stream_tells_it_all_and_lets_a_client_catch_up(
             assert "manufacturer" not in missed["robots"][0]
 
 
-async def test_a_silent_robot_is_told_without_any_message(broker: Broker, interface_name: str) -> None:
+async def test_silent_robot_is_reported_without_a_message(broker: Broker, interface_name: str) -> None:
     async with serving(broker, interface_name, silence_limit=0.3) as served:
         with MqttPeer(broker) as peer:
             async with EventReader.open(served.http) as events:
@@ -162,7 +162,7 @@ async def test_a_silent_robot_is_told_without_any_message(broker: Broker, interf
         assert silent["robots"][0]["reason"].startswith("No state since")
 
 
-async def test_the_broker_goes_and_comes_back(own_broker: Broker, interface_name: str) -> None:
+async def test_broker_disappears_and_returns(own_broker: Broker, interface_name: str) -> None:
     async with serving(own_broker, interface_name) as served:
         with MqttPeer(own_broker) as peer:
             order = order_status().model_dump_json(by_alias=True)
@@ -182,7 +182,7 @@ async def test_the_broker_goes_and_comes_back(own_broker: Broker, interface_name
         await served.metric("nena_mqtt_connects_total 2.0")
 
 
-async def test_other_interfaces_and_odd_topics_are_not_ours(broker: Broker, served: Served) -> None:
+async def test_other_interfaces_and_topics_are_ignored(broker: Broker, served: Served) -> None:
     with MqttPeer(broker) as peer:
         peer.publish(f"other/v2/ACME/r9/{Topic.STATE}", b"{}")
         served.send(peer, Topic.STATE, state(robot=RobotKey("ACME", "r2")), robot=RobotKey("ACME", "r2"))
@@ -196,9 +196,7 @@ async def test_other_interfaces_and_odd_topics_are_not_ours(broker: Broker, serv
 
 
 @pytest.mark.clause("4.2")
-async def test_what_the_broker_kept_from_an_older_version_of_a_robot_does_not_count(
-    broker: Broker, interface_name: str
-) -> None:
+async def test_retained_messages_of_an_older_version_are_ignored(broker: Broker, interface_name: str) -> None:
     old, new = TopicScheme(interface_name, "v2"), TopicScheme(f"{interface_name}-3", "v3")
     with MqttPeer(broker) as peer:
         peer.publish(old.of(ROBOT, Topic.CONNECTION), CODEC.encode(connection("OFFLINE")), retain=True)
@@ -218,7 +216,7 @@ async def test_what_the_broker_kept_from_an_older_version_of_a_robot_does_not_co
 
 
 @pytest.mark.clause("4.2")
-async def test_the_late_will_of_an_old_version_does_not_count(broker: Broker, interface_name: str) -> None:
+async def test_late_will_of_an_older_version_is_ignored(broker: Broker, interface_name: str) -> None:
     old, new = TopicScheme(interface_name, "v2"), TopicScheme(f"{interface_name}-3", "v3")
     robot = "/api/v1/robots/ACME/r1"
     with MqttPeer(broker) as peer:
@@ -240,9 +238,7 @@ async def test_the_late_will_of_an_old_version_does_not_count(broker: Broker, in
 
 
 @pytest.mark.clause("4.2")
-async def test_a_robot_with_topics_of_its_own_in_the_plant_model_is_seen(
-    broker: Broker, interface_name: str, served: Served
-) -> None:
+async def test_robot_with_custom_topics_is_shown(broker: Broker, interface_name: str, served: Served) -> None:
     own = TopicScheme(f"{interface_name}/hall", "v3")
     tug = Vehicle(name="Tug", properties={"vda5050:interfaceName": own.interface_name})
     odd = Vehicle(name="Odd", properties={"vda5050:interfaceName": "#"})
@@ -258,7 +254,7 @@ async def test_a_robot_with_topics_of_its_own_in_the_plant_model_is_seen(
     assert shown["connection"] == "ONLINE"
 
 
-async def test_the_map_of_a_robot_is_an_image_with_its_place(broker: Broker, served: Served) -> None:
+async def test_robot_map_is_an_image_with_its_position(broker: Broker, served: Served) -> None:
     robot = "/api/v1/robots/ACME/r1"
     with MqttPeer(broker) as peer:
         topic = served.fleet.robot_map(ROBOT)

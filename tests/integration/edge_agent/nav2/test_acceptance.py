@@ -25,7 +25,7 @@ async def test_the_simulator_passes() -> None:
 
 @pytest.mark.ros
 @pytest.mark.broker
-async def test_a_robot_that_does_not_know_where_it_is_is_placed() -> None:
+async def test_delocalised_robot_is_given_its_position() -> None:
     """As in a simulation that has just started, such as nav2_loopback_sim."""
     with simulated_site(localisation={"known_at_start": False}) as site:
         site.pose = (0.0, 0.0)
@@ -33,7 +33,7 @@ async def test_a_robot_that_does_not_know_where_it_is_is_placed() -> None:
     assert finding.verdict == OK, finding.text
 
 
-async def test_a_check_that_fails_is_told_and_the_next_one_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_failed_check_is_reported_and_the_next_one_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     async def fail(_: Nav2Site) -> str:
         message = "it drove | on\nand on"
         raise AssertionError(message)
@@ -49,7 +49,7 @@ async def test_a_check_that_fails_is_told_and_the_next_one_runs(monkeypatch: pyt
     assert [each["letter"] for each in json.loads(as_json(findings))] == ["a", "b"]
 
 
-async def test_what_a_site_gives_no_opportunity_for_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_checks_that_are_impossible_at_a_site_are_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
     async def kill(site: Nav2Site) -> str:
         await site.die("amcl")
         return "dead"

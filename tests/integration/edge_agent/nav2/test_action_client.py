@@ -47,7 +47,7 @@ async def robot(nav2: RclpyNav2, domain_id: int) -> AsyncIterator[DrivenRobot]: 
         yield await started.ready()
 
 
-async def test_a_goal_goes_by_the_action_under_an_id_of_ours(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+async def test_goal_is_sent_by_action_with_our_id(nav2: RclpyNav2, robot: DrivenRobot) -> None:
     report = await robot.driving(goal_at(1, 5.0))
     assert GoalIdPrefix("nena_edge_agent").matches(report.goal_id)
     (goal,) = nav2.goals
@@ -59,7 +59,7 @@ async def test_a_goal_goes_by_the_action_under_an_id_of_ours(nav2: RclpyNav2, ro
     assert await robot.hears(Arrived) == Arrived(1)
 
 
-async def test_feedback_tells_the_place_what_is_left_and_recoveries(
+async def test_feedback_contains_pose_remaining_distance_and_recoveries(
     nav2: RclpyNav2, robot: DrivenRobot
 ) -> None:
     await robot.driving(goal_at(1, 5.0))
@@ -69,7 +69,7 @@ async def test_feedback_tells_the_place_what_is_left_and_recoveries(
     nav2.end()
 
 
-async def test_a_result_says_why_and_in_whose_words(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+async def test_result_contains_nav2s_error_code_and_message(nav2: RclpyNav2, robot: DrivenRobot) -> None:
     await robot.driving(goal_at(1, 5.0))
     nav2.end(106, "Collision ahead")
     failed = await robot.hears(DriveFailed)
@@ -77,7 +77,7 @@ async def test_a_result_says_why_and_in_whose_words(nav2: RclpyNav2, robot: Driv
     assert "found no valid command (error code 106: Collision ahead)" in failed.description
 
 
-async def test_a_refused_goal_fails_and_says_so(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+async def test_rejected_goal_fails_with_the_reason(nav2: RclpyNav2, robot: DrivenRobot) -> None:
     nav2.accepts = False
     robot.driver.go_to(goal_at(1, 5.0))
     failed = await robot.hears(DriveFailed)
@@ -86,7 +86,7 @@ async def test_a_refused_goal_fails_and_says_so(nav2: RclpyNav2, robot: DrivenRo
     assert len(nav2.goals) == 4
 
 
-async def test_a_halt_cancels_by_the_id_and_waits_for_the_end(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+async def test_halt_cancels_by_id_and_waits_for_the_end(nav2: RclpyNav2, robot: DrivenRobot) -> None:
     await robot.driving(goal_at(1, 5.0))
     robot.driver.halt()
     await robot.hears(GoalReport, lambda report: report.status == "CANCELING")
@@ -95,7 +95,7 @@ async def test_a_halt_cancels_by_the_id_and_waits_for_the_end(nav2: RclpyNav2, r
     await robot.hears(Halted)
 
 
-async def test_a_cancel_of_somebody_else_is_told(nav2: RclpyNav2, robot: DrivenRobot) -> None:
+async def test_external_cancel_is_reported(nav2: RclpyNav2, robot: DrivenRobot) -> None:
     report = await robot.driving(goal_at(1, 5.0))
     assert robot.driver._node is not None
     await robot.driver._node.cancel(report.goal_id)
@@ -104,7 +104,9 @@ async def test_a_cancel_of_somebody_else_is_told(nav2: RclpyNav2, robot: DrivenR
 
 
 @pytest.mark.parametrize("navigation", [Navigation.AUTO, Navigation.TOPICS])
-async def test_where_no_server_is_goals_go_by_topic(domain_id: int, navigation: Navigation) -> None:
+async def test_goals_are_sent_by_topic_without_an_action_server(
+    domain_id: int, navigation: Navigation
+) -> None:
     with simulated_robot(domain_id, actions=False):
         async with DrivenRobot(domain_id, navigation=navigation) as robot:
             await robot.ready()
@@ -113,7 +115,7 @@ async def test_where_no_server_is_goals_go_by_topic(domain_id: int, navigation: 
             assert await robot.hears(Arrived) == Arrived(1)
 
 
-async def test_a_server_that_is_not_there_is_waited_for(domain_id: int, peer: RosPeer) -> None:
+async def test_missing_action_server_is_waited_for(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id, actions=False):
         async with DrivenRobot(domain_id, navigation=Navigation.ACTION) as robot:
             missing = await robot.hears(NavigationReport, lambda report: "serves" in report.reason)
@@ -123,7 +125,7 @@ async def test_a_server_that_is_not_there_is_waited_for(domain_id: int, peer: Ro
             server.close()
 
 
-async def test_a_server_that_goes_in_mid_drive(domain_id: int) -> None:
+async def test_action_server_disappears_during_a_drive(domain_id: int) -> None:
     with simulated_robot(domain_id) as node:
         async with DrivenRobot(domain_id, navigation=Navigation.ACTION) as robot:
             await (await robot.ready()).driving(goal_at(1, 30.0))
@@ -132,7 +134,7 @@ async def test_a_server_that_goes_in_mid_drive(domain_id: int) -> None:
             await until(lambda: robot.all(NavigationReport)[-1].available is False, what="its absence")
 
 
-async def test_a_node_that_nav2_leaves_out_is_driven_to_alone(domain_id: int, peer: RosPeer) -> None:
+async def test_node_skipped_by_nav2_is_driven_to_separately(domain_id: int, peer: RosPeer) -> None:
     server = RclpyNav2(peer, Action.THROUGH_POSES)
     async with DrivenRobot(domain_id, navigation=Navigation.THROUGH_POSES) as robot:
         await robot.ready()
@@ -158,7 +160,7 @@ async def test_a_node_that_nav2_leaves_out_is_driven_to_alone(domain_id: int, pe
     assert places == [[5.0, 10.0], [5.0]]
 
 
-async def test_a_goal_at_the_action_that_is_not_ours_is_external(domain_id: int, peer: RosPeer) -> None:
+async def test_foreign_goal_at_the_action_is_external(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id):
         async with DrivenRobot(domain_id, navigation=Navigation.ACTION) as robot:
             await robot.ready()

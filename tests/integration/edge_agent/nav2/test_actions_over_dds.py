@@ -165,7 +165,9 @@ async def test_actions_by_topics_and_services(domain_id: int, peer: RosPeer) -> 
 
 
 @pytest.mark.usefixtures("lift")
-async def test_what_is_asked_for_comes_to_each_new_session_and_is_refused_without_one(domain_id: int) -> None:
+async def test_requested_endpoints_are_created_in_each_session_and_refused_without_one(
+    domain_id: int,
+) -> None:
     port = PluginRos()
     robot = Robot(port)
     robot.begin("close")
@@ -182,7 +184,7 @@ async def test_what_is_asked_for_comes_to_each_new_session_and_is_refused_withou
     assert await robot.end() == ("FAILED", "the robot's ROS session is not active")
 
 
-async def test_a_port_that_a_session_has_takes_more(domain_id: int, peer: RosPeer) -> None:
+async def test_open_session_accepts_more_endpoints(domain_id: int, peer: RosPeer) -> None:
     port = PluginRos()
     came: list[Fields] = []
 
@@ -221,7 +223,7 @@ async def factsheet(fleet: FleetControl) -> dict[str, Any]:
 
 @pytest.mark.clause("6.2.3/pick", "6.1.4.3", "6.10")
 @pytest.mark.usefixtures("lift")
-async def test_a_whole_order_loads_drives_docks_and_unloads(bench: Bench) -> None:
+async def test_order_loads_drives_docks_and_unloads(bench: Bench) -> None:
     operations = [*OPERATIONS[:2], {"kind": "dock", "action_type": "dock", "forward": 1.0, "timeout": 60.0}]
     sensor = {"topic": "lift/loaded"}
     async with bench.robot(operations=operations, actions={"load_sensor": sensor}) as fleet:

@@ -13,7 +13,7 @@ from support.robot_core import action, order, position
 pytestmark = [pytest.mark.ros, pytest.mark.broker, needs_nav2_types]
 
 
-async def test_an_edge_is_driven_by_the_tree_that_it_names(bench: Bench) -> None:
+async def test_edge_is_driven_with_its_behavior_tree(bench: Bench) -> None:
     trees = {"behavior_trees": {"careful": "/opt/trees/careful.xml"}}
     slow = action("t", "NONE", USE_BEHAVIOR_TREE, retriable=None, behaviorTree="careful")
     places = {f"n{number}": position(2.0 * number, radius=0.5) for number in range(3)}

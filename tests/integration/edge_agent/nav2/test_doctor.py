@@ -51,7 +51,7 @@ def first_missing(view: RosView, settings: RosSettings) -> LinkFinding:
     return next(each for each in judge_robot(view, settings) if each.verdict is MISSING)
 
 
-async def test_a_robot_that_is_well(domain_id: int) -> None:
+async def test_healthy_robot(domain_id: int) -> None:
     settings = RosSettings(namespace="r1", domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, "r1"):
         view = await look(settings)
@@ -65,7 +65,7 @@ async def test_a_robot_that_is_well(domain_id: int) -> None:
     assert judge_clock(kept=True, ros_offset=view.clock_offset).verdict is OK
 
 
-async def test_a_robot_in_the_domain_of_the_environment(
+async def test_robot_in_the_domain_of_the_environment(
     domain_id: int, other_domain_id: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain_id))
@@ -80,7 +80,7 @@ async def test_a_robot_in_the_domain_of_the_environment(
 
 
 @pytest.mark.broker
-async def test_an_agent_that_was_moved_is_looked_for_where_it_is(
+async def test_moved_agent_is_found_in_its_current_session(
     broker: Broker, interface_name: str, domain_id: int, tmp_path: Path
 ) -> None:
     settings = agent_settings(
@@ -98,7 +98,7 @@ async def test_an_agent_that_was_moved_is_looked_for_where_it_is(
     assert namespace.verdict is OK
 
 
-async def test_a_robot_in_another_namespace(domain_id: int, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_robot_in_another_namespace(domain_id: int, monkeypatch: pytest.MonkeyPatch) -> None:
     expect(monkeypatch, lambda probe: probe._elsewhere())
     settings = RosSettings(namespace="r2", domain_id=domain_id)
     with simulated_robot(domain_id, "r1"):
@@ -109,7 +109,7 @@ async def test_a_robot_in_another_namespace(domain_id: int, monkeypatch: pytest.
     assert "but one does in /r1" in finding.text
 
 
-async def test_a_domain_without_nav2(domain_id: int, peer: RosPeer, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_domain_without_nav2(domain_id: int, peer: RosPeer, monkeypatch: pytest.MonkeyPatch) -> None:
     expect(monkeypatch, lambda probe: probe._nodes())
     settings = RosSettings(domain_id=domain_id)
 
@@ -120,7 +120,7 @@ async def test_a_domain_without_nav2(domain_id: int, peer: RosPeer, monkeypatch:
     assert peer.node.get_name() == "test_peer"
 
 
-async def test_nav2_that_is_not_active(domain_id: int) -> None:
+async def test_inactive_nav2(domain_id: int) -> None:
     settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, faults=({"kind": "inactive"},)):
         view = await look(settings)
@@ -128,9 +128,7 @@ async def test_nav2_that_is_not_active(domain_id: int) -> None:
     assert first_missing(view, settings).link is Link.NAVIGATION
 
 
-async def test_a_robot_that_does_not_know_where_it_is(
-    domain_id: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_robot_that_is_not_localised(domain_id: int, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
     expect(
         monkeypatch,
@@ -150,7 +148,7 @@ async def test_a_robot_that_does_not_know_where_it_is(
     assert "no poses on amcl_pose" in finding.text
 
 
-async def test_a_robot_that_is_not_sure(domain_id: int) -> None:
+async def test_uncertain_localisation(domain_id: int) -> None:
     settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, localisation={"xy_deviation": 3.0}):
         view = await look(settings)
@@ -202,7 +200,7 @@ def test_the_command(broker: Broker, domain_id: int) -> None:
     assert [line.split()[0] for line in done.stdout.splitlines()[:8]] == ["ok"] * 8
 
 
-async def test_what_nav2s_parameters_say_is_told(domain_id: int) -> None:
+async def test_nav2_parameters_are_reported(domain_id: int) -> None:
     settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, tolerance={"xy": 0.15}):
         view = await look(settings)

@@ -75,7 +75,7 @@ async def hurried_robot(domain_id: int, navigation: Navigation) -> AsyncIterator
             yield await started.ready()
 
 
-async def test_drives_and_arrives_where_it_was_told(robot: DrivenRobot) -> None:
+async def test_drives_to_its_goal(robot: DrivenRobot) -> None:
     robot.driver.go_to(goal_at(1, 4.0, 2.0))
     assert await robot.hears(Arrived) == Arrived(1)
     pose = robot.all(MapPoseReport)[-1].pose
@@ -98,21 +98,21 @@ async def test_drive_aborted_halfway(robot: DrivenRobot, peer: RosPeer) -> None:
     assert max(report.pose.x for report in robot.all(MapPoseReport)) < 3.5
 
 
-async def test_drive_cancelled_by_somebody_else(robot: DrivenRobot, peer: RosPeer) -> None:
+async def test_drive_cancelled_by_someone_else(robot: DrivenRobot, peer: RosPeer) -> None:
     canceller = peer.client(CancelGoal, "navigate_to_pose/_action/cancel_goal")
     await robot.driving(goal_at(1, 30.0))
     peer.call(canceller, CancelGoal.Request())
     assert (await robot.hears(DriveFailed)).failure is DriveFailure.CANCELED_FROM_OUTSIDE
 
 
-async def test_swallowed_goal_is_given_again(hurried_robot: DrivenRobot, peer: RosPeer) -> None:
+async def test_lost_goal_is_resent(hurried_robot: DrivenRobot, peer: RosPeer) -> None:
     robot = hurried_robot
     with fault(peer, '{"kind": "reject_goals", "goals": 2}'):
         robot.driver.go_to(goal_at(1, 3.0))
         assert await robot.hears(Arrived) == Arrived(1)
 
 
-async def test_goal_that_is_always_swallowed(hurried_robot: DrivenRobot, peer: RosPeer) -> None:
+async def test_goal_that_is_always_lost(hurried_robot: DrivenRobot, peer: RosPeer) -> None:
     robot = hurried_robot
     with fault(peer, '{"kind": "reject_goals"}'):
         robot.driver.go_to(goal_at(1, 3.0))
@@ -121,7 +121,7 @@ async def test_goal_that_is_always_swallowed(hurried_robot: DrivenRobot, peer: R
     assert robot.ends == [failed]
 
 
-async def test_external_goal_is_told_and_left_alone(robot: DrivenRobot, peer: RosPeer) -> None:
+async def test_external_goal_is_reported_and_left_alone(robot: DrivenRobot, peer: RosPeer) -> None:
     with fault(peer, '{"kind": "foreign_goal", "x": 3.0, "y": 0.0}'):
         ended = await robot.hears(GoalReport, lambda report: report.status == "SUCCEEDED")
     assert ended.external
@@ -139,7 +139,7 @@ async def test_external_goal_takes_the_robot_over(robot: DrivenRobot, peer: RosP
     assert theirs.goal_id in failed.description
 
 
-async def test_next_goal_replaces_the_one_under_way_without_a_stop(robot: DrivenRobot, peer: RosPeer) -> None:
+async def test_next_goal_replaces_the_active_one_without_a_stop(robot: DrivenRobot, peer: RosPeer) -> None:
     odometry = peer.subscribe(Odometry, "odom", BEST_EFFORT)
     await robot.driving(goal_at(1, 25.0))
     await robot.hears(MapPoseReport, lambda report: report.pose.x > 5.0)
@@ -151,7 +151,7 @@ async def test_next_goal_replaces_the_one_under_way_without_a_stop(robot: Driven
     assert min(speeds) > 2.5
 
 
-async def test_plan_of_our_own_drive_is_told_and_no_other(robot: DrivenRobot, peer: RosPeer) -> None:
+async def test_only_the_plan_of_our_own_drive_is_reported(robot: DrivenRobot, peer: RosPeer) -> None:
     with fault(peer, '{"kind": "foreign_goal", "x": 2.0, "y": 2.0}'):
         await robot.hears(GoalReport, lambda report: report.ended)
     assert robot.all(MapPlanReport) == []
@@ -160,7 +160,7 @@ async def test_plan_of_our_own_drive_is_told_and_no_other(robot: DrivenRobot, pe
     assert plan.points[-1] == pytest.approx((15.0, 0.0), abs=0.75)
 
 
-async def test_halt_in_mid_drive(robot: DrivenRobot, peer: RosPeer) -> None:
+async def test_halt_during_a_drive(robot: DrivenRobot, peer: RosPeer) -> None:
     await robot.driving(goal_at(1, 30.0))
     await robot.hears(MapPoseReport, lambda report: (report.vx or 0.0) > 3.0)
     robot.driver.halt()
@@ -172,12 +172,12 @@ async def test_halt_in_mid_drive(robot: DrivenRobot, peer: RosPeer) -> None:
     assert await robot.hears(Arrived) == Arrived(2)
 
 
-async def test_halt_of_a_robot_that_stands(robot: DrivenRobot) -> None:
+async def test_halt_of_a_standing_robot(robot: DrivenRobot) -> None:
     robot.driver.halt()
     await robot.hears(Halted)
 
 
-async def test_stop_in_mid_drive_leaves_the_robot_standing(domain_id: int, peer: RosPeer) -> None:
+async def test_stop_during_a_drive_leaves_the_robot_standing(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id):
         async with DrivenRobot(domain_id, stop_timeout=PATIENCE) as robot:
             await (await robot.ready()).driving(goal_at(1, 30.0))
@@ -192,7 +192,7 @@ async def test_stop_in_mid_drive_leaves_the_robot_standing(domain_id: int, peer:
         (MapPose(math.nan, 0.0, 0.0, MAP), "is not a valid pose"),
     ],
 )
-async def test_place_that_cannot_be_driven_to(robot: DrivenRobot, place: MapPose, reason: str) -> None:
+async def test_invalid_goal(robot: DrivenRobot, place: MapPose, reason: str) -> None:
     await robot.driving(goal_at(1, 30.0))
     robot.driver.go_to(MapGoal(2, place, deviation_xy=0.5))
     failed = await robot.hears(DriveFailed)
@@ -202,12 +202,12 @@ async def test_place_that_cannot_be_driven_to(robot: DrivenRobot, place: MapPose
     assert robot.ends == [failed]
 
 
-async def test_position_that_is_none_is_not_given_to_the_localisation(robot: DrivenRobot) -> None:
+async def test_invalid_position_is_not_sent_to_the_localisation(robot: DrivenRobot) -> None:
     robot.driver.initialize_position(MapPose(math.inf, 0.0, 0.0, MAP))
     assert not (await robot.hears(PositionInitialized)).succeeded
 
 
-async def test_robot_that_does_not_know_where_it_is_is_told(domain_id: int) -> None:
+async def test_lost_localisation_is_reported(domain_id: int) -> None:
     with simulated_robot(domain_id, localisation={"known_at_start": False}):
         async with DrivenRobot(domain_id) as robot:
             missing = await robot.hears(NavigationReport, lambda report: "amcl_pose" in report.reason)
@@ -221,7 +221,7 @@ async def test_robot_that_does_not_know_where_it_is_is_told(domain_id: int) -> N
     assert report.localized
 
 
-async def test_initial_position_that_nobody_confirms(domain_id: int, peer: RosPeer) -> None:
+async def test_unconfirmed_initial_position(domain_id: int, peer: RosPeer) -> None:
     patience = LocalisationSettings(initial_wait=0.2, initial_attempts=2)
     with simulated_robot(domain_id):
         async with DrivenRobot(domain_id, localisation=patience) as robot:

@@ -24,7 +24,7 @@ BLOCKED_SOON = {**ROS["goals"], "blocked_after": 0.5}
 
 
 @BOTH_DOORS
-async def test_an_external_goal_pauses_the_order_which_goes_on_after_it(bench: Bench, door: str) -> None:
+async def test_external_goal_pauses_the_order_until_it_ends(bench: Bench, door: str) -> None:
     async with bench.robot(ros={"navigation": door}) as fleet:
         rviz = publisher_to(bench.ros, PoseStamped, "goal_pose")
         fleet.send(order("n0", "n3"))
@@ -38,7 +38,7 @@ async def test_an_external_goal_pauses_the_order_which_goes_on_after_it(bench: B
         assert all(failure_of(state) is None for state in fleet.states)
 
 
-async def test_an_external_goal_fails_the_order_where_that_is_set(bench: Bench) -> None:
+async def test_external_goal_fails_the_order_if_configured(bench: Bench) -> None:
     async with bench.robot(drive={"external_goals": "fail"}) as fleet:
         rviz = publisher_to(bench.ros, PoseStamped, "goal_pose")
         fleet.send(order("n0", "n3"))
@@ -53,7 +53,7 @@ async def test_an_external_goal_fails_the_order_where_that_is_set(bench: Bench) 
 
 
 @BOTH_DOORS
-async def test_a_goal_that_cannot_be_reached_fails_and_an_update_tries_again(bench: Bench, door: str) -> None:
+async def test_unreachable_goal_fails_and_an_update_retries(bench: Bench, door: str) -> None:
     async with bench.robot(ros={"navigation": door}) as fleet:
         bench.fault("unreachable", goals=1)
         fleet.send(order("n0", "n1"))
@@ -66,7 +66,7 @@ async def test_a_goal_that_cannot_be_reached_fails_and_an_update_tries_again(ben
         assert error_types(await fleet.state(ended("o1"))) == []
 
 
-async def test_a_drive_that_is_aborted_halfway_is_tried_again_by_setting(bench: Bench) -> None:
+async def test_aborted_drive_is_retried_if_configured(bench: Bench) -> None:
     async with bench.robot(drive={"retries": 1, "retry_wait": 0.2}) as fleet:
         bench.fault("abort_halfway", goals=1)
         fleet.send(order("n0", "n1"))
@@ -75,7 +75,7 @@ async def test_a_drive_that_is_aborted_halfway_is_tried_again_by_setting(bench: 
         assert all(failure_of(state) is None for state in fleet.states)
 
 
-async def test_a_drive_fails_after_the_last_try(bench: Bench) -> None:
+async def test_drive_fails_after_the_last_retry(bench: Bench) -> None:
     async with bench.robot(drive={"retries": 2, "retry_wait": 0.1}) as fleet:
         bench.fault("unreachable")
         fleet.send(order("n0", "n1"))
@@ -86,7 +86,7 @@ async def test_a_drive_fails_after_the_last_try(bench: Bench) -> None:
         await fleet.state(lambda state: not state["nodeStates"] and not state["errors"] and state["orderId"])
 
 
-async def test_a_drive_that_somebody_cancels_fails_and_is_not_tried_again(bench: Bench) -> None:
+async def test_externally_cancelled_drive_fails_without_retry(bench: Bench) -> None:
     async with bench.robot(drive={"retries": 3, "retry_wait": 0.1}) as fleet:
         canceller = bench.ros.client(CancelGoal, "navigate_to_pose/_action/cancel_goal")
         fleet.send(order("n0", "n3"))
@@ -96,14 +96,14 @@ async def test_a_drive_that_somebody_cancels_fails_and_is_not_tried_again(bench:
 
 
 @BOTH_DOORS
-async def test_a_goal_that_is_not_taken_up_fails(bench: Bench, door: str) -> None:
+async def test_goal_that_is_never_accepted_fails(bench: Bench, door: str) -> None:
     async with bench.robot(ros={"navigation": door, "goals": QUICK.model_dump()}) as fleet:
         bench.fault("reject_goals")
         fleet.send(order("n0", "n1"))
         await fleet.state(lambda state: failure_of(state) == "NOT_TAKEN_UP")
 
 
-async def test_a_blocked_robot_says_so_until_it_moves(bench: Bench) -> None:
+async def test_blocked_robot_reports_it_until_it_moves(bench: Bench) -> None:
     async with bench.robot(ros={"goals": BLOCKED_SOON}) as fleet:
         fleet.send(order("n0", "n3"))
         await bench.moves()
@@ -116,7 +116,7 @@ async def test_a_blocked_robot_says_so_until_it_moves(bench: Bench) -> None:
         assert error_types(await fleet.state(ended("o1"))) == []
 
 
-async def test_without_poses_the_robot_stops_and_goes_on_when_they_come_again(bench: Bench) -> None:
+async def test_robot_stops_without_poses_and_continues_when_they_return(bench: Bench) -> None:
     localisation = {"pose_timeout": 0.5}
     async with bench.robot(ros={"localisation": localisation}) as fleet:
         fleet.send(order("n0", "n3"))
@@ -130,7 +130,7 @@ async def test_without_poses_the_robot_stops_and_goes_on_when_they_come_again(be
         assert (error_types(done), done["lastNodeId"]) == ([], "n3")
 
 
-async def test_a_lost_robot_stops_and_goes_on_when_it_is_found(bench: Bench) -> None:
+async def test_delocalised_robot_stops_until_it_is_localised(bench: Bench) -> None:
     localisation = {"pose_timeout": 0.5}
     async with bench.robot(ros={"localisation": localisation}) as fleet:
         fleet.send(order("n0", "n3"))
@@ -143,7 +143,7 @@ async def test_a_lost_robot_stops_and_goes_on_when_it_is_found(bench: Bench) -> 
         assert error_types(await fleet.state(ended("o1"))) == []
 
 
-async def test_an_order_waits_for_a_nav2_that_is_not_there_yet(bench: Bench) -> None:
+async def test_order_waits_until_nav2_is_available(bench: Bench) -> None:
     async with bench.agent() as fleet:
         await fleet.state(lambda state: "navigationNotAvailable" in error_types(state))
         with bench.simulator():
@@ -152,7 +152,7 @@ async def test_an_order_waits_for_a_nav2_that_is_not_there_yet(bench: Bench) -> 
             assert error_types(await fleet.state(ended("o1"))) == []
 
 
-async def test_nav2_that_goes_in_mid_drive_fails_the_drive(bench: Bench) -> None:
+async def test_nav2_shutdown_during_a_drive_fails_the_drive(bench: Bench) -> None:
     async with bench.agent() as fleet:
         with bench.simulator() as nav2:
             await fleet.state(ready)
@@ -164,7 +164,7 @@ async def test_nav2_that_goes_in_mid_drive_fails_the_drive(bench: Bench) -> None
         assert error_types(fleet.states[-1])
 
 
-async def test_nav2_that_is_started_anew_in_mid_drive_is_driven_on_with_by_setting(bench: Bench) -> None:
+async def test_drive_continues_after_a_nav2_restart_if_configured(bench: Bench) -> None:
     async with bench.agent(drive={"retries": 1, "retry_wait": 0.1}) as fleet:
         with bench.simulator() as nav2:
             await fleet.state(ready)

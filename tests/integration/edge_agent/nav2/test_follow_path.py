@@ -53,7 +53,7 @@ def off_the_bend(bench: Bench) -> float:
     return max(min(dist(place, each) for each in curve) for place in driven)
 
 
-async def test_a_trajectory_is_driven_along_it_within_its_corridor(bench: Bench, fleet: FleetControl) -> None:
+async def test_trajectory_is_followed_within_its_corridor(bench: Bench, fleet: FleetControl) -> None:
     fleet.send(edges(ALONG))
     state = await fleet.state(ended("o1"))
     assert (state["lastNodeId"], error_types(state)) == ("n1", [])
@@ -62,14 +62,14 @@ async def test_a_trajectory_is_driven_along_it_within_its_corridor(bench: Bench,
     assert shown["edgeStates"][0]["trajectory"]["degree"] == 2
 
 
-async def test_goals_and_paths_take_turns(fleet: FleetControl) -> None:
+async def test_goals_and_paths_alternate(fleet: FleetControl) -> None:
     last = {"corridor": Corridor(left_width=0.5, right_width=0.5)}
     fleet.send(edges(ALONG, {}, last))
     state = await fleet.state(ended("o1"))
     assert (state["lastNodeId"], error_types(state)) == ("n3", [])
 
 
-async def test_a_cancel_stops_the_robot_on_its_path(bench: Bench, fleet: FleetControl) -> None:
+async def test_cancel_stops_the_robot_on_its_path(bench: Bench, fleet: FleetControl) -> None:
     fleet.send(edges(ALONG))
     await bench.moves()
     fleet.instant(action("c", "NONE", "cancelOrder"))
@@ -79,7 +79,7 @@ async def test_a_cancel_stops_the_robot_on_its_path(bench: Bench, fleet: FleetCo
     assert state["lastNodeId"] == "n0"
 
 
-async def test_a_pause_stops_it_and_it_goes_on_where_it_was(bench: Bench, fleet: FleetControl) -> None:
+async def test_path_is_paused_and_resumed(bench: Bench, fleet: FleetControl) -> None:
     fleet.send(edges(ALONG))
     await bench.moves()
     fleet.instant(action("p", "NONE", "startPause"))
@@ -92,7 +92,7 @@ async def test_a_pause_stops_it_and_it_goes_on_where_it_was(bench: Bench, fleet:
 
 
 @pytest.mark.parametrize("fault", ["server_died", "server_hung"])
-async def test_a_controller_that_is_gone_is_told_and_the_robot_stands(
+async def test_missing_controller_is_reported_and_the_robot_stands(
     bench: Bench, fleet: FleetControl, fault: str
 ) -> None:
     fleet.send(edges(ALONG))
@@ -104,7 +104,7 @@ async def test_a_controller_that_is_gone_is_told_and_the_robot_stands(
     bench.fault(fault, server="controller_server", active=False)
 
 
-async def test_the_reason_of_an_abort_is_told(bench: Bench, fleet: FleetControl) -> None:
+async def test_reason_of_an_abort_is_reported(bench: Bench, fleet: FleetControl) -> None:
     bench.fault("abort_halfway", fraction=0.5, error_code=105)
     fleet.send(edges(ALONG))
     state = await fleet.state(lambda state: failure_of(state) is not None)
@@ -112,9 +112,7 @@ async def test_the_reason_of_an_abort_is_told(bench: Bench, fleet: FleetControl)
     assert "makes no progress" in str(state["errors"])
 
 
-async def test_an_operator_takes_over_and_the_path_is_driven_afterwards(
-    bench: Bench, fleet: FleetControl
-) -> None:
+async def test_path_is_resumed_after_an_operator_took_over(bench: Bench, fleet: FleetControl) -> None:
     rviz = publisher_to(bench.ros, type(goal(0.0, 0.0)), "goal_pose")
     fleet.send(edges(ALONG))
     await bench.moves()
@@ -124,7 +122,7 @@ async def test_an_operator_takes_over_and_the_path_is_driven_afterwards(
     assert (state["lastNodeId"], error_types(state)) == ("n1", [])
 
 
-async def test_without_the_setting_a_trajectory_is_refused(bench: Bench) -> None:
+async def test_trajectory_is_rejected_without_the_setting(bench: Bench) -> None:
     async with bench.robot() as control:
         control.send(edges({"trajectory": BEND}))
         state = await control.state(lambda state: "orderError" in error_types(state))
@@ -135,9 +133,7 @@ OPTIONS = ("--ros.nav2.follow_path",)
 
 
 @pytest.mark.parametrize("arrives_meanwhile", [pytest.param(False, marks=pytest.mark.long), True])
-async def test_an_agent_that_was_killed_drives_the_rest_of_the_path(
-    bench: Bench, *, arrives_meanwhile: bool
-) -> None:
+async def test_restarted_agent_drives_the_rest_of_the_path(bench: Bench, *, arrives_meanwhile: bool) -> None:
     with bench.simulator(time_factor=2.0), bench.agent_process(*OPTIONS) as agent:
         await bench.fleet.state(ready)
         bench.fleet.send(edges(ALONG))
@@ -152,7 +148,7 @@ async def test_an_agent_that_was_killed_drives_the_rest_of_the_path(
 
 
 @pytest.mark.long
-async def test_a_pause_holds_although_the_agent_was_killed_meanwhile(bench: Bench) -> None:
+async def test_pause_survives_a_kill_of_the_agent(bench: Bench) -> None:
     with bench.simulator(time_factor=1.0), bench.agent_process(*OPTIONS) as agent:
         await bench.fleet.state(ready)
         bench.fleet.send(edges(ALONG))
@@ -160,9 +156,7 @@ async def test_a_pause_holds_although_the_agent_was_killed_meanwhile(bench: Benc
         await bench.killed_while_pausing(agent)
 
 
-async def test_a_robot_that_is_outside_of_its_corridor_stops_until_it_is_back(
-    bench: Bench, fleet: FleetControl
-) -> None:
+async def test_robot_outside_its_corridor_stops_until_it_is_back(bench: Bench, fleet: FleetControl) -> None:
     fleet.send(edges(ALONG))
     await bench.moves()
     bench.fault("pose_jump", x=-2.0, y=2.0)

@@ -106,7 +106,7 @@ async def test_three_goals_at_once(robot: DrivenRobot, arrays: Arrays) -> None:
     assert robot.ends == [Arrived(3)]
 
 
-async def test_cancel_of_all_by_somebody_else(robot: DrivenRobot, arrays: Arrays, peer: RosPeer) -> None:
+async def test_cancel_of_all_goals_by_someone_else(robot: DrivenRobot, arrays: Arrays, peer: RosPeer) -> None:
     await robot.driving(goal_at(1, 30.0))
     answer = peer.call(peer.client(CancelGoal, "navigate_to_pose/_action/cancel_goal"), CancelGoal.Request())
     assert (answer.return_code, len(answer.goals_canceling)) == (0, 1)
@@ -123,7 +123,7 @@ async def test_goal_outside_the_map(robot: DrivenRobot, arrays: Arrays) -> None:
     await arrays.end_with("A:6")
 
 
-async def test_robot_that_is_not_localised_gets_no_goal_and_aborts_those_of_others(
+async def test_robot_that_is_not_localised_receives_no_goal_and_aborts_foreign_ones(
     simulator: Callable[..., Any], domain_id: int, arrays: Arrays, peer: RosPeer
 ) -> None:
     with simulator(localisation={"known_at_start": False}):
@@ -187,7 +187,7 @@ async def test_server_restarted(simulator: Callable[..., Any], domain_id: int, a
             await arrays.end_with("B:4")
 
 
-async def test_latched_end_of_somebody_elses_drive_is_not_taken_for_ours(
+async def test_latched_result_of_a_foreign_drive_is_not_taken_for_ours(
     simulator: Callable[..., Any], domain_id: int, arrays: Arrays, peer: RosPeer
 ) -> None:
     with simulator():

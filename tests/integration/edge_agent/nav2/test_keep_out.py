@@ -35,7 +35,7 @@ async def enable(bench: Bench, zone_set_id: str, *zones: Any) -> None:
 
 
 @pytest.mark.clause("6.4/BLOCKED")
-async def test_nav2_is_told_what_to_keep_out_of(bench: Bench) -> None:
+async def test_keepout_zones_are_sent_to_nav2(bench: Bench) -> None:
     from nav2_msgs.msg import CostmapFilterInfo  # noqa: PLC0415 - not everywhere
 
     infos = bench.ros.subscribe(CostmapFilterInfo, "zone_filter_info", LATCHED)

@@ -114,9 +114,7 @@ class Witness:
     ("actions", "kills"),
     [("--actions", KILLS - KILLS // 2), pytest.param("--no-actions", KILLS // 2, marks=pytest.mark.long)],
 )
-async def test_an_agent_that_is_killed_again_and_again_does_its_orders(
-    bench: Bench, actions: str, kills: int
-) -> None:
+async def test_repeatedly_killed_agent_executes_its_orders(bench: Bench, actions: str, kills: int) -> None:
     """``actions``: whether goals go to Nav2 by its action or by topic."""
     arrays = bench.ros.subscribe(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
     chance, witness = random.Random(kills), Witness(bench)

@@ -47,7 +47,7 @@ def plant_in(folder: Path, interface_name: str) -> Path:
     return file
 
 
-async def test_a_trajectory_of_a_layout_is_the_path_that_the_controller_drives(
+async def test_trajectory_of_a_layout_is_sent_to_the_controller(
     bench: Bench, broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
     fields: dict[str, Any] = {

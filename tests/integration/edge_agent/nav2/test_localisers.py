@@ -33,7 +33,7 @@ def pose(x: int) -> PoseWithCovarianceStamped:
 
 
 @pytest.mark.parametrize("qos", QOS.values(), ids=QOS)
-async def test_a_pose_is_heard_however_it_is_sent(peer: RosPeer, domain_id: int, qos: Any) -> None:
+async def test_pose_is_received_with_any_quality_of_service(peer: RosPeer, domain_id: int, qos: Any) -> None:
     places = count(1)
     async with DrivenRobot(domain_id) as robot:
         publisher = peer.node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", qos)
@@ -45,7 +45,7 @@ async def test_a_pose_is_heard_however_it_is_sent(peer: RosPeer, domain_id: int,
         await until(heard, what="a pose")
 
 
-async def test_a_latched_pose_is_heard_afterwards_and_each_pose_once(peer: RosPeer, domain_id: int) -> None:
+async def test_latched_pose_is_received_late_and_each_pose_once(peer: RosPeer, domain_id: int) -> None:
     publisher = peer.node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
     publisher.publish(pose(3))
     async with DrivenRobot(domain_id) as robot:

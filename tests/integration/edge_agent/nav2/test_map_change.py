@@ -60,7 +60,7 @@ async def bring(fleet: FleetControl) -> None:
 
 
 @pytest.mark.clause("6.3", "6.2.3/enableMap")
-async def test_a_robot_changes_floors_within_an_order_and_keeps_the_map_over_restarts(
+async def test_robot_changes_floors_within_an_order_and_keeps_the_map_after_restarts(
     bench: Bench, tmp_path: Path
 ) -> None:
     grids = bench.ros.subscribe(OccupancyGrid, "map", LATCHED)

@@ -61,7 +61,7 @@ def close(x: float, y: float, theta: float) -> Any:
     return pytest.approx((place["x"], place["y"], remainder(theta + pi / 2, tau)), abs=0.3)
 
 
-async def test_goals_go_out_on_the_map_and_poses_come_back_in_the_plant(bench: Bench) -> None:
+async def test_goals_are_sent_in_map_and_poses_returned_in_plant_coordinates(bench: Bench) -> None:
     poses = poses_on_map(bench)
     with bench.simulator(start=on_map(0.0, 0.0)):
         async with bench.agent(map_transforms={"hall": TRANSFORM}) as fleet:
@@ -80,7 +80,7 @@ async def test_goals_go_out_on_the_map_and_poses_come_back_in_the_plant(bench: B
     assert (ways[0][-1]["x"], ways[0][-1]["y"]) == pytest.approx((10.0, 0.0), abs=0.6)
 
 
-async def test_an_initial_position_goes_out_on_the_map_and_is_confirmed_there(bench: Bench) -> None:
+async def test_initial_position_is_sent_and_confirmed_in_map_coordinates(bench: Bench) -> None:
     poses = poses_on_map(bench)
     with bench.simulator(start=on_map(0.0, 0.0), localisation={"known_at_start": False}):
         async with bench.agent(map_transforms={"hall": TRANSFORM}) as fleet:
@@ -116,7 +116,7 @@ async def driven_by_hosts(bench: Bench, fleet: Fleet, **agent: Any) -> AsyncIter
 
 
 @pytest.mark.parametrize("transforms", [{}, {HALL: TRANSFORM}], ids=["fleet control", "the robot itself"])
-async def test_who_transforms_does_not_matter_and_it_happens_once(
+async def test_coordinates_are_transformed_once_by_either_side(
     bench: Bench, broker: Broker, interface_name: str, tmp_path: Path, transforms: dict[str, str]
 ) -> None:
     poses = poses_on_map(bench)

@@ -35,7 +35,7 @@ async def watched(watch: MapWatch, domain_id: int) -> AsyncIterator[None]:
     await session.stop()
 
 
-async def test_the_map_of_a_robot_that_was_there_before(domain_id: int) -> None:
+async def test_map_published_before_the_agent_started(domain_id: int) -> None:
     told: list[MapImage] = []
     watch = MapWatch("map", lambda: "hall", SAME)
     watch.on_map = told.append
@@ -54,7 +54,7 @@ def grid(*, origin_x: float = -1.0, cells: bytes | None = None) -> GridMap:
     )
 
 
-def test_only_what_looks_or_lies_otherwise_is_told_again() -> None:
+def test_only_changed_maps_or_positions_are_reported_again() -> None:
     watch = MapWatch("map", lambda: "hall", SAME)
     looks = [grid(), grid(), grid(origin_x=0.0), grid(cells=bytes(800)), grid(cells=bytes(800)), grid()]
     told = [watch.read(map_message(each, "map", stamp)) for stamp, each in enumerate(looks)]
@@ -62,7 +62,7 @@ def test_only_what_looks_or_lies_otherwise_is_told_again() -> None:
     assert len({each.digest for each in told if each}) == 3
 
 
-def test_it_lies_where_the_plant_has_it() -> None:
+def test_map_is_placed_in_plant_coordinates() -> None:
     """The plant is drawn half as large as the map and turned by a right angle."""
     watch = MapWatch("map", lambda: "hall", PlantFrame({"hall": MapTransform(2.0, pi / 2, 1.0, 0.0)}))
     found = watch.read(map_message(grid(), "map", 0))
@@ -72,14 +72,14 @@ def test_it_lies_where_the_plant_has_it() -> None:
     assert found.resolution == pytest.approx(0.25)
 
 
-def test_a_grid_with_too_few_cells_is_refused_and_the_next_one_is_told() -> None:
+def test_grid_with_too_few_cells_is_refused_and_the_next_one_reported() -> None:
     watch = MapWatch("map", lambda: "hall", SAME)
     with pytest.raises(ValueError, match="do not make a grid"):
         watch.read(map_message(grid(cells=bytes(7)), "map", 0))
     assert watch.read(map_message(grid(), "map", 0)) is not None
 
 
-def test_the_settings_say_where_the_map_is_and_how_the_plant_lies_on_it() -> None:
+def test_settings_name_the_map_topic_and_the_plant_transform() -> None:
     settings = EdgeAgentSettings.model_validate(
         {
             "manufacturer": "ACME",

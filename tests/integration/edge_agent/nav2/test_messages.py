@@ -18,7 +18,7 @@ from support.ros import RosPeer
 pytestmark = pytest.mark.ros
 
 
-def test_whole_numbers_arrive_as_what_they_are(peer: RosPeer) -> None:
+def test_integers_are_converted_to_floats(peer: RosPeer) -> None:
     inbox = peer.subscribe(PoseStamped, "goal_pose")
     peer.publisher(PoseStamped, "goal_pose").publish(messages.goal_message(MapPose(3, -2, 0, "hall"), "map"))
     arrived = inbox.wait_for()
@@ -40,7 +40,7 @@ def test_initial_pose_comes_back_as_it_was_read(peer: RosPeer, theta: float) -> 
 
 
 @pytest.mark.parametrize("pose", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, math.nan)])
-def test_what_is_no_number_does_not_go_out(pose: tuple[float, float, float]) -> None:
+def test_non_finite_number_is_not_sent(pose: tuple[float, float, float]) -> None:
     with pytest.raises(messages.NotFiniteError):
         messages.goal_message(MapPose(*pose, "hall"), "map")
 
@@ -69,7 +69,7 @@ def path(*places: tuple[float, float]) -> Path:
     return message
 
 
-def test_plan_is_read_with_not_too_many_points_and_its_end() -> None:
+def test_plan_is_thinned_out_and_keeps_its_end() -> None:
     frame, points = plan_points(path(*((0.1 * number, 1.0) for number in range(1000))))
     assert frame == "map"
     assert len(points) <= PLAN_POINTS + 1
@@ -79,6 +79,6 @@ def test_plan_is_read_with_not_too_many_points_and_its_end() -> None:
     assert plan_points(path())[1] == ()
 
 
-def test_plan_with_a_point_that_is_no_place_is_refused() -> None:
+def test_plan_with_an_invalid_point_is_refused() -> None:
     with pytest.raises(UnusablePoseError):
         plan_points(path((0.0, 0.0), (math.nan, 0.0)))

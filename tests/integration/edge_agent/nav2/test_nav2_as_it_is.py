@@ -35,7 +35,7 @@ def texts(state: dict[str, Any]) -> str:
     return " ".join(each.get("errorDescription", "") for each in state["errors"])
 
 
-async def test_the_first_seconds_say_that_the_agent_starts(bench: Bench) -> None:
+async def test_agent_reports_that_it_is_starting(bench: Bench) -> None:
     async with bench.agent(ros=QUICK) as fleet:
         await fleet.state(lambda state: "is Nav2 running there?" in texts(state))
         told = [texts(state) for state in fleet.states if texts(state)]
@@ -43,7 +43,7 @@ async def test_the_first_seconds_say_that_the_agent_starts(bench: Bench) -> None
         assert not any("initial position" in text for text in told)
 
 
-async def test_a_position_is_taken_while_a_goal_hangs(bench: Bench) -> None:
+async def test_initial_position_is_accepted_while_a_goal_hangs(bench: Bench) -> None:
     async with bench.robot(ros={**QUICK, "navigation": "topics"}) as fleet:
         bench.fault("reject_goals")
         fleet.send(LONG_WAY)
@@ -64,7 +64,7 @@ async def test_a_position_is_taken_while_a_goal_hangs(bench: Bench) -> None:
         assert status_of(state, "p") == "FINISHED"
 
 
-async def test_a_localisation_that_was_started_again_has_forgotten_the_place(bench: Bench) -> None:
+async def test_restarted_localisation_has_lost_the_pose(bench: Bench) -> None:
     async with bench.robot(ros=QUICK) as fleet:
         assert localised(fleet.states[-1])
         bench.fault("server_died", server="amcl")
@@ -80,7 +80,7 @@ async def test_a_localisation_that_was_started_again_has_forgotten_the_place(ben
         assert (state["lastNodeId"], localised(state)) == ("n1", True)
 
 
-async def test_a_localisation_that_dies_on_the_way_stops_the_robot(bench: Bench) -> None:
+async def test_localisation_crash_stops_the_driving_robot(bench: Bench) -> None:
     async with bench.robot(time_factor=2.0, ros=QUICK) as fleet:
         fleet.send(LONG_WAY)
         await bench.moves()
@@ -91,7 +91,7 @@ async def test_a_localisation_that_dies_on_the_way_stops_the_robot(bench: Bench)
 
 
 @needs_action_types
-async def test_a_robot_that_spins_and_backs_up_is_blocked(bench: Bench) -> None:
+async def test_robot_in_recovery_behaviors_is_blocked(bench: Bench) -> None:
     walled_in = '[{"kind": "unreachable", "error_code": 208}]'
     patience = {"goals": {**ROS["goals"], "blocked_after": 7.0}, "navigation": "action"}
     options = ("--recovery_time", "300", "--faults", walled_in)
@@ -105,7 +105,7 @@ async def test_a_robot_that_spins_and_backs_up_is_blocked(bench: Bench) -> None:
 
 
 @needs_action_types
-async def test_an_abort_without_a_reason_names_what_is_likely(bench: Bench) -> None:
+async def test_abort_without_a_reason_names_likely_causes(bench: Bench) -> None:
     async with bench.robot(time_factor=2.0, ros={**QUICK, "navigation": "action"}) as fleet:
         fleet.send(LONG_WAY)
         await bench.moves()
@@ -115,7 +115,7 @@ async def test_an_abort_without_a_reason_names_what_is_likely(bench: Bench) -> N
 
 
 @needs_action_types
-async def test_a_late_extension_through_poses_costs_no_seconds(bench: Bench) -> None:
+async def test_late_extension_through_poses_causes_no_delay(bench: Bench) -> None:
     through = {"strategy": "pass_through", "pass_radius": 0.5}
     nodes = ("n0", "n1", "n2", "n3", "n4")
     places = {name: position(2.0 * index, radius=0.5) for index, name in enumerate(nodes)}
@@ -135,7 +135,7 @@ async def test_a_late_extension_through_poses_costs_no_seconds(bench: Bench) -> 
 
 @pytest.mark.long
 @needs_action_types
-async def test_an_operator_takes_over_a_way_through_poses(bench: Bench) -> None:
+async def test_operator_takes_over_during_navigate_through_poses(bench: Bench) -> None:
     ros = {**QUICK, "navigation": Navigation.THROUGH_POSES}
     async with bench.robot(time_factor=2.0, ros=ros, drive={"strategy": "pass_through"}) as fleet:
         rviz = publisher_to(bench.ros, type(goal(0.0, 0.0)), "goal_pose")
@@ -151,7 +151,7 @@ async def test_an_operator_takes_over_a_way_through_poses(bench: Bench) -> None:
         assert any(each.pose.pose.position.y > 4.5 for each in bench.odometry)
 
 
-async def test_nav2s_goal_tolerance_is_read_and_told_before_driving(bench: Bench) -> None:
+async def test_nav2_goal_tolerance_is_checked_before_driving(bench: Bench) -> None:
     narrow = {"n1": position(10.0, radius=0.1)}
     with bench.simulator(tolerance={"xy": 0.4}):
         async with bench.agent(ros=QUICK) as fleet:
@@ -167,7 +167,7 @@ def factsheet(bench: Bench) -> str:
     return str(bench.fleet.peer.payloads(bench.fleet.topic(Topic.FACTSHEET))[-1:])
 
 
-async def test_the_tolerance_can_be_set_by_hand(bench: Bench) -> None:
+async def test_goal_tolerance_can_be_set_manually(bench: Bench) -> None:
     narrow = {"n1": position(10.0, radius=0.1)}
     ros = {**QUICK, "goals": {**ROS["goals"], "goal_tolerance": 0.05}}
     async with bench.robot(ros=ros) as fleet:

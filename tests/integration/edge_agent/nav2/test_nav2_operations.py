@@ -59,7 +59,7 @@ async def test_a_robot_docks_charges_and_leaves_the_dock(bench: Bench) -> None:
             await until(lambda: min(bench.places[-5:]) < stands, what="the robot out of the dock")
 
 
-async def test_a_dock_that_is_unknown_fails_with_the_reason(bench: Bench) -> None:
+async def test_unknown_dock_fails_with_the_reason(bench: Bench) -> None:
     with bench.simulator():
         async with bench.agent(operations=OPERATIONS) as fleet:
             await fleet.state(ready)
@@ -70,7 +70,7 @@ async def test_a_dock_that_is_unknown_fails_with_the_reason(bench: Bench) -> Non
             assert "name a dock of its database" in result_of(state, "in")
 
 
-async def test_it_turns_on_the_spot(bench: Bench) -> None:
+async def test_spin_turns_on_the_spot(bench: Bench) -> None:
     with bench.simulator(time_factor=1.0):  # faster, a pause of the simulator turns it too far
         async with bench.agent(operations=OPERATIONS) as fleet:
             await fleet.state(ready)
@@ -81,7 +81,7 @@ async def test_it_turns_on_the_spot(bench: Bench) -> None:
             assert abs(state["agvPosition"]["x"] - 2.0) < 0.5
 
 
-async def test_it_drives_straight_ahead(bench: Bench) -> None:
+async def test_drive_on_heading_drives_straight(bench: Bench) -> None:
     with bench.simulator():
         async with bench.agent(operations=OPERATIONS) as fleet:
             await fleet.state(ready)
@@ -91,7 +91,7 @@ async def test_it_drives_straight_ahead(bench: Bench) -> None:
             await until(lambda: bench.places[-1] > 2.6, what="the robot a metre ahead")
 
 
-async def test_a_persons_assisted_teleoperation_is_ended(bench: Bench) -> None:
+async def test_assisted_teleop_is_ended(bench: Bench) -> None:
     """As docs/actions.md has it, by the cancel service of Nav2's action."""
     asked: list[CancelGoal.Request] = []
 
@@ -111,7 +111,7 @@ async def test_a_persons_assisted_teleoperation_is_ended(bench: Bench) -> None:
             assert (status_of(state, "off"), len(asked)) == ("FINISHED", 1)
 
 
-async def test_an_order_that_is_cancelled_stops_a_behaviour(bench: Bench) -> None:
+async def test_cancelled_order_stops_a_behavior(bench: Bench) -> None:
     with bench.simulator(time_factor=1.0):
         async with bench.agent(operations=OPERATIONS) as fleet:
             await fleet.state(ready)
@@ -125,7 +125,7 @@ async def test_an_order_that_is_cancelled_stops_a_behaviour(bench: Bench) -> Non
             assert bench.places[-1] > -5.0
 
 
-async def test_too_far_is_refused_before_the_robot_drives(bench: Bench) -> None:
+async def test_excessive_distance_is_rejected_before_the_robot_drives(bench: Bench) -> None:
     with bench.simulator():
         async with bench.agent(operations=OPERATIONS) as fleet:
             await fleet.state(ready)

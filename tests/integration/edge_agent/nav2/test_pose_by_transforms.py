@@ -18,7 +18,7 @@ NO_TOPIC: dict[str, Any] = {"localisation": {"pose_topic": False}}
 
 
 @pytest.mark.parametrize("navigation", ["action", "topics"])
-async def test_it_drives_where_no_pose_is_published(bench: Bench, navigation: str) -> None:
+async def test_robot_drives_by_transforms_without_a_pose_topic(bench: Bench, navigation: str) -> None:
     with bench.simulator(**NO_TOPIC):
         async with bench.agent(ros={"navigation": navigation}) as fleet:
             await fleet.state(ready)
@@ -28,7 +28,7 @@ async def test_it_drives_where_no_pose_is_published(bench: Bench, navigation: st
     assert abs(done["agvPosition"]["x"] - 3.0) < 0.4
 
 
-async def test_a_localisation_that_dies_makes_the_pose_unknown_until_it_is_set(bench: Bench) -> None:
+async def test_localisation_crash_makes_the_pose_unknown_until_it_is_set(bench: Bench) -> None:
     with bench.simulator(**NO_TOPIC):
         async with bench.agent() as fleet:
             await fleet.state(ready)
@@ -46,7 +46,7 @@ async def test_a_localisation_that_dies_makes_the_pose_unknown_until_it_is_set(b
             assert abs(fleet.states[-1]["agvPosition"]["x"] - 1.0) < 0.2
 
 
-async def test_a_topic_of_poses_takes_the_place_of_transforms(bench: Bench) -> None:
+async def test_pose_topic_takes_precedence_over_transforms(bench: Bench) -> None:
     with bench.simulator():
         async with bench.agent() as fleet:
             await fleet.state(ready)

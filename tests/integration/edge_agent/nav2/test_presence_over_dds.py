@@ -34,7 +34,7 @@ def one_robot(directory: Path, domain_id: int) -> str:
     return str(file)
 
 
-async def test_nav2_absent_at_the_start_then_there(domain_id: int) -> None:
+async def test_nav2_missing_at_startup_then_available(domain_id: int) -> None:
     async with DrivenRobot(domain_id, "r1", goals=PATIENT.model_copy(update={"resends": 20})) as robot:
         missing = await robot.hears(NavigationReport, lambda report: not report.starting)
         assert not missing.available
@@ -45,7 +45,7 @@ async def test_nav2_absent_at_the_start_then_there(domain_id: int) -> None:
             assert await robot.hears(Arrived) == Arrived(1)
 
 
-async def test_goal_for_a_nav2_that_never_comes_waits_until_it_is_taken_back(domain_id: int) -> None:
+async def test_goal_waits_for_nav2_until_it_is_withdrawn(domain_id: int) -> None:
     async with DrivenRobot(domain_id, goals=QUICK) as robot:
         robot.driver.go_to(goal_at(1, 3.0))
         await robot.hears(NavigationReport, lambda report: "is Nav2 running there?" in report.reason)
@@ -66,7 +66,7 @@ async def test_inactive_nav2(domain_id: int, peer: RosPeer) -> None:
             await until(lambda: robot.all(NavigationReport)[-1].available, what="Nav2 active again")
 
 
-async def test_nav2_ends_in_order_in_mid_drive_and_comes_back(domain_id: int, tmp_path: Path) -> None:
+async def test_nav2_shuts_down_during_a_drive_and_returns(domain_id: int, tmp_path: Path) -> None:
     file = one_robot(tmp_path, domain_id)
     async with DrivenRobot(domain_id) as robot:
         with SimulatorProcess("--config", file, directory=tmp_path) as nav2:
@@ -83,7 +83,7 @@ async def test_nav2_ends_in_order_in_mid_drive_and_comes_back(domain_id: int, tm
 
 
 @pytest.mark.long
-async def test_crashed_nav2_is_told_in_seconds_and_its_drive_ends_with_the_lease(
+async def test_nav2_crash_is_reported_in_seconds_and_its_drive_ends_with_the_lease(
     domain_id: int, tmp_path: Path
 ) -> None:
     file = one_robot(tmp_path, domain_id)
@@ -98,7 +98,7 @@ async def test_crashed_nav2_is_told_in_seconds_and_its_drive_ends_with_the_lease
             assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
 
 
-async def test_nav2_that_hangs_is_told(domain_id: int, tmp_path: Path) -> None:
+async def test_hanging_nav2_is_reported(domain_id: int, tmp_path: Path) -> None:
     async with DrivenRobot(domain_id, call_timeout=0.3) as robot:
         with SimulatorProcess("--config", one_robot(tmp_path, domain_id), directory=tmp_path) as nav2:
             await robot.ready()
@@ -108,7 +108,7 @@ async def test_nav2_that_hangs_is_told(domain_id: int, tmp_path: Path) -> None:
         assert not robot.all(NavigationReport)[-1].available
 
 
-async def test_ros_thread_that_fails_is_told_and_made_anew(domain_id: int) -> None:
+async def test_failed_ros_thread_is_reported_and_restarted(domain_id: int) -> None:
     def fail() -> None:
         message = "out of order"
         raise RuntimeError(message)

@@ -45,7 +45,7 @@ def visualizations(fleet: FleetControl) -> list[dict[str, Any]]:
 
 
 @pytest.mark.clause("6.6.2", "6.7")
-async def test_state_and_visualization_tell_how_far_it_is(bench: Bench) -> None:
+async def test_state_and_visualization_show_the_progress(bench: Bench) -> None:
     async with bench.robot(interval={"state_maximum": 0.2, "visualization": 0.1}) as fleet:
         fleet.send(order("n0", "n2", "n3"))
         await bench.moves()

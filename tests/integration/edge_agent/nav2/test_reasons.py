@@ -19,7 +19,7 @@ def entry(state: dict[str, Any], error_type: str) -> dict[str, Any]:
     return next(found, {})
 
 
-async def test_a_failed_drive_names_nav2s_code_and_what_to_do(bench: Bench) -> None:
+async def test_failed_drive_reports_nav2s_error_code_and_a_hint(bench: Bench) -> None:
     async with bench.robot() as fleet:
         fleet.send(order("n0", "n1", positions={"n1": position(1000.0)}))
         state = await fleet.state(lambda state: entry(state, "nodeUnreachable"))
@@ -30,7 +30,7 @@ async def test_a_failed_drive_names_nav2s_code_and_what_to_do(bench: Bench) -> N
     assert told["errorHint"].startswith("compare the plant model with the robot's map, then")
 
 
-async def test_recoveries_are_told_while_they_last(bench: Bench) -> None:
+async def test_recoveries_are_reported_while_they_run(bench: Bench) -> None:
     with bench.simulator("--recovery_time", "8", time_factor=1.0):
         async with bench.agent() as fleet:
             await fleet.state(ready)
@@ -43,7 +43,7 @@ async def test_recoveries_are_told_while_they_last(bench: Bench) -> None:
     assert not entry(failed, "DRIVE_RECOVERS")
 
 
-async def test_a_stop_of_the_collision_monitor_is_a_reason_for_standing(bench: Bench) -> None:
+async def test_collision_monitor_stop_is_reported_as_the_reason(bench: Bench) -> None:
     async with bench.robot(time_factor=1.0) as fleet:
         fleet.send(order("n0", "n1", positions={"n1": position(20.0)}))
         await bench.moves()

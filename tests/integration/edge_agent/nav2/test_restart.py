@@ -16,9 +16,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.broker]
 
 
 @pytest.mark.parametrize("arrives_meanwhile", [pytest.param(False, marks=pytest.mark.long), True])
-async def test_the_goal_under_way_is_taken_up_and_not_given_again(
-    bench: Bench, *, arrives_meanwhile: bool
-) -> None:
+async def test_active_goal_is_adopted_and_not_resent(bench: Bench, *, arrives_meanwhile: bool) -> None:
     arrays = bench.ros.subscribe(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
     with bench.simulator(), bench.agent_process("--drive.external_goals", "fail") as agent:
         await bench.fleet.state(ready)
@@ -35,7 +33,7 @@ async def test_the_goal_under_way_is_taken_up_and_not_given_again(
         assert set(trace(arrays.messages)) <= {"A:2", "A:4"}
 
 
-async def test_an_order_that_was_being_cancelled_is_stopped_after_the_restart(bench: Bench) -> None:
+async def test_cancellation_is_completed_after_a_restart(bench: Bench) -> None:
     arrays = bench.ros.subscribe(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
     with bench.simulator(time_factor=1.0), bench.agent_process() as agent:
         await bench.fleet.state(ready)

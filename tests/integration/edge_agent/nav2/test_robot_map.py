@@ -18,7 +18,7 @@ from support.waiting import until
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
 
 
-async def test_the_broker_keeps_the_map_for_those_who_come_later(
+async def test_map_is_retained_for_late_subscribers(
     broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
 ) -> None:
     bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)

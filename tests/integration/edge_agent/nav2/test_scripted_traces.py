@@ -123,7 +123,7 @@ async def test_halt_cancels_by_id_and_waits_for_the_end(nav2: ScriptedNav2, robo
     assert set(nav2.cancels) == {uuid_of("A")}
 
 
-async def test_goal_given_again_and_taken_twice(nav2: ScriptedNav2, robot: DrivenRobot) -> None:
+async def test_resent_goal_accepted_twice(nav2: ScriptedNav2, robot: DrivenRobot) -> None:
     for line, status in (("old:2", "EXECUTING"), ("old:5", "CANCELED")):
         nav2.array(line)
         await robot.hears(GoalReport, lambda told, status=status: told.status == status)  # type: ignore[misc]
@@ -136,7 +136,7 @@ async def test_goal_given_again_and_taken_twice(nav2: ScriptedNav2, robot: Drive
     assert not robot.all(DriveFailed)
 
 
-async def test_goal_not_taken_up(nav2: ScriptedNav2, domain_id: int) -> None:
+async def test_goal_never_accepted(nav2: ScriptedNav2, domain_id: int) -> None:
     async with DrivenRobot(domain_id, goals=QUICK) as robot:
         await robot.ready()
         robot.driver.go_to(goal_at(1, 10.0))

@@ -38,7 +38,7 @@ async def the_robot_stands(bench: Bench, before: float = 29.0) -> None:
 
 
 @BY_BOTH
-async def test_a_robot_whose_navigator_has_died_is_stopped(bench: Bench, navigation: str) -> None:
+async def test_robot_is_stopped_when_its_navigator_dies(bench: Bench, navigation: str) -> None:
     async with bench.robot(time_factor=2.0, ros={"navigation": navigation}) as fleet:
         fleet.send(LONG_WAY)
         await bench.moves()
@@ -51,7 +51,7 @@ async def test_a_robot_whose_navigator_has_died_is_stopped(bench: Bench, navigat
 
 
 @needs_action_types
-async def test_a_robot_whose_navigator_sends_no_feedback_is_stopped(bench: Bench) -> None:
+async def test_robot_is_stopped_when_its_navigator_sends_no_feedback(bench: Bench) -> None:
     async with bench.robot(time_factor=2.0, ros={"navigation": "action"}) as fleet:
         fleet.send(LONG_WAY)
         await bench.moves()
@@ -61,7 +61,7 @@ async def test_a_robot_whose_navigator_sends_no_feedback_is_stopped(bench: Bench
 
 
 @needs_action_types
-async def test_a_navigator_that_hangs_for_less_than_a_second_fails_no_drive(bench: Bench) -> None:
+async def test_navigator_hanging_for_less_than_a_second_fails_no_drive(bench: Bench) -> None:
     async with bench.robot(time_factor=1.0, ros={"navigation": "action"}) as fleet:
         fleet.send(order("n0", "n1"))
         await bench.moves()
@@ -77,7 +77,7 @@ async def test_a_navigator_that_hangs_for_less_than_a_second_fails_no_drive(benc
 @BY_BOTH
 @NAVIGATOR_FAULTS
 @pytest.mark.parametrize("request_type", [pytest.param("cancelOrder", marks=pytest.mark.long), "startPause"])
-async def test_a_stop_without_a_navigator_is_finished_when_the_robot_stands(
+async def test_stop_without_a_navigator_finishes_when_the_robot_has_stopped(
     bench: Bench, navigation: str, fault: str, request_type: str
 ) -> None:
     async with bench.robot(time_factor=2.0, ros={"navigation": navigation}) as fleet:
@@ -93,7 +93,7 @@ async def test_a_stop_without_a_navigator_is_finished_when_the_robot_stands(
 
 
 @NAVIGATOR_FAULTS
-async def test_a_robot_that_does_not_stop_is_told_as_driving_and_asks_for_a_person(
+async def test_robot_that_does_not_stop_is_reported_as_driving_and_needs_help(
     bench: Bench, fault: str
 ) -> None:
     async with bench.robot(time_factor=2.0, ros=SOON) as fleet:
@@ -114,7 +114,7 @@ async def test_a_robot_that_does_not_stop_is_told_as_driving_and_asks_for_a_pers
         assert "ROBOT_NOT_STOPPED" not in error_types(last)
 
 
-async def test_a_robot_that_somebody_moves_drives(bench: Bench) -> None:
+async def test_robot_moved_by_someone_is_driving(bench: Bench) -> None:
     async with bench.robot(time_factor=2.0) as fleet:
         bench.fault("foreign_goal", x=20.0, y=0.0)
         await fleet.state(lambda state: state["driving"] and state["velocity"]["vx"] > 0.1)
@@ -137,9 +137,7 @@ async def test_an_order_waits_for_the_bring_up_of_nav2(bench: Bench, navigation:
 
 
 @BY_BOTH
-async def test_hand_overs_that_come_too_late_for_replanning_fail_nothing(
-    bench: Bench, navigation: str
-) -> None:
+async def test_late_handovers_during_replanning_fail_nothing(bench: Bench, navigation: str) -> None:
     near = {"strategy": "pass_through", "pass_radius": 0.3, "deviation_xy": 0.5}
     positions = {f"n{index}": position(0.4 * index) for index in range(8)}
     with bench.simulator("--replan_period", "1.0", time_factor=2.0):

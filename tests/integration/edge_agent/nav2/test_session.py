@@ -49,7 +49,7 @@ async def does(bench: Bench, action_id: str, action_type: str, **parameters: Any
     return await bench.fleet.state(lambda state: status_of(state, action_id) in ("FINISHED", "FAILED"))
 
 
-async def test_an_agent_that_waits_for_its_start_takes_no_orders_until_then(bench: Bench) -> None:
+async def test_agent_rejects_orders_until_its_session_is_started(bench: Bench) -> None:
     with bench.simulator():
         async with bench.agent(ros={"start_session": False}) as fleet:
             off = await fleet.state(lambda state: session_in(state).get("state") == "NOT_ACTIVE")
@@ -66,7 +66,7 @@ async def test_an_agent_that_waits_for_its_start_takes_no_orders_until_then(benc
             assert error_types(done) == []
 
 
-async def test_a_session_is_stopped_when_its_order_is_over_and_leaves_the_graph(bench: Bench) -> None:
+async def test_session_stops_after_its_order_and_leaves_the_ros_graph(bench: Bench) -> None:
     def there() -> bool:
         return "nena_edge_agent" in bench.ros.node.get_node_names()
 
@@ -88,7 +88,7 @@ async def test_a_session_is_stopped_when_its_order_is_over_and_leaves_the_graph(
         assert {"ACTIVE", "NOT_ACTIVE"} <= seen
 
 
-async def test_an_agent_is_moved_to_the_robot_of_another_namespace_and_stays_there(bench: Bench) -> None:
+async def test_agent_is_moved_to_another_namespace_permanently(bench: Bench) -> None:
     with bench.simulator(namespace="r1", start={"x": 5.0}), bench.simulator(namespace="r2"):
         async with bench.agent(ros={"namespace": "r1"}) as fleet:
             first = await fleet.state(ready)
@@ -124,7 +124,7 @@ async def test_the_aggregator_shows_the_session(
 
 
 @pytest.mark.timeout(900)
-def test_starts_and_stops_leave_nothing_behind(domain_id: int) -> None:
+def test_starts_and_stops_leak_nothing(domain_id: int) -> None:
     with simulated_robot(domain_id):
         left = measured(domain_id, CYCLES)
     assert left["threads_more"] <= 0
@@ -132,7 +132,7 @@ def test_starts_and_stops_leave_nothing_behind(domain_id: int) -> None:
     assert left["memory_more_mb"] <= GROWTH
 
 
-async def test_a_node_that_cannot_be_furnished_is_told_and_its_thread_ends(domain_id: int) -> None:
+async def test_node_that_cannot_be_set_up_is_reported_and_its_thread_ends(domain_id: int) -> None:
     def refuse(_: object) -> None:
         message = "no room"
         raise RuntimeError(message)
@@ -144,7 +144,7 @@ async def test_a_node_that_cannot_be_furnished_is_told_and_its_thread_ends(domai
     await until(lambda: not session._thread.is_alive(), what="the thread's end")
 
 
-async def test_a_start_that_is_given_up_leaves_no_thread(domain_id: int) -> None:
+async def test_abandoned_start_leaves_no_thread(domain_id: int) -> None:
     there, go_on = threading.Event(), threading.Event()
 
     def furnish(_: object) -> None:

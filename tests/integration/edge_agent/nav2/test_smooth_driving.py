@@ -55,7 +55,7 @@ async def test_a_base_that_is_extended_on_request_is_passed_at_speed(bench: Benc
 
 
 @needs_action_types
-async def test_a_way_over_several_nodes_is_one_goal(bench: Bench) -> None:
+async def test_route_over_several_nodes_is_one_goal(bench: Bench) -> None:
     arrays = bench.ros.subscribe(GoalStatusArray, "navigate_through_poses/_action/status", LATCHED)
     with bench.simulator(time_factor=2.0):  # slow enough to be seen at each node
         async with bench.agent(**settings(Navigation.THROUGH_POSES)) as fleet:
@@ -69,7 +69,7 @@ async def test_a_way_over_several_nodes_is_one_goal(bench: Bench) -> None:
 
 
 @needs_action_types
-async def test_a_sharp_bend_ends_a_way_and_no_node_is_cut_off(bench: Bench) -> None:
+async def test_sharp_bend_ends_a_goal_and_no_node_is_skipped(bench: Bench) -> None:
     arrays = bench.ros.subscribe(GoalStatusArray, "navigate_through_poses/_action/status", LATCHED)
     corner: dict[str, Any] = {"n2": position(10.0, 5.0, radius=0.3), "n3": position(3.0, 5.0, radius=0.3)}
     with bench.simulator():

@@ -52,7 +52,7 @@ async def test_an_edge_with_a_limit_is_driven_slowly_and_the_next_one_not(bench:
     assert {each.percentage for each in told.messages} == {False}
 
 
-async def test_a_limit_holds_through_a_restart_of_the_agent_and_is_taken_back_behind_it(
+async def test_speed_limit_survives_a_restart_and_is_lifted_after_its_edge(
     bench: Bench,
 ) -> None:
     places = {"n0": position(0.0), "n1": position(3.0), "n2": position(6.0)}
@@ -70,7 +70,7 @@ async def test_a_limit_holds_through_a_restart_of_the_agent_and_is_taken_back_be
     assert max(bench.speeds(3.5, 5.5)) > 2 * SLOW
 
 
-async def test_a_goal_with_a_limit_waits_for_a_controller_that_takes_it(bench: Bench) -> None:
+async def test_goal_with_a_speed_limit_waits_for_the_controller(bench: Bench) -> None:
     places = {"n0": position(0.0), "n1": position(2.0)}
     with bench.simulator("--no-actions"):
         async with bench.agent() as fleet:

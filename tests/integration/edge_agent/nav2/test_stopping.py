@@ -21,7 +21,7 @@ FAST = 1.5
 
 @pytest.mark.clause("6.1.3", "6.2.3")
 @pytest.mark.parametrize("action_type", ["cancelOrder", "startPause"])
-async def test_is_finished_when_the_robot_stands_and_not_before(bench: Bench, action_type: str) -> None:
+async def test_stopping_finishes_only_when_the_robot_stands(bench: Bench, action_type: str) -> None:
     async with bench.robot(time_factor=2.0) as fleet:
         fleet.send(order("n0", "n3"))
         await until(lambda: bench.speed > FAST, what="a fast robot")
@@ -37,7 +37,7 @@ async def test_is_finished_when_the_robot_stands_and_not_before(bench: Bench, ac
 
 
 @pytest.mark.clause("6.2.3")
-async def test_after_a_pause_the_goal_is_given_again(bench: Bench) -> None:
+async def test_goal_is_resent_after_a_pause(bench: Bench) -> None:
     async with bench.robot() as fleet:
         fleet.send(order("n0", "n3"))
         await bench.moves()
@@ -48,7 +48,7 @@ async def test_after_a_pause_the_goal_is_given_again(bench: Bench) -> None:
         assert (done["lastNodeId"], error_types(done)) == ("n3", [])
 
 
-async def test_a_preventive_robot_stops_without_its_broker_and_goes_on_with_it(
+async def test_preventive_robot_stops_while_its_broker_is_away(
     own_broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
 ) -> None:
     bench = Bench(own_broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)

@@ -47,7 +47,7 @@ def faults(robot: DrivenRobot, peer: RosPeer) -> Faults:
 
 
 @pytest.mark.parametrize("kind", ["duplicate_status", "reordered_status", "terminal_first"])
-async def test_arrays_that_are_lost_or_come_again_do_no_harm(
+async def test_lost_or_repeated_status_arrays_do_no_harm(
     robot: DrivenRobot, faults: Faults, kind: str
 ) -> None:
     with faults.on(kind):
@@ -57,9 +57,7 @@ async def test_arrays_that_are_lost_or_come_again_do_no_harm(
     assert robot.ends == [Arrived(1), Arrived(2)]
 
 
-async def test_nav2_that_is_restarted_in_mid_drive_has_lost_the_goal(
-    robot: DrivenRobot, faults: Faults
-) -> None:
+async def test_nav2_restart_during_a_drive_loses_the_goal(robot: DrivenRobot, faults: Faults) -> None:
     await robot.driving(goal_at(1, 30.0))
     with faults.on("unconfigured"):
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
@@ -69,13 +67,13 @@ async def test_nav2_that_is_restarted_in_mid_drive_has_lost_the_goal(
     assert await robot.hears(Arrived) == Arrived(2)
 
 
-async def test_a_success_in_another_aisle_is_no_arrival(robot: DrivenRobot, faults: Faults) -> None:
+async def test_success_far_from_the_goal_is_not_an_arrival(robot: DrivenRobot, faults: Faults) -> None:
     with faults.on("pose_jump"):
         robot.driver.go_to(goal_at(1, 6.0))
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.OUTSIDE_TOLERANCE
 
 
-async def test_a_pose_without_numbers_is_passed_over(robot: DrivenRobot, faults: Faults) -> None:
+async def test_non_finite_pose_is_ignored(robot: DrivenRobot, faults: Faults) -> None:
     with faults.on("nan_pose"):
         robot.driver.go_to(goal_at(1, 6.0))
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.OUTSIDE_TOLERANCE

@@ -97,7 +97,7 @@ async def begin(bench: Bench, fleet: FleetControl, work: str) -> None:
 
 
 @pytest.mark.parametrize(("process", "work"), CASES)
-async def test_a_death_leaves_no_robot_driving_in_secret(bench: Bench, process: str, work: str) -> None:
+async def test_no_robot_drives_unreported_after_a_process_dies(bench: Bench, process: str, work: str) -> None:
     ros = {**ROS, "call_timeout": 0.5, "watch_period": 1.0, "navigation": "auto" if HERE else "topics"}
     passing = {"strategy": "pass_through"} if work == "pass" else {}
     with bench.simulator(*LIKE_NAV2, time_factor=1.0, drive=DRIVE):
@@ -168,7 +168,7 @@ def check(bench: Bench, states: list[dict[str, Any]], *, work: str) -> None:
             assert any(each["errorType"] == "ROBOT_NOT_STOPPED" for each in states[-1]["errors"])
 
 
-async def test_an_agent_that_dies_is_told_as_lost_and_goes_on_truthfully(bench: Bench) -> None:
+async def test_killed_agent_is_reported_as_lost_and_continues_correctly(bench: Bench) -> None:
     """Nav2 drives on without its agent, as adopted later; fleet control hears that the robot is lost."""
     with bench.simulator(*LIKE_NAV2, time_factor=1.0, drive=DRIVE), bench.agent_process() as agent:
         await bench.fleet.state(ready)

@@ -102,7 +102,7 @@ async def odd_broker(ends_at: int | None = None) -> AsyncIterator[OddBroker]:
         yield broker
 
 
-async def test_a_backlog_leaves_the_event_loop_its_turns() -> None:
+async def test_backlog_does_not_block_the_event_loop() -> None:
     number = 20 * READ_AT_ONCE
     taken: list[Inbound] = []
     turns: list[int] = []
@@ -119,7 +119,7 @@ async def test_a_backlog_leaves_the_event_loop_its_turns() -> None:
     assert max(turns) <= 2 * READ_AT_ONCE
 
 
-async def test_what_is_sent_in_one_turn_keeps_its_order_and_goes_in_two_writings() -> None:
+async def test_messages_of_one_loop_turn_keep_their_order_and_need_two_writes() -> None:
     sent = [Outbound(f"t/{number}", b"x", qos=1) for number in range(9)]
     confirmed: list[str] = []
     async with odd_broker() as broker, client_at(broker.port, timeout=PATIENCE) as client:
@@ -135,7 +135,7 @@ async def test_what_is_sent_in_one_turn_keeps_its_order_and_goes_in_two_writings
         assert confirmed == []
 
 
-async def test_messages_without_acknowledgement_keep_their_place_among_the_others() -> None:
+async def test_qos_0_messages_keep_their_position_among_the_others() -> None:
     sent = [Outbound(f"t/{number}", b"x", qos=number % 2) for number in range(6)]
     confirmed: list[str] = []
     async with odd_broker() as broker, client_at(broker.port, timeout=PATIENCE) as client:
@@ -185,7 +185,7 @@ def read_messages(data: bytes | bytearray) -> list[Published]:
     return list(iter(reader.next_message, None))
 
 
-async def test_a_link_full_of_messages_is_not_taken_for_dead() -> None:
+async def test_busy_connection_is_not_considered_dead() -> None:
     number, taken = 2000, 0
 
     def take(_: Inbound) -> None:
@@ -209,7 +209,7 @@ async def test_a_link_full_of_messages_is_not_taken_for_dead() -> None:
         handing.cancel()
 
 
-async def test_a_message_that_cannot_be_read_ends_the_connection_for_good() -> None:
+async def test_malformed_packet_closes_the_connection() -> None:
     async with odd_broker() as broker:
         client = client_at(broker.port, timeout=PATIENCE)
         await client.__aenter__()
@@ -222,7 +222,7 @@ async def test_a_message_that_cannot_be_read_ends_the_connection_for_good() -> N
         assert client.socket is None
 
 
-async def test_a_subscription_is_not_waited_for_once_the_connection_has_ended() -> None:
+async def test_subscribing_ends_when_the_connection_ends() -> None:
     async with odd_broker(SUBSCRIBE) as broker:
         async with client_at(broker.port, timeout=PATIENCE) as client:
             with pytest.raises(MqttError, match=CLOSED_UNANSWERED):
@@ -232,7 +232,7 @@ async def test_a_subscription_is_not_waited_for_once_the_connection_has_ended() 
 
 
 @pytest.mark.parametrize(("ends_at", "reason"), [(CONNECT, CLOSED_AT_ONCE), (SUBSCRIBE, CLOSED_UNANSWERED)])
-async def test_why_a_connection_has_ended_is_told_once(ends_at: int, reason: str) -> None:
+async def test_reason_of_a_lost_connection_is_reported_once(ends_at: int, reason: str) -> None:
     """asyncio logs errors that were never retrieved when they are garbage-collected."""
     faults = kept_faults()
 
@@ -250,7 +250,7 @@ async def test_why_a_connection_has_ended_is_told_once(ends_at: int, reason: str
     assert faults == []
 
 
-async def test_a_broker_that_hangs_up_before_it_answers_is_told_at_once_and_what_may_be_wrong() -> None:
+async def test_broker_that_disconnects_before_answering_is_reported_at_once_with_a_hint() -> None:
     async def hang_up(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await reader.read(1000)
         writer.close()
@@ -265,7 +265,7 @@ async def test_a_broker_that_hangs_up_before_it_answers_is_told_at_once_and_what
     assert faults == []
 
 
-async def test_a_connection_that_stands_only_after_it_was_given_up_is_closed_without_connect() -> None:
+async def test_connection_established_after_the_timeout_is_closed_without_connect() -> None:
     faults, may_connect = kept_faults(), threading.Event()
 
     def hold(*_: object) -> None:
@@ -288,7 +288,7 @@ async def test_a_connection_that_stands_only_after_it_was_given_up_is_closed_wit
         assert faults == []
 
 
-async def test_a_broker_that_takes_nothing_more_is_left_soon_and_for_good(
+async def test_broker_that_stops_reading_is_disconnected_soon(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(client_module, "DISCONNECT_TIMEOUT", 0.2)
@@ -336,7 +336,7 @@ def fill(client: Client) -> None:
 
 
 @pytest.mark.parametrize("discarded", [False, True])
-async def test_what_the_kernel_has_not_sent_goes_with_a_discarded_connection(*, discarded: bool) -> None:
+async def test_unsent_bytes_are_discarded_with_the_connection(*, discarded: bool) -> None:
     """As at the end of a lease: only the receiver's own buffer may still hold some of it."""
     with socket.socket() as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)

@@ -81,7 +81,7 @@ async def test_receives_by_topic(broker: Broker, interface_name: str) -> None:
     assert link.state.received == 3
 
 
-async def test_subscribes_while_the_link_stands(broker: Broker, interface_name: str) -> None:
+async def test_subscribes_while_connected(broker: Broker, interface_name: str) -> None:
     heard: list[bytes] = []
     link = MqttLink(broker.settings, client_id=interface_name)
     with MqttPeer(broker) as peer:
@@ -97,7 +97,7 @@ async def test_subscribes_while_the_link_stands(broker: Broker, interface_name: 
         peer.publish(f"{interface_name}/c", b"", retain=True)
 
 
-async def test_handler_that_fails_ends_nothing(broker: Broker, interface_name: str) -> None:
+async def test_failing_handler_does_not_end_the_link(broker: Broker, interface_name: str) -> None:
     seen: list[bytes] = []
 
     def handler(message: Inbound) -> None:
@@ -117,7 +117,7 @@ async def test_handler_that_fails_ends_nothing(broker: Broker, interface_name: s
     assert [line["topic"] for line in logs if line["log_level"] == "error"] == [interface_name]
 
 
-async def test_message_that_cannot_be_sent_harms_no_other(broker: Broker, interface_name: str) -> None:
+async def test_unsendable_message_does_not_affect_others(broker: Broker, interface_name: str) -> None:
     link = MqttLink(broker.settings, client_id=interface_name)
     with MqttPeer(broker, f"{interface_name}/#") as peer, capture_logs() as logs:
         async with running(link):
@@ -131,7 +131,7 @@ async def test_message_that_cannot_be_sent_harms_no_other(broker: Broker, interf
 
 
 @pytest.mark.clause("4.1/will")
-async def test_will_is_sent_when_the_connection_breaks(broker: Broker, interface_name: str) -> None:
+async def test_will_is_published_when_the_connection_breaks(broker: Broker, interface_name: str) -> None:
     topic = f"{interface_name}/connection"
     link = MqttLink(
         broker.settings,
@@ -144,7 +144,7 @@ async def test_will_is_sent_when_the_connection_breaks(broker: Broker, interface
             assert (await peer.wait_for(topic)).payload == b"broken"
 
 
-async def test_a_link_that_is_cut_sends_its_will_and_stays_away_for_its_time(
+async def test_cut_link_publishes_its_will_and_stays_disconnected_for_the_given_time(
     broker: Broker, interface_name: str
 ) -> None:
     topic = f"{interface_name}/connection"
@@ -162,7 +162,7 @@ async def test_a_link_that_is_cut_sends_its_will_and_stays_away_for_its_time(
 
 
 @pytest.mark.clause("4.1/will")
-async def test_will_is_not_sent_after_an_orderly_end(broker: Broker, interface_name: str) -> None:
+async def test_will_is_not_published_after_a_clean_disconnect(broker: Broker, interface_name: str) -> None:
     topic = f"{interface_name}/connection"
     link = MqttLink(
         broker.settings, client_id=interface_name, hooks=LinkHooks(will=lambda: Outbound(topic, b"broken"))
@@ -177,7 +177,7 @@ async def test_will_is_not_sent_after_an_orderly_end(broker: Broker, interface_n
 
 
 @pytest.mark.clause("4.1")
-async def test_comes_back_after_the_broker_was_killed(own_broker: Broker) -> None:
+async def test_reconnects_after_the_broker_was_killed(own_broker: Broker) -> None:
     seen: list[bytes] = []
     greetings = iter(range(10))
     lost: list[bool] = []
@@ -204,7 +204,7 @@ async def test_comes_back_after_the_broker_was_killed(own_broker: Broker) -> Non
     assert seen == [b"go on"]
 
 
-async def test_greeting_goes_out_before_what_has_waited(own_broker: Broker) -> None:
+async def test_greeting_is_sent_before_queued_messages(own_broker: Broker) -> None:
     link = MqttLink(
         own_broker.settings,
         client_id="link",
@@ -220,7 +220,7 @@ async def test_greeting_goes_out_before_what_has_waited(own_broker: Broker) -> N
         assert numbers(peer.payloads("all/waiting")) == list(range(5))
 
 
-async def test_greeting_of_a_broken_connection_is_never_sent_later(own_broker: Broker) -> None:
+async def test_greeting_of_a_lost_connection_is_never_sent_later(own_broker: Broker) -> None:
     greetings = iter(range(10))
     link = MqttLink(
         own_broker.settings.model_copy(update={"keep_alive": 2}),
@@ -242,7 +242,7 @@ async def test_greeting_of_a_broken_connection_is_never_sent_later(own_broker: B
 
 
 @pytest.mark.parametrize("burst", [1, 50, 450])
-async def test_outbox_keeps_its_order_over_breaks(own_broker: Broker, burst: int) -> None:
+async def test_outbox_keeps_its_order_over_reconnects(own_broker: Broker, burst: int) -> None:
     """Messages may come twice over a break (QoS 1), but none is lost and none overtakes another for good."""
     link = MqttLink(own_broker.settings.model_copy(update={"outgoing_limit": 5000}), client_id="link")
     total, sent = 6 * burst, iter(range(6 * burst))
@@ -285,7 +285,7 @@ async def test_outbox_drops_the_oldest_when_it_is_full(own_broker: Broker) -> No
         assert numbers(peer.payloads()) == list(range(15, 25))
 
 
-async def test_a_burst_of_statuses_leaves_the_last_one_of_each_topic_at_the_broker(
+async def test_burst_of_statuses_leaves_the_last_one_of_each_topic_at_the_broker(
     own_broker: Broker,
 ) -> None:
     """More than fit in flight and into the queue, as when a whole fleet changes at once."""
@@ -313,7 +313,7 @@ async def test_dropped_messages_are_counted_and_logged_once_a_minute(own_broker:
     assert [(line["dropped"], line["topic"]) for line in logs] == [(1, "numbers")]
 
 
-async def test_taking_back_keeps_to_the_limit(own_broker: Broker) -> None:
+async def test_requeueing_respects_the_limit(own_broker: Broker) -> None:
     link = MqttLink(own_broker.settings.model_copy(update={"outgoing_limit": 10}), client_id="link")
     with MqttPeer(own_broker, "numbers") as peer:
         async with running(link):
@@ -327,7 +327,7 @@ async def test_taking_back_keeps_to_the_limit(own_broker: Broker) -> None:
             await peer.wait_for("numbers", lambda each: each.payload == b"39")
 
 
-async def test_what_is_not_to_be_kept_is_gone_after_a_break(own_broker: Broker) -> None:
+async def test_volatile_messages_are_dropped_when_the_connection_breaks(own_broker: Broker) -> None:
     link = MqttLink(own_broker.settings, client_id="link")
     link.publish(Outbound("numbers", b"0", keep=False))
     with MqttPeer(own_broker, "numbers") as peer:
@@ -385,7 +385,7 @@ async def test_nothing_is_published_outside_of_a_term(broker: Broker, interface_
     assert link.state.term == 2
 
 
-async def test_what_waits_at_the_end_of_a_term_is_never_written(own_broker: Broker) -> None:
+async def test_queued_messages_are_never_written_after_the_term(own_broker: Broker) -> None:
     """Fill the outgoing queue, the messages in flight, and a socket that accepts no more."""
     terms = Terms()
     terms.term = 1
@@ -407,7 +407,7 @@ async def test_what_waits_at_the_end_of_a_term_is_never_written(own_broker: Brok
     assert len(received) < 250
 
 
-async def test_frozen_broker_is_noticed_by_keep_alive(own_broker: Broker) -> None:
+async def test_frozen_broker_is_detected_by_keep_alive(own_broker: Broker) -> None:
     link = MqttLink(own_broker.settings.model_copy(update={"keep_alive": 2}), client_id="link")
     async with running(link):
         own_broker.freeze()
@@ -434,7 +434,7 @@ async def test_connections_to_a_frozen_broker_do_not_pile_up(
         await until(lambda: link.state.connected)
 
 
-async def test_a_broker_that_is_not_there_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_missing_broker_is_logged_once(monkeypatch: pytest.MonkeyPatch) -> None:
     settings = MqttSettings(port=free_port(), reconnect_min=0.01, reconnect_max=0.01)
     with capture_logs() as logs:
         link = MqttLink(settings, client_id="link")
@@ -448,7 +448,7 @@ async def test_a_broker_that_is_not_there_is_told_once(monkeypatch: pytest.Monke
     assert link.state.last_error == logs[0]["reason"]
 
 
-async def test_two_programs_with_one_client_id_throw_each_other_out_ever_more_seldom(
+async def test_two_programs_with_one_client_id_disconnect_each_other_less_and_less_often(
     broker: Broker, interface_name: str
 ) -> None:
     settings = broker.settings.model_copy(update={"reconnect_max": 1.0})
@@ -469,7 +469,7 @@ def duplicate_id_warnings(logs: Sequence[Mapping[str, Any]]) -> list[Mapping[str
     return [each for each in logs if "another program uses this client ID" in each["event"]]
 
 
-async def test_wrong_password_is_told_once_in_words(
+async def test_wrong_password_is_logged_once_in_plain_words(
     locked_broker: Broker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wrong = locked_broker.settings.model_copy(update={"username": "robot", "password": SecretStr("guess")})
@@ -484,7 +484,7 @@ async def test_wrong_password_is_told_once_in_words(
     assert "guess" not in str(logs)
 
 
-async def test_password_from_a_file_opens_the_door(locked_broker: Broker, tmp_path: Path) -> None:
+async def test_password_is_read_from_a_file(locked_broker: Broker, tmp_path: Path) -> None:
     file = tmp_path / "password"
     file.write_text("open sesame\n")
     settings = locked_broker.settings.model_copy(update={"username": "robot", "password_file": file})
@@ -499,12 +499,12 @@ async def test_password_from_a_file_opens_the_door(locked_broker: Broker, tmp_pa
         await until(lambda: link.state.connects >= 2)
 
 
-def test_missing_password_file_is_told_at_the_start(tmp_path: Path) -> None:
+def test_missing_password_file_is_reported_at_startup(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"mqtt\.password_file: "):
         MqttLink(MqttSettings(password_file=tmp_path / "none"), client_id="link")
 
 
-async def test_refused_subscription_is_told(broker_without_subscriptions: Broker) -> None:
+async def test_refused_subscription_is_reported(broker_without_subscriptions: Broker) -> None:
     link = MqttLink(broker_without_subscriptions.settings, client_id="link")
     link.subscribe("secret/#", lambda _: None)
     with capture_logs() as logs:
@@ -514,7 +514,7 @@ async def test_refused_subscription_is_told(broker_without_subscriptions: Broker
     assert [line["topic"] for line in logs if line["log_level"] == "error"] == ["secret/#"]
 
 
-async def test_drain_tells_what_is_left(own_broker: Broker) -> None:
+async def test_drain_reports_what_is_left(own_broker: Broker) -> None:
     link = MqttLink(own_broker.settings, client_id="link")
     assert not await link.drain(0.01)
     async with running(link):
@@ -526,9 +526,7 @@ async def test_drain_tells_what_is_left(own_broker: Broker) -> None:
         assert await link.drain(PATIENCE)
 
 
-async def test_who_has_just_said_that_he_is_there_can_say_farewell(
-    broker: Broker, interface_name: str
-) -> None:
+async def test_farewell_can_directly_follow_the_greeting(broker: Broker, interface_name: str) -> None:
     """The subscriptions are not answered yet then."""
     topic, greeted = f"{interface_name}/connection", asyncio.Event()
 
@@ -547,7 +545,7 @@ async def test_who_has_just_said_that_he_is_there_can_say_farewell(
         await until(lambda: peer.payloads() == [b"here", b"gone"])
 
 
-async def test_a_long_greeting_holds_nobody_up(broker: Broker, interface_name: str) -> None:
+async def test_long_greeting_does_not_delay_other_messages(broker: Broker, interface_name: str) -> None:
     made: list[int] = [0]
 
     def greeting() -> Iterator[Outbound]:
@@ -569,7 +567,7 @@ async def test_a_long_greeting_holds_nobody_up(broker: Broker, interface_name: s
     assert max(made) <= link_module.FIRST_AT_ONCE
 
 
-async def test_it_can_be_ended_while_its_subscriptions_are_not_answered(
+async def test_link_can_be_ended_before_its_subscriptions_are_acknowledged(
     broker: Broker, interface_name: str
 ) -> None:
     greeted = asyncio.Event()
@@ -608,7 +606,7 @@ async def test_small_messages_do_not_wait_for_each_other(broker: Broker, interfa
     assert sorted(seconds)[50] < 0.02
 
 
-async def test_flood_within_the_limit_arrives_whole(broker: Broker, interface_name: str) -> None:
+async def test_burst_within_the_limit_arrives_completely(broker: Broker, interface_name: str) -> None:
     seen: list[int] = []
     link = MqttLink(broker.settings, client_id=interface_name)
     link.subscribe(interface_name, lambda message: seen.append(int(message.payload)))
@@ -666,7 +664,7 @@ def broker_without_subscriptions(tmp_path: Path) -> Iterator[Broker]:
     broker.close()
 
 
-async def test_a_name_that_is_no_host_is_told_and_tried_on() -> None:
+async def test_unknown_host_is_logged_and_retried() -> None:
     link = MqttLink(MqttSettings(host="a" * 80, reconnect_min=0.01), client_id="x")
     async with running(link, connected=False) as task:
         await until(lambda: "label" in link.state.last_error, what="the reason")

@@ -76,12 +76,12 @@ async def linked(broker: Broker, *topic_filters: str) -> AsyncIterator[MqttLink]
         await asyncio.gather(task, return_exceptions=True)
 
 
-async def test_the_link_names_what_is_refused(strict_broker: Broker) -> None:
+async def test_link_names_the_refused_subscriptions(strict_broker: Broker) -> None:
     async with linked(strict_broker, "uagv/v2/ACME/0001/order", "uagv/v2/ACME/0001/state") as link:
         assert link.state.refused == ("uagv/v2/ACME/0001/order",)
 
 
-async def test_what_a_program_works_without_is_no_problem(strict_broker: Broker, tmp_path: Path) -> None:
+async def test_refused_optional_subscription_is_not_a_problem(strict_broker: Broker, tmp_path: Path) -> None:
     fleet = Fleet(strict_broker, "uagv", tmp_path)
     with fleet.stack:
         program = fleet.order_service()
@@ -93,7 +93,7 @@ async def test_what_a_program_works_without_is_no_problem(strict_broker: Broker,
     assert "uagv/v2/+/+/order" in program.log
 
 
-async def test_a_service_is_not_ready_without_its_subscriptions(
+async def test_order_service_is_not_ready_without_its_subscriptions(
     strict_broker: Broker, tmp_path: Path
 ) -> None:
     url = f"sqlite:///{tmp_path / 'orders.db'}"
@@ -108,14 +108,14 @@ async def test_a_service_is_not_ready_without_its_subscriptions(
 
 
 @pytest.mark.clause("6.6.5.4")
-async def test_an_aggregator_is_not_ready_without_its_subscriptions(strict_broker: Broker) -> None:
+async def test_aggregator_is_not_ready_without_its_subscriptions(strict_broker: Broker) -> None:
     async with serving(strict_broker, "secret") as served:
         answer = await served.http.get("/readyz")
     assert answer.status_code == 503
     assert SECRET in answer.json()["detail"]
 
 
-async def test_a_robot_that_hears_no_orders_says_so(strict_broker: Broker, tmp_path: Path) -> None:
+async def test_robot_reports_that_it_cannot_receive_orders(strict_broker: Broker, tmp_path: Path) -> None:
     settings = agent_settings(strict_broker, "uagv", tmp_path)
     with MqttPeer(strict_broker, "uagv/v2/+/+/state") as peer:
         fleet = FleetControl(peer, "uagv")

@@ -65,7 +65,7 @@ async def running(link: MqttLink) -> AsyncIterator[None]:
         await asyncio.gather(task, return_exceptions=True)
 
 
-async def test_many_and_large_messages_pass_both_ways(site: Site, interface_name: str) -> None:
+async def test_many_large_messages_are_delivered_in_both_directions(site: Site, interface_name: str) -> None:
     link = MqttLink(
         site.settings(site.open_door, MqttTlsSettings(ca=site.authority.ca)), client_id=interface_name
     )
@@ -87,7 +87,7 @@ async def test_many_and_large_messages_pass_both_ways(site: Site, interface_name
             assert [each.payload for each in came] == expected
 
 
-async def test_a_client_is_known_by_its_certificate(site: Site, interface_name: str) -> None:
+async def test_client_is_identified_by_its_certificate(site: Site, interface_name: str) -> None:
     robot = site.authority.sign(f"robot-{interface_name}")
     tls = MqttTlsSettings(ca=site.authority.ca, certificate=robot.certificate, key=robot.key)
     link = MqttLink(site.settings(site.strict_door, tls), client_id=interface_name)
@@ -97,7 +97,7 @@ async def test_a_client_is_known_by_its_certificate(site: Site, interface_name: 
     assert f"as {interface_name} (p2, c1, k15, u'robot-{interface_name}')" in site.broker.log
 
 
-async def test_without_a_certificate_nobody_is_let_in(site: Site, interface_name: str) -> None:
+async def test_connection_without_a_certificate_is_rejected(site: Site, interface_name: str) -> None:
     tls = MqttTlsSettings(ca=site.authority.ca)
     link = MqttLink(site.settings(site.strict_door, tls), client_id=interface_name)
     async with running(link):
@@ -109,7 +109,7 @@ async def test_without_a_certificate_nobody_is_let_in(site: Site, interface_name
 
 
 @pytest.mark.parametrize("stranger", ["authority", "name"])
-async def test_a_broker_that_nobody_vouches_for_gets_nothing(
+async def test_untrusted_broker_receives_nothing(
     site: Site, stranger: str, interface_name: str, tmp_path: Path
 ) -> None:
     """Neither another authority's word counts, nor a certificate for another host."""
