@@ -62,6 +62,26 @@ def test_requested_sets_are_allocated_ahead_and_freed_behind() -> None:
     assert bench.manager.journey("v") is None
 
 
+@pytest.mark.parametrize("length_mm", [1, 50_000])
+def test_a_vehicle_holds_enough_until_it_has_driven_on(length_mm: int) -> None:
+    bench = Bench(v="A", box=BoundingBox(length_mm=length_mm))
+    bench.go("v", "D", ahead=1)
+    assert bench.manager.holds_enough("v")
+
+    bench.manager.arrived("v", 1)
+    assert not bench.manager.holds_enough("v")
+    assert bench.manager.allocate("v", 1)
+    assert bench.manager.holds_enough("v")
+
+
+def test_a_blocked_vehicle_does_not_hold_enough() -> None:
+    bench = Bench(v="A", w="C")
+    bench.go("w", "E")
+    bench.go("v", "D")
+    assert bench.held("v") == {"A", "A --- B", "B"}
+    assert not bench.manager.holds_enough("v")
+
+
 def test_a_long_vehicle_keeps_resources_under_its_tail() -> None:
     bench = Bench(v="A", box=BoundingBox(length_mm=2500))
     bench.go("v", "D")

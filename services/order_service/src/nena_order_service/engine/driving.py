@@ -369,9 +369,10 @@ class Driving:
         """Grant routes and extend bases; yield vehicles that are stuck or have a new wait reason."""
         self._state.drive_due = self._await_report = False
         if self._gate.is_open:
-            unsent = filter(self._traffic.journey, self._unsent)
-            for name in dict.fromkeys([*(name for name, _ in self._traffic.extending()), *unsent]):
-                self._go_on(self._vehicle(name))
+            under_way = [name for name, _ in self._traffic.extending()]
+            for name in dict.fromkeys([*under_way, *filter(self._traffic.journey, self._unsent)]):
+                if name in self._unsent or not self._traffic.holds_enough(name):
+                    self._go_on(self._vehicle(name))
             self._reconsider()
             movable, lost = _asked_once(self._movable), _asked_once(self.mobility.lost)
             for granted in self._traffic.decide(

@@ -41,6 +41,57 @@ ACTION_DESCRIPTOR: Final = "nodes.actions.actionDescriptor"
 P = TypeVar("P", bound=BaseModel)
 
 
+class Fitter:
+    """Fits the VDA orders of one robot to its factsheet (section 7.1.1).
+
+    An update repeats most nodes and edges of the order unchanged, so those of the last one are kept.
+    """
+
+    def __init__(self) -> None:
+        self._abilities: Abilities | None = None
+        self._nodes: dict[int, tuple[Node, float, Node]] = {}
+        """By the identity of a node: the node, its heading, and the node as fitted."""
+        self._edges: dict[int, tuple[Edge, tuple[Node, Node], Edge]] = {}
+        """By the identity of an edge: the edge, its ends, and the edge as fitted."""
+
+    def fitted(self, vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
+        """Return a VDA order as :func:`fitted` does."""
+        if abilities is None:
+            return fitted(vda_order, None)
+        if abilities is not self._abilities:
+            self._abilities = abilities
+            self._nodes, self._edges = {}, {}
+        nodes = [
+            self._node(node, heading, abilities)
+            for node, heading in zip(vda_order.nodes, _headings(vda_order.nodes), strict=True)
+        ]
+        edges = [
+            self._edge(edge, ends, abilities)
+            for edge, ends in zip(vda_order.edges, pairwise(vda_order.nodes), strict=True)
+        ]
+        self._nodes = {id(each[0]): each for each in nodes}
+        self._edges = {id(each[0]): each for each in edges}
+        return VdaOrder(
+            order_id=vda_order.order_id,
+            nodes=tuple(each[2] for each in nodes),
+            edges=tuple(each[2] for each in edges),
+        )
+
+    def _node(self, node: Node, heading: float, abilities: Abilities) -> tuple[Node, float, Node]:
+        known = self._nodes.get(id(node))
+        if known and known[1] == heading:
+            return known
+        return node, heading, _fitted_node(node, heading, abilities)
+
+    def _edge(
+        self, edge: Edge, ends: tuple[Node, Node], abilities: Abilities
+    ) -> tuple[Edge, tuple[Node, Node], Edge]:
+        known = self._edges.get(id(edge))
+        if known and known[1][0] is ends[0] and known[1][1] is ends[1]:
+            return known
+        return edge, ends, _fitted_edge(edge, ends, abilities)
+
+
 def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
     """Remove optional fields that the robot does not support, and fill required ones (section 7.1.1).
 
@@ -48,23 +99,11 @@ def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
     refuse them. Fields that matter for the order are kept, and :func:`order_problem` reports them: positions,
     and the heading at a coordinate.
     """
-    nodes = vda_order.nodes
     if abilities is None:
         nothing = {"maximum_speed": None, **dict.fromkeys(_RULED.values())}
         edges = tuple(_changed(each, nothing) for each in vda_order.edges)
-        return vda_order.model_copy(update={"edges": edges})
-    headings = _headings(nodes)
-    return vda_order.model_copy(
-        update={
-            "nodes": tuple(
-                _fitted_node(node, heading, abilities) for node, heading in zip(nodes, headings, strict=True)
-            ),
-            "edges": tuple(
-                _fitted_edge(edge, ends, abilities)
-                for edge, ends in zip(vda_order.edges, pairwise(nodes), strict=True)
-            ),
-        }
-    )
+        return VdaOrder(order_id=vda_order.order_id, nodes=vda_order.nodes, edges=edges)
+    return Fitter().fitted(vda_order, abilities)
 
 
 def fitted_action(action: Action, abilities: Abilities) -> Action:

@@ -64,6 +64,12 @@ class VdaOrder(WireObject):
         """The IDs of the actions at the last node."""
         return frozenset(action.action_id for action in self.nodes[-1].actions)
 
+    @cached_property
+    def as_horizon(self) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
+        """Its nodes and edges, not released; the same objects each time, so that what fits is known."""
+        nodes = tuple(_released(each, released=False) for each in self.nodes)
+        return nodes, tuple(_released(each, released=False) for each in self.edges)
+
     @property
     def last_sequence_id(self) -> int:
         """The sequenceId of the last node."""
@@ -373,7 +379,7 @@ def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
     base = _base_length(held)
     if plan.order_id != held.order_id:
         raise BaseChangedError(held.order_id, f"the plan is that of {plan.order_id!r}")
-    if _base_length(plan) < base or _outline(plan, base) != _outline(held, base):
+    if _base_length(plan) < base or not _same_base(held, plan, base):
         raise BaseChangedError(held.order_id, "the plan has a different base")
     nodes = (*held.nodes[:base], *plan.nodes[base:])
     edges = (*held.edges[: base - 1], *plan.edges[base - 1 :])
@@ -392,9 +398,18 @@ def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 
 def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
     """Return the plan with its base ending at the node ``sequence_id`` (section 6.1.1)."""
-    nodes = tuple(_released(node, released=node.sequence_id <= sequence_id) for node in plan.nodes)
-    edges = tuple(_released(edge, released=edge.sequence_id < sequence_id) for edge in plan.edges)
-    return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
+    nodes, edges = plan.as_horizon
+    return VdaOrder(
+        order_id=plan.order_id,
+        nodes=tuple(
+            _released(node, released=True) if node.sequence_id <= sequence_id else ahead
+            for node, ahead in zip(plan.nodes, nodes, strict=True)
+        ),
+        edges=tuple(
+            _released(edge, released=True) if edge.sequence_id < sequence_id else ahead
+            for edge, ahead in zip(plan.edges, edges, strict=True)
+        ),
+    )
 
 
 def held_by(state: State, plan: VdaOrder) -> VdaOrder:
@@ -407,16 +422,20 @@ def _base_length(vda_order: VdaOrder) -> int:
     return sum(1 for node in vda_order.nodes if node.released)
 
 
-def _outline(vda_order: VdaOrder, base: int) -> tuple[object, ...]:
-    """Return the identity of a base; its optional fields may differ, for example after a new factsheet."""
-    parts: tuple[Node | Edge, ...] = (*vda_order.nodes[:base], *vda_order.edges[: base - 1])
-    return tuple(
-        (_name(each), each.sequence_id, tuple(action.action_id for action in each.actions)) for each in parts
+def _same_base(held: VdaOrder, plan: VdaOrder, base: int) -> bool:
+    """Return whether both have the same base; its optional fields may differ, as after a new factsheet."""
+    one = (*held.nodes[:base], *held.edges[: base - 1])
+    other = (*plan.nodes[:base], *plan.edges[: base - 1])
+    return len(one) == len(other) and all(
+        before is after or _outline(before) == _outline(after)
+        for before, after in zip(one, other, strict=True)
     )
 
 
-def _name(part: Node | Edge) -> str:
-    return part.node_id if isinstance(part, Node) else part.edge_id
+def _outline(part: Node | Edge) -> tuple[object, ...]:
+    """Return the identity of a node or an edge."""
+    name = part.node_id if isinstance(part, Node) else part.edge_id
+    return name, part.sequence_id, tuple(action.action_id for action in part.actions)
 
 
 def _released(part: G, *, released: bool) -> G:

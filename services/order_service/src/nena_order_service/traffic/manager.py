@@ -51,6 +51,8 @@ class TrafficManager:
         drive on. Their pose alone may wrongly show them clear of a curved path."""
         self._to_extend: dict[str, None] = {}
         """Vehicles whose routes may be only partly allocated; see :meth:`extending`."""
+        self._enough: dict[str, tuple[int, int]] = {}
+        """By vehicle: when it last held enough; see :meth:`holds_enough`."""
         self._halted: frozenset[str] = frozenset()
         """Vehicles to which nothing is allocated for now; see :meth:`halt`."""
 
@@ -159,6 +161,7 @@ class TrafficManager:
         """Remove a vehicle: it no longer holds, requests or claims anything."""
         self._control.forget(vehicle)
         self._turn_backs.pop(vehicle, None)
+        self._enough.pop(vehicle, None)
         self._journeys.pop(vehicle, None)
         self._broken_off.pop(vehicle, None)
         self._left_at.pop(vehicle, None)
@@ -277,7 +280,17 @@ class TrafficManager:
             if journey.refusal:
                 break
             journey.allocated += 1
+        if journey.refusal is None:
+            self._enough[vehicle] = self._moment(vehicle)
         return journey.allocated > before
+
+    def holds_enough(self, vehicle: str) -> bool:
+        """Return whether a vehicle has not changed since :meth:`allocate` left nothing to allocate."""
+        return self._enough.get(vehicle) == self._moment(vehicle)
+
+    def _moment(self, vehicle: str) -> tuple[int, int]:
+        """Return numbers that change with what a vehicle holds and claims, and how far it has driven."""
+        return self._scheduler.version(vehicle), self._journeys[vehicle].reached
 
     def is_blocked(self, vehicle: str) -> bool:
         """Return whether a vehicle at rest blocks this one on its route."""

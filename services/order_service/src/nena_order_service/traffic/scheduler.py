@@ -221,8 +221,12 @@ class Scheduler:
         """Return what the vehicle would rest on at the end of ``way``."""
         return self.occupant(name).at_end(way)
 
+    def version(self, name: str) -> int:
+        """Return a number that changes with what a vehicle holds, claims or will rest on."""
+        return self._versions[name]
+
     def versions(self, names: Iterable[str]) -> dict[str, int]:
-        """Return a number for each vehicle that changes with what it holds, claims or will rest on."""
+        """Return the :meth:`version` of each vehicle."""
         return {name: self._versions[name] for name in names}
 
     def free_of_rest(self, name: str, way: Iterable[ResourceSet]) -> int:

@@ -429,8 +429,7 @@ class TrafficControl:
         the right of way caused it: another vehicle may have it next time.
         """
         journey, claimed = self.journeys[vehicle], len(self.scheduler.occupant(vehicle).claimed)
-        ahead = journey.way[journey.allocated :]
-        if claimed == len(ahead) or claimed >= SECTION:
+        if claimed >= SECTION or claimed == len(journey.way) - journey.allocated:
             self._refusals.pop(vehicle, None)
             return None
         known = self._known_refusals.get(vehicle)
@@ -440,6 +439,7 @@ class TrafficControl:
             self._limit.claims += 1
             self._known_refusals.pop(vehicle, None)
             self._in_the_way = {vehicle}
+            ahead = journey.way[journey.allocated :]
             refused = self._claim_section(vehicle, ahead, right_of_way, more_than=claimed)
             if refused and (not right_of_way or right_of_way.vehicle not in self._in_the_way):
                 versions = self.scheduler.versions(self._in_the_way)
