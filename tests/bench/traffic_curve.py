@@ -1,6 +1,7 @@
 """Draws orders per minute over robots from the figures of ``make bench ENTRIES=traffic``.
 
-``PYTHONPATH=tests python -m bench.traffic_curve bench.json docs/traffic.svg --before older-bench.json``
+``PYTHONPATH=tests python -m bench.traffic_curve docs/traffic.json docs/traffic.svg``; ``--before FILE`` adds
+the curve of an older version.
 """
 
 from __future__ import annotations
@@ -20,22 +21,26 @@ STYLES = {
     "PIBT": "#1864ab",
     "PIBT, turning": "#74c0fc",
     "NeNa": "#c92a2a",
+    "NeNa, real programs": "#7048e8",
     "NeNa before": "#f08c00",
 }
 
 
 def curves(figures: Mapping[str, Any], before: Mapping[str, Any]) -> dict[str, dict[int, float]]:
-    """Return the curves of one hall: for each number of robots what was measured, else what was simulated."""
-    names = {"never meet": "never_meet", "PIBT": "pibt", "PIBT, turning": "pibt_turning"}
-    found = {name: {int(n): one[key] for n, one in figures.items()} for name, key in names.items()}
-    found["NeNa"] = _own(figures)
-    found["NeNa before"] = _own(before)
+    """Return the curves of one hall by name; numbers of robots without a figure are left out."""
+    sources = {
+        "never meet": (figures, "never_meet"),
+        "PIBT": (figures, "pibt"),
+        "PIBT, turning": (figures, "pibt_turning"),
+        "NeNa": (figures, "simulated"),
+        "NeNa, real programs": (figures, "orders_per_minute"),
+        "NeNa before": (before, "simulated"),
+    }
+    found = {
+        name: {int(robots): one[key] for robots, one in of.items() if key in one}
+        for name, (of, key) in sources.items()
+    }
     return {name: dict(sorted(curve.items())) for name, curve in found.items() if curve}
-
-
-def _own(figures: Mapping[str, Any]) -> dict[int, float]:
-    own = {int(n): one.get("orders_per_minute", one.get("simulated")) for n, one in figures.items()}
-    return {robots: rate for robots, rate in own.items() if rate is not None}
 
 
 def picture(halls: Mapping[str, Mapping[str, Curve]]) -> str:

@@ -424,11 +424,10 @@ def _base_length(vda_order: VdaOrder) -> int:
 
 def _same_base(held: VdaOrder, plan: VdaOrder, base: int) -> bool:
     """Return whether both have the same base; its optional fields may differ, as after a new factsheet."""
-    one = (*held.nodes[:base], *held.edges[: base - 1])
-    other = (*plan.nodes[:base], *plan.edges[: base - 1])
-    return len(one) == len(other) and all(
-        before is after or _outline(before) == _outline(after)
-        for before, after in zip(one, other, strict=True)
+    before: tuple[Node | Edge, ...] = (*held.nodes[:base], *held.edges[: base - 1])
+    after: tuple[Node | Edge, ...] = (*plan.nodes[:base], *plan.edges[: base - 1])
+    return len(before) == len(after) and all(
+        one is other or _outline(one) == _outline(other) for one, other in zip(before, after, strict=True)
     )
 
 
