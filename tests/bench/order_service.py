@@ -15,8 +15,7 @@ from bench.figures import at_least, within
 from bench.lanes import Hall, lanes, order_of, start_of
 from bench.robots import DrivingRobots, InstantRobots
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.store.changes import Changes
-from nena_order_service.store.database import write
+from nena_order_service.store.database import Changes, write
 from nena_order_service.store.schema import open_database
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
-from nena_order_service.dispatching.dispatcher import Decisions, DispatchedVehicle
+from nena_order_service.dispatching.candidates import DispatchedVehicle
+from nena_order_service.dispatching.dispatcher import Decisions
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick
 from nena_order_service.routing.router import RouteCost

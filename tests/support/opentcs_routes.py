@@ -133,7 +133,7 @@ ROUTES: Final = (
         "GET",
         f"{V}/{{name}}",
         (200, 404),
-        "`allocatedResources` and `claimedResources` are empty: see `GET /v1/trafficPlan` of NeNa. "
+        "`allocatedResources` and `claimedResources` are empty: see `GET /v1/traffic/plan` of NeNa. "
         "`paused` is always false.",
         _named(V, "Robot-01"),
     ),

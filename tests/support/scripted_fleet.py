@@ -26,8 +26,7 @@ from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, grown
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing.router import RouteFinder, Router
-from nena_order_service.store.changes import Changes
-from nena_order_service.store.database import Unfinished
+from nena_order_service.store.database import Changes, Unfinished
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderStatus

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, text
 
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 from nena_order_service.store.schema import FIRST, is_shared, make_engine
 
 FIRST_STORE = Path(__file__).parents[1] / "fixtures" / "stores" / "version_1.sql"

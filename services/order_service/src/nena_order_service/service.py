@@ -37,7 +37,7 @@ from nena_order_service.plant_file import PlantFile
 from nena_order_service.routing.graph import evaluators
 from nena_order_service.routing.router import RouteFinder, Router
 from nena_order_service.settings import OrderServiceSettings
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.clock import Clock, SystemClock

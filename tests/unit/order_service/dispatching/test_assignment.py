@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.dispatching.assignment import assign
+from nena_order_service.dispatching.dispatcher import assign
 
 COSTS = st.dictionaries(st.sampled_from(["a", "b", "c", "d"]), st.integers(0, 9), max_size=4)
 LEVELS = st.lists(st.lists(COSTS, max_size=3), max_size=3)

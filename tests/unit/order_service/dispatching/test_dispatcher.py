@@ -9,6 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from nena_order_service.dispatching.candidates import (
+    Carried,
+    DispatchedVehicle,
+    Energy,
+    acceptable,
+    carried,
+    type_priority,
+    why_not_accepted,
+)
 from nena_order_service.dispatching.dispatcher import (
     BUSY,
     CANDIDATE_VALUES,
@@ -16,20 +25,13 @@ from nena_order_service.dispatching.dispatcher import (
     ORDER_VALUES,
     VEHICLE_VALUES,
     Candidate,
-    Carried,
     Decisions,
-    DispatchedVehicle,
     Dispatcher,
-    Energy,
     Now,
-    acceptable,
-    carried,
     explain,
     rank_candidates,
     rank_orders,
     rank_vehicles,
-    type_priority,
-    why_not_accepted,
 )
 from nena_order_service.dispatching.settings import (
     CandidateKey,

@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.engine.dependencies import Dependencies
+from nena_order_service.engine.conditions import Dependencies
 from support.order_service import raw_order
 
 

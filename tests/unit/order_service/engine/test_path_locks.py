@@ -6,7 +6,7 @@ import pytest
 
 from nena_order_service.errors import UnknownPathError
 from nena_order_service.service import OrderService
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 
 
 async def test_lock_of_a_removed_path_is_ignored(service: OrderService) -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from nena_order_service.engine.engine import UnitOfWork
 from nena_order_service.errors import StoreNotReadyError
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from support.scripted_fleet import make_state
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nena_order_service.engine.sequences import Sequences
+from nena_order_service.engine.conditions import Sequences
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest
 from nena_shared.plant import PlantModel

@@ -14,7 +14,7 @@ from nena_order_service.engine.state import FleetState
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 from nena_order_service.traffic.resources import ResourceSet
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceRequest,

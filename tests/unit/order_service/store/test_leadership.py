@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from nena_order_service.store.changes import Changes
-from nena_order_service.store.database import read_order, write
+from nena_order_service.store.database import Changes, read_order, write
 from nena_order_service.store.leadership import Fence, LeaderLock, begin_epoch
 from nena_order_service.store.schema import FencedError, open_database
 from support.order_service import dispatchable_order

@@ -11,12 +11,13 @@ import pytest
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import store as store_module
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.schema import StoreLostError, open_database
-from nena_order_service.store.store import Store
+from nena_order_service.store.store import ChangeNumbers, Store
 from support.order_service import NOW, dispatchable_order
 from support.pausing import turn_passes
+from support.stores import changes
 from support.waiting import PATIENCE, until
 
 
@@ -163,3 +164,30 @@ async def test_commits_to_a_deleted_file_are_not_published(
     with pytest.raises(StoreNotReadyError):
         await answer
     store.close()
+
+
+def test_each_change_has_the_next_number_and_all_versions_of_a_step_have_one() -> None:
+    numbers = ChangeNumbers()
+    numbers.begin(7)
+    first = dispatchable_order()
+    second = first.deferred("nobody is free", NOW)
+    numbers.give(changes((second, None)))
+    numbers.give(changes((dispatchable_order(number=2), None)))
+    third = second.failed("withdrawn", NOW)
+    numbers.give(changes((third, second)))
+    assert numbers.last == 10
+    versions = [order.status.version for order in (first, second, third)]
+    assert numbers.published == 7
+    assert [numbers.of("T-1", version) for version in versions[:2]] == [(8, False), (8, True)]
+    assert numbers.published == 8
+    assert numbers.of("T-2", dispatchable_order().status.version) == (9, True)
+    assert numbers.of("T-1", versions[2]) == (10, True)
+    assert numbers.published == 10
+
+
+def test_unchanged_objects_have_no_change_number() -> None:
+    numbers = ChangeNumbers()
+    assert numbers.of("T-1", 3) == (0, False)
+    numbers.give(changes((dispatchable_order(), None)))
+    assert numbers.of("T-1", 99) == (0, False)
+    assert numbers.published == 0

@@ -25,9 +25,8 @@ from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings, Int
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.service import make_engine, make_fleet
 from nena_order_service.settings import OrderServiceSettings
-from nena_order_service.store.changes import ChangeNumbers, Changes
-from nena_order_service.store.database import Unfinished
-from nena_order_service.store.store import Store
+from nena_order_service.store.database import Changes, Unfinished
+from nena_order_service.store.store import ChangeNumbers, Store
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.mqtt import MqttLink

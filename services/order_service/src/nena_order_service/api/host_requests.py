@@ -8,24 +8,10 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace
 from math import hypot
 
+from nena_order_service import errors
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.zone_sets import ZoneSets
-from nena_order_service.errors import (
-    KeyReusedError,
-    NameTakenError,
-    OrderAssignedError,
-    OrderEndedError,
-    OrderWithdrawnError,
-    SequenceRefusesError,
-    UnknownDependencyError,
-    UnknownOrderError,
-    UnknownSequenceError,
-    UnknownVehicleError,
-    VehicleBusyError,
-    VehicleNotReachedError,
-    VersionChangedError,
-)
 from nena_order_service.fleet.instant_actions import LEAVES
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.fleet.robot import LinkStatus, RobotView, VdaOrderPhase
@@ -196,7 +182,7 @@ class HostRequests:
         """
         order = await self._living(name, seen)
         if order.state is TransportOrderState.WITHDRAWN:
-            raise OrderWithdrawnError(name)
+            raise errors.OrderWithdrawnError(name)
         self._engine.hold(order.number, by, reason, immediate=immediate)
         await self._engine.unit_of_work.wait_committed()
         return self._visible(order)
@@ -220,9 +206,11 @@ class HostRequests:
         if vehicle is not None:
             self._vehicle(vehicle)
         if order.state not in (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE):
-            raise OrderAssignedError(name, f"it is {order.state}")
+            raise errors.OrderAssignedError(name, f"it is {order.state}")
         if order.status.wrapping_sequence is not None:
-            raise OrderAssignedError(name, f"it belongs to sequence {order.status.wrapping_sequence!r}")
+            raise errors.OrderAssignedError(
+                name, f"it belongs to sequence {order.status.wrapping_sequence!r}"
+            )
         self._engine.intend(order.number, vehicle)
         await self._engine.unit_of_work.wait_committed()
         return self._visible(order)
@@ -231,7 +219,7 @@ class HostRequests:
         """Return an order."""
         found = self._engine.state.orders.visible_named(name) or await self._engine.store.order(name=name)
         if found is None:
-            raise UnknownOrderError(name)
+            raise errors.UnknownOrderError(name)
         return found.status
 
     async def orders(self, wanted: OrderFilter) -> AsyncIterator[TransportOrder]:
@@ -337,12 +325,14 @@ class HostRequests:
         vehicle = self._vehicle(name)
         link = self._engine.view(vehicle).link
         if link is LinkStatus.HIBERNATING and action_type != STOP_HIBERNATION:
-            raise VehicleNotReachedError(name, f"it is {link} until {STOP_HIBERNATION} or its wake-up time")
+            raise errors.VehicleNotReachedError(
+                name, f"it is {link} until {STOP_HIBERNATION} or its wake-up time"
+            )
         if link not in (LinkStatus.ONLINE, LinkStatus.HIBERNATING):
-            raise VehicleNotReachedError(name, f"it is {link}")
+            raise errors.VehicleNotReachedError(name, f"it is {link}")
         sent = self._engine.state.sent_orders.of_robot(vehicle.key)
         if action_type in LEAVES and (sent or self._engine.works(vehicle)):
-            raise VehicleBusyError(name, self._engine.status(vehicle).transport_order or "")
+            raise errors.VehicleBusyError(name, self._engine.status(vehicle).transport_order or "")
         action = Action(
             action_type=action_type,
             action_id=unique_id(),
@@ -358,7 +348,7 @@ class HostRequests:
         profile = self._vehicle(name).profile
         map_id = map_id or profile.map_id
         if not profile.knows_frame(map_id):
-            raise VehicleNotReachedError(
+            raise errors.VehicleNotReachedError(
                 name, "its factsheet has not arrived, so it is unknown who transforms poses"
             )
         points = [each for each in self._engine.plant.points if (each.map_id or profile.map_id) == map_id]
@@ -377,7 +367,7 @@ class HostRequests:
             elif known.state.final:
                 ended[name] = known.state
         if unknown:
-            raise UnknownDependencyError(unknown)
+            raise errors.UnknownDependencyError(unknown)
         return ended
 
     async def _check_sequence(self, request: TransportOrderRequest) -> None:
@@ -388,19 +378,19 @@ class HostRequests:
         sequence = self._engine.state.sequences.named(name) or await self._engine.store.sequence(name=name)
         sequence = self._engine.state.sequences.named(name) or sequence
         if sequence is None:
-            raise UnknownSequenceError(name)
+            raise errors.UnknownSequenceError(name)
         if reasons := tuple(sequence.refusals(request)):
-            raise SequenceRefusesError(name, reasons)
+            raise errors.SequenceRefusesError(name, reasons)
 
     async def _living(self, name: str, seen: ETag | None) -> TransportOrder:
         """Return an order that can be changed."""
         order = self._engine.state.orders.named(name) or await self._engine.store.order(name=name)
         if order is None:
-            raise UnknownOrderError(name)
+            raise errors.UnknownOrderError(name)
         if order.state.final:
-            raise OrderEndedError(name, order.state)
+            raise errors.OrderEndedError(name, order.state)
         if seen is not None and not seen.fits(order.status.version):
-            raise VersionChangedError(name, str(seen), order.status.version)
+            raise errors.VersionChangedError(name, str(seen), order.status.version)
         self._engine.unit_of_work.require_store()
         return order
 
@@ -421,7 +411,7 @@ class HostRequests:
     def _vehicle(self, name: str) -> FleetVehicle:
         vehicle = self._engine.registry.named(name)
         if vehicle is None:
-            raise UnknownVehicleError(name)
+            raise errors.UnknownVehicleError(name)
         return vehicle
 
     def _visible(self, order: TransportOrder) -> TransportOrderStatus:
@@ -450,7 +440,7 @@ class SequenceRequests:
         """Create a sequence; return it with False if the same request created it before."""
         vehicle = request.intended_vehicle
         if vehicle is not None and vehicle not in self._engine.registry.names():
-            raise UnknownVehicleError(vehicle)
+            raise errors.UnknownVehicleError(vehicle)
         prefix = request.name or SEQUENCE_PREFIX
         complete = request.name is None or request.incomplete_name
         name = f"{prefix}-{sortable_id()}" if complete else prefix
@@ -469,7 +459,7 @@ class SequenceRequests:
         """
         sequence = await self._named(name)
         if seen is not None and not seen.fits(sequence.status.version):
-            raise VersionChangedError(name, str(seen), sequence.status.version)
+            raise errors.VersionChangedError(name, str(seen), sequence.status.version)
         if not sequence.status.complete:
             self._engine.unit_of_work.require_store()
             with self._engine.change():
@@ -482,7 +472,7 @@ class SequenceRequests:
         """Return a sequence."""
         found = self._sequences.visible(name) or await self._engine.store.sequence(name=name)
         if found is None:
-            raise UnknownSequenceError(name)
+            raise errors.UnknownSequenceError(name)
         return found.status
 
     async def sequences(self, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
@@ -512,7 +502,7 @@ class SequenceRequests:
     async def _named(self, name: str) -> OrderSequence:
         found = await self._find(name, None)
         if found is None:
-            raise UnknownSequenceError(name)
+            raise errors.UnknownSequenceError(name)
         return self._sequences.named(name) or found
 
     def _visible(self, sequence: OrderSequence) -> OrderSequenceStatus:
@@ -535,10 +525,10 @@ def _check_same(
         "Order sequence" if isinstance(known, OrderSequence) else "Transport order",
     )
     if known.idempotency_key != key:
-        raise NameTakenError(name, kind)
+        raise errors.NameTakenError(name, kind)
     named = known.name.startswith(name) if complete else known.name == name
     if not (named and same):
-        raise NameTakenError(name, kind) if key is None else KeyReusedError(key, known.name)
+        raise errors.NameTakenError(name, kind) if key is None else errors.KeyReusedError(key, known.name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field, TypeAdapter
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from nena_order_service import errors
 from nena_order_service.api import opentcs_devices, opentcs_events, opentcs_plant
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.opentcs_answers import Body, NotPossibleError, done, install
@@ -21,12 +22,6 @@ from nena_order_service.api.opentcs_plant import ChangePlant
 from nena_order_service.api.operations import Call, HostOperations
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
-from nena_order_service.errors import (
-    NameTakenError,
-    NotReroutableError,
-    OrderAssignedError,
-    OrderEndedError,
-)
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.base import Moment
@@ -356,7 +351,7 @@ def _add_sequences(app: FastAPI, requests: SequenceRequests, vehicles: HostReque
     async def create(name: str, body: OrderSequenceCreation) -> Response:
         sequence, new = await requests.create(body.request(name))
         if not new:
-            raise NameTakenError(name, "Order sequence")
+            raise errors.NameTakenError(name, "Order sequence")
         return _json(OrderSequenceState.of(sequence))
 
     @_serve(app, table.COMPLETE_SEQUENCE, response_class=Response)
@@ -459,12 +454,12 @@ def _add_orders(app: FastAPI, requests: HostRequests) -> None:
     async def create(name: str, body: CreationRequest) -> Response:
         order, new = await requests.create(TransportOrderRequest.model_validate(body.request(name)))
         if not new:
-            raise NameTakenError(name)
+            raise errors.NameTakenError(name)
         return _json(TransportOrderState.of(order))
 
     @_serve(app, table.WITHDRAW, response_class=Response)
     async def withdraw(name: str) -> Response:
-        with suppress(OrderEndedError):  # like openTCS: nothing is left to withdraw
+        with suppress(errors.OrderEndedError):  # like openTCS: nothing is left to withdraw
             await requests.withdraw(name, REASON)
         return done()
 
@@ -481,7 +476,7 @@ def _add_assignment(app: FastAPI, requests: HostRequests, engine: Engine) -> Non
     async def intend(name: str, vehicle: str | None = None) -> Response:
         try:
             await requests.intend(name, vehicle)
-        except OrderAssignedError as error:
+        except errors.OrderAssignedError as error:
             raise NotPossibleError(str(error)) from error
         return done()
 
@@ -537,7 +532,7 @@ def _add_vehicles(
 
     @_serve(app, table.REROUTE, response_class=Response)
     async def reroute(name: str, *, forced: bool = False) -> Response:
-        with suppress(NotReroutableError):  # like openTCS: a vehicle without an order stays where it is
+        with suppress(errors.NotReroutableError):  # as in openTCS, not an error
             await requests.reroute(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
         return done()
 

@@ -14,26 +14,8 @@ from nena_order_service.api.host_requests import ETag, HostServices
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
+from nena_shared.fleet_api import requests as bodies
 from nena_shared.fleet_api.plant import ZoneSetList
-from nena_shared.fleet_api.requests import (
-    AssignmentQuery,
-    DispatchRequest,
-    HoldRequest,
-    InstantActionAnswer,
-    InstantActionRequest,
-    IntegrationLevelRequest,
-    OrderSequencePage,
-    OrderSequencesQuery,
-    OrderTypesRequest,
-    PathList,
-    PathLockRequest,
-    ReroutingRequest,
-    ResumeRequest,
-    TransportOrdersQuery,
-    VehicleList,
-    VehiclesQuery,
-    WithdrawalRequest,
-)
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 from nena_shared.plant import PlantPose
@@ -107,7 +89,7 @@ class HostOperations:
         return Reply(order, _created(new=new))
 
     @_does(table.LIST_ORDERS)
-    async def _list_orders(self, call: Call[TransportOrdersQuery]) -> Reply:
+    async def _list_orders(self, call: Call[bodies.TransportOrdersQuery]) -> Reply:
         query = call.request
         states, before = tuple(query.state or ()), _number(query.after)
         wanted = OrderFilter(states, query.intended_vehicle, before, query.limit + 1)
@@ -130,25 +112,25 @@ class HostOperations:
         return Reply(await self._requests.delivery(call.name))
 
     @_does(table.ASSIGNMENT)
-    async def _assignment(self, call: Call[AssignmentQuery]) -> Reply:
+    async def _assignment(self, call: Call[bodies.AssignmentQuery]) -> Reply:
         return Reply(await self._requests.assignment(call.name, call.request.limit))
 
     @_does(table.WITHDRAW)
-    async def _withdraw(self, call: Call[WithdrawalRequest]) -> Reply:
+    async def _withdraw(self, call: Call[bodies.WithdrawalRequest]) -> Reply:
         asked = call.request
         return Reply(
             await self._requests.withdraw(call.name, asked.reason, seen=call.seen, immediate=asked.immediate)
         )
 
     @_does(table.HOLD)
-    async def _hold(self, call: Call[HoldRequest]) -> Reply:
+    async def _hold(self, call: Call[bodies.HoldRequest]) -> Reply:
         asked, by = call.request, call.request.by or call.caller
         return Reply(
             await self._requests.hold(call.name, by, asked.reason, seen=call.seen, immediate=asked.immediate)
         )
 
     @_does(table.RESUME)
-    async def _resume(self, call: Call[ResumeRequest]) -> Reply:
+    async def _resume(self, call: Call[bodies.ResumeRequest]) -> Reply:
         by = call.request.by or call.caller
         return Reply(await self._requests.resume(call.name, by, call.request.reason, seen=call.seen))
 
@@ -158,14 +140,16 @@ class HostOperations:
         return Reply(sequence, _created(new=new))
 
     @_does(table.LIST_SEQUENCES)
-    async def _list_sequences(self, call: Call[OrderSequencesQuery]) -> Reply:
+    async def _list_sequences(self, call: Call[bodies.OrderSequencesQuery]) -> Reply:
         query = call.request
         found = await self._sequences.sequences(
             SequenceFilter(query.finished, query.intended_vehicle, _number(query.after), query.limit + 1)
         )
         page = found[: query.limit]
         following = str(page[-1].number) if len(found) > query.limit else None
-        return Reply(OrderSequencePage(order_sequences=tuple(each.status for each in page), next=following))
+        return Reply(
+            bodies.OrderSequencePage(order_sequences=tuple(each.status for each in page), next=following)
+        )
 
     @_does(table.SHOW_SEQUENCE)
     async def _show_sequence(self, call: Call[None]) -> Reply:
@@ -176,7 +160,7 @@ class HostOperations:
         return Reply(await self._sequences.complete(call.name, seen=call.seen))
 
     @_does(table.LIST_VEHICLES)
-    async def _list_vehicles(self, call: Call[VehiclesQuery]) -> Reply:
+    async def _list_vehicles(self, call: Call[bodies.VehiclesQuery]) -> Reply:
         query = call.request
         states, processing = (
             query.state or tuple(VehicleState),
@@ -189,24 +173,26 @@ class HostOperations:
             if len(found) > query.limit:
                 break
         page = tuple(found[: query.limit])
-        return Reply(VehicleList(vehicles=page, next=page[-1].name if len(found) > query.limit else None))
+        return Reply(
+            bodies.VehicleList(vehicles=page, next=page[-1].name if len(found) > query.limit else None)
+        )
 
     @_does(table.SHOW_VEHICLE)
     async def _show_vehicle(self, call: Call[None]) -> Reply:
         return Reply(self._requests.vehicle(call.name))
 
     @_does(table.INTEGRATION_LEVEL)
-    async def _set_integration_level(self, call: Call[IntegrationLevelRequest]) -> Reply:
+    async def _set_integration_level(self, call: Call[bodies.IntegrationLevelRequest]) -> Reply:
         level = call.request.integration_level
         return Reply(await self._requests.set_integration_level(call.name, level))
 
     @_does(table.ORDER_TYPES)
-    async def _accept_order_types(self, call: Call[OrderTypesRequest]) -> Reply:
+    async def _accept_order_types(self, call: Call[bodies.OrderTypesRequest]) -> Reply:
         types = call.request.acceptable_order_types
         return Reply(await self._requests.accept_order_types(call.name, types))
 
     @_does(table.DISPATCH)
-    async def _dispatch(self, call: Call[DispatchRequest]) -> Reply:
+    async def _dispatch(self, call: Call[bodies.DispatchRequest]) -> Reply:
         asked = call.request
         self._requests.vehicle(call.name)
         order, new = await self._requests.create(
@@ -220,7 +206,7 @@ class HostOperations:
         return Reply(order, _created(new=new))
 
     @_does(table.INSTANT_ACTION)
-    async def instant_action(self, call: Call[InstantActionRequest]) -> Reply:
+    async def instant_action(self, call: Call[bodies.InstantActionRequest]) -> Reply:
         """Send an instant action to a vehicle and wait for its end, up to a timeout."""
         asked = call.request
         action_type = ACTION_TYPES.get(asked.action_type, asked.action_type)
@@ -231,19 +217,19 @@ class HostOperations:
         return Reply(_instant_action_answer(action, end), HTTPStatus.OK if end else HTTPStatus.ACCEPTED)
 
     @_does(table.REROUTE)
-    async def _reroute(self, call: Call[ReroutingRequest]) -> Reply:
+    async def _reroute(self, call: Call[bodies.ReroutingRequest]) -> Reply:
         return Reply(await self._requests.reroute(call.name, call.request.type))
 
     @_does(table.LIST_PATHS)
     async def _list_paths(self, _: Call[None]) -> Reply:
-        return Reply(PathList(paths=self._locks.all()))
+        return Reply(bodies.PathList(paths=self._locks.all()))
 
     @_does(table.SHOW_PATH)
     async def _show_path(self, call: Call[None]) -> Reply:
         return Reply(self._locks.get(call.name))
 
     @_does(table.LOCK_PATH)
-    async def _lock_path(self, call: Call[PathLockRequest]) -> Reply:
+    async def _lock_path(self, call: Call[bodies.PathLockRequest]) -> Reply:
         return Reply(await self._locks.set(call.name, locked=call.request.locked))
 
     @_does(table.LIST_ZONE_SETS)
@@ -274,7 +260,7 @@ class HostOperations:
     async def _show_traffic_plan(self, _: Call[None]) -> Reply:
         return Reply(await self._requests.traffic_plan())
 
-    def _parameters(self, vehicle: str, asked: InstantActionRequest) -> tuple[ActionParameter, ...]:
+    def _parameters(self, vehicle: str, asked: bodies.InstantActionRequest) -> tuple[ActionParameter, ...]:
         """Return the action's parameters; a pose is converted to the frame of the vehicle's map."""
         given = tuple(ActionParameter(key=each.key, value=each.value) for each in asked.parameters)
         if asked.pose is None:
@@ -299,9 +285,9 @@ def _number(after: str | None) -> int | None:
     return int(after) if after else None
 
 
-def _instant_action_answer(action: Action, end: InstantActionEnded | None) -> InstantActionAnswer:
+def _instant_action_answer(action: Action, end: InstantActionEnded | None) -> bodies.InstantActionAnswer:
     """Return the status of an action; ``end`` None: it is still running."""
-    return InstantActionAnswer(
+    return bodies.InstantActionAnswer(
         action_id=action.action_id,
         action_type=action.action_type,
         status=(end.status or "UNKNOWN") if end else "PENDING",

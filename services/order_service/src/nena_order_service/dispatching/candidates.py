@@ -1,16 +1,337 @@
-"""The vehicles as the dispatcher sees them, updated only when something about them changes."""
+"""The two sides of an assignment: orders that wait, and vehicles as the dispatcher sees them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from bisect import bisect_left, bisect_right, insort
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from heapq import merge
+from itertools import islice
+from math import inf
+from typing import NamedTuple
 
-from nena_order_service.dispatching.dispatcher import DispatchedVehicle
 from nena_order_service.fleet.position import Standing
 from nena_order_service.fleet.robot import RobotView
-from nena_order_service.orders.transport_order import Urgency
+from nena_order_service.orders.transport_order import TransportOrder, Urgency
+from nena_order_service.orders.vda_orders import Pick
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
-from nena_shared.fleet_api.vehicle import AcceptableOrderType
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
+from nena_shared.plant.model import EnergyThresholds
+from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
+from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
+from nena_shared.vda5050.state import State
+
+
+class OrderKind(NamedTuple):
+    """Everything that decides which vehicles may get an order; equal for all orders of one kind."""
+
+    intended_vehicle: str | None
+    sequence: str | None
+    excluded_vehicles: tuple[str, ...]
+    type: str
+    dispensable: bool
+    automatic: bool
+    demands: tuple[tuple[str, str, str], ...]
+    """Operation, loadType and lhd of each remaining destination."""
+
+
+def kind_of(order: TransportOrder) -> OrderKind:
+    """Return the kind of an order; it stays the same while the order waits."""
+    status = order.status
+    return OrderKind(
+        status.intended_vehicle,
+        status.wrapping_sequence,
+        tuple(status.excluded_vehicles),
+        status.type,
+        status.dispensable,
+        status.automatic,
+        tuple(
+            (
+                each.destination.operation,
+                next((given.text for given in each.destination.properties if given.key == "loadType"), ""),
+                next(
+                    (
+                        given.text
+                        for given in each.destination.properties
+                        if given.key in LOAD_HANDLING_DEVICE
+                    ),
+                    "",
+                ),
+            )
+            for each in status.drive_orders[order.index :]
+        ),
+    )
+
+
+class WaitingOrders:
+    """Finds the most urgent orders of some kinds without checking the others.
+
+    A held order waits too, but has no kind: no vehicle gets it.
+    """
+
+    def __init__(self) -> None:
+        self.fresh: dict[int, None] = {}
+        """Numbers of orders that free vehicles may not have been compared with; emptied by the dispatcher."""
+        self._queue: list[Urgency] = []
+        """All waiting orders, most urgent first."""
+        self._urgencies: dict[int, Urgency] = {}
+        self._kinds: dict[OrderKind, list[Urgency]] = {}
+        self._kind_of: dict[int, OrderKind] = {}
+        """Kinds by order number, without held orders."""
+        self._for_any: dict[OrderKind, None] = {}
+        """Kinds that name no vehicle."""
+        self._for_one: dict[str, dict[OrderKind, None]] = {}
+        """Kinds that name a vehicle, by vehicle name."""
+
+    def __len__(self) -> int:
+        """Return how many orders wait, held ones included."""
+        return len(self._queue)
+
+    def __iter__(self) -> Iterator[int]:
+        """Yield the numbers of the orders that wait, most urgent first."""
+        return (urgency[-1] for urgency in self._queue)
+
+    @property
+    def oldest(self) -> int | None:
+        """Number of the order that was created first, whenever it was queued; None: the queue is empty."""
+        return min(self._urgencies, default=None)
+
+    def put(self, order: TransportOrder) -> None:
+        """Keep an order exactly while it is dispatchable; meanwhile only its intended vehicle may change."""
+        number, waits = order.number, order.state is TransportOrderState.DISPATCHABLE
+        if waits and number not in self._urgencies:
+            self._urgencies[number] = order.urgency
+            insort(self._queue, order.urgency)
+        if waits and not order.held:
+            known_kind = self._kind_of.get(number)
+            if known_kind is not None and known_kind.intended_vehicle != order.status.intended_vehicle:
+                self._take_back(number, self._kind_of.pop(number))
+                known_kind = None
+            if known_kind is None:
+                self._offer(number, kind_of(order))
+        elif number in self._kind_of:
+            self._take_back(number, self._kind_of.pop(number))
+        if not waits and (known := self._urgencies.pop(number, None)):
+            _remove(self._queue, known)
+
+    def kind(self, number: int) -> OrderKind | None:
+        """Return the kind of an order that waits; None for a held one."""
+        return self._kind_of.get(number)
+
+    def kinds(self, vehicles: Iterable[str]) -> Iterator[OrderKind]:
+        """Yield the kinds of orders that wait for any vehicle or for one of these."""
+        yield from tuple(self._for_any)
+        for vehicle in vehicles:
+            yield from tuple(self._for_one.get(vehicle, ()))
+
+    def naming(self, vehicle: str) -> Iterator[OrderKind]:
+        """Yield the kinds of orders that wait for this vehicle only."""
+        return iter(tuple(self._for_one.get(vehicle, ())))
+
+    def example(self, kind: OrderKind) -> int:
+        """Return the number of the most urgent order of a kind."""
+        return self._kinds[kind][0][-1]
+
+    def first(self, kinds: Iterable[OrderKind], limit: int, after: Urgency | None = None) -> list[int]:
+        """Return the numbers of the most urgent orders of these kinds that come after ``after``."""
+        rows = [self._kinds[kind] for kind in kinds]
+        if after is None:
+            parts: Iterable[Iterable[Urgency]] = (row[:limit] for row in rows)
+        else:
+            starts = ((row, bisect_right(row, after)) for row in rows)
+            parts = (row[start : start + limit] for row, start in starts)
+        return [urgency[-1] for urgency in islice(merge(*parts), limit)]
+
+    def part(self, start: int, limit: int) -> list[int]:
+        """Return the numbers of ``limit`` orders from position ``start`` of the queue, held ones included."""
+        return [urgency[-1] for urgency in self._queue[start : start + limit]]
+
+    def _offer(self, number: int, kind: OrderKind) -> None:
+        self._kind_of[number] = kind
+        self.fresh[number] = None
+        if kind not in self._kinds:
+            self._kinds[kind] = []
+            self._same_vehicle(kind)[kind] = None
+        insort(self._kinds[kind], self._urgencies[number])
+
+    def _take_back(self, number: int, kind: OrderKind) -> None:
+        self.fresh.pop(number, None)
+        _remove(self._kinds[kind], self._urgencies[number])
+        if not self._kinds[kind]:
+            del self._kinds[kind]
+            same = self._same_vehicle(kind)
+            del same[kind]
+            if not same and kind.intended_vehicle is not None:
+                del self._for_one[kind.intended_vehicle]
+
+    def _same_vehicle(self, kind: OrderKind) -> dict[OrderKind, None]:
+        if kind.intended_vehicle is None:
+            return self._for_any
+        return self._for_one.setdefault(kind.intended_vehicle, {})
+
+
+def _remove(row: list[Urgency], urgency: Urgency) -> None:
+    del row[bisect_left(row, urgency)]
+
+
+@dataclass(frozen=True, slots=True)
+class Energy:
+    """How much energy a vehicle has in percent, and whether it is being charged."""
+
+    level: float
+    charging: bool
+    thresholds: EnergyThresholds
+
+    @property
+    def critical(self) -> bool:
+        """Whether it may only recharge."""
+        return self.level <= self.thresholds.critical
+
+    @property
+    def degraded(self) -> bool:
+        """Whether it should recharge when idle."""
+        return self.level <= self.thresholds.good
+
+    def recharged(self, *, fully: bool) -> bool:
+        """Whether it has recharged enough to take an order, or ``fully``."""
+        wanted = self.thresholds.fully_recharged if fully else self.thresholds.sufficiently_recharged
+        return self.level >= wanted and not self.critical
+
+    def restriction(self, *, fully: bool) -> str:
+        """Return, as a predicate, why it only takes orders to recharge; empty if it takes any order.
+
+        ``fully``: a charging vehicle continues until it is fully recharged, not just sufficiently. The text
+        stays the same while the energy changes.
+        """
+        levels = self.thresholds
+        if self.charging and not self.recharged(fully=fully):
+            until = levels.fully_recharged if fully else max(levels.sufficiently_recharged, levels.critical)
+            return f"recharging until its energy is {until} %"
+        if self.critical:
+            return f"must recharge first: critical energy (at most {levels.critical} %)"
+        return ""
+
+
+def acceptable(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
+    """Return types by name, in order of preference; None: any type is accepted."""
+    if names is None:
+        return ANY_ORDER_TYPE
+    return tuple(AcceptableOrderType(name=name, priority=index) for index, name in enumerate(names))
+
+
+def type_priority(accepted: Iterable[AcceptableOrderType], order_type: str) -> int | None:
+    """Return the vehicle's priority for orders of this type, lower is preferred; None: type not accepted.
+
+    The priority of the exact type overrides that of any type (``*``).
+    """
+    priorities = {each.name: each.priority for each in accepted}
+    return priorities.get(order_type, priorities.get(ANY_TYPE))
+
+
+def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -> str:
+    """Return, as a predicate, why a vehicle takes no orders of this type; empty if it does."""
+    if type_priority(accepted, order_type) is not None:
+        return ""
+    if not accepted:
+        return "accepts no orders of any type"
+    names = ", ".join(repr(each.name) for each in sorted(accepted, key=lambda each: each.priority))
+    return f"accepts no orders of type {order_type!r}, only {names}"
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """The loads of a loaded vehicle."""
+
+    loads: tuple[str, ...]
+    """The load position of each; empty: not reported."""
+    places: frozenset[str] = frozenset()
+    """The vehicle's load positions; empty: not reported."""
+    places_of: Mapping[str, frozenset[str]] = field(default_factory=dict, hash=False)
+    """Load positions that only take loads of one type, by type."""
+
+    def why_no_room(self, pick: Pick) -> str:
+        """Return, as a predicate, why there is no room for a load; empty if there may be.
+
+        A vehicle without known load positions has one; a load without a position may be on any of them.
+        """
+        if pick.place:
+            wanted, elsewhere = frozenset({pick.place}), frozenset(self.loads) - {"", pick.place}
+        else:
+            wanted = self.places_of.get(pick.load_type, self.places)
+            elsewhere = self.places - wanted
+        if sum(load not in elsewhere for load in self.loads) < max(len(wanted), 1):
+            return ""
+        loads = "a load" if len(self.loads) == 1 else f"{len(self.loads)} loads"
+        where = f" at {pick.place!r}" if pick.place else ""
+        return f"carries {loads} and has no room for another one{where}"
+
+
+def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
+    """Return the loads that a robot reports; None if it has none or cannot report them."""
+    if not state.loads:
+        return None
+    loads = tuple(each.load_position or "" for each in state.loads)
+    loading = factsheet.load_specification if factsheet else None
+    if loading is None or not loading.load_positions:
+        return Carried(loads)
+    return Carried(loads, frozenset(loading.load_positions), _places_of(loading))
+
+
+def _places_of(loading: LoadSpecification) -> dict[str, frozenset[str]]:
+    """Return the load positions for each type; a load set that names none applies to all of them."""
+    all_places, found = frozenset(loading.load_positions or ()), dict[str, frozenset[str]]()
+    for each in loading.load_sets or ():
+        places = all_places.intersection(each.load_positions or all_places)
+        found[each.load_type] = found.get(each.load_type, frozenset()) | places
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class DispatchedVehicle:
+    """Whether a vehicle takes orders now, and which; reasons are predicates such as "is offline"."""
+
+    name: str
+    obstacle: str = ""
+    """Why it takes no order at all; empty if it may."""
+    restriction: str = ""
+    """Why it only takes orders to recharge; empty if it takes others too."""
+    energy: float = 100.0
+    """State of charge, percent."""
+    idle: bool = True
+    """Whether it neither charges nor has an order."""
+    gives_up: str = ""
+    """Name of the dispensable order that the vehicle would give up for another one; empty if none."""
+    kept_for: int | None = None
+    """Number of the order for which it gives up a dispensable one; it takes no other order."""
+    order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
+    """The types of orders that it accepts."""
+    carried: Carried | None = None
+    """Its loads; None: none, or unknown."""
+    soon: bool = False
+    """Whether it will soon be free at its current position; until then, ``obstacle`` is set."""
+
+    def type_priority(self, order: TransportOrder) -> float:
+        """Return the priority of orders of this type, less is better; infinity: not accepted."""
+        priority = type_priority(self.order_types, order.status.type)
+        return inf if priority is None else priority
+
+    def why_not(self, order: TransportOrder, *, recharges: bool, pick: Pick | None = None) -> str:
+        """Return, as a predicate, why it does not take this order now; empty if it may.
+
+        ``recharges``: the order's next operation is to recharge. ``pick``: the load that it is to pick up
+        first; None: it drops something before, or picks up nothing.
+        """
+        if self.obstacle:
+            return self.obstacle
+        if self.kept_for is not None and self.kept_for != order.number:
+            return "is reserved for another order"
+        if self.restriction and not recharges:
+            return self.restriction
+        if self.gives_up and order.status.dispensable:
+            return "has a dispensable order"
+        return self.carried.why_no_room(pick) if self.carried and pick else ""
+
 
 EXAMPLES_AT_MOST = 50
 """Maximum vehicles checked for why none accepts an order; equal reasons count once."""

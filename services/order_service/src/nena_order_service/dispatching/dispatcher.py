@@ -1,17 +1,17 @@
-"""Choose vehicles for orders and orders for vehicles: comparators, room for loads, and why not."""
+"""Choose vehicles for orders: the rules of the settings, the cheapest assignment, and why orders wait."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
-from heapq import nsmallest
+from heapq import heappop, heappush, nsmallest
 from itertools import groupby, takewhile
 from math import inf
 from types import MappingProxyType
 from typing import Final, Protocol
 
-from nena_order_service.dispatching.assignment import assign
+from nena_order_service.dispatching.candidates import DispatchedVehicle, OrderKind, kind_of
 from nena_order_service.dispatching.settings import (
     CandidateKey,
     Chooser,
@@ -21,51 +21,7 @@ from nena_order_service.dispatching.settings import (
 )
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick
-from nena_order_service.orders.waiting import OrderKind, kind_of
 from nena_order_service.routing.router import RouteCost
-from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
-from nena_shared.plant.model import EnergyThresholds
-from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
-from nena_shared.vda5050.state import State
-
-
-@dataclass(frozen=True, slots=True)
-class Energy:
-    """How much energy a vehicle has in percent, and whether it is being charged."""
-
-    level: float
-    charging: bool
-    thresholds: EnergyThresholds
-
-    @property
-    def critical(self) -> bool:
-        """Whether it may only recharge."""
-        return self.level <= self.thresholds.critical
-
-    @property
-    def degraded(self) -> bool:
-        """Whether it should recharge when idle."""
-        return self.level <= self.thresholds.good
-
-    def recharged(self, *, fully: bool) -> bool:
-        """Whether it has recharged enough to take an order, or ``fully``."""
-        wanted = self.thresholds.fully_recharged if fully else self.thresholds.sufficiently_recharged
-        return self.level >= wanted and not self.critical
-
-    def restriction(self, *, fully: bool) -> str:
-        """Return, as a predicate, why it only takes orders to recharge; empty if it takes any order.
-
-        ``fully``: a charging vehicle continues until it is fully recharged, not just sufficiently. The text
-        stays the same while the energy changes.
-        """
-        levels = self.thresholds
-        if self.charging and not self.recharged(fully=fully):
-            until = levels.fully_recharged if fully else max(levels.sufficiently_recharged, levels.critical)
-            return f"recharging until its energy is {until} %"
-        if self.critical:
-            return f"must recharge first: critical energy (at most {levels.critical} %)"
-        return ""
-
 
 Rank = tuple[float | str, ...]
 """Sort key; lower values are served first."""
@@ -151,124 +107,108 @@ def rank_candidates(keys: Sequence[CandidateKey], now: Now) -> Callable[[Candida
     return lambda pair: (*(value(pair, now) for value in values), pair.vehicle.name, pair.order.number)
 
 
-def acceptable(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
-    """Return types by name, in order of preference; None: any type is accepted."""
-    if names is None:
-        return ANY_ORDER_TYPE
-    return tuple(AcceptableOrderType(name=name, priority=index) for index, name in enumerate(names))
+Costs = Mapping[str, int]
+"""Cost of each vehicle that could execute the order, at least 0."""
 
 
-def type_priority(accepted: Iterable[AcceptableOrderType], order_type: str) -> int | None:
-    """Return the vehicle's priority for orders of this type, lower is preferred; None: type not accepted.
+def assign(levels: Sequence[Mapping[int, Costs]]) -> dict[int, str]:
+    """Return the cheapest vehicles by the numbers of their orders; each vehicle gets at most one order.
 
-    The priority of the exact type overrides that of any type (``*``).
+    Each level is served before the later ones: as many of its orders as possible, and never fewer for the
+    sake of a later level or the cost. Within a level, the choice of orders and vehicles minimises the total
+    cost. On equal cost, earlier orders keep the cheaper vehicle.
+
+    Successive shortest augmenting paths with potentials, after Jonker and Volgenant (1987), over the feasible
+    pairs: each added order gets a vehicle, and others may change theirs for it. Costs are integers, so
+    rounding loses nothing.
     """
-    priorities = {each.name: each.priority for each in accepted}
-    return priorities.get(order_type, priorities.get(ANY_TYPE))
+    vehicles = {name for level in levels for costs in level.values() for name in costs}
+    if len(vehicles) == 1:
+        return _nearest(levels, vehicles.pop())
+    search = _Search(levels)
+    for level in levels:
+        search.add(level)
+    return search.found
 
 
-def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -> str:
-    """Return, as a predicate, why a vehicle takes no orders of this type; empty if it does."""
-    if type_priority(accepted, order_type) is not None:
-        return ""
-    if not accepted:
-        return "accepts no orders of any type"
-    names = ", ".join(repr(each.name) for each in sorted(accepted, key=lambda each: each.priority))
-    return f"accepts no orders of type {order_type!r}, only {names}"
+def _nearest(levels: Sequence[Mapping[int, Costs]], vehicle: str) -> dict[int, str]:
+    """Return the order of the first level that the only vehicle can execute at the lowest cost."""
+    for level in levels:
+        if costs := {order: each[vehicle] for order, each in level.items() if each}:
+            return {min(costs, key=costs.__getitem__): vehicle}
+    return {}
 
 
-@dataclass(frozen=True, slots=True)
-class Carried:
-    """The loads of a loaded vehicle."""
-
-    loads: tuple[str, ...]
-    """The load position of each; empty: not reported."""
-    places: frozenset[str] = frozenset()
-    """The vehicle's load positions; empty: not reported."""
-    places_of: Mapping[str, frozenset[str]] = field(default_factory=dict, hash=False)
-    """Load positions that only take loads of one type, by type."""
-
-    def why_no_room(self, pick: Pick) -> str:
-        """Return, as a predicate, why there is no room for a load; empty if there may be.
-
-        A vehicle without known load positions has one; a load without a position may be on any of them.
-        """
-        if pick.place:
-            wanted, elsewhere = frozenset({pick.place}), frozenset(self.loads) - {"", pick.place}
-        else:
-            wanted = self.places_of.get(pick.load_type, self.places)
-            elsewhere = self.places - wanted
-        if sum(load not in elsewhere for load in self.loads) < max(len(wanted), 1):
-            return ""
-        loads = "a load" if len(self.loads) == 1 else f"{len(self.loads)} loads"
-        where = f" at {pick.place!r}" if pick.place else ""
-        return f"carries {loads} and has no room for another one{where}"
+Place = str | int
+"""A vehicle by its name, or an order's number: the order is left out."""
 
 
-def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
-    """Return the loads that a robot reports; None if it has none or cannot report them."""
-    if not state.loads:
-        return None
-    loads = tuple(each.load_position or "" for each in state.loads)
-    loading = factsheet.load_specification if factsheet else None
-    if loading is None or not loading.load_positions:
-        return Carried(loads)
-    return Carried(loads, frozenset(loading.load_positions), _places_of(loading))
+class _Search:
+    """A matching that grows by one order at a time and is optimal after each step."""
 
+    def __init__(self, levels: Sequence[Mapping[int, Costs]]) -> None:
+        self._left_out = 1 + sum(
+            max(costs.values(), default=0) for level in levels for costs in level.values()
+        )
+        """Cost of leaving out an order of the current level: more than any detour that avoids it."""
+        self._costs: dict[int, dict[Place, int]] = {}
+        self._order_of: dict[Place, int] = {}
+        self._place_of: dict[int, Place] = {}
+        self._of_orders: dict[int, int] = {}
+        """Potentials: the sum of both potentials of a pair is at most its cost."""
+        self._of_places: dict[Place, int] = {}
 
-def _places_of(loading: LoadSpecification) -> dict[str, frozenset[str]]:
-    """Return the load positions for each type; a load set that names none applies to all of them."""
-    all_places, found = frozenset(loading.load_positions or ()), dict[str, frozenset[str]]()
-    for each in loading.load_sets or ():
-        places = all_places.intersection(each.load_positions or all_places)
-        found[each.load_type] = found.get(each.load_type, frozenset()) | places
-    return found
+    @property
+    def found(self) -> dict[int, str]:
+        """The vehicles by the orders assigned to them."""
+        return {order: place for order, place in self._place_of.items() if isinstance(place, str)}
 
+    def add(self, level: Mapping[int, Costs]) -> None:
+        """Add the orders of a level; orders left out stay left out, the others stay assigned."""
+        for order, costs in level.items():
+            self._costs[order] = dict[Place, int](costs.items()) | {order: self._left_out}
+            self._of_orders[order] = 0
+            self._augment(order)
+        for order in level:
+            if order in self._order_of:
+                del self._order_of[order], self._place_of[order], self._costs[order]
+            else:
+                del self._costs[order][order]
 
-@dataclass(frozen=True, slots=True)
-class DispatchedVehicle:
-    """Whether a vehicle takes orders now, and which; reasons are predicates such as "is offline"."""
-
-    name: str
-    obstacle: str = ""
-    """Why it takes no order at all; empty if it may."""
-    restriction: str = ""
-    """Why it only takes orders to recharge; empty if it takes others too."""
-    energy: float = 100.0
-    """State of charge, percent."""
-    idle: bool = True
-    """Whether it neither charges nor has an order."""
-    gives_up: str = ""
-    """Name of the dispensable order that the vehicle would give up for another one; empty if none."""
-    kept_for: int | None = None
-    """Number of the order for which it gives up a dispensable one; it takes no other order."""
-    order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
-    """The types of orders that it accepts."""
-    carried: Carried | None = None
-    """Its loads; None: none, or unknown."""
-    soon: bool = False
-    """Whether it will soon be free at its current position; until then, ``obstacle`` is set."""
-
-    def type_priority(self, order: TransportOrder) -> float:
-        """Return the priority of orders of this type, less is better; infinity: not accepted."""
-        priority = type_priority(self.order_types, order.status.type)
-        return inf if priority is None else priority
-
-    def why_not(self, order: TransportOrder, *, recharges: bool, pick: Pick | None = None) -> str:
-        """Return, as a predicate, why it does not take this order now; empty if it may.
-
-        ``recharges``: the order's next operation is to recharge. ``pick``: the load that it is to pick up
-        first; None: it drops something before, or picks up nothing.
-        """
-        if self.obstacle:
-            return self.obstacle
-        if self.kept_for is not None and self.kept_for != order.number:
-            return "is reserved for another order"
-        if self.restriction and not recharges:
-            return self.restriction
-        if self.gives_up and order.status.dispensable:
-            return "has a dispensable order"
-        return self.carried.why_no_room(pick) if self.carried and pick else ""
+    def _augment(self, new: int) -> None:
+        """Assign the cheapest vehicle to an order; other orders change theirs if that costs less."""
+        reached: dict[Place, int] = {}
+        by: dict[Place, int] = {}
+        heap: list[tuple[int, int, Place]] = []
+        settled: dict[Place, None] = {}
+        order: int | None = new
+        distance = pushed = 0
+        while order is not None:
+            known = distance - self._of_orders[order]
+            for place, cost in self._costs[order].items():
+                length = known + cost - self._of_places.get(place, 0)
+                if place not in settled and (place not in reached or length < reached[place]):
+                    reached[place], by[place] = length, order
+                    heappush(heap, (length, pushed, place))
+                    pushed += 1
+            distance, _, end = heappop(heap)  # there is one: an order that is new can be left out
+            while end in settled:
+                distance, _, end = heappop(heap)
+            settled[end] = None
+            order = self._order_of.get(end)
+        self._of_orders[new] += distance
+        for place in settled:
+            change = distance - reached[place]
+            self._of_places[place] = self._of_places.get(place, 0) - change
+            if (taken_by := self._order_of.get(place)) is not None:
+                self._of_orders[taken_by] += change
+        while True:
+            order = by[end]
+            before = self._place_of.get(order)
+            self._order_of[end], self._place_of[order] = order, end
+            if before is None:
+                return
+            end = before
 
 
 BUSY: Final = "works on another order"

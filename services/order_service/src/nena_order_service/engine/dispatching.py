@@ -8,26 +8,30 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-from nena_order_service.dispatching.candidates import Candidates, LocatedCandidate
+from nena_order_service.dispatching.candidates import (
+    Candidates,
+    Carried,
+    DispatchedVehicle,
+    Energy,
+    LocatedCandidate,
+    OrderKind,
+    acceptable,
+    carried,
+    why_not_accepted,
+)
 from nena_order_service.dispatching.dispatcher import (
     BUSY,
     Assignment,
-    Carried,
     Decisions,
-    DispatchedVehicle,
     Dispatcher,
-    Energy,
     VehicleFit,
-    acceptable,
     best_first,
-    carried,
     explain,
     why_no_vehicle,
-    why_not_accepted,
 )
+from nena_order_service.engine.conditions import Sequences
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
-from nena_order_service.engine.sequences import Sequences
 from nena_order_service.engine.state import VehicleRecords
 from nena_order_service.fleet.position import NotLocatedError, Standing
 from nena_order_service.fleet.robot import LinkStatus, RobotView
@@ -35,7 +39,6 @@ from nena_order_service.fleet.vda_order import DROP
 from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.orders.vda_orders import OrderPlanner, Pick
-from nena_order_service.orders.waiting import OrderKind
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.routing.router import NO_ROUTE, OrderCosts, RouteCost, RouteCosts, RoutePlan
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on

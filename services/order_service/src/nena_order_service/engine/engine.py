@@ -16,6 +16,7 @@ from functools import partial
 from typing import Protocol
 
 from nena_order_service.dispatching.dispatcher import VehicleFit
+from nena_order_service.engine.conditions import Sequences
 from nena_order_service.engine.context import Context, FleetControl
 from nena_order_service.engine.dispatching import Dispatching, OrderFit
 from nena_order_service.engine.driving import Driving, Pauses, RestartGate, Stuck
@@ -24,28 +25,15 @@ from nena_order_service.engine.life_cycle import LifeCycle
 from nena_order_service.engine.positions import Positions
 from nena_order_service.engine.recovery import Recovery
 from nena_order_service.engine.rerouting import Rerouted, Rerouting
-from nena_order_service.engine.sequences import Sequences
 from nena_order_service.engine.state import Effect, FleetState, PendingChanges
 from nena_order_service.engine.status import Essentials, StatusReporter
 from nena_order_service.engine.traffic_plan import TrafficPlans
 from nena_order_service.errors import StoreNotReadyError
-from nena_order_service.fleet.outputs import (
-    ActionRetriable,
-    BaseWanted,
-    FleetOutput,
-    InstantActionEnded,
-    NodePassed,
-    OperationStarted,
-    RobotChanged,
-    VdaOrderAccepted,
-    VdaOrderCancelled,
-    VdaOrderFailed,
-    VdaOrderFinished,
-)
+from nena_order_service.fleet import outputs
 from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.traffic import TrafficPlan
@@ -106,7 +94,7 @@ class UnitOfWork:
         state: FleetState,
         store: Store,
         vehicle_status: Callable[[str], VehicleStatus | None],
-        on_event: Callable[[FleetOutput], None],
+        on_event: Callable[[outputs.FleetOutput], None],
         *,
         timeout: float,
     ) -> None:
@@ -452,7 +440,7 @@ class Engine:
 
     def send_instant_action(
         self, vehicle: FleetVehicle, action: Action
-    ) -> asyncio.Future[InstantActionEnded]:
+    ) -> asyncio.Future[outputs.InstantActionEnded]:
         """Send an instant action (section 6.2.1); the future is done when it has ended."""
         end = self.state.instant_actions.expect(action.action_id)
         self.context.fleet.instant_action(vehicle.key, action)
@@ -506,7 +494,7 @@ class Engine:
 
     # Events of fleet control
 
-    def on_events(self, *events: FleetOutput) -> None:
+    def on_events(self, *events: outputs.FleetOutput) -> None:
         """Handle events of fleet control in one unit of work."""
         if self.unit_of_work.closed:
             return
@@ -514,27 +502,27 @@ class Engine:
             for event in events:
                 self._on_event(event)
 
-    def _on_event(self, event: FleetOutput) -> None:
+    def _on_event(self, event: outputs.FleetOutput) -> None:
         match event:
-            case RobotChanged(robot):
+            case outputs.RobotChanged(robot):
                 self._robot_changed(robot)
-            case InstantActionEnded():
+            case outputs.InstantActionEnded():
                 self.state.instant_actions.ended(event)
                 self._life_cycle.on_instant_action(event)
-            case ActionRetriable():
+            case outputs.ActionRetriable():
                 self._life_cycle.on_retriable_action(event)
             case (
-                VdaOrderAccepted()
-                | OperationStarted()
-                | VdaOrderFinished()
-                | VdaOrderFailed()
-                | VdaOrderCancelled()
+                outputs.VdaOrderAccepted()
+                | outputs.OperationStarted()
+                | outputs.VdaOrderFinished()
+                | outputs.VdaOrderFailed()
+                | outputs.VdaOrderCancelled()
             ):
                 self._life_cycle.on_order_event(event)
                 self._life_cycle.update_reason(self.registry.discover(event.robot))
-            case NodePassed():
+            case outputs.NodePassed():
                 self._driving.passed(event.order_id, event.sequence_id)
-            case BaseWanted():
+            case outputs.BaseWanted():
                 self._driving.base_wanted(event.order_id)
             case _:
                 pass

@@ -9,24 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
 
+from nena_order_service.engine.conditions import Conditions, Sequences
 from nena_order_service.engine.context import Context
-from nena_order_service.engine.dependencies import Conditions
 from nena_order_service.engine.dispatching import GIVES_UP, Dispatched, Dispatching
 from nena_order_service.engine.driving import Driving, Pauses, Stuck
 from nena_order_service.engine.failure_policy import Decision, FailureAssessment, OrderFailure, with_others
 from nena_order_service.engine.recovery import LostOrderError, Recovery
-from nena_order_service.engine.sequences import Sequences
+from nena_order_service.fleet import outputs
 from nena_order_service.fleet.failures import FailureKind, with_details
 from nena_order_service.fleet.instant_actions import retry_or_skip
-from nena_order_service.fleet.outputs import (
-    ActionRetriable,
-    InstantActionEnded,
-    OperationStarted,
-    VdaOrderAccepted,
-    VdaOrderCancelled,
-    VdaOrderFailed,
-    VdaOrderFinished,
-)
 from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders import deadlines
@@ -59,7 +50,13 @@ BEGUN_MEANWHILE = "the vehicle was stopped during its operation; check what it h
 POLICY = "failure policy"
 """The holder (``by``) of an order that its failure policy has put on hold."""
 
-OrderEvent = VdaOrderAccepted | OperationStarted | VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled
+OrderEvent = (
+    outputs.VdaOrderAccepted
+    | outputs.OperationStarted
+    | outputs.VdaOrderFinished
+    | outputs.VdaOrderFailed
+    | outputs.VdaOrderCancelled
+)
 """Events of a VDA 5050 order at its robot."""
 
 
@@ -351,11 +348,11 @@ class LifeCycle:
             log.warning("event for an unknown VDA 5050 order", robot=str(event.robot), order=event.order_id)
             return
         ahead = self._driving.ahead_of(sent)
-        if isinstance(event, VdaOrderAccepted):
+        if isinstance(event, outputs.VdaOrderAccepted):
             self._sent.put(sent.model_copy(update={"accepted": True}))
-        elif isinstance(event, VdaOrderFinished):
+        elif isinstance(event, outputs.VdaOrderFinished):
             self._driving.finished(sent)
-        elif isinstance(event, VdaOrderFailed | VdaOrderCancelled):
+        elif isinstance(event, outputs.VdaOrderFailed | outputs.VdaOrderCancelled):
             self._driving.broken_off(sent, event)
         vehicle = self._registry.discover(sent.robot)
         self._state.vehicle_changed(vehicle.name)
@@ -365,9 +362,9 @@ class LifeCycle:
             self._on_drive_order(sent, event, ahead)
 
     def _on_evasion(self, vehicle: FleetVehicle, event: OrderEvent) -> None:
-        if isinstance(event, VdaOrderFailed):
+        if isinstance(event, outputs.VdaOrderFailed):
             log.warning("vehicle did not make room", vehicle=vehicle.name, reason=event.reason)
-        if isinstance(event, VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled):
+        if isinstance(event, outputs.VdaOrderFinished | outputs.VdaOrderFailed | outputs.VdaOrderCancelled):
             self._state.dispatch_due = True
 
     def _on_drive_order(self, sent: SentOrder, event: OrderEvent, ahead: tuple[str, ...]) -> None:
@@ -375,17 +372,17 @@ class LifeCycle:
         assert order, "a robot with a drive order works on its transport order"  # noqa: S101 - for the type
         assert sent.drive_order_index is not None, "evasions have none"  # noqa: S101 - for the type
         match event:
-            case VdaOrderAccepted():
+            case outputs.VdaOrderAccepted():
                 pass
-            case OperationStarted():
+            case outputs.OperationStarted():
                 if not sent.partial:  # otherwise it is a required action at a premature end
                     self._orders.put(order.operating(sent.drive_order_index, self._clock.now()))
-            case VdaOrderFinished():
+            case outputs.VdaOrderFinished():
                 self._drive_order_finished(order, sent)
-            case VdaOrderFailed():
+            case outputs.VdaOrderFailed():
                 words = with_details(event.reason, event.details)
                 self._drive_order_failed(order, OrderFailure(event.kind, words, ahead))
-            case VdaOrderCancelled():
+            case outputs.VdaOrderCancelled():
                 self._drive_order_cancelled(order, sent)
 
     def _drive_order_finished(self, order: TransportOrder, sent: SentOrder) -> None:
@@ -471,7 +468,7 @@ class LifeCycle:
 
     # Retriable actions (VDA 5050 3.0, sections 6.2.3 and 6.6.9)
 
-    def on_retriable_action(self, event: ActionRetriable) -> None:
+    def on_retriable_action(self, event: outputs.ActionRetriable) -> None:
         """Send ``retry`` or ``skipRetry`` to a robot that waits with a RETRIABLE action (section 6.6.9).
 
         ``retry`` if the failure policy retries at once, otherwise ``skipRetry``: the VDA 5050 order then
@@ -495,7 +492,7 @@ class LifeCycle:
         self._orders.put(order.retried(decision.taken, words, now=self._clock.now()))
         return True
 
-    def on_instant_action(self, event: InstantActionEnded) -> None:
+    def on_instant_action(self, event: outputs.InstantActionEnded) -> None:
         """Cancel the VDA 5050 order of a robot that did not execute ``retry`` or ``skipRetry``."""
         order_id, words = self._answers.pop(event.action.action_id, ("", ""))
         sent = self._sent.find(order_id)

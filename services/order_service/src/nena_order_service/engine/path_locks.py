@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import UnknownPathError
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 from nena_shared.fleet_api.plant import PathStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import Path

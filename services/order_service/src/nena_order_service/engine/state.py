@@ -14,13 +14,13 @@ from functools import partial
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from nena_order_service.dispatching.candidates import WaitingOrders
 from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.statistics import OrderStatistics
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.orders.waiting import WaitingOrders
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel

@@ -6,11 +6,11 @@ from datetime import datetime, timedelta
 from operator import attrgetter
 from typing import NamedTuple, Self
 
+from nena_order_service.engine.conditions import Sequences
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.dispatching import Dispatching
 from nena_order_service.engine.driving import Driving
 from nena_order_service.engine.idle import IdleVehicles
-from nena_order_service.engine.sequences import Sequences
 from nena_order_service.fleet.position import NotLocatedError, locate
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.vehicles.registry import FleetVehicle, robot_maps

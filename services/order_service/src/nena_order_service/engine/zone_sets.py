@@ -15,7 +15,7 @@ from nena_order_service.errors import UnknownZoneSetError, ZoneSetChangedError
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import unique_id
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Changes
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.plant import ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus
 from nena_shared.log import get_logger

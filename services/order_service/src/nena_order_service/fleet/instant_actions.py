@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from nena_order_service.fleet import availability
-from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.feasibility import fitted_action, instant_action_problem
-from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded, PublishInstantActions
+from nena_order_service.fleet.outputs import Delivery, FleetOutput, InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, REPORTS_NOTHING, LinkStatus, Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import (

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from nena_order_service.fleet import failures
-from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.failures import ErrorIdentity, FailureKind
 from nena_order_service.fleet.instant_actions import RETRY, InstantRun
 from nena_order_service.fleet.outputs import (
     ActionRetriable,
     BaseWanted,
+    Delivery,
     FleetOutput,
     InstantActionEnded,
     NodePassed,

@@ -6,18 +6,8 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Final
 
+from nena_order_service.fleet import outputs
 from nena_order_service.fleet.failures import FailureKind
-from nena_order_service.fleet.outputs import (
-    FleetOutput,
-    NodePassed,
-    Publish,
-    PublishInstantActions,
-    PublishOrder,
-    VdaOrderAccepted,
-    VdaOrderCancelled,
-    VdaOrderFailed,
-    VdaOrderFinished,
-)
 from nena_shared.histogram import ANSWERS, LONG, Histogram
 from nena_shared.vda5050.topics import Topic
 
@@ -77,41 +67,41 @@ class FleetStatistics:
         """Count a VDA order that is to be sent."""
         self._deliveries[order_id] = _Delivery(now)
 
-    def published(self, topic: Topic, output: Publish, now: float) -> None:
+    def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:
         """Count a message to a robot."""
         self.sent[topic] += 1
-        if isinstance(output, PublishOrder):
+        if isinstance(output, outputs.PublishOrder):
             self._note_order(output, now)
-        elif isinstance(output, PublishInstantActions):
+        elif isinstance(output, outputs.PublishInstantActions):
             self._note_actions(output)
 
-    def happened(self, event: FleetOutput, now: float) -> None:
+    def happened(self, event: outputs.FleetOutput, now: float) -> None:
         """Count an event of the core."""
         match event:
-            case NodePassed():
+            case outputs.NodePassed():
                 self.nodes_passed += 1
-            case VdaOrderAccepted(order_id=order_id):
+            case outputs.VdaOrderAccepted(order_id=order_id):
                 delivery = self._deliveries.get(order_id)
                 if delivery and delivery.accepted is None:
                     delivery.accepted = now
                     if delivery.sent is not None:
                         self.acknowledgement.observe(now - delivery.sent)
-            case VdaOrderFinished(order_id=order_id):
+            case outputs.VdaOrderFinished(order_id=order_id):
                 self.ended["finished"] += 1
                 delivery = self._deliveries.pop(order_id, None)
                 if delivery and delivery.accepted is not None:
                     self.execution.observe(now - delivery.accepted)
-            case VdaOrderCancelled(order_id=order_id):
+            case outputs.VdaOrderCancelled(order_id=order_id):
                 self.ended["cancelled"] += 1
                 self._deliveries.pop(order_id, None)
-            case VdaOrderFailed(order_id=order_id, kind=kind):
+            case outputs.VdaOrderFailed(order_id=order_id, kind=kind):
                 self.ended["failed"] += 1
                 self.failures[kind] += 1
                 self._deliveries.pop(order_id, None)
             case _:
                 pass
 
-    def _note_order(self, output: PublishOrder, now: float) -> None:
+    def _note_order(self, output: outputs.PublishOrder, now: float) -> None:
         delivery = self._deliveries.get(output.vda_order.order_id)
         if delivery is None:
             return
@@ -121,7 +111,7 @@ class FleetStatistics:
         self.resent[Topic.ORDER] += output.order_update_id == delivery.update_id
         delivery.update_id = output.order_update_id
 
-    def _note_actions(self, output: PublishInstantActions) -> None:
+    def _note_actions(self, output: outputs.PublishInstantActions) -> None:
         ids = [each.action_id for each in output.actions]
         self.resent[Topic.INSTANT_ACTIONS] += any(each in self._actions for each in ids)
         self._actions.update(dict.fromkeys(ids))

@@ -18,29 +18,15 @@ from nena_shared.plant import (
     Point,
     Vehicle,
     curve,
+    track,
 )
 from nena_shared.plant.geometry import normalized
 from nena_shared.plant.lif.checks import SAME_PLACE_M
 from nena_shared.plant.lif.mobile_robots import json_value
-from nena_shared.plant.track import (
-    PathCorridor,
-    PathOrientationType,
-    PathTrajectory,
-    RequirementType,
-    TypeAction,
-    VehicleTypeAtPoint,
-    VehicleTypeOnPath,
-)
+from nena_shared.vda5050 import order as vda
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
-from nena_shared.vda5050.order import (
-    ControlPoint,
-    Corridor,
-    CorridorReferencePoint,
-    OrientationType,
-    Trajectory,
-)
 
-Use = TypeVar("Use", VehicleTypeAtPoint, VehicleTypeOnPath)
+Use = TypeVar("Use", track.VehicleTypeAtPoint, track.VehicleTypeOnPath)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +48,11 @@ class TypeRules:
             can_reverse=vehicle is None or vehicle.max_reverse_velocity_mm_s > 0,
         )
 
-    def at(self, point: Point) -> VehicleTypeAtPoint | None:
+    def at(self, point: Point) -> track.VehicleTypeAtPoint | None:
         """Return the rule for the vehicle at a point, or None."""
         return self._common(point.vehicle_types)
 
-    def along(self, edge: DirectedEdge) -> VehicleTypeOnPath | None:
+    def along(self, edge: DirectedEdge) -> track.VehicleTypeOnPath | None:
         """Return the rule for the vehicle on an edge, or None."""
         return self._common(edge.path.vehicle_types) if edge.is_forward else None
 
@@ -110,7 +96,7 @@ def edge_fields(
         yield {**_fields(rule, orientation, transform, profile.corridor_width), "trajectory": trajectory}
 
 
-def required_heading(rule: VehicleTypeAtPoint | None, point: Point) -> float | None:
+def required_heading(rule: track.VehicleTypeAtPoint | None, point: Point) -> float | None:
     """Return the required heading at a point, rad in the plant's frame; None: any."""
     return rule.theta if rule is not None and rule.theta is not None else point.heading_rad
 
@@ -119,7 +105,7 @@ Tangents = tuple[float | None, float | None]
 """Directions of a path at its start and end, rad in the plant's frame; None if it has no length."""
 
 
-def _tangents(edge: DirectedEdge, rule: VehicleTypeOnPath, plant: PlantModel) -> Tangents:
+def _tangents(edge: DirectedEdge, rule: track.VehicleTypeOnPath, plant: PlantModel) -> Tangents:
     a, b = plant.point(edge.source), plant.point(edge.destination)
     places = [(a.x_m, a.y_m), (b.x_m, b.y_m)]
     if rule.trajectory:  # its control points show the directions at its ends
@@ -136,7 +122,7 @@ _SAME_TURN = 6
 
 
 def _orientation(
-    rule: VehicleTypeOnPath,
+    rule: track.VehicleTypeOnPath,
     tangents: Tangents,
     heading: float | None,
     wanted: float | None,
@@ -154,8 +140,8 @@ def _orientation(
     return min(possible, key=turning, default=None)
 
 
-def _absolute(rule: VehicleTypeOnPath, orientation: float, tangent: float | None) -> float | None:
-    if rule.orientation_type is PathOrientationType.GLOBAL:
+def _absolute(rule: track.VehicleTypeOnPath, orientation: float, tangent: float | None) -> float | None:
+    if rule.orientation_type is track.PathOrientationType.GLOBAL:
         return orientation
     return None if tangent is None else tangent + orientation
 
@@ -165,7 +151,10 @@ def _turn(start: float | None, end: float | None) -> float:
 
 
 def _fields(
-    rule: VehicleTypeOnPath, orientation: float | None, transform: MapTransform, corridor_width: float | None
+    rule: track.VehicleTypeOnPath,
+    orientation: float | None,
+    transform: MapTransform,
+    corridor_width: float | None,
 ) -> dict[str, object]:
     """Return the fields of an edge for which the rule has values."""
     guidance = rule.line_guidance
@@ -179,11 +168,11 @@ def _fields(
         "corridor": _corridor(rule.corridor, transform, corridor_width),
     }
     if orientation is not None:
-        absolute = rule.orientation_type is PathOrientationType.GLOBAL
+        absolute = rule.orientation_type is track.PathOrientationType.GLOBAL
         heading = transform.heading_to_map(orientation) if absolute else orientation
         fields |= {
             "orientation": normalized(heading),
-            "orientation_type": OrientationType(rule.orientation_type),
+            "orientation_type": vda.OrientationType(rule.orientation_type),
         }
     return fields
 
@@ -192,21 +181,23 @@ def _not_negative(height: float | None) -> float | None:
     return None if height is None or height < 0 else height
 
 
-def _corridor(corridor: PathCorridor | None, transform: MapTransform, width: float | None) -> Corridor | None:
+def _corridor(
+    corridor: track.PathCorridor | None, transform: MapTransform, width: float | None
+) -> vda.Corridor | None:
     if corridor is None or width == 0:
         return None
     left, right = corridor.maximum_left_width, corridor.maximum_right_width
     reference = corridor.corridor_reference_point
-    return Corridor(
+    return vda.Corridor(
         left_width=transform.length_to_map(left if width is None else min(left, width)),
         right_width=transform.length_to_map(right if width is None else min(right, width)),
-        corridor_reference_point=CorridorReferencePoint(reference) if reference else None,
+        corridor_reference_point=vda.CorridorReferencePoint(reference) if reference else None,
     )
 
 
 def _trajectory(
-    trajectory: PathTrajectory | None, ends: tuple[Point, Point], transform: MapTransform
-) -> Trajectory | None:
+    trajectory: track.PathTrajectory | None, ends: tuple[Point, Point], transform: MapTransform
+) -> vda.Trajectory | None:
     """Return the trajectory in the map's frame; None if it does not lead from node to node."""
     if trajectory is None or curve.fault(trajectory):
         return None
@@ -217,26 +208,26 @@ def _trajectory(
     places = (
         (transform.to_map(PlantPlace(each.x, each.y)), each.weight) for each in trajectory.control_points
     )
-    return Trajectory(
+    return vda.Trajectory(
         degree=trajectory.degree,
         knot_vector=trajectory.knot_vector,
         control_points=tuple(_control_point(place, weight) for place, weight in places),
     )
 
 
-def _control_point(place: MapPlace, weight: float) -> ControlPoint:
-    return ControlPoint(x=place.x_m, y=place.y_m, weight=weight)
+def _control_point(place: MapPlace, weight: float) -> vda.ControlPoint:
+    return vda.ControlPoint(x=place.x_m, y=place.y_m, weight=weight)
 
 
 def required_actions(
-    rule: VehicleTypeAtPoint | VehicleTypeOnPath | None, own: Iterable[Action], ids: Iterator[str]
+    rule: track.VehicleTypeAtPoint | track.VehicleTypeOnPath | None, own: Iterable[Action], ids: Iterator[str]
 ) -> tuple[Action, ...]:
     """Return the rule's required actions that are not among ``own``, with new IDs."""
     known = {action.action_type for action in own}
     required = [
         each
         for each in (rule.actions if rule else ())
-        if each.requirement_type is RequirementType.REQUIRED and each.action_type not in known
+        if each.requirement_type is track.RequirementType.REQUIRED and each.action_type not in known
     ]
     return tuple(
         Action(
@@ -250,7 +241,7 @@ def required_actions(
     )
 
 
-def as_ruled(actions: Iterable[Action], rule: VehicleTypeAtPoint | None) -> Iterator[Action]:
+def as_ruled(actions: Iterable[Action], rule: track.VehicleTypeAtPoint | None) -> Iterator[Action]:
     """Yield actions with the blocking types and parameters that the rule defines for them."""
     listed = {each.action_type: each for each in reversed(rule.actions if rule else ())}
     for action in actions:
@@ -268,5 +259,5 @@ def as_ruled(actions: Iterable[Action], rule: VehicleTypeAtPoint | None) -> Iter
         yield action.model_copy(update=changes)
 
 
-def _fixed(action: TypeAction) -> Iterator[ActionParameter]:
+def _fixed(action: track.TypeAction) -> Iterator[ActionParameter]:
     return (ActionParameter(key=each.key, value=json_value(each)) for each in action.action_parameters)

@@ -1,29 +1,14 @@
-"""The tables of the store, and the queries and statements over them."""
+"""Changes to commit together, and the statements and queries that write and read the store."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
+import sqlalchemy as sa
 from pydantic import ValidationError
-from sqlalchemy import (
-    BindParameter,
-    ClauseElement,
-    Column,
-    ColumnElement,
-    Connection,
-    Engine,
-    Table,
-    bindparam,
-    delete,
-    false,
-    func,
-    insert,
-    select,
-    update,
-)
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.dialects.postgresql import psycopg
 from sqlalchemy.engine import Row
@@ -32,7 +17,6 @@ from sqlalchemy.exc import SQLAlchemyError
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
-from nena_order_service.store.changes import Changes, Document, OrderChange
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.schema import StoreError
 from nena_shared.fleet_api.transport_order import (
@@ -41,6 +25,95 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
     TransportOrderStatus,
 )
+
+Document = Callable[[], str]
+"""Serialises a document; called by the writer, because most changes are replaced before they are written."""
+
+
+@dataclass(frozen=True, slots=True)
+class OrderChange:
+    """One order's new version; its first ``unchanged_history`` history entries are already stored."""
+
+    order: TransportOrder
+    new: bool
+    unchanged_history: int
+    change_number: int = 0
+    """Number of this change among the changes of all orders."""
+
+
+@dataclass(slots=True)
+class Changes:
+    """Changes to commit together; only the latest of each order counts."""
+
+    orders: dict[int, OrderChange] = field(default_factory=dict)
+    """Orders by number."""
+    missions: dict[int, Document | None] = field(default_factory=dict)
+    """Documents of sent orders by order number; None: ended."""
+    vehicles: dict[str, Document] = field(default_factory=dict)
+    """Documents of vehicles by robot key."""
+    sequences: dict[int, OrderSequence] = field(default_factory=dict)
+    """Order sequences by number."""
+    path_locks: dict[str, bool] = field(default_factory=dict)
+    """Whether a path is locked, by path name."""
+    documents: dict[tuple[str, str], str | None] = field(default_factory=dict)
+    """Documents uploaded by hosts, by kind and name; None: deleted."""
+
+    def __bool__(self) -> bool:
+        single = self.orders or self.missions or self.vehicles or self.sequences
+        return bool(single or self.path_locks or self.documents)
+
+    def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
+        """Add an order's new version; ``before`` is the previous one, None for a new order."""
+        unchanged = _equal_entries(order, before) if before else 0
+        earlier = self.orders.get(order.number)
+        if earlier:
+            change = OrderChange(order, earlier.new, min(earlier.unchanged_history, unchanged))
+        else:
+            change = OrderChange(order, before is None, unchanged)
+        self.orders[order.number] = change
+
+    def put_mission(self, order_number: int, document: Document | None) -> None:
+        """Add the sent order of an order; None: nothing is sent any more."""
+        self.missions[order_number] = document
+
+    def put_vehicle(self, robot: str, document: Document) -> None:
+        """Add a vehicle's record."""
+        self.vehicles[robot] = document
+
+    def put_sequence(self, sequence: OrderSequence) -> None:
+        """Add an order sequence, or its new version."""
+        self.sequences[sequence.number] = sequence
+
+    def merge(self, later: Changes) -> None:
+        """Add ``later`` changes, which replace these where they overlap."""
+        for number, change in later.orders.items():
+            earlier = self.orders.get(number)
+            if earlier:
+                unchanged = min(earlier.unchanged_history, change.unchanged_history)
+                change = replace(change, new=earlier.new, unchanged_history=unchanged)  # noqa: PLW2901 - merged
+            self.orders[number] = change
+        self.missions.update(later.missions)
+        self.vehicles.update(later.vehicles)
+        self.sequences.update(later.sequences)
+        self.path_locks.update(later.path_locks)
+        self.documents.update(later.documents)
+
+    def numbered(self, last: int) -> int:
+        """Number each order's change, starting after ``last``; return the last number."""
+        for number, change in self.orders.items():
+            last += 1
+            self.orders[number] = OrderChange(change.order, change.new, change.unchanged_history, last)
+        return last
+
+
+def _equal_entries(order: TransportOrder, before: TransportOrder) -> int:
+    """Return how many of the first entries are equal; entries never change, at most the last is replaced."""
+    new, old = order.status.history, before.status.history
+    if not old:
+        return 0
+    last = len(old) - 1
+    return len(old) if len(new) > last and new[last] is old[last] else last
+
 
 DatabaseRow = dict[str, object]
 """Values by column name."""
@@ -64,7 +137,7 @@ class Statements:
     forget_document: str
 
 
-def statements(engine: Engine) -> Statements:
+def statements(engine: sa.Engine) -> Statements:
     """Return the statements in this database's dialect."""
     return _statements(engine.dialect.name)
 
@@ -73,31 +146,31 @@ def statements(engine: Engine) -> Statements:
 def _statements(name: str) -> Statements:
     orders, history, missions = schema.transport_orders, schema.history, schema.missions
     documents = schema.documents
-    others: dict[str, BindParameter[Any]] = {
-        column.name: bindparam(column.name) for column in orders.c if column.name != "number"
+    others: dict[str, sa.BindParameter[Any]] = {
+        column.name: sa.bindparam(column.name) for column in orders.c if column.name != "number"
     }
-    texts: dict[str, ClauseElement] = {
-        "insert_order": insert(orders),
-        "update_order": update(orders).where(orders.c.number == bindparam("number")).values(others),
-        "insert_history": insert(history),
-        "forget_history": delete(history).where(
-            history.c.order_number == bindparam("order_number"), history.c.entry >= bindparam("entry")
+    texts: dict[str, sa.ClauseElement] = {
+        "insert_order": sa.insert(orders),
+        "update_order": sa.update(orders).where(orders.c.number == sa.bindparam("number")).values(others),
+        "insert_history": sa.insert(history),
+        "forget_history": sa.delete(history).where(
+            history.c.order_number == sa.bindparam("order_number"), history.c.entry >= sa.bindparam("entry")
         ),
         "put_mission": _put(name, missions),
-        "forget_mission": delete(missions).where(missions.c.order_number == bindparam("order_number")),
+        "forget_mission": sa.delete(missions).where(missions.c.order_number == sa.bindparam("order_number")),
         "put_vehicle": _put(name, schema.vehicles),
         "put_sequence": _put(name, schema.order_sequences),
         "put_path_lock": _put(name, schema.path_locks),
         "put_document": _put(name, documents),
-        "forget_document": delete(documents).where(
-            documents.c.kind == bindparam("kind"), documents.c.name == bindparam("name")
+        "forget_document": sa.delete(documents).where(
+            documents.c.kind == sa.bindparam("kind"), documents.c.name == sa.bindparam("name")
         ),
     }
     dialect = sqlite.dialect(paramstyle="named") if name == "sqlite" else psycopg.dialect()  # type: ignore[no-untyped-call] # of the library
     return Statements(**{key: str(text.compile(dialect=dialect)) for key, text in texts.items()})
 
 
-def _put(name: str, table: Table) -> ClauseElement:
+def _put(name: str, table: sa.Table) -> sa.ClauseElement:
     """Insert a row, or replace the one with the same key."""
     # Both dialects use the same syntax, in classes of their own.
     statement: Any = (sqlite.insert if name == "sqlite" else postgresql.insert)(table)
@@ -105,19 +178,19 @@ def _put(name: str, table: Table) -> ClauseElement:
     return statement.on_conflict_do_update(index_elements=list(table.primary_key), set_=others)  # type: ignore[no-any-return]
 
 
-def equals(column: Column[Any], text: str) -> ColumnElement[bool]:
+def equals(column: sa.Column[Any], text: str) -> sa.ColumnElement[bool]:
     """Return a condition for a host's text; with NUL, which PostgreSQL does not accept, nothing matches."""
-    return false() if "\0" in text else column == text
+    return sa.false() if "\0" in text else column == text
 
 
-def execute(connection: Connection, statement: str, rows: Sequence[DatabaseRow]) -> None:
+def execute(connection: sa.Connection, statement: str, rows: Sequence[DatabaseRow]) -> None:
     """Execute a statement for each row; do nothing without rows."""
     if rows:
         connection.exec_driver_sql(statement, list(rows) if len(rows) > 1 else rows[0])
 
 
 def write_documents(
-    connection: Connection, texts: Statements, documents: Mapping[tuple[str, str], str | None]
+    connection: sa.Connection, texts: Statements, documents: Mapping[tuple[str, str], str | None]
 ) -> None:
     """Insert or replace documents; None deletes one."""
     put: list[DatabaseRow] = []
@@ -131,15 +204,15 @@ def write_documents(
     execute(connection, texts.forget_document, gone)
 
 
-def read_documents(engine: Engine, kind: str) -> dict[str, str]:
+def read_documents(engine: sa.Engine, kind: str) -> dict[str, str]:
     """Read all documents of a kind, by name."""
     table = schema.documents
     with engine.connect() as connection:
-        rows = connection.execute(select(table.c.name, table.c.document).where(table.c.kind == kind))
+        rows = connection.execute(sa.select(table.c.name, table.c.document).where(table.c.kind == kind))
         return {row.name: row.document for row in rows}
 
 
-def write_vehicles(connection: Connection, texts: Statements, documents: Mapping[str, Document]) -> None:
+def write_vehicles(connection: sa.Connection, texts: Statements, documents: Mapping[str, Document]) -> None:
     """Replace the documents of these robots, by robot key."""
     rows: list[DatabaseRow] = [
         {"robot": robot, "document": document()} for robot, document in documents.items()
@@ -147,9 +220,9 @@ def write_vehicles(connection: Connection, texts: Statements, documents: Mapping
     execute(connection, texts.put_vehicle, rows)
 
 
-def read_vehicles(connection: Connection) -> dict[str, str]:
+def read_vehicles(connection: sa.Connection) -> dict[str, str]:
     """Return all documents by robot key."""
-    return {row.robot: row.document for row in connection.execute(select(schema.vehicles))}
+    return {row.robot: row.document for row in connection.execute(sa.select(schema.vehicles))}
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +235,7 @@ class SequenceFilter:
     limit: int = 100
 
 
-def write_sequences(connection: Connection, texts: Statements, sequences: Iterable[OrderSequence]) -> None:
+def write_sequences(connection: sa.Connection, texts: Statements, sequences: Iterable[OrderSequence]) -> None:
     """Write new sequences and new versions."""
     rows: list[DatabaseRow] = [
         {
@@ -178,36 +251,36 @@ def write_sequences(connection: Connection, texts: Statements, sequences: Iterab
     execute(connection, texts.put_sequence, rows)
 
 
-def read_unfinished_sequences(connection: Connection) -> tuple[OrderSequence, ...]:
+def read_unfinished_sequences(connection: sa.Connection) -> tuple[OrderSequence, ...]:
     """Read all sequences that are not finished."""
     table = schema.order_sequences
-    query = select(table).where(table.c.finished.is_(False)).order_by(table.c.number)
+    query = sa.select(table).where(table.c.finished.is_(False)).order_by(table.c.number)
     return tuple(map(_sequence, connection.execute(query)))
 
 
-def last_sequence(connection: Connection) -> int:
+def last_sequence(connection: sa.Connection) -> int:
     """Return the highest number of a sequence; 0 if there is none."""
-    return connection.execute(select(func.max(schema.order_sequences.c.number))).scalar() or 0
+    return connection.execute(sa.select(sa.func.max(schema.order_sequences.c.number))).scalar() or 0
 
 
 def read_sequence(
-    engine: Engine, *, name: str | None = None, idempotency_key: str | None = None
+    engine: sa.Engine, *, name: str | None = None, idempotency_key: str | None = None
 ) -> OrderSequence | None:
     """Read the sequence with this key, otherwise with this name."""
     table = schema.order_sequences
     with engine.connect() as connection:
         for column, value in ((table.c.idempotency_key, idempotency_key), (table.c.name, name)):
             if value is not None:
-                row = connection.execute(select(table).where(equals(column, value))).first()
+                row = connection.execute(sa.select(table).where(equals(column, value))).first()
                 if row:
                     return _sequence(row)
     return None
 
 
-def read_sequences(engine: Engine, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
+def read_sequences(engine: sa.Engine, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
     """Read a page of sequences, newest first."""
     table = schema.order_sequences
-    query = select(table).order_by(table.c.number.desc()).limit(wanted.limit)
+    query = sa.select(table).order_by(table.c.number.desc()).limit(wanted.limit)
     if wanted.finished is not None:
         query = query.where(table.c.finished.is_(wanted.finished))
     if wanted.intended_vehicle is not None:
@@ -257,7 +330,7 @@ class Unfinished:
     """The highest number of an order sequence; 0 if there is none."""
 
 
-def write(engine: Engine, changes: Changes, fence: Fence | None = None) -> None:
+def write(engine: sa.Engine, changes: Changes, fence: Fence | None = None) -> None:
     """Commit all changes together; with a fence, each commit is made once, however often it is retried.
 
     Raises:
@@ -279,7 +352,7 @@ def write(engine: Engine, changes: Changes, fence: Fence | None = None) -> None:
         fence.passed()
 
 
-def _write_orders(connection: Connection, texts: Statements, changes: Iterable[OrderChange]) -> None:
+def _write_orders(connection: sa.Connection, texts: Statements, changes: Iterable[OrderChange]) -> None:
     new: list[DatabaseRow] = []
     changed: list[DatabaseRow] = []
     replaced: list[DatabaseRow] = []
@@ -295,7 +368,9 @@ def _write_orders(connection: Connection, texts: Statements, changes: Iterable[O
     execute(connection, texts.insert_history, entries)
 
 
-def _write_missions(connection: Connection, texts: Statements, documents: dict[int, Document | None]) -> None:
+def _write_missions(
+    connection: sa.Connection, texts: Statements, documents: dict[int, Document | None]
+) -> None:
     rows: list[DatabaseRow] = [
         {"order_number": number, "document": document()}
         for number, document in documents.items()
@@ -331,7 +406,7 @@ def _history_rows(change: OrderChange) -> list[DatabaseRow]:
     ]
 
 
-def read_unfinished(engine: Engine) -> Unfinished:
+def read_unfinished(engine: sa.Engine) -> Unfinished:
     """Read everything that has not ended.
 
     Raises:
@@ -348,14 +423,14 @@ def read_unfinished(engine: Engine) -> Unfinished:
         raise StoreError(message) from error
 
 
-def _read_unfinished(engine: Engine) -> Unfinished:
+def _read_unfinished(engine: sa.Engine) -> Unfinished:
     orders, missions = schema.transport_orders, schema.missions
     with engine.connect() as connection:
-        query = select(orders).where(orders.c.state.not_in(FINAL_STATES)).order_by(orders.c.number)
+        query = sa.select(orders).where(orders.c.state.not_in(FINAL_STATES)).order_by(orders.c.number)
         found = _read_orders(connection, connection.execute(query).all())
-        documents = {row.order_number: row.document for row in connection.execute(select(missions))}
-        last = connection.execute(select(func.max(orders.c.number))).scalar() or 0
-        last_change = connection.execute(select(func.max(orders.c.change_number))).scalar() or 0
+        documents = {row.order_number: row.document for row in connection.execute(sa.select(missions))}
+        last = connection.execute(sa.select(sa.func.max(orders.c.number))).scalar() or 0
+        last_change = connection.execute(sa.select(sa.func.max(orders.c.change_number))).scalar() or 0
         return Unfinished(
             found,
             documents,
@@ -367,30 +442,30 @@ def _read_unfinished(engine: Engine) -> Unfinished:
         )
 
 
-def read_path_locks(engine: Engine) -> dict[str, bool]:
+def read_path_locks(engine: sa.Engine) -> dict[str, bool]:
     """Read which paths hosts have locked or unlocked, by path name."""
     with engine.connect() as connection:
-        return {row.path: row.locked for row in connection.execute(select(schema.path_locks))}
+        return {row.path: row.locked for row in connection.execute(sa.select(schema.path_locks))}
 
 
 def read_order(
-    engine: Engine, *, name: str | None = None, idempotency_key: str | None = None
+    engine: sa.Engine, *, name: str | None = None, idempotency_key: str | None = None
 ) -> TransportOrder | None:
     """Read the order with this key, otherwise with this name."""
     orders = schema.transport_orders
     with engine.connect() as connection:
         for column, value in ((orders.c.idempotency_key, idempotency_key), (orders.c.name, name)):
             if value is not None and (
-                row := connection.execute(select(orders).where(equals(column, value))).first()
+                row := connection.execute(sa.select(orders).where(equals(column, value))).first()
             ):
                 return _read_orders(connection, [row])[0]
     return None
 
 
-def read_orders(engine: Engine, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
+def read_orders(engine: sa.Engine, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
     """Read a page of orders, newest first."""
     orders = schema.transport_orders
-    query = select(orders).order_by(orders.c.number.desc()).limit(wanted.limit)
+    query = sa.select(orders).order_by(orders.c.number.desc()).limit(wanted.limit)
     if wanted.states:
         query = query.where(orders.c.state.in_([state.value for state in wanted.states]))
     if wanted.intended_vehicle is not None:
@@ -401,25 +476,26 @@ def read_orders(engine: Engine, wanted: OrderFilter) -> tuple[TransportOrder, ..
         return _read_orders(connection, connection.execute(query).all())
 
 
-def read_changes(engine: Engine, after: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
+def read_changes(engine: sa.Engine, after: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
     """Return each order changed since change number ``after``, with the number of its last change.
 
     The oldest change comes first. An order that has changed several times is returned once, as it is now.
     """
     orders = schema.transport_orders
-    query = select(orders).where(orders.c.change_number > after).order_by(orders.c.change_number).limit(limit)
+    number = orders.c.change_number
+    query = sa.select(orders).where(number > after).order_by(number).limit(limit)
     with engine.connect() as connection:
         rows = connection.execute(query).all()
         found = _read_orders(connection, rows)
     return tuple((row.change_number, order) for row, order in zip(rows, found, strict=True))
 
 
-def _read_orders(connection: Connection, rows: Sequence[Row[Any]]) -> tuple[TransportOrder, ...]:
+def _read_orders(connection: sa.Connection, rows: Sequence[Row[Any]]) -> tuple[TransportOrder, ...]:
     entries: dict[int, list[HistoryEntry]] = {row.number: [] for row in rows}
     history = schema.history
     for start in range(0, len(rows), NUMBERS_PER_QUERY):
         numbers = [row.number for row in rows[start : start + NUMBERS_PER_QUERY]]
-        query = select(history).where(history.c.order_number.in_(numbers))
+        query = sa.select(history).where(history.c.order_number.in_(numbers))
         for row in connection.execute(query.order_by(history.c.order_number, history.c.entry)):
             entries[row.order_number].append(HistoryEntry.model_validate_json(row.document))
     return tuple(

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from math import inf
 from secrets import token_hex
 
-from sqlalchemy import Connection, Engine, bindparam, case, insert, select, text, update
+import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError
 
 from nena_order_service.store import schema
@@ -37,24 +37,25 @@ LEASE_SECONDS = 2.0
 """Seconds for which the leader may act after the database last confirmed its lock; less than HANG_SECONDS, so
 that it stops before another one can start."""
 
-_TAKE = text("SELECT pg_try_advisory_lock(:lock_class, hashtext(current_schema()))")
+_TAKE = sa.text("SELECT pg_try_advisory_lock(:lock_class, hashtext(current_schema()))")
 _SETTINGS = (f"SET idle_session_timeout = '{HANG_SECONDS}s'", "SET statement_timeout = '2s'")
 
 _leadership = schema.leadership.c
 _ROW = _leadership.id == schema.LEADERSHIP_ID
-_next_epoch = case(
-    (_leadership.epoch < bindparam("utc"), bindparam("utc")), else_=_leadership.epoch + bindparam("one")
+_next_epoch = sa.case(
+    (_leadership.epoch < sa.bindparam("utc"), sa.bindparam("utc")),
+    else_=_leadership.epoch + sa.bindparam("one"),
 )
 _TAKE_OVER = (
-    update(schema.leadership)
+    sa.update(schema.leadership)
     .where(_ROW)
-    .values(epoch=_next_epoch, commits=0, url=bindparam("active_url"))
+    .values(epoch=_next_epoch, commits=0, url=sa.bindparam("active_url"))
     .returning(_leadership.epoch)
 )
 _PASS = (
-    update(schema.leadership)
-    .where(_ROW, _leadership.epoch == bindparam("own_epoch"))
-    .values(commits=bindparam("next_commit"))
+    sa.update(schema.leadership)
+    .where(_ROW, _leadership.epoch == sa.bindparam("own_epoch"))
+    .values(commits=sa.bindparam("next_commit"))
 )
 
 
@@ -109,7 +110,7 @@ class LeaderLock:
 
         """
         self._engine = make_engine(url, pooled=False)
-        self._connection: Connection | None = None
+        self._connection: sa.Connection | None = None
 
     def connect(self) -> bool:
         """Connect if not connected; return whether a new connection was opened.
@@ -145,7 +146,7 @@ class LeaderLock:
         if self._connection is None:
             return False
         try:
-            self._connection.execute(text("SELECT 1"))
+            self._connection.execute(sa.text("SELECT 1"))
         except DBAPIError:
             self.release()
             return False
@@ -160,9 +161,9 @@ class LeaderLock:
         """
         try:
             connection = self._connected()
-            if connection.execute(text("SELECT to_regclass('leadership')")).scalar() is None:
+            if connection.execute(sa.text("SELECT to_regclass('leadership')")).scalar() is None:
                 return ""
-            return str(connection.execute(select(_leadership.url).where(_ROW)).scalar() or "")
+            return str(connection.execute(sa.select(_leadership.url).where(_ROW)).scalar() or "")
         except DBAPIError:
             self.release()
             raise
@@ -178,7 +179,7 @@ class LeaderLock:
         """End the connection from another thread; the lock's own thread may wait for an answer forever."""
         hang_up(self._engine)
 
-    def _connected(self) -> Connection:
+    def _connected(self) -> sa.Connection:
         if self._connection is None:
             made = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
             for setting in _SETTINGS:
@@ -191,7 +192,7 @@ def _next(active_url: str) -> dict[str, object]:
     return {"active_url": active_url, "utc": int(time.time()), "one": 1}
 
 
-def begin_epoch(engine: Engine) -> int:
+def begin_epoch(engine: sa.Engine) -> int:
     """Start a new epoch on a store that is not shared, and return it.
 
     A store that cannot be written does not prevent the start: its commits report it. The epoch is then the
@@ -204,7 +205,7 @@ def begin_epoch(engine: Engine) -> int:
         return int(time.time())
 
 
-def store_id(engine: Engine) -> str:
+def store_id(engine: sa.Engine) -> str:
     """Return the ID of the store, which stays the same from the first start.
 
     A store that cannot be written gets an ID for this run only.
@@ -213,10 +214,10 @@ def store_id(engine: Engine) -> str:
     own = (documents.c.kind == STORE_ID, documents.c.name == "")
     try:
         with engine.begin() as connection:
-            found = connection.execute(select(documents.c.document).where(*own)).scalar()
+            found = connection.execute(sa.select(documents.c.document).where(*own)).scalar()
             if found is None:
                 found = token_hex(8)
-                connection.execute(insert(documents).values(kind=STORE_ID, name="", document=found))
+                connection.execute(sa.insert(documents).values(kind=STORE_ID, name="", document=found))
     except DBAPIError:
         return token_hex(8)
     return str(found)
@@ -230,7 +231,7 @@ class Fence:
     commits: int = 0
 
     @classmethod
-    def raise_for(cls, engine: Engine, active_url: str) -> Fence:
+    def raise_for(cls, engine: sa.Engine, active_url: str) -> Fence:
         """Take over the store: the previous program can no longer commit.
 
         Waits for a commit in progress. Raises DBAPIError if the database does not answer.
@@ -238,7 +239,7 @@ class Fence:
         with engine.begin() as connection:
             return cls(connection.execute(_TAKE_OVER, _next(active_url)).scalar_one())
 
-    def lets_pass(self, connection: Connection) -> bool:
+    def lets_pass(self, connection: sa.Connection) -> bool:
         """Return whether to make a commit; False: it was already made, and only the answer was lost.
 
         Call it first within the commit's transaction, whose lock keeps others from overtaking.
@@ -246,7 +247,7 @@ class Fence:
         Raises:
             FencedError: another order service has taken over the store.
         """
-        row = connection.execute(select(schema.leadership).where(_ROW).with_for_update()).one()
+        row = connection.execute(sa.select(schema.leadership).where(_ROW).with_for_update()).one()
         if row.epoch != self.epoch:
             raise FencedError
         if row.commits > self.commits:
@@ -258,8 +259,8 @@ class Fence:
         """Note that the commit was made."""
         self.commits += 1
 
-    def is_up(self, engine: Engine) -> bool:
+    def is_up(self, engine: sa.Engine) -> bool:
         """Return whether this epoch is still the current one; raise DBAPIError without a database."""
         with engine.connect() as connection:
-            present = connection.execute(select(_leadership.epoch).where(_ROW)).scalar_one()
+            present = connection.execute(sa.select(_leadership.epoch).where(_ROW)).scalar_one()
         return bool(present == self.epoch)

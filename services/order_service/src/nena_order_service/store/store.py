@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -13,8 +14,7 @@ from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import database
-from nena_order_service.store.changes import ChangeNumbers, Changes
-from nena_order_service.store.database import OrderFilter, Unfinished, read_documents
+from nena_order_service.store.database import Changes, OrderFilter, Unfinished, read_documents
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.schema import PASSING, StoreLostError, reason_of
@@ -36,6 +36,54 @@ WAITING_LIMIT = 10_000
 
 LOSS_SHOWN = 3.0
 """Seconds for which hosts and probes can see that the database file is gone before the program exits."""
+
+
+class ChangeNumbers:
+    """Counts the changes of all orders of a store, across restarts and takeovers.
+
+    They follow the order in which changes are committed and published. If a unit of work changes an order
+    several times, all of these versions have the same number.
+    """
+
+    def __init__(self) -> None:
+        self.last = 0
+        """The last number assigned."""
+        self.published = 0
+        """The last number of a published change."""
+        self._untold: dict[str, deque[tuple[int, int]]] = {}
+        """Unpublished versions and their numbers, by order name."""
+
+    def give(self, changes: Changes) -> None:
+        """Number the changes of a unit of work."""
+        self.last = changes.numbered(self.last)
+        for change in changes.orders.values():
+            order = change.order
+            versions = self._untold.setdefault(order.name, deque())
+            versions.append((order.status.version, change.change_number))
+
+    def begin(self, last: int) -> None:
+        """Continue after the last number of the store."""
+        self.last = self.published = last
+
+    def of(self, name: str, version: int) -> tuple[int, bool]:
+        """Return the number of a version to publish now, and whether it is the last version of its change.
+
+        Versions are published in order. The number is 0 for a version that is published without a change.
+        """
+        versions = self._untold.get(name)
+        while versions and versions[0][0] < version:
+            versions.popleft()
+        if not versions:
+            self._untold.pop(name, None)
+            return 0, False
+        last_version, number = versions[0]
+        if last_version > version:
+            return number, False
+        self.published = number
+        versions.popleft()
+        if not versions:
+            del self._untold[name]
+        return number, True
 
 
 class Store:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from nena_order_service.orders.waiting import WaitingOrders
+from nena_order_service.dispatching.candidates import WaitingOrders
 from support.order_service import assigned_order, dispatchable_order
 
 

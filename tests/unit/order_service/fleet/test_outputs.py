@@ -5,7 +5,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.fleet.delivery import Delivery
+from nena_order_service.fleet.outputs import Delivery
 from nena_order_service.fleet.settings import FleetSettings
 
 SETTINGS = st.builds(
