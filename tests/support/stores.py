@@ -13,7 +13,8 @@ from sqlalchemy import Connection, text
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
 from nena_order_service.store.database import Changes
-from nena_order_service.store.schema import FIRST, is_shared, make_engine
+from nena_order_service.store.migrations import FIRST
+from nena_order_service.store.schema import is_shared, make_engine
 
 FIRST_STORE = Path(__file__).parents[1] / "fixtures" / "stores" / "version_1.sql"
 FIRST_TABLES = ("transport_orders", "history", "missions")

@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from secrets import token_hex
 from typing import Any
 
@@ -156,7 +157,7 @@ def build(
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
-        asyncapi=json.dumps(document(topics)).encode(),
+        asyncapi=cache(lambda: json.dumps(document(topics)).encode()),
         readiness=lambda: readiness(mqtt, store, loop_lag.longest),
         max_body=settings.max_body,
         metrics=Exposition(parts, SECTIONS).text,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,11 @@ from alembic.runtime.migration import MigrationContext
 from sqlalchemy import Connection, text
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
+from nena_order_service import store as store_package
 from nena_order_service.orders.automatic import park_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.store import schema
+from nena_order_service.store import migrations, schema
 from nena_order_service.store.database import (
     OrderFilter,
     read_changes,
@@ -36,7 +38,7 @@ from nena_order_service.store.schema import (
     unusable,
 )
 from support.order_service import NOW, dispatchable_order
-from support.stores import changes, first_store
+from support.stores import changes, first_store, first_tables, make_newer
 
 
 def test_sqlite_is_durable(sqlite_url: str) -> None:
@@ -100,12 +102,40 @@ def test_reason_is_the_databases_message_in_one_line(url: str) -> None:
     assert "\n" not in reason_of(caught.value)
 
 
+def differences(connection: Connection) -> list[Any]:
+    """Return how the tables of a store differ from those that the program knows."""
+    context = MigrationContext.configure(
+        connection, opts={"compare_type": True, "version_table": schema.VERSION_TABLE}
+    )
+    assert context.get_current_revision() == schema.HEAD
+    return list(compare_metadata(context, schema.metadata))
+
+
+def leadership_of(connection: Connection) -> list[tuple[Any, ...]]:
+    return [tuple(row) for row in connection.execute(text("SELECT * FROM leadership"))]
+
+
 def test_new_tables_are_those_that_the_program_knows(url: str) -> None:
     with open_database(url).connect() as connection:
-        context = MigrationContext.configure(
-            connection, opts={"compare_type": True, "version_table": schema.VERSION_TABLE}
-        )
-        assert compare_metadata(context, schema.metadata) == []
+        assert differences(connection) == []
+        assert leadership_of(connection) == [(1, 0, 0, "")]
+
+
+def test_migrations_lead_to_the_tables_of_a_new_store(url: str) -> None:
+    with make_engine(url).begin() as connection:
+        migrations.upgrade(connection, is_versioned=True)
+        assert differences(connection) == []
+        assert leadership_of(connection) == [(1, 0, 0, "")]
+
+
+def test_only_a_store_of_another_release_needs_alembic(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(store_package, "migrations")
+    monkeypatch.setitem(sys.modules, "nena_order_service.store.migrations", None)  # importing it fails
+    for _ in range(2):
+        open_database(url).dispose()
+    make_newer(url)
+    with pytest.raises(ImportError):
+        open_database(url)
 
 
 def test_upgrading_the_first_releases_store_keeps_its_content(sqlite_url: str) -> None:
@@ -230,6 +260,7 @@ def test_a_migration_may_pause_longer_than_other_transactions(
         shown.append(timeout(config.attributes["connection"]))
         upgrade(config, revision)
 
+    first_tables(url)
     monkeypatch.setattr(command, "upgrade", watched)
     engine = open_database(url)
     with engine.begin() as connection:

@@ -86,7 +86,8 @@ class Service:
     plant_json: bytes
     change_plant: ChangePlant | None
     """Replaces the plant model; None: it is read-only."""
-    asyncapi: bytes
+    asyncapi: Callable[[], bytes]
+    """Returns the AsyncAPI document; called on request, because few clients need it."""
     readiness: Callable[[], Readiness]
     max_body: int
     """Maximum size of a request body, bytes."""
@@ -333,7 +334,7 @@ def _probes(service: Service) -> APIRouter:
     @router.get("/asyncapi.json", operation_id="asyncapi")
     async def asyncapi() -> Response:
         """Describe the MQTT API (AsyncAPI 3.0)."""
-        return Response(service.asyncapi, media_type="application/json")
+        return Response(service.asyncapi(), media_type="application/json")
 
     @router.get(METRICS, operation_id="metrics", response_class=PlainTextResponse)
     async def metrics(request: Request) -> Response:

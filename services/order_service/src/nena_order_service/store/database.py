@@ -9,8 +9,7 @@ from typing import Any
 
 import sqlalchemy as sa
 from pydantic import ValidationError
-from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.dialects.postgresql import psycopg
+from sqlalchemy.dialects import sqlite
 from sqlalchemy.engine import Row
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -146,6 +145,7 @@ def statements(engine: sa.Engine) -> Statements:
 def _statements(name: str) -> Statements:
     orders, history, missions = schema.transport_orders, schema.history, schema.missions
     documents = schema.documents
+    inserting, dialect = _dialect(name)
     others: dict[str, sa.BindParameter[Any]] = {
         column.name: sa.bindparam(column.name) for column in orders.c if column.name != "number"
     }
@@ -156,24 +156,33 @@ def _statements(name: str) -> Statements:
         "forget_history": sa.delete(history).where(
             history.c.order_number == sa.bindparam("order_number"), history.c.entry >= sa.bindparam("entry")
         ),
-        "put_mission": _put(name, missions),
+        "put_mission": _put(inserting, missions),
         "forget_mission": sa.delete(missions).where(missions.c.order_number == sa.bindparam("order_number")),
-        "put_vehicle": _put(name, schema.vehicles),
-        "put_sequence": _put(name, schema.order_sequences),
-        "put_path_lock": _put(name, schema.path_locks),
-        "put_document": _put(name, documents),
+        "put_vehicle": _put(inserting, schema.vehicles),
+        "put_sequence": _put(inserting, schema.order_sequences),
+        "put_path_lock": _put(inserting, schema.path_locks),
+        "put_document": _put(inserting, documents),
         "forget_document": sa.delete(documents).where(
             documents.c.kind == sa.bindparam("kind"), documents.c.name == sa.bindparam("name")
         ),
     }
-    dialect = sqlite.dialect(paramstyle="named") if name == "sqlite" else psycopg.dialect()  # type: ignore[no-untyped-call] # of the library
     return Statements(**{key: str(text.compile(dialect=dialect)) for key, text in texts.items()})
 
 
-def _put(name: str, table: sa.Table) -> sa.ClauseElement:
+def _dialect(name: str) -> tuple[Callable[[sa.Table], Any], Any]:
+    """Return the function that creates an INSERT of this dialect, and the dialect with named parameters."""
+    if name == "sqlite":
+        return sqlite.insert, sqlite.dialect(paramstyle="named")
+    from sqlalchemy.dialects import postgresql  # noqa: PLC0415 - takes 2 MB
+    from sqlalchemy.dialects.postgresql import psycopg  # noqa: PLC0415
+
+    return postgresql.insert, psycopg.dialect()  # type: ignore[no-untyped-call] # of the library
+
+
+def _put(inserting: Callable[[sa.Table], Any], table: sa.Table) -> sa.ClauseElement:
     """Insert a row, or replace the one with the same key."""
     # Both dialects use the same syntax, in classes of their own.
-    statement: Any = (sqlite.insert if name == "sqlite" else postgresql.insert)(table)
+    statement = inserting(table)
     others = {column.name: statement.excluded[column.name] for column in table.c if not column.primary_key}
     return statement.on_conflict_do_update(index_elements=list(table.primary_key), set_=others)  # type: ignore[no-any-return]
 

@@ -2,41 +2,10 @@
 
 from __future__ import annotations
 
-import logging
-
-from alembic import command
-from alembic.config import Config
-from alembic.runtime.migration import MigrationContext
-from alembic.util import CommandError
-from sqlalchemy import (
-    URL,
-    BigInteger,
-    Boolean,
-    Column,
-    Connection,
-    Engine,
-    ForeignKey,
-    Index,
-    Integer,
-    MetaData,
-    String,
-    Table,
-    Text,
-    create_engine,
-    event,
-    inspect,
-    text,
-)
+import sqlalchemy as sa
+from sqlalchemy import exc
 from sqlalchemy.engine import make_url
 from sqlalchemy.engine.interfaces import DBAPIConnection
-from sqlalchemy.exc import (
-    ArgumentError,
-    DBAPIError,
-    InterfaceError,
-    InternalError,
-    OperationalError,
-    SQLAlchemyError,
-)
 from sqlalchemy.pool import ConnectionPoolEntry, NullPool
 
 from nena_shared.database_lines import remember
@@ -69,86 +38,89 @@ class StoreLostError(StoreError):
 VERSION_TABLE = "order_service_version"
 """Table in which Alembic stores the revision; the database may also contain the aggregator's tables."""
 
-metadata = MetaData()
+FIRST_TABLES = frozenset({"schema_version", "transport_orders"})
+"""Some of the tables of stores that were created before migrations existed."""
 
-transport_orders = Table(
+metadata = sa.MetaData()
+
+transport_orders = sa.Table(
     "transport_orders",
     metadata,
-    Column("number", BigInteger, primary_key=True, autoincrement=False),
-    Column("name", String(200), nullable=False, unique=True),
-    Column("idempotency_key", String(200), unique=True),
-    Column("state", String(20), nullable=False),
-    Column("intended_vehicle", String(200)),
-    Column("document", Text, nullable=False),
-    Column("change_number", BigInteger, nullable=False, server_default="0"),
-    Index("transport_orders_by_state", "state", "number"),
-    Index("transport_orders_by_vehicle", "intended_vehicle", "number"),
-    Index("transport_orders_by_change", "change_number"),
+    sa.Column("number", sa.BigInteger, primary_key=True, autoincrement=False),
+    sa.Column("name", sa.String(200), nullable=False, unique=True),
+    sa.Column("idempotency_key", sa.String(200), unique=True),
+    sa.Column("state", sa.String(20), nullable=False),
+    sa.Column("intended_vehicle", sa.String(200)),
+    sa.Column("document", sa.Text, nullable=False),
+    sa.Column("change_number", sa.BigInteger, nullable=False, server_default="0"),
+    sa.Index("transport_orders_by_state", "state", "number"),
+    sa.Index("transport_orders_by_vehicle", "intended_vehicle", "number"),
+    sa.Index("transport_orders_by_change", "change_number"),
 )
 """``document`` is the order as JSON without its history. ``change_number`` is the number of the order's last
 change, counted over all orders: a client that has the changes up to a number has missed those above it."""
 
-history = Table(
+history = sa.Table(
     "history",
     metadata,
-    Column("order_number", BigInteger, ForeignKey("transport_orders.number"), primary_key=True),
-    Column("entry", Integer, primary_key=True),
-    Column("document", Text, nullable=False),
+    sa.Column("order_number", sa.BigInteger, sa.ForeignKey("transport_orders.number"), primary_key=True),
+    sa.Column("entry", sa.Integer, primary_key=True),
+    sa.Column("document", sa.Text, nullable=False),
 )
 
-missions = Table(
+missions = sa.Table(
     "missions",
     metadata,
-    Column("order_number", BigInteger, ForeignKey("transport_orders.number"), primary_key=True),
-    Column("document", Text, nullable=False),
+    sa.Column("order_number", sa.BigInteger, sa.ForeignKey("transport_orders.number"), primary_key=True),
+    sa.Column("document", sa.Text, nullable=False),
 )
 """The sent order (what was last sent to a robot) of each order that has not ended."""
 
-order_sequences = Table(
+order_sequences = sa.Table(
     "order_sequences",
     metadata,
-    Column("number", BigInteger, primary_key=True, autoincrement=False),
-    Column("name", String(200), nullable=False, unique=True),
-    Column("idempotency_key", String(200), unique=True),
-    Column("finished", Boolean, nullable=False),
-    Column("intended_vehicle", String(200)),
-    Column("document", Text, nullable=False),
-    Index("order_sequences_by_finished", "finished", "number"),
+    sa.Column("number", sa.BigInteger, primary_key=True, autoincrement=False),
+    sa.Column("name", sa.String(200), nullable=False, unique=True),
+    sa.Column("idempotency_key", sa.String(200), unique=True),
+    sa.Column("finished", sa.Boolean, nullable=False),
+    sa.Column("intended_vehicle", sa.String(200)),
+    sa.Column("document", sa.Text, nullable=False),
+    sa.Index("order_sequences_by_finished", "finished", "number"),
 )
 """``document`` is the order sequence as JSON, with its history."""
 
-vehicles = Table(
+vehicles = sa.Table(
     "vehicles",
     metadata,
-    Column("robot", String(400), primary_key=True),
-    Column("document", Text, nullable=False),
+    sa.Column("robot", sa.String(400), primary_key=True),
+    sa.Column("document", sa.Text, nullable=False),
 )
 """Last known position of each robot, and what it does without an order."""
 
-path_locks = Table(
+path_locks = sa.Table(
     "path_locks",
     metadata,
-    Column("path", Text, primary_key=True),
-    Column("locked", Boolean, nullable=False),
+    sa.Column("path", sa.Text, primary_key=True),
+    sa.Column("locked", sa.Boolean, nullable=False),
 )
 """Paths that hosts have locked or unlocked; takes precedence over the plant model."""
 
-documents = Table(
+documents = sa.Table(
     "documents",
     metadata,
-    Column("kind", String(20), primary_key=True),
-    Column("name", String(200), primary_key=True),
-    Column("document", Text, nullable=False),
+    sa.Column("kind", sa.String(20), primary_key=True),
+    sa.Column("name", sa.String(200), primary_key=True),
+    sa.Column("document", sa.Text, nullable=False),
 )
 """Documents uploaded by hosts, such as the plant model."""
 
-leadership = Table(
+leadership = sa.Table(
     "leadership",
     metadata,
-    Column("id", Integer, primary_key=True, autoincrement=False),
-    Column("epoch", BigInteger, nullable=False),
-    Column("commits", BigInteger, nullable=False),
-    Column("url", Text, nullable=False),
+    sa.Column("id", sa.Integer, primary_key=True, autoincrement=False),
+    sa.Column("epoch", sa.BigInteger, nullable=False),
+    sa.Column("commits", sa.BigInteger, nullable=False),
+    sa.Column("url", sa.Text, nullable=False),
 )
 """One row. ``epoch`` rises with each takeover of a shared store, ``commits`` counts the leader's commits, and
 ``url`` is the leader's address for hosts."""
@@ -158,65 +130,56 @@ LEADERSHIP_ID = 1
 
 log = get_logger(__name__)
 
-FIRST = "0001"
-"""Revision of stores created before migrations existed, whose tables say version 1.
+HEAD = "0006"
+"""Revision of the tables above: that of the last migration."""
 
-After a migration they say version 2, so that releases without migrations refuse tables that they do not know.
-"""
+_version = sa.Table(
+    VERSION_TABLE,
+    sa.MetaData(),
+    sa.Column("version_num", sa.String(32), nullable=False),
+    sa.PrimaryKeyConstraint("version_num", name=f"{VERSION_TABLE}_pkc"),
+)
+"""As Alembic creates it."""
 
 
-def migrate(engine: Engine) -> None:
+def migrate(engine: sa.Engine) -> None:
     """Create or migrate the tables in one transaction.
+
+    Alembic is only loaded for a store of another release, because it takes 12 MB of memory.
 
     Raises:
         StoreError: the tables are from a newer release.
         SQLAlchemyError: the database rejects the change.
     """
-    logging.getLogger("alembic").setLevel(logging.WARNING)
     with engine.begin() as connection:
-        if connection.dialect.name == "postgresql":
-            connection.execute(
-                text(f"SET LOCAL idle_in_transaction_session_timeout = '{MIGRATION_STUCK_SECONDS}s'")
-            )
-        config = Config()
-        config.set_main_option("script_location", "nena_order_service.store:migrations")
-        config.attributes["connection"] = connection
         before = _revision(connection)
-        try:
-            if _is_from_before_migrations(connection):
-                command.stamp(config, FIRST)
-                connection.execute(text("UPDATE schema_version SET version = 2"))
-            command.upgrade(config, "head")
-        except CommandError as error:
-            message = (
-                f"the store belongs to another release ({error}): "
-                "use that release, restore a backup, or set another store.url"
-            )
-            raise StoreError(message) from error
-        if before != (now := _revision(connection)):
-            log.info("migrating the tables of the store", before=before, now=now)
+        if before == HEAD:
+            return
+        tables = set(sa.inspect(connection).get_table_names())
+        is_versioned = VERSION_TABLE in tables
+        if is_versioned or tables >= FIRST_TABLES:
+            from nena_order_service.store import migrations  # noqa: PLC0415 - see the docstring
+
+            migrations.upgrade(connection, is_versioned=is_versioned)
+        else:
+            _create(connection)
+        log.info("store migrated", before=before, now=_revision(connection))
 
 
-def _revision(connection: Connection) -> str | None:
-    options = {"version_table": VERSION_TABLE}
-    return MigrationContext.configure(connection, opts=options).get_current_revision()
+def _create(connection: sa.Connection) -> None:
+    metadata.create_all(connection, checkfirst=False)
+    connection.execute(leadership.insert().values(id=LEADERSHIP_ID, epoch=0, commits=0, url=""))
+    _version.create(connection)
+    connection.execute(_version.insert().values(version_num=HEAD))
 
 
-def _is_from_before_migrations(connection: Connection) -> bool:
-    tables = set(inspect(connection).get_table_names())
-    if VERSION_TABLE in tables or not tables >= {"schema_version", "transport_orders"}:
-        return False
-    version = connection.execute(text("SELECT version FROM schema_version")).scalar()
-    if version == 1:
-        return True
-    message = (
-        f"the store has tables of version {version}, which no release has created: "
-        "restore a backup, or set another store.url"
-    )
-    raise StoreError(message)
+def _revision(connection: sa.Connection) -> str | None:
+    if not sa.inspect(connection).has_table(VERSION_TABLE):
+        return None
+    return connection.execute(sa.select(_version.c.version_num)).scalar()
 
 
-PASSING = (OperationalError, InterfaceError, InternalError)
+PASSING = (exc.OperationalError, exc.InterfaceError, exc.InternalError)
 """Errors of a database that is unavailable, busy or full; any other error is a fault of the statement."""
 
 SIGNS_OF_NO_ROOM = ("disk is full", "disk I/O error", "No space left on device")
@@ -232,9 +195,6 @@ UNMASKED = "write an @ in a password as %40"
 STUCK_SECONDS = 3
 """Seconds after which PostgreSQL ends the transaction of a program that hangs."""
 
-MIGRATION_STUCK_SECONDS = 60
-"""The same during a migration, which reads and changes documents between its statements."""
-
 POSTGRESQL = "postgresql+psycopg"
 
 TIMEOUTS = {
@@ -249,7 +209,7 @@ TIMEOUTS = {
 """Arguments of libpq, which the URL may override."""
 
 
-def parse_url(url: str) -> URL:
+def parse_url(url: str) -> sa.URL:
     """Read a database URL.
 
     Raises:
@@ -258,7 +218,7 @@ def parse_url(url: str) -> URL:
     """
     try:
         parsed = make_url(url)
-    except (ArgumentError, ValueError):
+    except (exc.ArgumentError, ValueError):
         # The URL may contain a password, so errors repeat neither it nor messages about its parts.
         raise unusable("not a database URL") from None
     if "@" in (parsed.host or ""):  # the end of a password, otherwise reported as an unknown host
@@ -283,7 +243,7 @@ def is_shared(url: str) -> bool:
     return parse_url(url).get_backend_name() == "postgresql"
 
 
-def make_engine(url: str, *, pooled: bool = True) -> Engine:
+def make_engine(url: str, *, pooled: bool = True) -> sa.Engine:
     """Create the database engine without opening a connection.
 
     Raises:
@@ -294,20 +254,20 @@ def make_engine(url: str, *, pooled: bool = True) -> Engine:
     pool = None if pooled else NullPool
     try:
         if parsed.get_backend_name() == "sqlite":
-            engine = create_engine(parsed, poolclass=pool)
-            event.listen(engine, "connect", _set_up_sqlite)
-            event.listen(engine, "begin", _begin)
+            engine = sa.create_engine(parsed, poolclass=pool)
+            sa.event.listen(engine, "connect", _set_up_sqlite)
+            sa.event.listen(engine, "begin", _begin)
             return engine
         given = {name: value for name, value in TIMEOUTS.items() if name not in parsed.query}
-        engine = create_engine(parsed, poolclass=pool, connect_args=given)
-        event.listen(engine, "connect", lambda connection, _: remember(engine, connection))
+        engine = sa.create_engine(parsed, poolclass=pool, connect_args=given)
+        sa.event.listen(engine, "connect", lambda connection, _: remember(engine, connection))
     except ImportError as error:
         message = f"{error}; pip install nena-order-service[postgresql]"
         raise unusable(message) from error
     return engine
 
 
-def open_database(url: str) -> Engine:
+def open_database(url: str) -> sa.Engine:
     """Open the database and migrate its tables.
 
     Raises:
@@ -317,13 +277,13 @@ def open_database(url: str) -> Engine:
     engine = make_engine(url)
     try:
         migrate(engine)
-    except SQLAlchemyError as error:
+    except exc.SQLAlchemyError as error:
         engine.dispose()
-        raise unusable(reason_of(error) if isinstance(error, DBAPIError) else str(error)) from error
+        raise unusable(reason_of(error) if isinstance(error, exc.DBAPIError) else str(error)) from error
     return engine
 
 
-def reason_of(error: DBAPIError) -> str:
+def reason_of(error: exc.DBAPIError) -> str:
     """Return the database's error message in one line."""
     return (str(error.orig).strip() or type(error.orig).__name__).splitlines()[0]
 
@@ -337,5 +297,5 @@ def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> 
     cursor.close()
 
 
-def _begin(connection: Connection) -> None:
+def _begin(connection: sa.Connection) -> None:
     connection.exec_driver_sql("BEGIN")
