@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -242,6 +244,8 @@ async def test_errors_are_one_clear_text(fleet: Fleet) -> None:
     for arguments, said in (
         (("orders", "show", "T-9"), "Unknown transport order 'T-9'"),
         (("orders", "create", "Nowhere"), "Nowhere"),
+        (("orders", "list", "--vehicle", "R2D2"), "R2D2"),
+        (("explain", "T-9"), "Unknown transport order 'T-9'"),
         (("vehicles", "show", "R2D2"), "R2D2"),
         (("vehicles", "reroute", "Robot-01", "--forced"), "has no transport order"),
         (("vehicles", "watch", "R2D2"), "R2D2"),
@@ -267,3 +271,70 @@ async def test_active_order_service_is_used(fleet: Fleet) -> None:
     assert isinstance(client, httpx.AsyncClient)
     await client.post(f"/v1/transportOrders/{made['name']}/withdrawal")
     assert (await nena("orders", "watch", made["name"])).exit_code == 1
+
+
+async def test_status_and_explain_name_what_needs_a_person(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    (made,) = await nena.json("orders", "create", "Storage", "--vehicle", "Robot-01", "--name", "T-1")
+    assert made["driveOrders"][0]["destination"]["operation"] == "NOP"
+
+    shown = await nena("status")
+    assert shown.exit_code == 1
+    assert "active, ready" in shown.stdout
+    assert "Robot-01\tUNKNOWN" in shown.stdout
+    assert "Start its edge agent" in shown.stdout
+    (report,) = await nena.json("status", status=1)
+    assert report["orders"] == {"DISPATCHABLE": 1}
+
+    fleet.agent()
+    await vehicle_idle(client)
+    await nena.json("orders", "hold", "T-1")
+    (explained,) = await nena.json("explain", "T-1")
+    assert explained["advice"] == "nena orders resume T-1"
+    assert (await nena("explain", "Robot-01")).exit_code == 0
+
+
+async def test_output_formats_into_a_pipe(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    await nena.json("orders", "create", "Storage", "--name", "T-1")
+
+    assert (await nena("-o", "name", "vehicles", "list")).stdout == "Robot-01\nRobot-02\n"
+    assert (await nena("orders", "list")).stdout.startswith("T-1\tDISPATCHABLE\t\tStorage: NOP\t")
+    assert "destinations" in (await nena("orders", "list", "-o", "wide")).stdout
+    assert "name: T-1" in (await nena("orders", "show", "T-1", "-o", "yaml")).stdout
+
+
+async def test_a_closed_pipe_ends_a_command_quietly(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    command = [
+        str(Path(sys.executable).with_name("nena")),
+        "vehicles",
+        "watch",
+        "--json",
+        "--url",
+        str(client.base_url),
+    ]
+    read, write = os.pipe()
+    process = await asyncio.create_subprocess_exec(*command, stdout=write, stderr=asyncio.subprocess.PIPE)
+    os.close(write)
+    await client.put("/v1/vehicles/Robot-01/integrationLevel", json={"level": "TO_BE_NOTICED"})
+    await asyncio.to_thread(os.read, read, 1)
+    os.close(read)
+    await client.put("/v1/vehicles/Robot-01/integrationLevel", json={"level": "TO_BE_UTILIZED"})
+    _, errors = await asyncio.wait_for(process.communicate(), PATIENCE)
+    assert (process.returncode, errors) == (1, b"")
+
+
+async def test_a_server_that_is_no_order_service_is_named() -> None:
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(b"HTTP/1.1 200 OK\r\ncontent-length: 5\r\nconnection: close\r\n\r\nhello")
+        writer.close()
+
+    port = free_port()
+    async with await asyncio.start_server(answer, "127.0.0.1", port):
+        done = await Nena(f"http://127.0.0.1:{port}")("vehicles", "list")
+    assert done.exit_code == 2
+    assert "is not an order service; check the URL" in done.stderr

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from rich.table import Table
 from typer.testing import CliRunner
 
 from nena_cli import orders, zones
 from nena_cli.client import Connection, Event
+from nena_cli.options import Format
+from nena_cli.tables import vehicles_table
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
 
@@ -49,9 +50,9 @@ def test_what_is_watched_ends_with_the_end_of_a_line(
     )
     event = Event("vehicle", None, status.model_dump(mode="json", by_alias=True))
     monkeypatch.setattr(orders, "follow", lambda *_, **__: iter([event]))
-    board = orders.Board(VehicleStatus, lambda shown: Table(*(each.name for each in shown)))
+    board = orders.Board(VehicleStatus, vehicles_table)
 
-    told = list(orders.watch(Connection([], None), board, {"kind": "vehicle"}, as_json=False))
+    told = list(orders.watch(Connection([], None), board, {"kind": "vehicle"}, Format.TABLE))
 
     out = capsys.readouterr().out
     assert told == [status]

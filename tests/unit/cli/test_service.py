@@ -13,7 +13,8 @@ from rich.table import Table
 from typer.testing import CliRunner
 
 from nena_cli.client import RefusedError, UnreachableError
-from nena_cli.service import DEFAULT_URL, Service, of_service
+from nena_cli.options import DEFAULT_URL, Format
+from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.transport_order import Problem
 
 app = typer.Typer()
@@ -39,13 +40,13 @@ def test_a_command_has_its_own_options_and_those_of_the_service() -> None:
     service, word, times = called("hello", "--times", "3", "--url", "http://a", "--url", "http://b", "--json")
 
     assert (word, times) == ("hello", 3)
-    assert (service.urls, service.as_json) == (["http://a", "http://b"], True)
+    assert (service.urls, service.output) == (["http://a", "http://b"], Format.JSON)
 
 
 def test_without_options_it_is_the_one_on_this_machine() -> None:
     service, _, times = called("hello")
 
-    assert (service.urls, service.token, service.as_json, times) == ([DEFAULT_URL], None, False, 1)
+    assert (service.urls, service.token, service.output, times) == ([DEFAULT_URL], None, Format.TABLE, 1)
 
 
 def test_the_environment_names_it_too(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,7 +65,7 @@ def test_the_help_tells_all_options_and_what_the_command_does() -> None:
 
 
 def service(**fields: object) -> Service:
-    given = {"urls": [DEFAULT_URL], "token": None, "token_file": None, "as_json": False, **fields}
+    given = {"urls": [DEFAULT_URL], "token": None, "token_file": None, "output": Format.TABLE, **fields}
     return Service(**given)  # type: ignore[arg-type] # any of its fields
 
 
@@ -109,13 +110,16 @@ def test_people_get_tables_and_scripts_a_line_for_each(capsys: pytest.CaptureFix
     problems = [Problem(title="A", status=404, detail="a"), Problem(title="B", status=409, detail="b")]
 
     def table(found: Sequence[Problem]) -> Table:
-        return Table(*(each.title for each in found))
+        made = Table("title")
+        for each in found:
+            made.add_row(each.title)
+        return made
 
     service().print_all(problems, table)
     shown = capsys.readouterr().out
     assert "A" in shown
     assert "{" not in shown
-    service(as_json=True).print_all(problems, table)
-    service(as_json=True).print_one(problems[0], Table(title="one"))
+    service(output=Format.JSON).print_all(problems, table)
+    service(output=Format.JSON).print_one(problems[0], Table(title="one"))
     told = [json.loads(line)["detail"] for line in capsys.readouterr().out.splitlines()]
     assert told == ["a", "b", "a"]

@@ -159,6 +159,7 @@ class Destination(Request):
     """A location, or a point (then the operation is MOVE or PARK)."""
     coordinate: Coordinate | None = None
     operation: Annotated[str, Field(min_length=1, max_length=200)] = "MOVE"
+    """Unset at a location without MOVE: NOP, which only drives there."""
     properties: Annotated[tuple[OperationProperty, ...], Field(max_length=100)] = ()
     on_failure: FailurePolicy | None = None
     """Failure policy for this destination; None: that of the order."""

@@ -5,7 +5,12 @@ from typing import Any
 import pytest
 
 from nena_demo.plants import sample_plant_path
-from nena_order_service.orders.validation import InvalidRequestError, check_order, check_request
+from nena_order_service.orders.validation import (
+    InvalidRequestError,
+    check_order,
+    check_request,
+    set_operations,
+)
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.plant import PlantModel
 from nena_shared.plant.opentcs_xml import read
@@ -101,3 +106,11 @@ def test_stored_order_is_checked_against_a_changed_plant() -> None:
     check_order(order, PLANT)
     with pytest.raises(InvalidRequestError, match="'Storage'"):
         check_order(order, plant(points="A"))
+
+
+def test_a_location_without_an_operation_is_only_driven_to() -> None:
+    wanted = set_operations(request("Storage", "Middle 1", "Goods in:Load cargo"), PLANT)
+    check_request(wanted, PLANT, VEHICLES)
+    assert [each.operation for each in wanted.destinations] == ["NOP", "MOVE", "Load cargo"]
+    refused, _ = findings(set_operations(request("Storage:MOVE"), PLANT))
+    assert "operation 'MOVE' is not possible" in refused[0]

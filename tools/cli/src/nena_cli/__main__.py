@@ -1,34 +1,95 @@
-"""``nena``: one command, with a group of commands for each subject."""
+"""``nena``: one command, with a group of commands for each subject, loaded when it is called."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.metadata import EntryPoint, entry_points
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points, version
+from inspect import Parameter
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
 
-from nena_cli.conversations import app as vda5050
-from nena_cli.orders import app as orders
-from nena_cli.plants import app as plant
-from nena_cli.sequences import app as sequences
-from nena_cli.vehicles import app as vehicles
-from nena_cli.vehicles import dispatch, traffic
-from nena_cli.zones import app as zones
-from nena_shared import log
-from nena_shared.settings import LogSettings
+from nena_cli.options import group
 
-COMMANDS = "nena.commands"
+ENTRY_POINTS: Final = "nena.commands"
 """Entry points of commands that other distributions add, such as ``simulate`` of nena-simulate."""
 
-app = typer.Typer(help="NeNa: fleets of VDA 5050 robots.", no_args_is_help=True, add_completion=False)
-app.add_typer(orders, name="orders")
-app.add_typer(sequences, name="sequences")
-app.add_typer(vehicles, name="vehicles")
-app.command()(dispatch)
-app.command()(traffic)
-app.add_typer(zones, name="zones")
-app.add_typer(plant, name="plant")
-app.add_typer(vda5050, name="vda5050")
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command or a group of commands, and where it is defined."""
+
+    module: str
+    name: str
+    help: str
+    """One line, in the list of commands; also the help of a group."""
+
+    def load(self) -> Any:  # noqa: ANN401 - Typer's own copy of click has no public types
+        """Import the module and return the command."""
+        found = getattr(import_module(self.module), self.name)
+        if isinstance(found, typer.Typer):
+            found.info.help = self.help
+            return get_command(found)
+        single = typer.Typer(add_completion=False)
+        single.command()(found)
+        return get_command(single)
+
+
+COMMANDS: Final = {
+    "status": Command("nena_cli.diagnosis", "status", "Show what runs, what is wrong and what to do."),
+    "explain": Command("nena_cli.diagnosis", "explain", "Show why an order or a vehicle is waiting."),
+    "orders": Command("nena_cli.orders", "app", "Transport orders."),
+    "sequences": Command("nena_cli.sequences", "app", "Order sequences."),
+    "vehicles": Command("nena_cli.vehicles", "app", "Vehicles."),
+    "dispatch": Command("nena_cli.vehicles", "dispatch", "Send a vehicle to a destination."),
+    "traffic": Command("nena_cli.vehicles", "traffic", "Show where vehicles will be in the next minute."),
+    "zones": Command("nena_cli.zones", "app", "Zone sets (VDA 5050 3.0)."),
+    "plant": Command("nena_cli.plants", "app", "Plant models: openTCS XML, LIF and NeNa's own JSON."),
+    "vda5050": Command(
+        "nena_cli.conversations", "app", "Record, replay, show and check VDA 5050 conversations."
+    ),
+}
+
+
+class Commands(TyperGroup):
+    """The commands; imports the one that is called, so that the others cost no time."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401 - see Command.load
+        """Return the names of all commands."""
+        return [*COMMANDS, *super().list_commands(ctx)]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - see Command.load
+        """Return a command with name and help only, for lists of commands."""
+        if found := COMMANDS.get(cmd_name):
+            return TyperCommand(cmd_name, help=found.help)
+        return super().get_command(ctx, cmd_name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401 - see Command.load
+        """Return the command that is called."""
+        if args and (found := COMMANDS.get(args[0])):
+            return args[0], found.load(), args[1:]
+        return super().resolve_command(ctx, args)
+
+
+def _print_version(wanted: bool) -> None:  # noqa: FBT001 - the callback of an option
+    if wanted:
+        typer.echo(f"nena {version('nena-cli')}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
+]
+app = group(
+    Parameter("version", Parameter.KEYWORD_ONLY, default=False, annotation=Version),
+    hidden=False,
+    cls=Commands,
+    help="NeNa: fleets of VDA 5050 robots.",
+)
 
 
 def _passed_on(command: EntryPoint) -> Callable[[typer.Context], None]:
@@ -40,7 +101,7 @@ def _passed_on(command: EntryPoint) -> Callable[[typer.Context], None]:
     return run
 
 
-for each in sorted(entry_points(group=COMMANDS)):
+for each in sorted(entry_points(group=ENTRY_POINTS)):
     app.command(
         each.name,
         help=f"See nena {each.name} --help.",
@@ -50,12 +111,6 @@ for each in sorted(entry_points(group=COMMANDS)):
             "help_option_names": [],
         },
     )(_passed_on(each))
-
-
-@app.callback()
-def root() -> None:
-    """NeNa: fleets of VDA 5050 robots."""
-    log.configure(LogSettings(level="warning"))
 
 
 if __name__ == "__main__":

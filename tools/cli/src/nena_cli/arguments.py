@@ -26,6 +26,8 @@ WITH_HEADING = 3
 def parse_stop(text: str) -> Destination:
     """Parse ``NAME``, ``NAME:OPERATION``, ``@X,Y`` or ``@X,Y,THETA`` (m and rad in the plant frame).
 
+    Without an operation the order service chooses one: MOVE at a point, NOP at a location.
+
     Raises:
         typer.BadParameter: the text has another form.
 
@@ -33,8 +35,8 @@ def parse_stop(text: str) -> Destination:
     if text.startswith(COORDINATE):
         return Destination(coordinate=parse_coordinate(text.removeprefix(COORDINATE)))
     name, colon, operation = text.rpartition(":")
-    if not colon:
-        name, operation = operation, "MOVE"
+    if operation and not colon:
+        return Destination(location_name=operation)
     if not name or not operation:
         message = f"Invalid stop {text!r}: use NAME, NAME:OPERATION or @X,Y,THETA"
         raise typer.BadParameter(message)

@@ -13,7 +13,7 @@ import httpx
 from pydantic import BaseModel, JsonValue, ValidationError
 
 from nena_shared.fleet_api.operations import LIST_VEHICLES, Operation
-from nena_shared.fleet_api.requests import OrderSequencePage, TransportOrderPage, VehicleList
+from nena_shared.fleet_api.requests import OrderSequencePage, Readiness, TransportOrderPage, VehicleList
 from nena_shared.fleet_api.transport_order import Problem
 
 A = TypeVar("A", bound=BaseModel)
@@ -29,6 +29,9 @@ ANSWER_SECONDS = 30.0
 
 SILENCE_SECONDS = 20.0
 """Seconds without data after which an event stream is broken; it has a heartbeat every five seconds."""
+
+
+NOT_ONE = "is not an order service; check the URL"
 
 
 class RefusedError(Exception):
@@ -75,7 +78,11 @@ class Connection:
             content=content,
             headers=headers,
         )
-        return operation.answer.model_validate_json(answer.content)
+        try:
+            return operation.answer.model_validate_json(answer.content)
+        except ValidationError as error:
+            message = f"{answer.url} answered {answer.status_code} and {NOT_ONE}"
+            raise UnreachableError(message) from error
 
     def pages(self, operation: Operation[P], query: Query) -> Iterator[P]:
         """Yield the pages of a list; raises RefusedError and UnreachableError."""
@@ -87,6 +94,20 @@ class Connection:
             after = page.next
             if after is None:
                 return
+
+    def readiness(self) -> dict[str, str]:
+        """Return the state of the order service at each URL, as text."""
+        return {url: self._state_of(url) for url in self._urls}
+
+    def _state_of(self, url: str) -> str:
+        try:
+            answer = self._client.get(f"{url}/readyz")
+            found = Readiness.model_validate_json(answer.content)
+        except httpx.TransportError as error:
+            return f"not reachable: {error}"
+        except ValidationError:
+            return NOT_ONE
+        return ", ".join((found.role, "ready" if found.ready else "not ready", *found.problems))
 
     @contextmanager
     def stream(self, path: str, query: dict[str, str], last_id: str | None) -> Iterator[Iterator[str]]:
@@ -154,7 +175,7 @@ def _problem_of(answer: httpx.Response) -> Problem:
     try:
         return Problem.model_validate_json(answer.content)
     except ValidationError:
-        detail = f"{answer.url} answered {answer.status_code} and is not an order service; check the URL"
+        detail = f"{answer.url} answered {answer.status_code} and {NOT_ONE}"
         return Problem(title="No order service", status=answer.status_code, detail=detail)
 
 

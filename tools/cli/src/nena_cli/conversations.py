@@ -23,10 +23,11 @@ from nena_conversations.message import Sender
 from nena_conversations.recording import Entry, RecordingError, append, new_file, read, read_file
 from nena_conversations.rules import Finding, Severity
 from nena_conversations.show import show as show_conversation
-from nena_shared.settings import ConfigurationError, MqttTlsSettings
+from nena_shared import log
+from nena_shared.settings import ConfigurationError, LogSettings, MqttTlsSettings
 from nena_shared.tasks import TaskFailedError, stop_on_signals
 
-app = typer.Typer(help="Record, replay, show and check VDA 5050 conversations.", no_args_is_help=True)
+app = typer.Typer(no_args_is_help=True, add_completion=False)
 
 T = TypeVar("T")
 
@@ -54,6 +55,7 @@ def tls_options(
     key: Annotated[Path | None, typer.Option(help="Private key of the client certificate (PEM).")] = None,
 ) -> None:
     """Record, replay, show and check conversations between VDA 5050 robots and their fleet control."""
+    log.configure(LogSettings(level="warning"))
     ctx.obj = MqttTlsSettings(ca=ca, certificate=certificate, key=key)
 
 

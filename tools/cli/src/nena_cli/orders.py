@@ -17,8 +17,9 @@ from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import parse_measure, parse_property, parse_stop
 from nena_cli.client import Connection, Event, follow
-from nena_cli.output import REFUSED, echo, fail, print_json
-from nena_cli.service import Service, of_service
+from nena_cli.options import Format, group
+from nena_cli.output import REFUSED, echo, fail, print_objects
+from nena_cli.service import Service, of_service, order_names
 from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api.operations import (
     CREATE_ORDER,
@@ -27,6 +28,7 @@ from nena_shared.fleet_api.operations import (
     LIST_ORDERS,
     RESUME,
     SHOW_ORDER,
+    SHOW_VEHICLE,
     WITHDRAW,
     Operation,
 )
@@ -50,7 +52,7 @@ class Board(Generic[B]):
 
     def __init__(self, model: type[B], table: Callable[[Collection[B]], Table]) -> None:
         self._model: type[B] = model
-        self._table: Callable[[Collection[B]], Table] = table
+        self.table: Callable[[Collection[B]], Table] = table
         self._shown: dict[str, B] = {}
 
     def take(self, event: Event) -> B:
@@ -65,40 +67,34 @@ class Board(Generic[B]):
 
     def __rich__(self) -> Table:
         """Return the table."""
-        return self._table(tuple(self._shown.values()))
+        return self.table(tuple(self._shown.values()))
 
 
-def watch(connection: Connection, board: Board[B], query: dict[str, str], *, as_json: bool) -> Generator[B]:
-    """Show changes and yield them until the caller stops."""
+def watch(connection: Connection, board: Board[B], query: dict[str, str], output: Format) -> Generator[B]:
+    """Redraw a table on a terminal, else print each change; yield the changes until the caller stops."""
+    if output is Format.WIDE:
+        output = Format.TABLE  # its header would be repeated for each change
     events = follow(connection, query, on_break=lambda why: echo(f"nena: reconnecting: {why}", "yellow"))
-    wanted = query["kind"]
-    if as_json:
-        for event in events:
-            if event.kind == wanted:
-                body = board.take(event)
-                print_json(body)
-                yield body
-        return
+    changes = (board.take(event) for event in events if event.kind == query["kind"])
     console = Console()
-    try:
-        with Live(board, console=console, refresh_per_second=8) as live:
-            for event in events:
-                if event.kind == wanted:
-                    body = board.take(event)
-                    live.refresh()
-                    yield body
-    finally:
-        if not console.is_terminal:
-            console.line()  # Live ends its last line on terminals only
+    if output is not Format.TABLE or not console.is_terminal:
+        for body in changes:
+            print_objects(output, (body,), board.table)
+            yield body
+        return
+    with Live(board, console=console, refresh_per_second=8) as live:
+        for body in changes:
+            live.refresh()
+            yield body
 
 
 def _is_over(body: BaseModel) -> bool:
     return isinstance(body, TransportOrderStatus) and body.state.final
 
 
-app = typer.Typer(help="Transport orders.", no_args_is_help=True)
+app = group()
 
-Name = Annotated[str, typer.Argument(help="Name of the order.")]
+Name = Annotated[str, typer.Argument(help="Name of the order.", autocompletion=order_names)]
 By = Annotated[str | None, typer.Option(help="Name of the requester. Unset: the user name.")]
 Version = Annotated[int | None, typer.Option(help="Change only if the order still has this version.")]
 
@@ -145,7 +141,7 @@ def create(
         processing_timeout=processing_timeout,
         idempotency_key=key,
     )
-    body = request.model_dump(mode="json", by_alias=True, exclude_none=True)
+    body = request.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
     with service.connected() as connection:
         print_or_watch(service, connection, connection.call(CREATE_ORDER, body=body), wait=wait)
 
@@ -166,7 +162,10 @@ def list_(
         query: dict[str, str | int | Sequence[str]] = {"state": [each.value for each in state or ()]}
         if vehicle is not None:
             query["intendedVehicle"] = vehicle
-        _print(service, *islice(_orders(connection, query), limit))
+        found = tuple(islice(_orders(connection, query), limit))
+        if vehicle is not None and not found:
+            connection.call(SHOW_VEHICLE, vehicle)  # an unknown one is an error
+        _print(service, *found)
 
 
 @app.command("show")
@@ -193,7 +192,7 @@ def watch_(
             _watch_one(service, connection, name)
             return
         query = {"kind": "transportOrder", **({"vehicle": vehicle} if vehicle else {})}
-        for _ in watch(connection, _board(), query, as_json=service.as_json):
+        for _ in watch(connection, _board(), query, service.output):
             pass
 
 
@@ -288,7 +287,7 @@ def _watch_one(service: Service, connection: Connection, name: str) -> None:
         _print(service, order)
     else:
         query = {"kind": "transportOrder", "transportOrder": name}
-        changes = watch(connection, _board(), query, as_json=service.as_json)
+        changes = watch(connection, _board(), query, service.output)
         order = next(each for each in changes if each.state.final)
         changes.close()
     if order.state is not TransportOrderState.FINISHED:

@@ -18,7 +18,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from nena_cli.output import echo, fail, print_json
+from nena_cli.options import Format
+from nena_cli.output import echo, fail, print_object
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import CHANGE_PLANT
 from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, files, lif, opentcs_xml
@@ -204,7 +205,7 @@ def _severity(finding: Finding) -> str:
     return "error" if finding.is_error else "warning"
 
 
-app = typer.Typer(help="Plant models: openTCS XML, LIF and NeNa's own JSON.", no_args_is_help=True)
+app = typer.Typer(no_args_is_help=True, add_completion=False)
 
 FOUND: Final = 1
 """Exit status if the plant model has errors."""
@@ -307,8 +308,8 @@ def put(
         data = read_bytes(file)
     with service.connected() as connection:
         done = connection.call(CHANGE_PLANT, content=data, query={"check": str(check).lower()})
-    if service.as_json:
-        print_json(done)
+    if service.output is not Format.TABLE:
+        print_object(service.output, done)
         return
     for each in done.warnings:
         echo(each)

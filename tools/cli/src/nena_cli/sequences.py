@@ -12,11 +12,12 @@ from pydantic import JsonValue
 from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.client import Connection, Query
+from nena_cli.options import group
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import COMPLETE_SEQUENCE, CREATE_SEQUENCE, LIST_SEQUENCES, SHOW_SEQUENCE
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus
 
-app = typer.Typer(help="Order sequences.", no_args_is_help=True)
+app = group()
 
 
 Name = Annotated[str, typer.Argument(help="Name of the order sequence.")]

@@ -9,61 +9,55 @@ from functools import wraps
 from http import HTTPStatus
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, Concatenate, Final, ParamSpec, TypeVar
+from typing import Any, Concatenate, Final, ParamSpec, TypeVar
 
 import typer
 from pydantic import BaseModel
 from rich.table import Table
 
 from nena_cli.client import Connection, RefusedError, UnreachableError
-from nena_cli.output import REFUSED, fail, print_json, print_table
+from nena_cli.options import DEFAULT_URL, OPTIONS, Format, option
+from nena_cli.output import REFUSED, fail, print_object, print_objects, print_table
+from nena_shared.fleet_api.operations import LIST_ORDERS, LIST_VEHICLES
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
 
 M = TypeVar("M", bound=BaseModel)
 P = ParamSpec("P")
 
-DEFAULT_URL: Final = "http://127.0.0.1:55200"
-
-Urls = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--url",
-        envvar="NENA_URL",
-        help="URL of the order service; repeatable for a standby.",
-        show_default=DEFAULT_URL,
-    ),
-]
-Token = Annotated[
-    str | None,
-    typer.Option("--token", envvar="NENA_TOKEN", help="Access token; prefer the environment variable."),
-]
-TokenFile = Annotated[Path | None, typer.Option("--token-file", help="File that contains the token.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON as in the REST API.")]
-
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """An order service, and whether its answers are printed as tables or JSON."""
+    """An order service, and the format in which its answers are printed."""
 
     urls: Sequence[str]
     token: str | None
     token_file: Path | None
-    as_json: bool
+    output: Format
 
     @contextmanager
     def connected(self) -> Iterator[Connection]:
         """Connect; report an error in one line and exit."""
         try:
-            connection = Connection(self.urls, self._token())
-            try:
+            with self.opened() as connection:
                 yield connection
-            finally:
-                connection.close()
         except RefusedError as error:
             fail(self._explain(error), REFUSED)
+        except BrokenPipeError:
+            raise  # Typer exits quietly: the reader of standard output, such as head, has gone
         except (UnreachableError, OSError) as error:
             fail(f"Cannot connect to the order service. Set --url or NENA_URL.\n{error}")
         except KeyboardInterrupt as error:
             raise typer.Exit(0) from error
+
+    @contextmanager
+    def opened(self) -> Iterator[Connection]:
+        """Connect; raises RefusedError, UnreachableError and OSError."""
+        connection = Connection(self.urls, self._token())
+        try:
+            yield connection
+        finally:
+            connection.close()
 
     def _explain(self, error: RefusedError) -> str:
         """Return the order service's text, or a hint about the token options."""
@@ -72,47 +66,76 @@ class Service:
         return str(error)
 
     def print_one(self, found: BaseModel, *tables: Table) -> None:
-        """Print one object: as tables, or as a line of JSON."""
-        if self.as_json:
-            print_json(found)
-        else:
+        """Print one object; ``tables`` show it to people."""
+        if self.output in (Format.TABLE, Format.WIDE):
             for each in tables:
-                print_table(each)
+                print_table(each, wide=self.output is Format.WIDE)
+        else:
+            print_object(self.output, found)
 
     def print_all(self, found: Sequence[M], table: Callable[[Sequence[M]], Table]) -> None:
-        """Print several objects: as a table, or as a line of JSON each."""
-        if self.as_json:
-            for each in found:
-                print_json(each)
-        else:
-            print_table(table(found))
+        """Print several objects; ``table`` makes the table of them."""
+        print_objects(self.output, found, table)
 
     def _token(self) -> str | None:
         return self.token_file.read_text(encoding="utf-8").strip() if self.token_file else self.token
 
 
-_OPTIONS: Final = tuple(
-    Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-    for name, default, annotation in (
-        ("url", None, Urls),
-        ("token", None, Token),
-        ("token_file", None, TokenFile),
-        ("as_json", False, AsJson),
-    )
-)
+NAMES_COMPLETED: Final = 200
+"""Orders that completion offers, the newest first."""
+
+_CONTEXT: Final = Parameter("context", Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
 
 
 def of_service(command: Callable[Concatenate[Service, P], None]) -> Callable[..., None]:
     """Turn a function of a Service into a command with the options that select the service."""
 
     @wraps(command)
-    def run(**given: Any) -> None:  # noqa: ANN401 - the command's own, and those of the service
-        url, token, token_file, as_json = (given.pop(each.name) for each in _OPTIONS)
+    def run(context: typer.Context, **given: Any) -> None:  # noqa: ANN401 - the command's own options
+        own = {name: value for name, value in given.items() if name not in {each.name for each in OPTIONS}}
         done: Callable[..., None] = command
-        done(Service(url or [DEFAULT_URL], token, token_file, as_json), **given)
+        done(service_of(context), **own)
 
     own = [*signature(command, eval_str=True).parameters.values()][1:]
     # Typer builds the command line from this signature.
-    run.__signature__ = Signature([*own, *_OPTIONS])  # type: ignore[attr-defined]
-    run.__annotations__ = {each.name: each.annotation for each in (*own, *_OPTIONS)}
+    run.__signature__ = Signature([_CONTEXT, *own, *OPTIONS])  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in (_CONTEXT, *own, *OPTIONS)}
     return run
+
+
+def service_of(context: typer.Context) -> Service:
+    """Return the service that the options select; those nearest to the command's name win."""
+    as_json = option(context, "as_json")
+    return Service(
+        option(context, "url") or [DEFAULT_URL],
+        option(context, "token"),
+        option(context, "token_file"),
+        Format.JSON if as_json else option(context, "output") or Format.TABLE,
+    )
+
+
+def vehicle_names(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of vehicles for the shell's completion; empty if no order service answers."""
+    return _completions(context, incomplete, lambda connection: connection.call(LIST_VEHICLES).vehicles)
+
+
+def order_names(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of the newest orders for the shell's completion, as :func:`vehicle_names`."""
+    query = {"limit": NAMES_COMPLETED}
+    return _completions(
+        context,
+        incomplete,
+        lambda connection: connection.call(LIST_ORDERS, query=query).transport_orders,
+    )
+
+
+def _completions(
+    context: typer.Context,
+    incomplete: str,
+    list_: Callable[[Connection], Sequence[VehicleStatus | TransportOrderStatus]],
+) -> list[str]:
+    try:
+        with service_of(context).opened() as connection:
+            return [each.name for each in list_(connection) if each.name.startswith(incomplete)]
+    except (RefusedError, UnreachableError, OSError):
+        return []

@@ -113,10 +113,7 @@ def vehicles_table(vehicles: Iterable[VehicleStatus], fleet: Iterable[VehicleSta
     """
     shown = tuple(vehicles)
     known = {vehicle.name: vehicle for vehicle in (*shown, *fleet)}
-    stuck = {name for name, vehicle in known.items() if vehicle.state in STUCK}
-    chains = wait_chains(
-        {name: vehicle.wait.vehicles for name, vehicle in known.items() if vehicle.wait}, stuck
-    )
+    chains = vehicle_chains(known)
     table = Table("vehicle", "state", "connection", "position", "energy", "order", "reason")
     if chains:
         table.add_column("waits for")
@@ -136,6 +133,12 @@ def vehicles_table(vehicles: Iterable[VehicleStatus], fleet: Iterable[VehicleSta
             *([_maps(vehicle)] if vehicle.maps else []),
         )
     return table
+
+
+def vehicle_chains(fleet: Mapping[str, VehicleStatus]) -> dict[str, WaitChain]:
+    """Return the chain of each waiting vehicle of the fleet, by name."""
+    stuck = {name for name, vehicle in fleet.items() if vehicle.state in STUCK}
+    return wait_chains({name: each.wait.vehicles for name, each in fleet.items() if each.wait}, stuck)
 
 
 def _vehicle_state(vehicle: VehicleStatus) -> Text:

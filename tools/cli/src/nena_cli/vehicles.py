@@ -12,9 +12,10 @@ from pydantic import JsonValue
 from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import COORDINATE, parse_coordinate
+from nena_cli.options import group
 from nena_cli.orders import Board, print_or_watch, watch
 from nena_cli.output import REFUSED, fail
-from nena_cli.service import Service, of_service
+from nena_cli.service import Service, of_service, vehicle_names
 from nena_shared.clock import iso
 from nena_shared.fleet_api.operations import (
     DISPATCH,
@@ -34,10 +35,10 @@ from nena_shared.vda5050.action import (
     ActionStatus,
 )
 
-app = typer.Typer(help="Vehicles.", no_args_is_help=True)
+app = group()
 
 
-Name = Annotated[str, typer.Argument(help="Name of the vehicle.")]
+Name = Annotated[str, typer.Argument(help="Name of the vehicle.", autocompletion=vehicle_names)]
 
 
 @app.command("list")
@@ -80,7 +81,7 @@ def watch_(
     with service.connected() as connection:
         if name is not None:
             connection.call(SHOW_VEHICLE, name)
-        for _ in watch(connection, board, query, as_json=service.as_json):
+        for _ in watch(connection, board, query, service.output):
             pass
 
 

@@ -9,12 +9,13 @@ import typer
 from pydantic_core import from_json
 
 from nena_cli import tables
+from nena_cli.options import group
 from nena_cli.output import fail
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import DELETE_ZONE_SET, ENABLE_ZONE_SET, LIST_ZONE_SETS, PUT_ZONE_SET
 from nena_shared.fleet_api.plant import ZoneSetStatus
 
-app = typer.Typer(help="Zone sets (VDA 5050 3.0).", no_args_is_help=True)
+app = group()
 
 Name = Annotated[str, typer.Argument(help="zoneSetId of the zone set.")]
 

@@ -18,7 +18,7 @@ from nena_order_service.fleet.robot import LinkStatus, RobotView, VdaOrderPhase
 from nena_order_service.fleet.vda_order import order_id, unique_id
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
-from nena_order_service.orders.validation import check_request
+from nena_order_service.orders.validation import check_request, set_operations
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.requests import FleetSummary
@@ -136,6 +136,7 @@ class HostRequests:
             InvalidRequestError: the request does not fit the plant model.
 
         """
+        request = set_operations(request, self._engine.plant)
         check_request(request, self._engine.plant, self._engine.registry.names())
         name, complete = request.name or ORDER_PREFIX, request.name is None or request.incomplete_name
         if complete:

@@ -56,6 +56,24 @@ def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: C
     )
 
 
+def set_operations(request: TransportOrderRequest, plant: PlantModel) -> TransportOrderRequest:
+    """Return the request with NOP at locations without an operation, unless MOVE is possible there."""
+    destinations = tuple(_set_operation(each, plant) for each in request.destinations)
+    return request.model_copy(update={"destinations": destinations})
+
+
+def _set_operation(destination: Destination, plant: PlantModel) -> Destination:
+    name = destination.location_name
+    if (
+        "operation" in destination.model_fields_set
+        or name is None
+        or name not in plant.locations_by_name
+        or plant.access_points(name, MOVE)
+    ):
+        return destination
+    return destination.model_copy(update={"operation": NO_OPERATION})
+
+
 def check_order(order: TransportOrderStatus, plant: PlantModel) -> None:
     """Raise InvalidRequestError if the rest of an existing order no longer fits the plant, locks aside."""
     left = order.drive_orders[max(order.current_drive_order_index, 0) :]

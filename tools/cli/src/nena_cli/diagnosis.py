@@ -1,0 +1,292 @@
+"""``nena status`` and ``nena explain``: what runs, what is wrong, why something waits, and what to do."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from typing import Annotated, Final, TypeVar
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from nena_cli.client import Connection, RefusedError
+from nena_cli.output import REFUSED
+from nena_cli.service import Service, of_service
+from nena_cli.tables import STATE_STYLES, STUCK, VEHICLE_STYLES, vehicle_chains
+from nena_shared.fleet_api.base import Resource
+from nena_shared.fleet_api.operations import LIST_ORDERS, LIST_VEHICLES, SHOW_ORDER
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
+from nena_shared.fleet_api.wait_chains import chain_from
+
+RECENT: Final = timedelta(hours=1)
+"""Age up to which a failed order is reported."""
+SHOWN: Final = 5
+"""Vehicles and orders that need a person and are listed; the others are counted."""
+DEEPEST: Final = 20
+"""Dependencies followed from one order to the next."""
+OPEN: Final = tuple(each for each in TransportOrderState if not each.final)
+"""States of unfinished orders."""
+GONE: Final = ("OFFLINE", "CONNECTION_BROKEN", "SILENT")
+CONTROLLED: Final = (None, "AUTOMATIC", "SEMIAUTOMATIC")
+"""Operating modes in which fleet control commands a robot (VDA 5050 6.10.6; None: not reported)."""
+STYLES: Final[dict[str, str]] = {
+    **{each.value: style for each, style in STATE_STYLES.items()},
+    **{each.value: style for each, style in VEHICLE_STYLES.items()},
+    "WAITING": "yellow",
+    "HELD": "yellow",
+    "LATE": "red",
+}
+
+S = TypeVar("S", TransportOrderState, VehicleState)
+
+
+class Attention(Resource):
+    """A vehicle, an order or a service that needs a person."""
+
+    name: str
+    state: str
+    reason: str
+    waiting_behind: int = 0
+    """Vehicles that wait for this one, directly or indirectly."""
+    advice: str
+
+
+class StatusReport(Resource):
+    """What ``nena status`` reports."""
+
+    services: dict[str, str]
+    """State of the order service at each URL."""
+    vehicles: dict[VehicleState, int]
+    waiting_vehicles: int
+    """Vehicles that wait for others."""
+    orders: dict[TransportOrderState, int]
+    """Unfinished orders."""
+    attention: tuple[Attention, ...]
+    """What needs a person, the most urgent first."""
+
+
+class Step(Resource):
+    """One link of an explanation: an order or a vehicle, its state and why."""
+
+    name: str
+    state: str
+    reason: str
+
+
+class Explanation(Resource):
+    """Why an order or a vehicle is waiting: from itself to the root of the matter."""
+
+    name: str
+    steps: tuple[Step, ...]
+    advice: str
+
+
+@of_service
+def status(service: Service) -> None:
+    """Show what runs, what is wrong and what to do; status 1 if something needs a person."""
+    with service.connected() as connection:
+        services = connection.readiness()
+        vehicles = connection.call(LIST_VEHICLES).vehicles
+        orders = [
+            order
+            for page in connection.pages(LIST_ORDERS, {"state": [each.value for each in OPEN]})
+            for order in page.transport_orders
+        ]
+        failed = connection.call(LIST_ORDERS, query={"state": "FAILED", "limit": 50}).transport_orders
+    report = report_of(services, vehicles, (*orders, *failed), now=datetime.now(UTC))
+    service.print_one(report, *_status_tables(report))
+    if report.attention:
+        raise typer.Exit(REFUSED)
+
+
+@of_service
+def explain(
+    service: Service, name: Annotated[str, typer.Argument(help="Name of the order or the vehicle.")]
+) -> None:
+    """Show why an order or a vehicle is waiting, link by link to the root, and what to do."""
+    with service.connected() as connection:
+        fleet = {each.name: each for each in connection.call(LIST_VEHICLES).vehicles}
+        found = explain_vehicle(name, fleet) if name in fleet else _explain_order(connection, name, fleet)
+    service.print_one(found, *_explanation_tables(found))
+
+
+def report_of(
+    services: Mapping[str, str],
+    vehicles: Sequence[VehicleStatus],
+    orders: Sequence[TransportOrderStatus],
+    now: datetime,
+) -> StatusReport:
+    """Return what runs and what needs a person."""
+    known = {each.name: each for each in vehicles}
+    chains = vehicle_chains(known)
+    behind = Counter(chain.head for chain in chains.values())
+    stuck = sorted(
+        (each for each in vehicles if _needs_a_person(each)),
+        key=lambda each: (-behind[each.name], each.state is not VehicleState.ERROR, each.name),
+    )
+    circles = sorted({chain.circle for chain in chains.values() if chain.circle})
+    return StatusReport(
+        services=dict(services),
+        vehicles=Counter(each.state for each in vehicles),
+        waiting_vehicles=len(chains),
+        orders=Counter(each.state for each in orders if not each.state.final),
+        attention=(
+            *(_of_vehicle(each, behind[each.name]) for each in stuck),
+            *(
+                Attention(name=each[0], state="WAITING", reason=_circle(each), advice=_leave_circle(each))
+                for each in circles
+            ),
+            *(found for each in orders if (found := _of_order(each, now))),
+        ),
+    )
+
+
+def explain_vehicle(name: str, fleet: Mapping[str, VehicleStatus]) -> Explanation:
+    """Return why a vehicle waits, from the vehicle to the head of its queue; ``fleet`` contains it."""
+    chains = vehicle_chains(fleet)
+    names = chain_from(name, chains)
+    chain = chains.get(name)
+    steps = tuple(_vehicle_step(fleet[each]) for each in names if each in fleet)
+    if chain and chain.circle:
+        return Explanation(name=name, steps=steps, advice=_leave_circle(chain.circle))
+    head = fleet.get(names[-1])
+    return Explanation(name=name, steps=steps, advice=_advice(head) if head else "")
+
+
+def explain_order(orders: Sequence[TransportOrderStatus], fleet: Mapping[str, VehicleStatus]) -> Explanation:
+    """Return why the first order waits; each further one is what the order before it depends on."""
+    last = orders[-1]
+    steps = [Step(name=each.name, state=each.state, reason=each.reason) for each in orders]
+    vehicle = last.processing_vehicle
+    if last.held:
+        advice = f"nena orders resume {last.name}"
+    elif vehicle is not None and vehicle in fleet:
+        found = explain_vehicle(vehicle, fleet)
+        steps += found.steps
+        advice = found.advice
+    else:
+        advice = ""
+    return Explanation(name=orders[0].name, steps=tuple(steps), advice=advice)
+
+
+def _explain_order(connection: Connection, name: str, fleet: Mapping[str, VehicleStatus]) -> Explanation:
+    """Read the order and the unfinished ones that it depends on; raises RefusedError."""
+    orders = [connection.call(SHOW_ORDER, name)]
+    while len(orders) < DEEPEST and not orders[-1].state.final:
+        awaited = _first_unfinished(connection, orders[-1].dependencies)
+        if awaited is None:
+            break
+        orders.append(awaited)
+    return explain_order(orders, fleet)
+
+
+def _first_unfinished(connection: Connection, names: Sequence[str]) -> TransportOrderStatus | None:
+    for name in names:
+        try:
+            order = connection.call(SHOW_ORDER, name)
+        except RefusedError:
+            continue  # deleted since
+        if not order.state.final:
+            return order
+    return None
+
+
+def _vehicle_step(vehicle: VehicleStatus) -> Step:
+    waits = vehicle.wait is not None and vehicle.state not in STUCK
+    reason = vehicle.wait.reason if vehicle.wait and waits else vehicle.reason
+    state = "WAITING" if waits else vehicle.state
+    return Step(name=vehicle.name, state=state, reason="; ".join(filter(None, (reason, *vehicle.errors))))
+
+
+def _needs_a_person(vehicle: VehicleStatus) -> bool:
+    return vehicle.state in STUCK and vehicle.connection != "HIBERNATING"
+
+
+def _of_vehicle(vehicle: VehicleStatus, behind: int) -> Attention:
+    step = _vehicle_step(vehicle)
+    return Attention(
+        name=step.name,
+        state=step.state,
+        reason=step.reason,
+        waiting_behind=behind,
+        advice=_advice(vehicle),
+    )
+
+
+def _of_order(order: TransportOrderStatus, now: datetime) -> Attention | None:
+    recent = order.finished is not None and now - order.finished <= RECENT
+    if order.held:
+        state, advice = "HELD", f"nena orders resume {order.name}"
+    elif order.state is TransportOrderState.FAILED and recent:
+        state, advice = "FAILED", f"nena orders show {order.name}"
+    elif order.late and not order.state.final:
+        state, advice = "LATE", f"nena explain {order.name}"
+    else:
+        return None
+    return Attention(name=order.name, state=state, reason=order.reason, advice=advice)
+
+
+def _advice(vehicle: VehicleStatus) -> str:
+    """Return what to do about a vehicle that stands; empty if it does not need a person."""
+    if vehicle.connection in GONE:
+        return "Check the robot's power, its network and its edge agent."
+    if vehicle.connection == "UNKNOWN":
+        return "Start its edge agent; check broker, manufacturer, serial number and VDA 5050 version."
+    if vehicle.operating_mode not in CONTROLLED:
+        return "Switch the robot to AUTOMATIC."
+    if vehicle.state in STUCK:
+        return f"Go to the robot. Details: nena vehicles show {vehicle.name}"
+    return ""
+
+
+def _circle(names: Sequence[str]) -> str:
+    return f"in a circle of waiting vehicles: {', '.join(names)}"
+
+
+def _leave_circle(names: Sequence[str]) -> str:
+    return f"nena vehicles reroute {names[0]} --forced"
+
+
+def _status_tables(report: StatusReport) -> tuple[Table, ...]:
+    rows = [
+        *(("order service", f"{url}: {state}") for url, state in report.services.items()),
+        ("vehicles", _counts(report.vehicles, f"{report.waiting_vehicles} waiting for others")),
+        ("open orders", _counts(report.orders)),
+    ]
+    summary = Table.grid(padding=(0, 2))
+    for name, text in rows:
+        summary.add_row(Text(name, style="dim"), Text(text))
+    if not report.attention:
+        summary.add_row(Text("needs attention", style="dim"), Text("nothing", style="green"))
+        return (summary,)
+    table = Table("needs attention", "state", "reason", "what to do", box=None, padding=(0, 2, 0, 0))
+    for each in report.attention[:SHOWN]:
+        behind = f" ({each.waiting_behind} wait behind it)" if each.waiting_behind else ""
+        table.add_row(Text(each.name), _state(each.state), Text(each.reason + behind), Text(each.advice))
+    if len(report.attention) > SHOWN:
+        more = f"and {len(report.attention) - SHOWN} more"
+        table.add_row(*map(Text, (more, "", "", "nena status -o json")))
+    return summary, table
+
+
+def _explanation_tables(found: Explanation) -> tuple[Table, ...]:
+    steps = Table.grid(padding=(0, 2))
+    for depth, each in enumerate(found.steps):
+        steps.add_row(Text("  " * depth + each.name), _state(each.state), Text(each.reason))
+    if found.advice:
+        steps.add_row(Text("what to do", style="dim"), Text(""), Text(found.advice))
+    return (steps,)
+
+
+def _state(state: str) -> Text:
+    return Text(state, style=STYLES.get(state, ""))
+
+
+def _counts(by_state: Mapping[S, int], *more: str) -> str:
+    """Return ``12: 8 EXECUTING, 4 IDLE``."""
+    parts = (*(f"{by_state[state]} {state}" for state in sorted(by_state)), *more)
+    total = sum(by_state.values())
+    return f"{total}: {', '.join(parts)}" if total else "none"

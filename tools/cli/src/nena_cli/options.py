@@ -1,0 +1,96 @@
+"""Options that select the order service and the output format; light enough for every start."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from inspect import Parameter, Signature
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+
+DEFAULT_URL: Final = "http://127.0.0.1:55200"
+
+
+class Format(StrEnum):
+    """Format of what a command prints."""
+
+    TABLE = "table"
+    """A table that fits the terminal; into a pipe, rows of values separated by tabs, without a header."""
+    WIDE = "wide"
+    """A table with a header and without line breaks in its rows, also into a pipe."""
+    JSON = "json"
+    """A line of JSON per object, as in the REST API."""
+    YAML = "yaml"
+    """A YAML document per object."""
+    NAME = "name"
+    """The name of each object."""
+
+
+PANEL: Final = "Order service and output"
+"""Heading of these options in the help of a command."""
+
+
+def _options(*, hidden: bool) -> tuple[Parameter, ...]:
+    """Return the options as parameters of a Typer command."""
+
+    def described(*names: str, **more: Any) -> Any:  # noqa: ANN401 - Typer's own type
+        return typer.Option(*names, hidden=hidden, rich_help_panel=PANEL, **more)
+
+    url = described(
+        "--url",
+        envvar="NENA_URL",
+        metavar="URL",
+        help="URL of the order service; repeatable for a standby.",
+        show_default=DEFAULT_URL,
+    )
+    token = described(
+        "--token", envvar="NENA_TOKEN", metavar="TEXT", help="Access token; prefer the environment variable."
+    )
+    file = described("--token-file", metavar="FILE", help="File that contains the token.")
+    output = described(
+        "--output",
+        "-o",
+        metavar="|".join(Format),
+        help="Output format; into a pipe, table prints values between tabs.",
+    )
+    return tuple(
+        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, each])
+        for name, kind, default, each in (
+            ("url", list[str] | None, None, url),
+            ("token", str | None, None, token),
+            ("token_file", Path | None, None, file),
+            ("output", Format, Format.TABLE, output),
+            ("as_json", bool, False, described("--json", help="Same as -o json.")),
+        )
+    )
+
+
+OPTIONS: Final = _options(hidden=False)
+
+
+def group(*more: Parameter, hidden: bool = True, **settings: Any) -> typer.Typer:  # noqa: ANN401 - of Typer
+    """Return a group of commands that takes the options also before a command's name.
+
+    ``more`` are further options of the group, handled by their own callbacks. The help of the group shows
+    the options unless they are ``hidden``.
+    """
+
+    def callback(**_: Any) -> None:  # noqa: ANN401 - the command reads them from its context
+        return
+
+    options = (*_options(hidden=hidden), *more)
+    callback.__signature__ = Signature(options)  # type: ignore[attr-defined]
+    callback.__annotations__ = {each.name: each.annotation for each in options}
+    return typer.Typer(no_args_is_help=True, callback=callback, add_completion=not hidden, **settings)
+
+
+def option(context: typer.Context, name: str) -> Any:  # noqa: ANN401 - of any type
+    """Return an option's value: from the command line, that nearest to the command, or the default."""
+    at: Any = context
+    while at is not None:
+        source = at.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            return at.params[name]
+        at = at.parent
+    return context.params.get(name)
