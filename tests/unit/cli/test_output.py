@@ -4,7 +4,7 @@ import json
 
 import pytest
 import typer
-import yaml
+import yaml  # type: ignore[import-untyped]
 from rich.table import Table
 from rich.text import Text
 
