@@ -109,8 +109,10 @@ def test_stored_order_is_checked_against_a_changed_plant() -> None:
 
 
 def test_a_location_without_an_operation_is_only_driven_to() -> None:
-    wanted = set_operations(request("Storage", "Middle 1", "Goods in:Load cargo"), PLANT)
+    places = ({"locationName": "Storage"}, {"locationName": "Middle 1"}, {"coordinate": {"x": 1, "y": 2}})
+    given = TransportOrderRequest.model_validate({"destinations": places})
+    wanted = set_operations(given, PLANT)
     check_request(wanted, PLANT, VEHICLES)
-    assert [each.operation for each in wanted.destinations] == ["NOP", "MOVE", "Load cargo"]
+    assert [each.operation for each in wanted.destinations] == ["NOP", "MOVE", "MOVE"]
     refused, _ = findings(set_operations(request("Storage:MOVE"), PLANT))
     assert "operation 'MOVE' is not possible" in refused[0]
