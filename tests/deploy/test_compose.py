@@ -94,11 +94,7 @@ def test_commands_need_the_token(compose: Compose) -> None:
 
 async def test_panel_and_prometheus_see_the_robots(healthy: Compose) -> None:
     fleet = await until(
-        lambda: (
-            (found := read(f"{healthy.url('PANEL_PORT')}/api/v1/fleet", **healthy.login))
-            and found["robots"]
-            and found
-        )
+        lambda: (found := healthy.read("PANEL_PORT", "/api/v1/fleet")) and found["robots"] and found
     )
     assert {robot["serialNumber"] for robot in fleet["robots"]} >= {"robot-01", "robot-02"}
     url = f"{healthy.url('PROMETHEUS_PORT')}/api/v1/targets"

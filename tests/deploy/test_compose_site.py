@@ -6,10 +6,11 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 
 from nena_shared.settings import MqttSettings, MqttTlsSettings
-from support.compose import BUILD_SECONDS, Compose, skip_without_docker
+from support.compose import BUILD_SECONDS, Compose, read, skip_without_docker
 from support.guides import commands
 from support.running_site import Client, connected, identity_in
 from support.waiting import until
@@ -92,6 +93,38 @@ async def test_removed_client_is_rejected(healthy: Compose, tmp_path: Path) -> N
     async with connected(client_at(healthy, "MQTTS_PORT", identity_in(stolen))) as gone:
         await until(lambda: gone.link.state.last_error, what="it is told why")
         assert gone.link.state.connects == 0
+
+
+@pytest.mark.parametrize("port", ["REST_PORT", "PANEL_PORT"])
+@pytest.mark.usefixtures("healthy")
+def test_no_service_answers_plain_http(compose: Compose, port: str) -> None:
+    with pytest.raises(httpx.TransportError):
+        httpx.get(f"http://127.0.0.1:{compose.ports[port]}/healthz", headers=compose.login, timeout=10.0)
+
+
+@pytest.mark.usefixtures("healthy")
+def test_commands_of_the_panel_reach_the_order_service(compose: Compose) -> None:
+    body = {"destinations": [{"locationName": "Packing", "operation": "Load cargo"}]}
+    answer = httpx.post(
+        f"{compose.url('PANEL_PORT')}/api/v1/control/transportOrders",
+        json=body,
+        headers=compose.login | {"origin": compose.url("PANEL_PORT")},
+        timeout=30.0,
+        verify=compose.trust,
+    )
+    assert answer.is_success, answer.text
+    assert compose.order(answer.json()["name"])
+
+
+async def test_prometheus_reads_both_services_by_https(healthy: Compose) -> None:
+    url = f"{healthy.url('PROMETHEUS_PORT')}/api/v1/targets"
+
+    def up() -> set[str]:
+        targets = (read(url) or {"data": {"activeTargets": []}})["data"]["activeTargets"]
+        return {each["scrapeUrl"] for each in targets if each["health"] == "up"}
+
+    wanted = {"https://order-service:55200/metrics", "https://status-aggregator:8080/metrics"}
+    await until(lambda: up() == wanted, timeout=60, what=f"{wanted} are up")
 
 
 @pytest.mark.parametrize("service", sorted(SERVICES))

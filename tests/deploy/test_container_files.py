@@ -22,6 +22,8 @@ import yaml  # type: ignore[import-untyped]  # its stubs would be one more depen
 
 from nena_shared.web.settings import HttpSettings
 from support.certificates import Authority, Files
+from support.compose import names_certified, site_environment
+from support.guides import commands
 from support.waiting import PATIENCE
 
 ROOT = Path(__file__).parents[2]
@@ -134,6 +136,49 @@ def test_site_opens_one_port_and_keeps_the_restrictions() -> None:
         "broker": ["${MQTTS_ADDRESS:-0.0.0.0}:${MQTTS_PORT:-8883}:8883"]
     }
     assert all(volume.endswith(":ro") for each in site.values() for volume in each["volumes"])
+
+
+def folders_of_site(name: str) -> dict[str, str]:
+    """Return the source of each place that the site's file mounts, by that place."""
+    site = yaml.safe_load((ROOT / "docker-compose.site.yml").read_text())["services"]
+    return {place: source for source, place, _ in (each.rsplit(":", 2) for each in site[name]["volumes"])}
+
+
+@pytest.mark.parametrize(("name", "port"), [("order-service", 55200), ("status-aggregator", 8080)])
+def test_no_token_crosses_a_sites_containers_unencrypted(name: str, port: int) -> None:
+    guide = commands("installation.md", "$SITE --host")
+    values, folders = site_environment(name), folders_of_site(name)
+
+    assert set(names_certified(name)) == {name, "127.0.0.1"}
+    assert not [value for value in values.values() if "http://" in str(value)]
+    assert folders["/etc/nena/https"] == f"${{SITE}}/https/{name}"
+    for setting in ("TLS_CERTIFICATE", "TLS_KEY"):
+        assert values[f"NENA_HTTP__{setting}"].startswith("/etc/nena/https/")
+    assert re.search(r"^chown -R 10001 .*\$SITE/https$", guide, re.MULTILINE), "the services may read it"
+
+    scraped = yaml.safe_load((ROOT / "deploy/containers/prometheus.site.yml").read_text())
+    (job,) = [each for each in scraped["scrape_configs"] if each["job_name"] == f"nena-{name}"]
+    assert job["scheme"] == "https"
+    assert job["static_configs"] == [{"targets": [f"{name}:{port}"]}]
+    assert f"/etc/prometheus/{job['tls_config']['ca_file']}" in folders_of_site("prometheus")
+
+
+def test_the_panel_of_a_site_verifies_the_order_service() -> None:
+    values = site_environment("status-aggregator")
+
+    assert values["NENA_ORDER_SERVICE__URL"] == "https://order-service:55200"
+    assert values["NENA_ORDER_SERVICE__CA"].startswith("/etc/nena/https/")
+
+
+def test_prometheus_of_a_site_differs_by_https_only() -> None:
+    plain, site = (
+        yaml.safe_load((ROOT / "deploy/containers" / name).read_text())
+        for name in ("prometheus.yml", "prometheus.site.yml")
+    )
+    for job in site["scrape_configs"]:
+        del job["scheme"], job["tls_config"]
+
+    assert site == plain
 
 
 def test_profiles_contain_the_documented_services() -> None:

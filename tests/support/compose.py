@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import secrets
 import shutil
+import ssl
 import subprocess
 import sys
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+import yaml  # type: ignore[import-untyped]  # its stubs would be one more dependency
 
 from support.broker import free_port
 from support.guides import commands
@@ -21,6 +25,7 @@ from support.waiting import until
 
 ROOT = Path(__file__).parents[2]
 BASES = ("python:3.13-slim", "eclipse-mosquitto:2", "postgres:17", "prom/prometheus")
+SERVED_BY_NENA = ("REST_PORT", "PANEL_PORT")
 PORTS = ("MQTT_PORT", "MQTTS_PORT", "REST_PORT", "PANEL_PORT", "PROMETHEUS_PORT")
 IN_POSTGRESQL = {
     "HISTORY_URL": "postgresql+psycopg://nena@postgres/nena",
@@ -55,6 +60,7 @@ class Compose:
         self.name = f"nena-test-{secrets.token_hex(4)}"
         self.password = secrets.token_hex(16)
         self._token = ""
+        self._site = Path(variables["SITE"]) if "SITE" in variables else None
         self._environment = {
             **os.environ,
             "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
@@ -95,7 +101,17 @@ class Compose:
 
     def url(self, port: str) -> str:
         """Return the address of a door by the name of its port variable."""
-        return f"http://127.0.0.1:{self.ports[port]}"
+        scheme = "https" if self._site and port in SERVED_BY_NENA else "http"
+        return f"{scheme}://127.0.0.1:{self.ports[port]}"
+
+    @cached_property
+    def trust(self) -> ssl.SSLContext:
+        """What trusts the certificates of a site's services."""
+        return ssl.create_default_context(cafile=self._site / "broker" / "ca.pem" if self._site else None)
+
+    def read(self, port: str, path: str) -> Any:
+        """Return the JSON at a path of REST or panel, as a user; None while there is none."""
+        return read(f"{self.url(port)}{path}", self.trust, **self.login)
 
     def containers(self) -> dict[str, dict[str, Any]]:
         """Return Docker's description of each container, by the service's name."""
@@ -145,7 +161,11 @@ class Compose:
         """Create a transport order from locations and operations; return its name."""
         body = {"destinations": [{"locationName": place, "operation": done} for place, done in destinations]}
         answer = httpx.post(
-            f"{self.url('REST_PORT')}/v1/transportOrders", json=body, headers=self.login, timeout=10.0
+            f"{self.url('REST_PORT')}/v1/transportOrders",
+            json=body,
+            headers=self.login,
+            timeout=10.0,
+            verify=self.trust,
         )
         assert answer.is_success, answer.text
         name: str = answer.json()["name"]
@@ -153,9 +173,7 @@ class Compose:
 
     def order(self, name: str) -> dict[str, Any] | None:
         """Return a transport order, or None while the order service does not answer."""
-        order: dict[str, Any] | None = read(
-            f"{self.url('REST_PORT')}/v1/transportOrders/{name}", **self.login
-        )
+        order: dict[str, Any] | None = self.read("REST_PORT", f"/v1/transportOrders/{name}")
         return order
 
     def logs(self) -> str:
@@ -167,10 +185,25 @@ class Compose:
         self.run("--profile", "demo", "--profile", "postgres", "down", "--volumes", "--remove-orphans")
 
 
-def read(url: str, **headers: str) -> Any:
+def site_environment(service: str) -> dict[str, Any]:
+    """Return a service's environment by the files for a site, as docker-compose merges them."""
+    found: dict[str, Any] = {}
+    for name in ("docker-compose.yml", "docker-compose.site.yml"):
+        found |= yaml.safe_load((ROOT / name).read_text())["services"][service]["environment"]
+    return found
+
+
+def names_certified(service: str) -> tuple[str, ...]:
+    """Return the names for which the guide makes a service's HTTPS certificate."""
+    guide = commands("installation.md", "$SITE --host")
+    (hosts,) = re.findall(rf"^nena-deploy https \$SITE {service} (.*)$", guide, re.MULTILINE)
+    return tuple(re.findall(r"--host (\S+)", hosts))
+
+
+def read(url: str, trust: ssl.SSLContext | bool = True, **headers: str) -> Any:  # noqa: FBT001, FBT002 - httpx's
     """Return the JSON at a URL, or None while there is none."""
     try:
-        answer = httpx.get(url, headers=headers, timeout=5.0)
+        answer = httpx.get(url, headers=headers, timeout=5.0, verify=trust)
     except httpx.HTTPError:
         return None
     return answer.json() if answer.is_success else None

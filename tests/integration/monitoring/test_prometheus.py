@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -18,6 +19,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_status_aggregator.settings import HistorySettings
 from support.broker import Broker, MqttPeer
+from support.certificates import Authority
 from support.fleet_examples import ROBOT, START, connection, order_status, position, state, way
 from support.order_service_fleet import Fleet, running
 from support.prometheus import CONFIGURATION, Prometheus, eventually, program
@@ -41,6 +43,15 @@ def promtool(*arguments: str) -> None:
 
 def test_configuration_and_rules_are_valid() -> None:
     promtool("check", "config", str(CONFIGURATION / "prometheus.yml"))
+
+
+def test_the_configurations_of_containers_are_in_order(tmp_path: Path) -> None:
+    containers = CONFIGURATION.parent / "containers"
+    shutil.copytree(CONFIGURATION / "rules", tmp_path / "rules")
+    shutil.copy(Authority(tmp_path).ca, tmp_path / "ca.pem")
+    for name in ("prometheus.yml", "prometheus.site.yml"):
+        shutil.copy(containers / name, tmp_path)
+        promtool("check", "config", str(tmp_path / name))
 
 
 @pytest.mark.parametrize("file", sorted((CONFIGURATION / "tests").glob("*.yml")), ids=lambda file: file.name)
