@@ -29,6 +29,8 @@ DESCRIPTIONS = {
 }
 FILES = 512
 """Files that a service may have open: so few that one machine could use them up."""
+MESSAGES_PER_SECOND, MESSAGES_BURST = 20, 100
+"""Of a robot's topic; less than by default, because slow machines cannot send more than the default."""
 OPEN = ("/healthz", "/readyz")
 """Paths for which no token is needed, by docs/security.md."""
 
@@ -60,11 +62,14 @@ class TlsSite:
                 sample_plant_path(),
                 "--store.url",
                 f"sqlite:///{folder}/orders.db",
+                *("--fleet.messages_per_second", MESSAGES_PER_SECOND),
+                *("--fleet.messages_burst", MESSAGES_BURST),
             ),
             "status-aggregator": self._service(
                 "status-aggregator",
                 AGGREGATOR,
                 *("--history.url", f"sqlite:///{folder}/history.db"),
+                *("--messages_per_second", MESSAGES_PER_SECOND, "--messages_burst", MESSAGES_BURST),
                 *("--order_service.url", self.url("order-service"), "--order_service.ca", self._authority.ca),
             ),
         }

@@ -15,7 +15,13 @@ import httpx
 import pytest
 
 from nena_shared.fleet_api.base import Role
-from security.conftest import FILES, OPEN, SERVICES, TlsSite
+from nena_shared.mqtt import Outbound
+from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import codec_for
+from security.conftest import FILES, MESSAGES_BURST, OPEN, SERVICES, TlsSite
+from support.honest_robot import HonestRobot
+from support.running_site import ROBOT_1, ROBOT_2
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(600)]
 
@@ -330,3 +336,39 @@ async def test_own_page_can_send_commands(site: TlsSite) -> None:
         order = {**ORDER, "name": "T-of-the-page"}
         answer = await browser.post("/api/v1/control/transportOrders", json=order, headers=headers)
         assert answer.status_code == 201, answer.text
+
+
+FLOOD = 20 * MESSAGES_BURST
+FLOODED_ROBOT, ITS_NEIGHBOUR = RobotKey("ACME", "1"), RobotKey("ACME", "2")
+
+
+async def test_a_flood_of_a_robots_states_is_dropped_and_counted(site: TlsSite) -> None:
+    """Mosquitto lets it through; the services drop what is beyond their limit, and read the neighbour."""
+    topic, codec, robot = "uagv/v2/{}/state", codec_for("2.1.0"), HonestRobot(key=FLOODED_ROBOT)
+    async with site.mqtt.client(ROBOT_1) as flood, site.mqtt.client(ROBOT_2) as neighbour:
+        for _ in range(FLOOD // 100):
+            for _ in range(100):
+                message = codec.encode(robot.state())
+                flood.link.publish(Outbound(topic.format(FLOODED_ROBOT), message, qos=1))
+            assert await flood.link.drain(PATIENCE)
+        alone = HonestRobot(key=ITS_NEIGHBOUR)
+        neighbour.link.publish(
+            Outbound(topic.format(ITS_NEIGHBOUR), codec.encode(alone.state()), qos=1, retain=True)
+        )
+        assert await neighbour.link.drain(PATIENCE)
+        async with site.client("status-aggregator", Role.VIEWER) as viewer:
+
+            async def known() -> set[str]:
+                robots = (await viewer.get("/api/v1/fleet")).raise_for_status().json()["robots"]
+                return {each["serialNumber"] for each in robots}
+
+            await awaited(known, lambda found: "2" in found, what="the neighbour's state is read", every=0.2)
+        dropped = {
+            "order-service": 'nena_order_service_messages_ignored_total{reason="rate"}',
+            "status-aggregator": 'nena_messages_ignored_total{reason="rate",topic="state"}',
+        }
+        for service, sign in dropped.items():
+            async with site.client(service, Role.VIEWER) as viewer:
+                metrics = (await viewer.get("/metrics")).raise_for_status().text
+            (count,) = re.findall(rf"^{re.escape(sign)} (\S+)$", metrics, re.MULTILINE)
+            assert float(count) > 0, service

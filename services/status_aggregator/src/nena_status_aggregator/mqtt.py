@@ -21,6 +21,7 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink
 from nena_shared.plant import Vehicle
 from nena_shared.plant.model import PlantModel
+from nena_shared.rate_limit import MessageRate
 from nena_shared.settings import TopicPrefix
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.deviations import Deviations
@@ -74,6 +75,7 @@ class FleetSubscriber:
         self._fleet_topics = FleetTopics(settings.topic_prefix)
         self._epochs = EpochFilter()
         self._problems: dict[str, str] = {}
+        self._rate = MessageRate(settings.messages_per_second, settings.messages_burst)
         self._sources = RobotSources()
         self._deviations = Deviations(clock)
         model.statistics.repaired = self._deviations.totals
@@ -152,6 +154,8 @@ class FleetSubscriber:
                     None,
                 )
                 return
+            if self._has_too_many(kind, inbound, at):
+                return
             self._repaired = False
             try:
                 message = self._reader.read(form, inbound.topic, inbound.payload, scheme.major_version)
@@ -166,6 +170,13 @@ class FleetSubscriber:
                     self._model.on_deviations(key, self._deviations.of(key))
 
         self.mqtt.subscribe(scheme.for_all(Topic(kind)), handle)
+
+    def _has_too_many(self, kind: MessageKind, inbound: Inbound, at: Timestamp) -> bool:
+        """Count a message that is beyond the limit of its robot."""
+        if not self._rate.exceeded(inbound.topic, len(inbound.payload), at.monotonic):
+            return False
+        self._model.statistics.too_many[kind] += 1
+        return True
 
     def _on_repaired(self, topic: str, repairs: tuple[Repair, ...]) -> None:
         self._deviations.note_message(topic, repairs)
@@ -209,6 +220,8 @@ class FleetSubscriber:
     def _read_robot_map(self, inbound: Inbound, at: Timestamp) -> None:
         key = self._fleet_topics.robot_of_map(inbound.topic)
         if key is None or not self._share.has(key) or len(str(key)) > KEY_LENGTH:
+            return
+        if self._has_too_many(MessageKind.ROBOT_MAP, inbound, at):
             return
         if len(inbound.payload) > PAYLOAD_LIMIT:
             problem = f"map of {len(inbound.payload)} bytes exceeds the limit of {PAYLOAD_LIMIT}"

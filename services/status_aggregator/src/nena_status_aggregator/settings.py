@@ -220,6 +220,15 @@ class AggregatorSettings(ServiceSettings):
         ge=1,
         description="Maximum number of robots; beyond, a new robot replaces a silent one or is ignored.",
     )
+    messages_per_second: float = Field(
+        200.0,
+        gt=0,
+        description=(
+            "Sustained messages per second on each topic of a robot; every 10 kB count as one. Others are "
+            "ignored."
+        ),
+    )
+    messages_burst: int = Field(2000, ge=1, description="Burst of messages on each topic of a robot.")
     orders_limit: int = Field(
         1000,
         ge=1,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,6 +16,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.base import Role
 from nena_shared.log import get_logger
+from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.problem import refusal
@@ -26,41 +26,6 @@ from nena_shared.web.users import User, UserBook, users_of
 
 if TYPE_CHECKING:
     from nena_shared.web.oidc.issuer import AccessTokens
-
-
-KEPT = 10_000
-"""Maximum stored clients; beyond it, the one idle for longest is removed."""
-
-
-@dataclass(slots=True)
-class _Bucket:
-    level: float
-    at: float
-
-
-class RateLimit:
-    """Allows each client ``rate`` requests per second, with bursts of ``burst`` requests."""
-
-    def __init__(self, rate: float, burst: int) -> None:
-        self._rate = rate
-        self._burst = burst
-        self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
-
-    def wait(self, asker: str, now: float, *, cost: float = 1.0) -> float:
-        """Count a request; return the seconds that the client has to wait, 0 if it may continue.
-
-        Rejected requests cost nothing; a ``cost`` of 0 only checks. ``now``: monotonic clock, s.
-        """
-        bucket = self._buckets.setdefault(asker, _Bucket(self._burst, now))
-        self._buckets.move_to_end(asker)
-        if len(self._buckets) > KEPT:
-            self._buckets.popitem(last=False)
-        bucket.level = min(self._burst, bucket.level + (now - bucket.at) * self._rate)
-        bucket.at = now
-        if bucket.level < 1.0:
-            return (1.0 - bucket.level) / self._rate
-        bucket.level -= cost
-        return 0.0
 
 
 def access_tokens_of(settings: HttpSettings) -> AccessTokens | None:

@@ -22,8 +22,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
+from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.access import RateLimit
 from nena_shared.web.settings import HttpSettings, check_exposure, network_of
 
 log = get_logger(__name__)

@@ -9,6 +9,7 @@ import pytest
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.link import STANDARD, FleetLink, LastNodes, RobotAddresses
 from nena_order_service.fleet.outputs import VdaOrderFinished
+from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.mqtt import Handler, Inbound, MqttLink
 from nena_shared.plant import Vehicle
@@ -275,3 +276,40 @@ def test_an_order_finishes_slightly_off_the_heading_with_kept_last_node(
 
     finished = any(isinstance(each, VdaOrderFinished) for each in news)
     assert finished is (start == "A")
+
+
+def test_a_robot_that_floods_is_read_at_its_rate_and_others_at_once() -> None:
+    mqtt, codec, clock = Handlers(), codec_for("2.1.0"), ManualClock()
+    link = FleetLink(
+        mqtt,
+        addresses=addresses(version="2.1.0"),
+        settings=FleetSettings(messages_per_second=10, messages_burst=20),
+        clock=clock,
+        on_events=lambda *_: None,
+    )
+
+    def send(robot: HonestRobot, topic: Topic, payload: bytes) -> None:
+        mqtt.by_filter[V2.for_all(topic)](Inbound(V2.of(robot.key, topic), payload, retained=False))
+
+    def last_of(robot: HonestRobot) -> int | None:
+        state = link.view(robot.key).state
+        return state.header_id if state else None
+
+    flood, other = HonestRobot(key=ROBOT), HonestRobot(key=RobotKey("ACME", "r2"))
+    for robot in (flood, other):
+        send(robot, Topic.CONNECTION, codec.encode(robot.connection(ConnectionState.ONLINE)))
+    states = [flood.state() for _ in range(51)]
+    for state in states[:50]:
+        send(flood, Topic.STATE, codec.encode(state))
+    send(other, Topic.STATE, codec.encode(other.state()))
+    send(flood, Topic.CONNECTION, codec.encode(flood.connection(ConnectionState.OFFLINE)))
+
+    assert link.statistics.too_many == 30
+    assert last_of(flood) == states[19].header_id
+    assert last_of(other) is not None
+    assert link.view(ROBOT).link is LinkStatus.OFFLINE, "other topics count for themselves"
+
+    send(flood, Topic.CONNECTION, codec.encode(flood.connection(ConnectionState.ONLINE)))
+    clock.advance(0.1)
+    send(flood, Topic.STATE, codec.encode(states[50]))
+    assert last_of(flood) == states[50].header_id, "the next one makes up for those that were dropped"

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import httpx
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
@@ -20,12 +18,10 @@ from structlog.testing import capture_logs
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ConfigurationError
-from nena_shared.web import access
 from nena_shared.web.access import (
     COOKIE,
     WRONG_TOKENS_AT_ONCE,
     AccessControl,
-    RateLimit,
     access_tokens_of,
     protect,
 )
@@ -331,51 +327,6 @@ async def test_a_key_that_may_not_be_looked_up_now_is_no_reason_to_refuse(issuer
         answer = await client.get("/orders", headers=showing(issuer.token()))
 
     assert (answer.status_code, answer.headers["retry-after"]) == (503, "10")
-
-
-def test_burst_then_steady_rate() -> None:
-    limit = RateLimit(rate=2.0, burst=3)
-
-    assert [limit.wait("a", 0.0) for _ in range(3)] == [0, 0, 0]
-    assert limit.wait("a", 0.0) == pytest.approx(0.5)
-    assert limit.wait("a", 0.5) == 0
-    assert limit.wait("a", 0.5) > 0
-
-
-def test_each_client_has_its_own_limit() -> None:
-    limit = RateLimit(rate=1.0, burst=1)
-
-    assert limit.wait("a", 0.0) == 0
-    assert limit.wait("b", 0.0) == 0
-    assert limit.wait("a", 0.0) > 0
-
-
-def test_check_costs_nothing() -> None:
-    limit = RateLimit(rate=1.0, burst=1)
-
-    assert [limit.wait("a", 0.0, cost=0) for _ in range(5)] == [0] * 5
-    assert limit.wait("a", 0.0) == 0
-    assert limit.wait("a", 0.0, cost=0) > 0
-
-
-def test_number_of_stored_clients_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(access, "KEPT", 2)
-    limit = RateLimit(rate=0.001, burst=1)
-    for asker in "abc":
-        assert limit.wait(asker, 0.0) == 0
-
-    assert limit.wait("c", 0.0) > 0
-    assert limit.wait("a", 0.0) == 0, "the quietest was forgotten"
-
-
-@given(st.lists(st.floats(0, 10), max_size=50), st.floats(0.1, 100), st.integers(1, 10))
-def test_never_more_than_burst_and_rate_allow(pauses: list[float], rate: float, burst: int) -> None:
-    limit, now, passed = RateLimit(rate, burst), 0.0, 0
-    for pause in pauses:
-        now += pause
-        passed += limit.wait("a", now) == 0
-
-    assert passed <= burst + rate * now + 1e-6
 
 
 OIDC = OidcSettings(issuer="https://login.example", audience="nena")

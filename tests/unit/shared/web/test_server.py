@@ -17,9 +17,9 @@ from structlog.testing import capture_logs
 from uvicorn.server import ServerState
 
 from nena_shared.program import StartError
+from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
 from nena_shared.web import server as server_module
-from nena_shared.web.access import RateLimit
 from nena_shared.web.server import HttpConnection, HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.certificates import Authority

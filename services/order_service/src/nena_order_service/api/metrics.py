@@ -286,9 +286,10 @@ MESSAGES: Final[Section[Monitored]] = Section(
         ),
         counter(
             "nena_order_service_messages_ignored_total",
-            "Messages of robots beyond `fleet.robots_limit` (`robot_limit`), or whose name is too long "
-            "(`name_too_long`).",
+            "Messages of robots beyond `fleet.robots_limit` (`robot_limit`) or `fleet.messages_per_second` "
+            "(`rate`), or whose name is too long (`name_too_long`).",
             lambda s: {
+                "rate": s.fleet.statistics.too_many,
                 "robot_limit": s.fleet.statistics.robot_limit,
                 "name_too_long": s.fleet.statistics.name_too_long,
             },

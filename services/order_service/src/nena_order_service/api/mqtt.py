@@ -30,9 +30,9 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import CreationAnswer, Problem, TransportOrderRequest
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.rate_limit import RateLimit
 from nena_shared.tasks import end
 from nena_shared.vda5050.malformed import problems_of
-from nena_shared.web.access import RateLimit
 
 log = get_logger(__name__)
 

@@ -33,6 +33,7 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
 from nena_shared.plant.fleet_checks import KEY_LENGTH
+from nena_shared.rate_limit import MessageRate
 from nena_shared.settings import ConfigurationError, TopicPrefix
 from nena_shared.tasks import forever
 from nena_shared.vda5050.action import Action, InstantActions, text_of
@@ -366,6 +367,7 @@ class FleetLink:
         """Repairs of the robots' messages."""
         self._controller = FleetController(settings, utc_now=clock.now, deviations=self.deviations.of)
         self._reader = MessageReader(self.deviations.note_message, strict=settings.strict)
+        self._rate = MessageRate(settings.messages_per_second, settings.messages_burst)
         self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         self._subscribe_to(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
         self._subscribe_to(Topic.STATE, State, self._controller.on_state, qos=settings.qos)
@@ -479,7 +481,7 @@ class FleetLink:
             self._mqtt.subscribe(scheme.for_all(topic), partial(handle, scheme), qos=qos)
 
     def _read(self, kind: type[M], scheme: TopicScheme, inbound: Inbound) -> tuple[RobotKey, M] | None:
-        """Read a message; ignore one that is malformed, outdated or from a robot beyond the limit."""
+        """Read a message; ignore one that is malformed, outdated or beyond the limits."""
         self._notice_broker()
         robot = scheme.robot_of(inbound.topic)
         if robot is None:
@@ -489,6 +491,9 @@ class FleetLink:
             return None
         if not self._controller.has_room_for(robot):
             self.statistics.robot_limit += 1
+            return None
+        if self._rate.exceeded(inbound.topic, len(inbound.payload), self._now()):
+            self.statistics.too_many += 1
             return None
         try:
             message = self._reader.read(kind, inbound.topic, inbound.payload, scheme.major_version)

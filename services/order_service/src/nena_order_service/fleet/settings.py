@@ -76,6 +76,15 @@ class FleetSettings(SettingsGroup):
     robots_limit: int = Field(
         10_000, ge=1, description="Maximum number of robots; messages of others are ignored."
     )
+    messages_per_second: float = Field(
+        200.0,
+        gt=0,
+        description=(
+            "Sustained messages per second on each topic of a robot; every 10 kB count as one. Others are "
+            "ignored."
+        ),
+    )
+    messages_burst: int = Field(2000, ge=1, description="Burst of messages on each topic of a robot.")
     tick_interval: float = Field(
         0.2, gt=0, le=5, description="Interval between checks for timeouts, seconds."
     )

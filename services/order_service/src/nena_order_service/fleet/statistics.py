@@ -40,6 +40,8 @@ class FleetStatistics:
         self.resent = dict.fromkeys(RESENT, 0)
         self.robot_limit = 0
         """Messages from robots beyond ``robots_limit``."""
+        self.too_many = 0
+        """Messages beyond ``messages_per_second``."""
         self.name_too_long = 0
         """Messages from robots whose names are longer than the store can hold."""
         self.foreign = 0

@@ -22,7 +22,7 @@ from typing_extensions import TypedDict
 
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
-from nena_shared.web.access import RateLimit
+from nena_shared.rate_limit import RateLimit
 from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.settings import protected_url
 from nena_status_aggregator.api.problems import ProblemError

@@ -61,6 +61,8 @@ class Statistics:
     missed: dict[MessageKind, int] = field(default_factory=_per_kind)
     refused: dict[MessageKind, int] = field(default_factory=_per_kind)
     """Messages of robots beyond the robot limit."""
+    too_many: dict[MessageKind, int] = field(default_factory=_per_kind)
+    """Messages beyond ``messages_per_second``."""
     restarts: int = 0
     robots_forgotten: int = 0
     orders_forgotten: int = 0

@@ -60,6 +60,7 @@ def _ignored(aggregator: Aggregator) -> Mapping[LabelValues, float]:
         ("repeated", statistics.repeated),
         ("late", statistics.late),
         ("robot_limit", statistics.refused),
+        ("rate", statistics.too_many),
     )
     return {(kind.value, reason): count for reason, counts in reasons for kind, count in counts.items()}
 
@@ -195,8 +196,8 @@ MESSAGES: Final[Section[Aggregator]] = Section(
         ),
         counter(
             "nena_messages_ignored_total",
-            "Valid messages that were ignored: `repeated`, `late`, or `robot_limit` (from a robot beyond "
-            "`robots_limit`).",
+            "Messages that were ignored: `repeated`, `late`, `robot_limit` (from a robot beyond "
+            "`robots_limit`), or `rate` (beyond `messages_per_second`).",
             _ignored,
             "topic",
             "reason",

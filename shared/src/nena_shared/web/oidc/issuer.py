@@ -18,8 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.findings import in_words, shortened
 from nena_shared.log import get_logger
+from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.access import RateLimit
 from nena_shared.web.oidc.tokens import TokenHeader, header_of, verified
 from nena_shared.web.oidc.users import IssuerAwayError, OidcUser, TokenRefusedError, user_of
 from nena_shared.web.settings import OidcSettings, ProtectedUrl
