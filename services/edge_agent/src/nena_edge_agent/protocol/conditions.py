@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from nena_edge_agent.driver.port import PoseReport, SessionReport, SessionState
-from nena_edge_agent.protocol import following
+from nena_edge_agent.protocol import edge_paths
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.geometry import radius
 from nena_edge_agent.protocol.robot_state import (
@@ -48,7 +48,7 @@ def check_conditions(robot: RobotState) -> None:
     robot.errors.set_condition(DRIVE_RECOVERS, _recovers(robot))
     robot.errors.set_condition(DRIVE_RETRIED, _retried(robot))
     robot.errors.set_condition(DEVIATION_TOO_SMALL, _deviation(robot))
-    robot.errors.set_condition(ErrorType.OUTSIDE_OF_CORRIDOR, following.outside_of_corridor(robot))
+    robot.errors.set_condition(ErrorType.OUTSIDE_OF_CORRIDOR, edge_paths.outside_of_corridor(robot))
     robot.errors.set_condition(EXTERNAL_GOAL, _external_goal(robot))
     robot.errors.set_condition(JOURNAL_NOT_WRITTEN, _journal(robot))
     robot.errors.set_condition(SUBSCRIPTION_REFUSED, _subscriptions(robot))

@@ -13,10 +13,9 @@ from nena_edge_agent.driver.port import (
     NavigationReport,
     Pose,
 )
-from nena_edge_agent.protocol import actions, following, zones
+from nena_edge_agent.protocol import actions, edge_paths, zones
 from nena_edge_agent.protocol.action_states import allow_driving
 from nena_edge_agent.protocol.capabilities import Capabilities, DriveStrategy, ExternalGoals
-from nena_edge_agent.protocol.courses import follows
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import Drive, Halt, LimitSpeed
 from nena_edge_agent.protocol.geometry import distance, heading_fits, in_place, radius, same_place, turn
@@ -191,7 +190,7 @@ def _may_drive(robot: RobotState) -> bool:
 
 def _is_barred(robot: RobotState) -> bool:
     """Return whether a zone stops the robot, or it has left its path."""
-    return zones.must_stop(robot) or following.has_left(robot)
+    return zones.must_stop(robot) or edge_paths.has_left_path(robot)
 
 
 def _may_pass(robot: RobotState, node: Node) -> bool:
@@ -201,13 +200,13 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
     if pose is None or position is None or beyond is None or not beyond.released:
         return False
     capabilities = robot.capabilities
-    on_path = follows(edge, capabilities)
+    on_path = edge_paths.follows(edge, capabilities)
     return (
         robot.queue.driving_allowed
         and not robot.link.out_of_reach(robot.now)
         and allow_driving(node.actions)
         and allow_driving(beyond.actions)
-        and on_path == follows(beyond, capabilities)
+        and on_path == edge_paths.follows(beyond, capabilities)
         and _behavior_tree(beyond) == _behavior_tree(edge)
         and ((capabilities.drives_ahead and not on_path) or distance(pose, position) <= _pass_radius(robot))
         and in_place(pose, position, capabilities.default_deviation_xy)
@@ -300,7 +299,7 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: Pose) -> DriveGo
     """Return the goal for ``position``; without a theta, the robot arrives with its heading of travel."""
     capabilities = robot.capabilities
     allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
-    path = following.poses_from(robot, pose, position)
+    path = edge_paths.path_poses(robot, pose, position)
     along = path[-1].theta if path else _heading(pose, position)
     theta = position.theta if position.theta is not None else along
     return DriveGoal(
@@ -378,7 +377,7 @@ def _poses_ahead(robot: RobotState) -> tuple[Pose, ...]:
     if not passes or pose is None or robot.link.out_of_reach(robot.now):
         return ()
     progress = robot.progress
-    if progress.edges and follows(progress.edges[0], capabilities):
+    if progress.edges and edge_paths.follows(progress.edges[0], capabilities):
         return ()
     before: Pose | NodePosition = (progress.last_node and progress.last_node.node_position) or pose
     poses: list[Pose] = []
@@ -401,7 +400,7 @@ def _drives_over(
 ) -> bool:
     """Return whether the robot can drive through ``node`` onto ``edge`` without a stop."""
     here = node.node_position
-    if here is None or here.theta is not None or not edge.released or follows(edge, capabilities):
+    if here is None or here.theta is not None or not edge.released or edge_paths.follows(edge, capabilities):
         return False
     if not allow_driving(node.actions) or not allow_driving(edge.actions):
         return False

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import chain, pairwise
 
 from nena_edge_agent.driver.port import Circle, Pose
-from nena_edge_agent.protocol import courses
+from nena_edge_agent.protocol import edge_paths
 from nena_edge_agent.protocol.action_states import first_load_problem
 from nena_edge_agent.protocol.capabilities import Capabilities, unsupported
 from nena_edge_agent.protocol.declaration import ENABLE_MAP
@@ -136,10 +136,10 @@ def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
 def _path_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
     """Check that each trajectory or corridor is valid and leads from node to node."""
     for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
-        if not courses.follows(edge, capabilities):
+        if not edge_paths.follows(edge, capabilities):
             continue
         ends = before.node_position, node.node_position
-        fault = courses.fault(edge, *ends, capabilities.footprint, situation.tolerance)
+        fault = edge_paths.fault(edge, *ends, capabilities.footprint, situation.tolerance)
         if fault is not None:
             text = f"edge '{edge.edge_id}': {fault.text}"
             return refusal(fault.kind, order, text, hint=fault.hint, edge_id=edge.edge_id)
@@ -257,8 +257,8 @@ def _closed_fault(
     place, footprint = node.node_position, capabilities.footprint
     if place is None or not situation.closed:
         return None
-    if courses.follows(edge, capabilities):
-        covered = footprint.along_corners(courses.corners(courses.course(edge, start, place)))
+    if edge_paths.follows(edge, capabilities):
+        covered = footprint.along_corners(edge_paths.corners(edge_paths.path_between(edge, start, place)))
     else:
         covered = footprint.along_path(start or place, place)
     zone = first_closed(zones_in(covered, place.map_id, situation.closed))

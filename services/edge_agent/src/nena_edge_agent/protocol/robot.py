@@ -30,8 +30,8 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.protocol import (
     actions,
-    courses,
     driving,
+    edge_paths,
     instant_actions,
     orders,
     power,
@@ -95,7 +95,7 @@ class RobotCore:
     def __init__(self, capabilities: Capabilities, memory: Memory | None = None) -> None:
         self._robot = restored(memory, capabilities) if memory else RobotState(capabilities)
         if capabilities.follows_paths:
-            self._robot.progress.follow_paths(partial(courses.shown, capabilities=capabilities))
+            self._robot.progress.follow_paths(partial(edge_paths.planned_corners, capabilities=capabilities))
         self._shown = self._visible()
 
     def handle(self, event: Event, now: float) -> tuple[Effect, ...]:

@@ -7,7 +7,7 @@ from datetime import datetime
 from itertools import islice
 
 from nena_edge_agent.driver.port import Area, Pose
-from nena_edge_agent.protocol import courses, following
+from nena_edge_agent.protocol import edge_paths
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import KeepOut
 from nena_edge_agent.protocol.geometry import distance
@@ -190,11 +190,13 @@ def speed_limits(robot: RobotState) -> list[float]:
 
 def _on_path_while_braking(robot: RobotState, pose: Pose, end: NodePosition) -> list[EnabledZone]:
     """Return the zones on the path within the braking distance."""
-    path = following.path_of(robot)
+    path = edge_paths.path_of_edge(robot)
     if not path:
         return _on_path(robot, pose, _braking_point(robot, pose, end))
-    path = courses.beginning(courses.rest(path, (pose.x, pose.y)), robot.capabilities.braking_distance)
-    area = robot.capabilities.footprint.along_corners(courses.corners(path))
+    path = edge_paths.first_part(
+        edge_paths.remaining(path, (pose.x, pose.y)), robot.capabilities.braking_distance
+    )
+    area = robot.capabilities.footprint.along_corners(edge_paths.corners(path))
     return zones_in(area, end.map_id, robot.zone_sets.enabled)
 
 
@@ -212,9 +214,9 @@ def _on_path(
 ) -> list[EnabledZone]:
     if not robot.zone_sets.enabled:
         return []
-    path = following.path_of(robot, edge) if edge is not None else ()
+    path = edge_paths.path_of_edge(robot, edge) if edge is not None else ()
     if path:
-        path = courses.corners(courses.rest(path, (start.x, start.y)))
+        path = edge_paths.corners(edge_paths.remaining(path, (start.x, start.y)))
         area = robot.capabilities.footprint.along_corners(path)
     else:
         area = robot.capabilities.footprint.along_path(start, end)

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.port import Pose
-from nena_edge_agent.protocol import courses
+from nena_edge_agent.protocol import edge_paths
 from nena_edge_agent.protocol.geometry import Footprint
 from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.order import (
@@ -65,31 +65,31 @@ def rising(draw: st.DrawFn) -> Trajectory:
 @given(rising())
 def test_a_path_is_continuous_with_short_steps_between_both_ends(drawn: Trajectory) -> None:
     first, last = drawn.control_points[0], drawn.control_points[-1]
-    path = courses.course(edge(drawn), at(first.x, first.y), at(last.x, last.y))
+    path = edge_paths.path_between(edge(drawn), at(first.x, first.y), at(last.x, last.y))
     assert path[0] == pytest.approx((first.x, first.y))
     assert path[-1] == (last.x, last.y)
     for before, after in pairwise(path):
-        assert dist(before, after) <= courses.STEP + 1e-9
+        assert dist(before, after) <= edge_paths.STEP + 1e-9
         assert after[0] >= before[0] - 1e-9, "the curve goes on along x, and so does the path"
 
 
 def test_a_circle_of_weights_is_driven_as_a_circle() -> None:
     points = (*QUARTER[:1], QUARTER[1].model_copy(update={"weight": 0.5**0.5}), *QUARTER[2:])
-    path = courses.course(edge(arc(control_points=points)), at(0, 0), at(10, 10))
+    path = edge_paths.path_between(edge(arc(control_points=points)), at(0, 0), at(10, 10))
     assert [hypot(x - 0, y - 10) for x, y in path] == pytest.approx([10.0] * len(path))
 
 
 def test_a_trajectory_without_degree_and_knots_is_a_line_through_its_points() -> None:
     bare = Trajectory(control_points=QUARTER)
-    path = courses.course(edge(bare), at(0, 0), at(10, 10))
-    assert list(courses.corners(path)) == [(0, 0), (10, 0), (10, 10)]
+    path = edge_paths.path_between(edge(bare), at(0, 0), at(10, 10))
+    assert list(edge_paths.corners(path)) == [(0, 0), (10, 0), (10, 10)]
 
 
 def test_a_corridor_alone_is_driven_in_the_middle_line() -> None:
-    path = courses.course(edge(corridor=narrow(1, 1)), at(0, 0), at(3, 4))
+    path = edge_paths.path_between(edge(corridor=narrow(1, 1)), at(0, 0), at(3, 4))
     assert (path[0], path[-1]) == ((0, 0), (3, 4))
-    assert max(abs(courses.offset(((0, 0), (3, 4)), each)) for each in path) < 1e-9
-    assert all(dist(*pair) <= courses.STEP + 1e-9 for pair in pairwise(path))
+    assert max(abs(edge_paths.offset(((0, 0), (3, 4)), each)) for each in path) < 1e-9
+    assert all(dist(*pair) <= edge_paths.STEP + 1e-9 for pair in pairwise(path))
 
 
 @pytest.mark.clause("7.3/trajectory", "6.1.4.2")
@@ -135,7 +135,7 @@ def test_a_corridor_alone_is_driven_in_the_middle_line() -> None:
 def test_a_path_that_misses_its_nodes_is_refused(
     fields: dict[str, object], kind: ErrorType, said: str
 ) -> None:
-    found = courses.fault(edge(arc(**fields)), at(0, 0), at(10, 10), ROBOT)
+    found = edge_paths.fault(edge(arc(**fields)), at(0, 0), at(10, 10), ROBOT)
     assert found is not None
     assert found.kind is kind
     assert said in found.text
@@ -143,16 +143,16 @@ def test_a_path_that_misses_its_nodes_is_refused(
 
 def test_a_trajectory_that_costs_too_much_is_refused_at_once() -> None:
     many = Trajectory(control_points=tuple(ControlPoint(x=i / 5000, y=0) for i in range(10_002)))
-    found = courses.fault(edge(many), at(0, 0), at(2, 0), ROBOT)
+    found = edge_paths.fault(edge(many), at(0, 0), at(2, 0), ROBOT)
     assert found is not None
     assert found.kind is ErrorType.INSUFFICIENT_MEMORY
 
 
 def test_a_corridor_without_trajectory_requires_the_position_of_its_start() -> None:
-    found = courses.fault(edge(corridor=narrow(1, 1)), None, at(1, 0), ROBOT)
+    found = edge_paths.fault(edge(corridor=narrow(1, 1)), None, at(1, 0), ROBOT)
     assert found is not None
     assert found.kind is ErrorType.VALIDATION_FAILURE
-    assert courses.course(edge(corridor=narrow(1, 1)), None, at(1, 0)) == ()
+    assert edge_paths.path_between(edge(corridor=narrow(1, 1)), None, at(1, 0)) == ()
 
 
 def roundabout(radius: float, angle: float) -> Trajectory:
@@ -170,7 +170,7 @@ def roundabout(radius: float, angle: float) -> Trajectory:
 def returns(drawn: Trajectory, tolerance: float | None) -> bool:
     """Return whether a trajectory is refused because it passes its own end."""
     first, last = drawn.control_points[0], drawn.control_points[-1]
-    found = courses.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, tolerance)
+    found = edge_paths.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, tolerance)
     assert found is None or found.kind is ErrorType.UNSUPPORTED_PARAMETER
     return found is not None
 
@@ -180,7 +180,7 @@ def test_a_path_that_passes_its_end_is_refused(radius: float, laps: float, toler
     """A controller counts it as driven where it first is within its tolerance of the end."""
     passes = 2 * pi - 2 * asin(tolerance / (2 * radius))
     angle = laps * pi
-    assume(abs(angle - passes) * radius > 2 * courses.STEP)
+    assume(abs(angle - passes) * radius > 2 * edge_paths.STEP)
     assert returns(roundabout(radius, angle), tolerance) is (angle > passes)
 
 
@@ -195,13 +195,13 @@ def test_the_tolerance_decides_whether_a_path_returns_to_its_end(
 @given(rising())
 def test_the_near_end_of_a_path_is_no_return(drawn: Trajectory) -> None:
     first, last = drawn.control_points[0], drawn.control_points[-1]
-    path = courses.course(edge(drawn), at(first.x, first.y), at(last.x, last.y))
-    found = courses.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, 0.25)
+    path = edge_paths.path_between(edge(drawn), at(first.x, first.y), at(last.x, last.y))
+    found = edge_paths.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, 0.25)
     around = [dist(each, path[-1]) for each in path]
     steps = (dist(a, b) for a, b in pairwise(reversed(path)))
     lengths = reversed([*accumulate(steps, initial=0.0)])
     early = any(
-        away <= 0.25 and left > 0.25 + courses.DETOUR for away, left in zip(around, lengths, strict=True)
+        away <= 0.25 and left > 0.25 + edge_paths.DETOUR for away, left in zip(around, lengths, strict=True)
     )
     assert (found is not None) is early
 
@@ -222,7 +222,7 @@ CONTOUR = CorridorReferencePoint.CONTOUR
     ],
 )
 def test_a_path_stays_inside_of_its_corridor_or_is_refused(corridor: Corridor, *, fits: bool) -> None:
-    found = courses.fault(edge(arc(), corridor), at(0, 0), at(10, 10), ROBOT)
+    found = edge_paths.fault(edge(arc(), corridor), at(0, 0), at(10, 10), ROBOT)
     assert (found is None) is fits
     if found is not None:
         assert found.kind is ErrorType.NO_ROUTE_TO_TARGET
@@ -244,32 +244,32 @@ def test_a_path_stays_inside_of_its_corridor_or_is_refused(corridor: Corridor, *
 )
 def test_how_far_a_robot_is_outside(corridor: Corridor | None, y: float, outside: float) -> None:
     pose = Pose(5.0, y, 0.0, "hall")
-    assert courses.leaves(((0, 0), (10, 0)), corridor, pose, ROBOT) == pytest.approx(outside)
+    assert edge_paths.metres_outside(((0, 0), (10, 0)), corridor, pose, ROBOT) == pytest.approx(outside)
 
 
 def test_the_rest_of_a_path_begins_at_the_robot() -> None:
-    path = courses.course(edge(arc()), at(0, 0), at(10, 10))
+    path = edge_paths.path_between(edge(arc()), at(0, 0), at(10, 10))
     middle = path[len(path) // 2]
-    left = courses.rest(path, (middle[0] + 0.2, middle[1] - 0.2))
-    assert dist(left[0], middle) <= 2 * courses.STEP
+    left = edge_paths.remaining(path, (middle[0] + 0.2, middle[1] - 0.2))
+    assert dist(left[0], middle) <= 2 * edge_paths.STEP
     assert left == path[-len(left) :]
-    assert len(courses.rest(path, (10, 10))) >= 2
+    assert len(edge_paths.remaining(path, (10, 10))) >= 2
 
 
 def test_a_path_that_crosses_itself_is_not_cut_short() -> None:
     loop = tuple(ControlPoint(x=x, y=y) for x, y in ((0, 0), (10, 0), (10, 10), (5, 10), (5, -5)))
-    path = courses.course(edge(Trajectory(control_points=loop)), at(0, 0), at(5, -5))
-    assert len(courses.rest(path, (5, 0))) > 200
+    path = edge_paths.path_between(edge(Trajectory(control_points=loop)), at(0, 0), at(5, -5))
+    assert len(edge_paths.remaining(path, (5, 0))) > 200
 
 
 def test_poses_have_the_heading_of_travel_and_the_last_one_that_of_its_node() -> None:
-    path = courses.course(edge(arc()), at(0, 0), at(10, 10))
-    found = courses.poses(path, "hall")
+    path = edge_paths.path_between(edge(arc()), at(0, 0), at(10, 10))
+    found = edge_paths.poses(path, "hall")
     assert found[0].theta == pytest.approx(0.0, abs=0.05)
     assert found[-1].theta == pytest.approx(1.57, abs=0.05)
-    assert courses.poses(path, "hall", 3.0)[-1].theta == 3.0
+    assert edge_paths.poses(path, "hall", 3.0)[-1].theta == 3.0
 
 
 def test_the_first_metres_of_a_path() -> None:
-    path = courses.course(edge(corridor=narrow(1, 1)), at(0, 0), at(5, 0))
-    assert courses.beginning(path, 2.0)[-1][0] == pytest.approx(2.0, abs=courses.STEP)
+    path = edge_paths.path_between(edge(corridor=narrow(1, 1)), at(0, 0), at(5, 0))
+    assert edge_paths.first_part(path, 2.0)[-1][0] == pytest.approx(2.0, abs=edge_paths.STEP)
