@@ -20,7 +20,7 @@ from nena_edge_agent.nav2.offers import Nav2Offers
 from nena_edge_agent.plugin_check.command import DryDrive
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
-from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET
+from nena_edge_agent.protocol.zone_sets import MAXIMUM_ZONES
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
 from nena_order_service.fleet.feasibility import fitted_action, instant_action_problem
 from nena_order_service.fleet.robot import Abilities
@@ -139,7 +139,7 @@ def test_it_lists_the_limits_that_are_enforced() -> None:
     assert limits.maximum_string_lengths.maximum_message_length == MAXIMUM_PAYLOAD
     assert limits.maximum_array_lengths.order_nodes == Capabilities(map_id="hall").maximum_nodes
     assert limits.maximum_array_lengths.instant_actions == MESSAGE_LIMIT
-    assert limits.maximum_array_lengths.zone_set_zones == ZONES_IN_A_SET
+    assert limits.maximum_array_lengths.zone_set_zones == MAXIMUM_ZONES
 
 
 LIFT: dict[str, Any] = {

@@ -67,7 +67,7 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.robot_state import PowerPhase
-from nena_edge_agent.protocol.state import as_recorded
+from nena_edge_agent.protocol.state import with_recorded_fields
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, ClockSkew, iso
@@ -507,7 +507,7 @@ class RobotAgent:
             state = self._core.state(header)
             if not self._recorded:
                 ends = self._core.power is PowerPhase.SHUTTING_DOWN
-                state = as_recorded(state, self._shown, last=ends)
+                state = with_recorded_fields(state, self._shown, last=ends)
             message = self._messages.state(state, keep=self._greeting)
         self._link.publish(message)
         self._prepared, self._shown, self._greeting = None, state, False

@@ -12,7 +12,7 @@ from nena_edge_agent.protocol.capabilities import Capabilities, supported
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter, supported_actions
 from nena_edge_agent.protocol.geometry import Footprint
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
-from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET
+from nena_edge_agent.protocol.zone_sets import MAXIMUM_ZONES
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
 from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE, STATION_ACTIONS, BlockingType
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
@@ -159,7 +159,7 @@ def _limits(settings: EdgeAgentSettings, maximum_nodes: int) -> ProtocolLimits:
             order_nodes=maximum_nodes,
             order_edges=maximum_nodes - 1,
             instant_actions=MESSAGE_LIMIT,
-            zone_set_zones=ZONES_IN_A_SET,
+            zone_set_zones=MAXIMUM_ZONES,
         ),
         timing=Timing(
             minimum_order_interval=0.0,

@@ -8,26 +8,19 @@ from collections.abc import Iterable
 from math import inf
 
 from nena_edge_agent.driver.port import BatteryReport, DriveProgress, GoalTable, PlanReport, PoseReport
-from nena_edge_agent.protocol.events import (
-    CancelAction,
-    Drive,
-    Effect,
-    Event,
-    Halt,
-    InstantActionsReceived,
-    MessageRefused,
-    OrderReceived,
-    ResponsesReceived,
-    SetPosition,
-    StartAction,
-    ZoneSetReceived,
-)
+from nena_edge_agent.protocol import events
 from nena_shared.tasks import set_within
 
 MESSAGE_LIMIT = 100
 """Maximum number of waiting messages from fleet control."""
 
-_MESSAGES = (OrderReceived, InstantActionsReceived, ZoneSetReceived, ResponsesReceived, MessageRefused)
+_MESSAGES = (
+    events.OrderReceived,
+    events.InstantActionsReceived,
+    events.ZoneSetReceived,
+    events.ResponsesReceived,
+    events.MessageRefused,
+)
 _SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport, DriveProgress)
 
 
@@ -40,13 +33,13 @@ class Mailbox:
     """
 
     def __init__(self) -> None:
-        self._events: deque[Event] = deque()
-        self._newest: dict[type, Event] = {}
+        self._events: deque[events.Event] = deque()
+        self._newest: dict[type, events.Event] = {}
         self._messages = 0
         self._filled = asyncio.Event()
         self.dropped = 0
 
-    def put(self, event: Event) -> None:
+    def put(self, event: events.Event) -> None:
         """Add an event; call this in the event loop's thread."""
         if isinstance(event, _SUPERSEDED):
             self._newest[type(event)] = event
@@ -59,7 +52,7 @@ class Mailbox:
             self.dropped += 1
         self._filled.set()
 
-    def take(self) -> list[Event]:
+    def take(self) -> list[events.Event]:
         """Remove and return all waiting events, in their order."""
         self._flush_newest()
         events = list(self._events)
@@ -84,7 +77,7 @@ class Mailbox:
             return
         await set_within(self._filled, seconds)
 
-    def _keep_order(self, event: Event) -> None:
+    def _keep_order(self, event: events.Event) -> None:
         """Queue ``event`` after the pose that arrived before it, by which an arrival is judged."""
         self._flush_newest()
         self._events.append(event)
@@ -94,7 +87,7 @@ class Mailbox:
         self._newest.clear()
 
 
-STARTS = (Drive, SetPosition, StartAction)
+STARTS = (events.Drive, events.SetPosition, events.StartAction)
 """All other effects end or report something, and never wait."""
 
 
@@ -102,9 +95,9 @@ class Postponed:
     """Delays the start of drives and actions until the newest record is on disk."""
 
     def __init__(self) -> None:
-        self._waiting: list[Effect] = []
+        self._waiting: list[events.Effect] = []
 
-    def sift(self, effects: Iterable[Effect], *, recorded: bool) -> list[Effect]:
+    def sift(self, effects: Iterable[events.Effect], *, recorded: bool) -> list[events.Effect]:
         """Return the effects that may be performed now, in order; ``recorded``: the newest record is on disk.
 
         A waiting start is dropped if it is ended meanwhile.
@@ -112,7 +105,7 @@ class Postponed:
         if recorded:
             waiting, self._waiting = self._waiting, []
             return [*waiting, *effects]
-        now: list[Effect] = []
+        now: list[events.Effect] = []
         for effect in effects:
             if isinstance(effect, STARTS):
                 self._waiting.append(effect)
@@ -122,12 +115,12 @@ class Postponed:
         return now
 
 
-def _ends(effect: Effect, waiting: Effect) -> bool:
+def _ends(effect: events.Effect, waiting: events.Effect) -> bool:
     """Return whether ``effect`` ends what ``waiting`` would start."""
     match effect, waiting:
-        case Halt(), Drive():
+        case events.Halt(), events.Drive():
             return True
-        case CancelAction(action_id), StartAction(action):
+        case events.CancelAction(action_id), events.StartAction(action):
             return action.action_id == action_id
         case _:
             return False

@@ -18,7 +18,7 @@ from nena_edge_agent.driver.port import (
 from nena_edge_agent.protocol.conditions import (
     ACTION_PLUGIN_UNUSABLE,
     DEVIATION_TOO_SMALL,
-    RECOVERY_SHOWN,
+    RECOVERY_REPORT_TIME,
     ROBOT_BLOCKED,
 )
 from nena_edge_agent.protocol.declaration import ActionDeclaration
@@ -272,7 +272,7 @@ def test_a_recovery_is_reported_for_a_while_after_it() -> None:
 
     robot.do(DriveProgress(5.0, 1, MAP))
     assert robot.errors == ["DRIVE_RECOVERS"]
-    robot.now += RECOVERY_SHOWN + 1.0
+    robot.now += RECOVERY_REPORT_TIME + 1.0
     robot.do(DriveProgress(4.0, 1, MAP))
     assert robot.errors == []
 

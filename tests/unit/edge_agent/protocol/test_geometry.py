@@ -12,16 +12,16 @@ from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.protocol.geometry import (
     Point,
     Polygon,
-    box,
-    boxes_meet,
+    bounding_box,
+    boxes_intersect,
     contains,
-    heading_fits,
-    in_place,
+    heading_matches,
+    is_same_position,
     is_simple,
+    is_within_deviation,
     overlap,
     radius,
     rectangle,
-    same_place,
     turn,
     turning_circle,
 )
@@ -74,7 +74,7 @@ def test_a_polygon_in_the_gap_of_another_does_not_overlap_it() -> None:
     post: Polygon = ((4.0, 5.0), (5.0, 5.0), (5.0, 6.0), (4.0, 6.0))
 
     assert not overlap(HORSESHOE, post)
-    assert boxes_meet(box(HORSESHOE), box(post))
+    assert boxes_intersect(bounding_box(HORSESHOE), bounding_box(post))
 
 
 @given(points, st.floats(0.2, 4), st.floats(0.2, 4), points)
@@ -84,7 +84,7 @@ def test_overlap_agrees_with_the_distance_between_upright_boxes(
     one = moved(((0.0, 0.0), (width, 0.0), (width, height), (0.0, height)), place)
     two = moved(SQUARE, other)
 
-    assert overlap(one, two) is boxes_meet(box(one), box(two))
+    assert overlap(one, two) is boxes_intersect(bounding_box(one), bounding_box(two))
     assert overlap(one, two) is overlap(two, one)
 
 
@@ -132,13 +132,13 @@ def test_an_ellipse_is_turned_by_its_angle() -> None:
         update={"allowed_deviation_xy": AllowedDeviationXY(a=2.0, b=0.5, theta=pi / 2)}
     )
 
-    assert in_place(Pose(0.0, 1.9, 0.0, MAP), place, 0.1)
-    assert not in_place(Pose(1.9, 0.0, 0.0, MAP), place, 0.1)
+    assert is_within_deviation(Pose(0.0, 1.9, 0.0, MAP), place, 0.1)
+    assert not is_within_deviation(Pose(1.9, 0.0, 0.0, MAP), place, 0.1)
     assert radius(place, 0.1) == 0.5
 
 
 def test_another_map_is_another_position() -> None:
-    assert not in_place(Pose(0.0, 0.0, 0.0, "cellar"), position(0.0), 10.0)
+    assert not is_within_deviation(Pose(0.0, 0.0, 0.0, "cellar"), position(0.0), 10.0)
 
 
 @pytest.mark.clause("7.3/deviation")
@@ -150,12 +150,12 @@ def test_no_deviation_means_the_robots_own() -> None:
 @pytest.mark.clause("7.3/theta")
 @pytest.mark.parametrize(("theta", "fits"), [(pi - 0.1, True), (-pi + 0.1, True), (pi - 0.5, False)])
 def test_headings_are_compared_across_the_seam(theta: float, fits: bool) -> None:  # noqa: FBT001
-    assert heading_fits(Pose(0.0, 0.0, theta, MAP), position(0.0, theta=pi), 0.2) is fits
+    assert heading_matches(Pose(0.0, 0.0, theta, MAP), position(0.0, theta=pi), 0.2) is fits
 
 
 @pytest.mark.clause("7.3/theta")
 def test_without_a_demand_every_heading_fits() -> None:
-    assert heading_fits(Pose(0.0, 0.0, 1.0, MAP), position(0.0), 0.1)
+    assert heading_matches(Pose(0.0, 0.0, 1.0, MAP), position(0.0), 0.1)
 
 
 def test_the_shortest_turn() -> None:
@@ -164,7 +164,7 @@ def test_the_shortest_turn() -> None:
 
 
 def test_a_position_is_the_same_unless_it_requires_another_heading() -> None:
-    assert same_place(position(1.0), position(1.0))
-    assert same_place(position(1.0, theta=1.0), position(1.0))
-    assert not same_place(position(1.0), position(1.0, theta=1.0))
-    assert not same_place(position(1.0), position(1.1))
+    assert is_same_position(position(1.0), position(1.0))
+    assert is_same_position(position(1.0, theta=1.0), position(1.0))
+    assert not is_same_position(position(1.0), position(1.0, theta=1.0))
+    assert not is_same_position(position(1.0), position(1.1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.driver.port import NavigationReport, Pose, PositionInitialized, VelocityReport
-from nena_edge_agent.protocol.action_states import DESCRIPTOR_SHOWN
+from nena_edge_agent.protocol.action_states import DESCRIPTOR_LIMIT
 from nena_edge_agent.protocol.events import (
     ActionReport,
     Halt,
@@ -18,7 +18,7 @@ from nena_edge_agent.protocol.events import (
     TimePassed,
 )
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
-from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN
+from nena_edge_agent.protocol.robot_state import INSTANT_ACTION_LIMIT
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.versions import RULES
@@ -138,13 +138,13 @@ def test_the_number_of_states_is_bounded_and_the_oldest_ended_are_dropped_first(
     bench = Bench()
     bench.instant(action("running"))
 
-    for number in range(INSTANT_ACTIONS_SHOWN + 5):
+    for number in range(INSTANT_ACTION_LIMIT + 5):
         bench.instant(action(f"i{number}", "NONE", "stateRequest"))
 
     ids = [state.action_id for state in bench.state.instant_action_states]
-    assert len(ids) == INSTANT_ACTIONS_SHOWN
+    assert len(ids) == INSTANT_ACTION_LIMIT
     assert ids[0] == "running"
-    assert ids[-1] == f"i{INSTANT_ACTIONS_SHOWN + 4}"
+    assert ids[-1] == f"i{INSTANT_ACTION_LIMIT + 4}"
 
 
 @pytest.mark.clause("6.2.1/limits")
@@ -165,11 +165,11 @@ def test_a_message_with_too_many_actions_is_refused_as_a_whole() -> None:
 def test_no_more_actions_are_started_than_states_are_reported() -> None:
     bench = Bench()
 
-    for number in range(INSTANT_ACTIONS_SHOWN + 10):
+    for number in range(INSTANT_ACTION_LIMIT + 10):
         bench.instant(action(f"i{number}"))
 
-    assert len(bench.effects_of(StartAction)) == INSTANT_ACTIONS_SHOWN
-    assert len(bench.state.instant_action_states) <= INSTANT_ACTIONS_SHOWN + 1
+    assert len(bench.effects_of(StartAction)) == INSTANT_ACTION_LIMIT
+    assert len(bench.state.instant_action_states) <= INSTANT_ACTION_LIMIT + 1
     (full,) = [each for each in bench.state.errors if each.error_type == "INSTANT_ACTION_STATES_FULL"]
     assert full.error_level is ErrorLevel.URGENT
     bench.instant(action("pause", "NONE", "startPause"))
@@ -186,7 +186,7 @@ def test_a_state_does_not_repeat_a_long_descriptor() -> None:
     bench.instant(action("i").model_copy(update={"action_descriptor": "x" * 1_000_000}))
 
     (state,) = bench.state.instant_action_states
-    assert state.action_descriptor == "x" * DESCRIPTOR_SHOWN
+    assert state.action_descriptor == "x" * DESCRIPTOR_LIMIT
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions", "6.6.9/instant")

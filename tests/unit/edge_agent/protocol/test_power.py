@@ -37,7 +37,7 @@ from nena_edge_agent.protocol.events import (
     Wake,
     ZoneSetReceived,
 )
-from nena_edge_agent.protocol.power import REST_TIMEOUT
+from nena_edge_agent.protocol.power import STANDSTILL_TIMEOUT
 from nena_edge_agent.protocol.robot_state import PowerPhase
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.state import OperatingMode
@@ -310,7 +310,7 @@ def test_a_robot_that_moves_without_an_order_hibernates_at_standstill(motion: Ev
     bench = robot()
     bench.do(motion, sleep())
     assert (bench.status("s"), bench.core.power) == ("RUNNING", PowerPhase.FALLING_ASLEEP)
-    bench.now += REST_TIMEOUT - 0.1
+    bench.now += STANDSTILL_TIMEOUT - 0.1
 
     bench.do(TimePassed(), *AT_REST)
 
@@ -325,7 +325,7 @@ def test_a_robot_that_does_not_stop_moving_stays_awake(motion: Event) -> None:
     bench.do(sleep("before"), wake())
     bench.now += 1000.0
     bench.do(motion, sleep())
-    bench.now += REST_TIMEOUT
+    bench.now += STANDSTILL_TIMEOUT
 
     bench.do(TimePassed())
 
@@ -352,7 +352,7 @@ def test_instant_actions_end_before_the_robot_hibernates(*, before: bool) -> Non
 def test_an_instant_action_that_does_not_end_keeps_the_robot_awake() -> None:
     bench = robot()
     bench.do(instant(action("busy", "NONE", "press")), sleep())
-    bench.now += REST_TIMEOUT
+    bench.now += STANDSTILL_TIMEOUT
 
     bench.do(TimePassed())
 

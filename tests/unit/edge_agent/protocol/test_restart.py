@@ -19,8 +19,8 @@ from nena_edge_agent.protocol.events import (
     StartAction,
     Started,
 )
-from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN
-from nena_edge_agent.protocol.state import as_recorded
+from nena_edge_agent.protocol.robot_state import INSTANT_ACTION_LIMIT
+from nena_edge_agent.protocol.state import with_recorded_fields
 from nena_shared.vda5050.action import ActionStatus
 from support.robot_core import MAP, Bench, action, at, order, restarted
 
@@ -205,16 +205,16 @@ def test_an_interrupted_action_can_be_cancelled_after_the_restart() -> None:
 
 def test_actions_that_have_ended_do_not_fill_the_disk() -> None:
     bench = Bench()
-    for number in range(2 * INSTANT_ACTIONS_SHOWN):
+    for number in range(2 * INSTANT_ACTION_LIMIT):
         bench.instant(action(f"i{number}", text="x" * 10_000))
         bench.finishes(f"i{number}")
     bench.instant(action("running", text="y" * 10_000))
 
     memory = bench.core.memory()
 
-    assert len(memory.model_dump_json(exclude_defaults=True)) < 100 * INSTANT_ACTIONS_SHOWN + 200_000
+    assert len(memory.model_dump_json(exclude_defaults=True)) < 100 * INSTANT_ACTION_LIMIT + 200_000
     assert "yyy" in memory.model_dump_json()
-    assert restarted(bench).status(f"i{2 * INSTANT_ACTIONS_SHOWN - 1}") == "FINISHED"
+    assert restarted(bench).status(f"i{2 * INSTANT_ACTION_LIMIT - 1}") == "FINISHED"
 
 
 def test_a_position_that_was_being_set_fails() -> None:
@@ -330,7 +330,7 @@ def test_a_state_has_durable_fields_from_disk_and_current_values_otherwise() -> 
     bench.arrive()
     bench.do(JournalReport("No space left on device"))
 
-    shown = as_recorded(bench.state, before)
+    shown = with_recorded_fields(bench.state, before)
 
     assert (shown.last_node_id, shown.node_states) == ("n0", before.node_states)
     assert shown.action_states == before.action_states
@@ -344,4 +344,4 @@ def test_a_robot_whose_goal_waits_for_the_disk_drives_if_it_moves(*, vx: float |
     bench.send(order("n0", "n1"))
     bench.do(replace(at(1.0), vx=vx, omega=None if vx is None else 0.0))
 
-    assert as_recorded(bench.state, bench.state).driving is driving
+    assert with_recorded_fields(bench.state, bench.state).driving is driving

@@ -247,11 +247,11 @@ class RobotMachine(RuleBasedStateMachine):
             made,
             busy=bool(busy),
             clearing=robot.clearing,
-            stands=self.stands_on(made.nodes[0]),
+            stands=self.is_at_node(made.nodes[0]),
             forgotten=not progress.last_node_id,
         )
 
-    def stands_on(self, node: Node) -> bool:
+    def is_at_node(self, node: Node) -> bool:
         progress = self.bench.core.robot.progress
         reached = progress.on_last_node and progress.last_node_id == node.node_id
         return reached or (self.localized and abs(self.x - place(node.node_id)) <= 0.3)

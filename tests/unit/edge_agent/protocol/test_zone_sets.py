@@ -9,18 +9,18 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from nena_edge_agent.protocol.geometry import box
+from nena_edge_agent.protocol.geometry import bounding_box
 from nena_edge_agent.protocol.zone_sets import (
     LOST,
-    PAUSE_AFTER_REFUSAL,
-    SETS_HELD,
-    ZONES_IN_A_SET,
+    MAXIMUM_ZONE_SETS,
+    MAXIMUM_ZONES,
+    REQUEST_RETRY_DELAY,
     AccessRequest,
     DuplicateZoneSetError,
     EnabledZone,
-    NoRoomForZoneSetError,
     ZoneKey,
     ZoneRequests,
+    ZoneSetLimitError,
     ZoneSetRefusedError,
     ZoneSets,
 )
@@ -118,12 +118,12 @@ def test_a_zone_that_the_robot_cannot_honour_is_refused(bad: Zone, problem: str)
 
 @pytest.mark.clause("6.4.1")
 def test_there_is_room_for_so_much_and_no_more() -> None:
-    sets = with_sets(*(zone_set(WALL, zone_set_id=f"s{number}") for number in range(SETS_HELD)))
+    sets = with_sets(*(zone_set(WALL, zone_set_id=f"s{number}") for number in range(MAXIMUM_ZONE_SETS)))
 
-    with pytest.raises(NoRoomForZoneSetError):
+    with pytest.raises(ZoneSetLimitError):
         sets.add(zone_set(WALL, zone_set_id="one more"))
-    with pytest.raises(NoRoomForZoneSetError):
-        with_sets(zone_set(*(zone(f"z{number}", "BLOCKED", 0, 1) for number in range(ZONES_IN_A_SET + 1))))
+    with pytest.raises(ZoneSetLimitError):
+        with_sets(zone_set(*(zone(f"z{number}", "BLOCKED", 0, 1) for number in range(MAXIMUM_ZONES + 1))))
 
 
 @pytest.mark.clause("6.4.2")
@@ -145,7 +145,7 @@ NOWHERE: frozenset[ZoneKey] = frozenset()
 def gate(name: str) -> EnabledZone:
     made = zone(name, "RELEASE", 13, 17)
     contour = tuple((each.x, each.y) for each in made.vertices)
-    return EnabledZone(MAP, "s", made, contour, box(contour))
+    return EnabledZone(MAP, "s", made, contour, bounding_box(contour))
 
 
 A, B = gate("a"), gate("b")
@@ -177,7 +177,7 @@ def test_each_zone_is_requested_once_with_its_own_request() -> None:
 
 
 def test_zones_of_one_name_in_two_sets_are_two_zones() -> None:
-    other = EnabledZone(MAP, "t", A.zone, A.contour, A.box)
+    other = EnabledZone(MAP, "t", A.zone, A.contour, A.bounding_box)
     access = ZoneRequests()
     access.request([A, other], now=0.0)
     assert [each.zone_set_id for each in access.states] == ["s", "t"]
@@ -192,9 +192,9 @@ def test_a_rejected_zone_is_requested_again_only_after_a_delay() -> None:
     access = asked()
     access.apply(response("zone-1", GrantType.REJECTED), NOWHERE, now=50.0)
     assert access.waits, "time alone lets it ask again"
-    access.request([A, B], now=50.0 + PAUSE_AFTER_REFUSAL - 0.01)
+    access.request([A, B], now=50.0 + REQUEST_RETRY_DELAY - 0.01)
     assert [each.zone_id for each in access.requests] == ["b"]
-    access.request([A, B], now=50.0 + PAUSE_AFTER_REFUSAL)
+    access.request([A, B], now=50.0 + REQUEST_RETRY_DELAY)
     assert (ids(access), access.waits) == (["zone-2", "zone-3"], False)
 
 
@@ -274,7 +274,7 @@ def test_only_requests_for_wanted_zones_are_kept() -> None:
     assert [each.zone_id for each in access.requests] == ["b"]
 
 
-SECONDS = st.sampled_from([0.0, 1.0, PAUSE_AFTER_REFUSAL, 60.0])
+SECONDS = st.sampled_from([0.0, 1.0, REQUEST_RETRY_DELAY, 60.0])
 INSIDE = st.sampled_from([NOWHERE, IN_A, frozenset({A.key, B.key})])
 
 

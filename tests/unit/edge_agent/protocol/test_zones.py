@@ -18,7 +18,7 @@ from nena_edge_agent.protocol.events import (
     Started,
     ZoneSetReceived,
 )
-from nena_edge_agent.protocol.zone_sets import PAUSE_AFTER_REFUSAL
+from nena_edge_agent.protocol.zone_sets import REQUEST_RETRY_DELAY
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.versions import RULES
@@ -206,7 +206,7 @@ class TestRelease:
 
         answer(robot, "REJECTED")
         assert requests(robot) == []
-        wait(robot, PAUSE_AFTER_REFUSAL - 1)
+        wait(robot, REQUEST_RETRY_DELAY - 1)
         assert requests(robot) == []
         wait(robot, 1.0)
 

@@ -7,23 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan2, copysign, cos, dist, inf, pi, sin
 
-from nena_edge_agent.driver.port import (
-    Area,
-    Arrived,
-    BatteryReport,
-    Circle,
-    DriveFailed,
-    DriveFailure,
-    DriveGoal,
-    Emit,
-    Halted,
-    NavigationReport,
-    NoRouteReport,
-    OwnGoals,
-    Pose,
-    PoseReport,
-    PositionInitialized,
-)
+from nena_edge_agent.driver import port
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_shared.clock import Clock
 
@@ -71,8 +55,8 @@ class SimulatedBattery:
 class Motion:
     """A drive from ``start`` to ``goal`` that began at ``begin`` (s), at ``speed`` m/s and ``rate`` rad/s."""
 
-    start: Pose
-    goal: Pose
+    start: port.Pose
+    goal: port.Pose
     begin: float
     speed: float
     rate: float
@@ -88,7 +72,7 @@ class Motion:
         """The time in s at which the robot arrives."""
         return self.begin + self._first_turn_time + self._line_time + abs(self._last_turn) / self.rate
 
-    def at(self, now: float) -> tuple[Pose, float, float]:
+    def at(self, now: float) -> tuple[port.Pose, float, float]:
         """Return the pose at the time ``now`` in s, with the speed in m/s and the turning rate in rad/s."""
         elapsed = max(0.0, now - self.begin)
         if elapsed < self._first_turn_time:
@@ -125,19 +109,19 @@ class Motion:
     def _last_turn(self) -> float:
         return _turn(self._direction, self.goal.theta) if self.turn_at_end else 0.0
 
-    def _pose(self, along: float, theta: float) -> Pose:
+    def _pose(self, along: float, theta: float) -> port.Pose:
         """Return the pose ``along`` metres from the start, exactly on the goal at the end of the line."""
         done = along >= self.length
         x = self.goal.x if done else self.start.x + along * cos(self._direction)
         y = self.goal.y if done else self.start.y + along * sin(self._direction)
-        return Pose(x, y, _turn(0.0, theta), self.goal.map_id)
+        return port.Pose(x, y, _turn(0.0, theta), self.goal.map_id)
 
 
 @dataclass(frozen=True, slots=True)
 class Braking:
     """A straight line from ``start`` at ``speed`` m/s, braking evenly to a stop within ``distance`` m."""
 
-    start: Pose
+    start: port.Pose
     begin: float
     speed: float
     distance: float
@@ -147,13 +131,13 @@ class Braking:
         """The time in s at which the robot has stopped."""
         return self.begin + 2 * self.distance / self.speed
 
-    def at(self, now: float) -> tuple[Pose, float, float]:
+    def at(self, now: float) -> tuple[port.Pose, float, float]:
         """Return the pose at the time ``now`` in s, with the speed in m/s and the turning rate in rad/s."""
         left = max(0.0, (self.end - now) / (self.end - self.begin)) if now > self.begin else 1.0
         along = self.distance * (1 - left**2)
         heading = self.start.theta
         x, y = self.start.x + along * cos(heading), self.start.y + along * sin(heading)
-        return Pose(x, y, heading, self.start.map_id), self.speed * left, 0.0
+        return port.Pose(x, y, heading, self.start.map_id), self.speed * left, 0.0
 
 
 def braking(motion: Motion, now: float, deceleration: float) -> Braking | None:
@@ -187,9 +171,9 @@ class LoopbackDriver:
     def __init__(
         self,
         settings: LoopbackSettings,
-        start: Pose,
+        start: port.Pose,
         *,
-        emit: Emit,
+        emit: port.Emit,
         clock: Clock,
         speed: float | None = None,
     ) -> None:
@@ -200,12 +184,12 @@ class LoopbackDriver:
         self._speed = speed or settings.speed
         self._speed_limit = inf
         self._localized = True
-        self._navigation = NavigationReport(available=True, reason="")
-        self._unreachable: dict[Circle, None] = {}
-        self._no_route: dict[Circle, None] = {}
+        self._navigation = port.NavigationReport(available=True, reason="")
+        self._unreachable: dict[port.Circle, None] = {}
+        self._no_route: dict[port.Circle, None] = {}
         self._battery = SimulatedBattery(settings)
         self._reported_charge = settings.charge
-        self._goal: DriveGoal | None = None
+        self._goal: port.DriveGoal | None = None
         self._motion: Motion | Braking | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._charge_timer: asyncio.TimerHandle | None = None
@@ -228,11 +212,13 @@ class LoopbackDriver:
         """Whether the robot drives, turns or brakes."""
         return self._motion is not None
 
-    def go_to(self, goal: DriveGoal) -> None:
+    def go_to(self, goal: port.DriveGoal) -> None:
         """Drive straight to ``goal`` from where the robot is."""
         self._stand()
         if problem := self._problem(goal):
-            self._soon(lambda: self._emit(DriveFailed(goal.generation, DriveFailure.ABORTED, problem)))
+            self._soon(
+                lambda: self._emit(port.DriveFailed(goal.generation, port.DriveFailure.ABORTED, problem))
+            )
             return
         if self._battery.charging:
             self.set_charging(charging=False)
@@ -260,10 +246,10 @@ class LoopbackDriver:
             self._motion = slowing
             self._wait()
 
-    def reclaim(self, goals: OwnGoals) -> None:
+    def reclaim(self, goals: port.OwnGoals) -> None:
         """Ignore earlier goals: they end with the program."""
 
-    def keep_out(self, areas: tuple[Area, ...]) -> None:
+    def keep_out(self, areas: tuple[port.Area, ...]) -> None:
         """Do nothing: the robot drives in straight lines, so this is never called."""
 
     def limit_speed(self, speed: float | None) -> None:
@@ -272,7 +258,7 @@ class LoopbackDriver:
         if self._goal:
             self.go_to(self._goal)
 
-    def initialize_position(self, pose: Pose) -> None:
+    def initialize_position(self, pose: port.Pose) -> None:
         """Move to ``pose`` at once."""
         self._stand()
         self._pose, self._localized = pose, True
@@ -284,13 +270,13 @@ class LoopbackDriver:
         self._stand()
         self._report_pose(0.0, 0.0)
         if slowing:
-            self._emit(Halted())
+            self._emit(port.Halted())
 
     def carry_to(self, x: float, y: float, theta: float, map_id: str | None = None) -> None:
         """Move to another pose (m, rad) without driving; a current goal continues from there."""
         goal = self._goal
         self.stop_at_once()
-        self._pose = Pose(x, y, theta, map_id or self._pose.map_id)
+        self._pose = port.Pose(x, y, theta, map_id or self._pose.map_id)
         self._report_pose(0.0, 0.0)
         if goal:
             self.go_to(goal)
@@ -310,10 +296,10 @@ class LoopbackDriver:
         """Make navigation unavailable or available; the robot stops meanwhile."""
         if not available:
             self.stop_at_once()
-        self._navigation = NavigationReport(available=available, reason=reason)
+        self._navigation = port.NavigationReport(available=available, reason=reason)
         self._emit(self._navigation)
 
-    def set_unreachable(self, circle: Circle, *, active: bool) -> None:
+    def set_unreachable(self, circle: port.Circle, *, active: bool) -> None:
         """Make goals in ``circle`` unreachable, or reachable again."""
         if not active:
             self._unreachable.pop(circle, None)
@@ -324,13 +310,13 @@ class LoopbackDriver:
             self.stop_at_once()
             self.go_to(goal)
 
-    def set_no_route(self, circle: Circle, *, active: bool) -> None:
+    def set_no_route(self, circle: port.Circle, *, active: bool) -> None:
         """Report no route to goals in ``circle``, or a route again."""
         if active:
             self._no_route[circle] = None
         else:
             self._no_route.pop(circle, None)
-        self._emit(NoRouteReport(tuple(self._no_route)))
+        self._emit(port.NoRouteReport(tuple(self._no_route)))
 
     def set_charging(self, *, charging: bool) -> None:
         """Start or stop charging."""
@@ -344,7 +330,7 @@ class LoopbackDriver:
         self._battery.set_level(self._clock.monotonic(), charge)
         self._report_battery()
 
-    def _problem(self, goal: DriveGoal) -> str | None:
+    def _problem(self, goal: port.DriveGoal) -> str | None:
         """Return why ``goal`` cannot be reached."""
         if goal.pose.map_id != self._pose.map_id:
             return f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
@@ -386,7 +372,7 @@ class LoopbackDriver:
             vx = omega = 0.0
         self._report_pose(vx, omega)
         if over:
-            self._emit(Arrived(goal.generation) if goal else Halted())
+            self._emit(port.Arrived(goal.generation) if goal else port.Halted())
         if self._reported_charge - self._charge >= BATTERY_STEP:
             self._report_battery()
         self._wait()
@@ -412,18 +398,18 @@ class LoopbackDriver:
 
     def _halted(self) -> None:
         self._report_pose(0.0, 0.0)
-        self._emit(Halted())
+        self._emit(port.Halted())
 
     def _placed(self) -> None:
         self._report_pose(0.0, 0.0)
-        self._emit(PositionInitialized(succeeded=True, description=""))
+        self._emit(port.PositionInitialized(succeeded=True, description=""))
 
     def _report_pose(self, vx: float, omega: float) -> None:
-        self._emit(PoseReport(self._pose, localized=self._localized, vx=vx, omega=omega))
+        self._emit(port.PoseReport(self._pose, localized=self._localized, vx=vx, omega=omega))
 
     def _report_battery(self) -> None:
         self._reported_charge = self._charge
-        self._emit(BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.charging))
+        self._emit(port.BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.charging))
 
     def _soon(self, step: Callable[[], None]) -> None:
         """Call ``step`` from the event loop, never within the caller's own call."""

@@ -15,7 +15,7 @@ ACTIVE = frozenset(
 )
 """Statuses of an action that has started and not ended."""
 
-_BEFORE: dict[ActionStatus, frozenset[ActionStatus]] = {
+_PREDECESSORS: dict[ActionStatus, frozenset[ActionStatus]] = {
     ActionStatus.WAITING: frozenset(),
     ActionStatus.INITIALIZING: frozenset({ActionStatus.WAITING, ActionStatus.PAUSED, ActionStatus.RETRIABLE}),
     ActionStatus.RUNNING: ACTIVE | {ActionStatus.WAITING},
@@ -24,9 +24,9 @@ _BEFORE: dict[ActionStatus, frozenset[ActionStatus]] = {
     ActionStatus.FINISHED: ACTIVE | {ActionStatus.WAITING},
     ActionStatus.FAILED: ACTIVE | {ActionStatus.WAITING},
 }
-"""Allowed predecessors of each status (section 6.6.9, figure 21); FINISHED and FAILED are final."""
-DESCRIPTOR_SHOWN = 200
-"""Maximum length of an actionDescriptor in the state; the rest is cut off."""
+"""Statuses that may precede each status (section 6.6.9, figure 21); FINISHED and FAILED are final."""
+DESCRIPTOR_LIMIT = 200
+"""Maximum length of an actionDescriptor in the state, characters; the rest is cut off."""
 
 
 @dataclass(slots=True)
@@ -46,7 +46,7 @@ class ActionRecord:
 
 
 class ActionStates:
-    """Actions with their states, in the order in which they were received (section 6.6.9)."""
+    """Actions and their states, in the order of arrival (section 6.6.9)."""
 
     def __init__(self) -> None:
         self._records: dict[str, ActionRecord] = {}
@@ -61,7 +61,7 @@ class ActionStates:
         return action_id in self._records
 
     def get(self, action_id: str) -> ActionRecord | None:
-        """Return the record of an action, if it is known."""
+        """Return the record of an action, None if it is unknown."""
         return self._records.get(action_id)
 
     def add(self, records: Iterable[ActionRecord]) -> None:
@@ -80,9 +80,9 @@ class ActionStates:
             self._changed()
 
     def change(self, action_id: str, status: ActionStatus, result: str | None = None) -> bool:
-        """Set a status; return whether that was allowed (section 6.6.9, figure 21) and changed anything."""
+        """Set a status if figure 21 allows it; return whether anything has changed (section 6.6.9)."""
         record = self._records.get(action_id)
-        if record is None or record.status not in _BEFORE[status]:
+        if record is None or record.status not in _PREDECESSORS[status]:
             return False
         if record.status is status and result in (None, record.result):
             return False
@@ -92,7 +92,7 @@ class ActionStates:
         return True
 
     def restart(self, action_id: str) -> None:
-        """Reset an action to INITIALIZING: after a restart of the agent, its plug-in does not know it."""
+        """Reset an action to INITIALIZING: after a restart of the agent, its plug-in starts it again."""
         self._records[action_id].status = ActionStatus.INITIALIZING
         self._touch(action_id)
 
@@ -132,23 +132,20 @@ def _state(record: ActionRecord) -> ActionState:
 
 
 def _short(descriptor: str | None) -> str | None:
-    return None if descriptor is None else descriptor[:DESCRIPTOR_SHOWN]
+    return None if descriptor is None else descriptor[:DESCRIPTOR_LIMIT]
 
 
-EXCLUSIVE = (BlockingType.SINGLE, BlockingType.HARD)
-STOPPING = (BlockingType.SOFT, BlockingType.HARD)
+RUNS_ALONE = (BlockingType.SINGLE, BlockingType.HARD)
+STOPS_DRIVING = (BlockingType.SOFT, BlockingType.HARD)
 
 
 def allow_driving(actions: Iterable[Action]) -> bool:
-    """Return whether the robot may drive during ``actions``: none has the blockingType SOFT or HARD.
-
-    VDA 5050 3.0 section 6.2.2.
-    """
-    return all(action.blocking_type not in STOPPING for action in actions)
+    """Return whether the robot may drive during ``actions``: none is SOFT or HARD (section 6.2.2)."""
+    return all(action.blocking_type not in STOPS_DRIVING for action in actions)
 
 
 class ActionQueue:
-    """The queue of actions of reached nodes and entered edges that have not ended (section 6.2.2)."""
+    """Actions of reached nodes and entered edges that have not ended, in order (section 6.2.2)."""
 
     def __init__(self) -> None:
         self._actions: dict[str, BlockingType] = {}
@@ -171,20 +168,20 @@ class ActionQueue:
     @property
     def driving_allowed(self) -> bool:
         """Return whether no SOFT or HARD action is left (section 6.2.2)."""
-        return all(blocking not in STOPPING for blocking in self._actions.values())
+        return all(blocking not in STOPS_DRIVING for blocking in self._actions.values())
 
     def runnable(self) -> list[str]:
-        """Return the actions that may run now, including those that run already (section 6.2.2).
+        """Return the actions that may run now, including those that already run (section 6.2.2).
 
-        NONE and SOFT actions at the front run in parallel; a SINGLE or HARD one waits for all before it, runs
-        alone, and blocks all behind it.
+        NONE and SOFT actions at the front run in parallel. A SINGLE or HARD action waits for all actions
+        before it, runs alone, and blocks all actions after it.
         """
-        gathered: list[str] = []
+        parallel: list[str] = []
         for action_id, blocking in self._actions.items():
-            if blocking in EXCLUSIVE:
-                return gathered or [action_id]
-            gathered.append(action_id)
-        return gathered
+            if blocking in RUNS_ALONE:
+                return parallel or [action_id]
+            parallel.append(action_id)
+        return parallel
 
 
 UNKNOWN_LOAD = Load()
@@ -228,7 +225,7 @@ def first_load_problem(
     return None
 
 
-def sensed(loads: tuple[Load, ...], *, loaded: bool) -> tuple[Load, ...]:
+def loads_by_sensor(loads: tuple[Load, ...], *, loaded: bool) -> tuple[Load, ...]:
     """Return the loads after a report of the load sensor; a known load keeps its ID."""
     if not loaded:
         return ()

@@ -29,14 +29,11 @@ from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge
 
 CoreAction = Callable[[RobotState, Action], tuple[ActionStatus, str | None]]
-"""Executes or starts an action in the core; returns its new status, and a result."""
+"""Executes or starts an action in the core; returns its new status and its result."""
 
 
 def enqueue(robot: RobotState, actions: Sequence[Action]) -> None:
-    """Queue the actions of a reached node or an entered edge, and start those that may run now.
-
-    VDA 5050 3.0 section 6.2.2.
-    """
+    """Queue the actions of a reached node or entered edge; start those that may run now (section 6.2.2)."""
     robot.queue.append(actions)
     schedule(robot)
 
@@ -50,7 +47,7 @@ def schedule(robot: RobotState) -> None:
 
 
 def apply_report(robot: RobotState, report: ActionReport) -> None:
-    """Apply the report of a plug-in about an action of the order or an instant action (section 6.6.9)."""
+    """Apply a plug-in's report about an action of the order or an instant action (section 6.6.9)."""
     states = robot.actions if report.action_id in robot.actions else robot.instant_actions
     status = ActionStatus.RETRIABLE if _is_retriable(robot, report) else report.status
     if not states.change(report.action_id, status, report.result):
@@ -82,7 +79,7 @@ def pause(robot: RobotState) -> None:
 
 
 def resume(robot: RobotState) -> None:
-    """Resume paused actions; restart those that a restart of the agent interrupted."""
+    """Resume paused actions; start those again that a restart of the agent has interrupted."""
     interrupted, robot.interrupted = robot.interrupted, set()
     for record in robot.actions:
         action_id = record.action.action_id
@@ -94,7 +91,7 @@ def resume(robot: RobotState) -> None:
 
 
 def cancel_all(robot: RobotState) -> None:
-    """Fail waiting actions, and cancel running ones if that is allowed (section 6.1.3)."""
+    """Fail waiting actions, and cancel running ones that can be cancelled (section 6.1.3)."""
     for record in list(robot.actions):
         action_id = record.action.action_id
         waits = record.action.action_type == WAIT_FOR_TRIGGER
@@ -116,7 +113,7 @@ def end_with_edge(robot: RobotState, edge: Edge) -> None:
 
 
 def continue_after_restart(robot: RobotState) -> None:
-    """Restart interrupted actions if their declaration allows it; fail the others."""
+    """Start interrupted actions again if their declaration allows it; fail the others."""
     for states in (robot.actions, robot.instant_actions):
         for record in [each for each in states if each.active]:
             if record.status is ActionStatus.RETRIABLE:
@@ -129,7 +126,7 @@ def continue_after_restart(robot: RobotState) -> None:
 
 
 def retry(robot: RobotState, action: Action) -> str | None:
-    """Restart the RETRIABLE action named by ``action`` (section 6.2.3).
+    """Start the RETRIABLE action again that ``action`` names (section 6.2.3).
 
     Return the reason for a refusal, None on success.
     """
@@ -145,7 +142,7 @@ def retry(robot: RobotState, action: Action) -> str | None:
 
 
 def skip_retry(robot: RobotState, action: Action) -> str | None:
-    """Fail the RETRIABLE action named by ``action``, and continue (section 6.2.3).
+    """Fail the RETRIABLE action that ``action`` names, and continue the order (section 6.2.3).
 
     Return the reason for a refusal, None on success.
     """
@@ -183,7 +180,7 @@ def release(robot: RobotState, trigger_type: str) -> bool:
 def clear_instant_actions(robot: RobotState, _: Action) -> tuple[ActionStatus, str | None]:
     """Remove ended instant actions from the state (section 6.2.3).
 
-    The action itself stays in the state until the next clearInstantActions.
+    This action itself stays in the state until the next clearInstantActions.
     """
     robot.instant_actions.remove(lambda record: record.status.ended)
     return ActionStatus.FINISHED, None
@@ -198,7 +195,7 @@ CORE_ACTIONS: dict[str, CoreAction] = {
     ENABLE_ZONE_SET: zones.enable,
     WAIT_FOR_TRIGGER: _wait_for_trigger,
 }
-"""Actions on nodes that the core executes, by action type."""
+"""Node actions that the core executes, by action type."""
 
 
 def _waits_for(record: ActionRecord, trigger_type: str) -> bool:
@@ -250,7 +247,7 @@ def _is_retriable(robot: RobotState, report: ActionReport) -> bool:
 
 
 def _apply_hold(robot: RobotState, record: ActionRecord) -> None:
-    """Pause an action that started during a pause; resume one that was paused after the pause ended."""
+    """Pause an action that has started during a pause; resume one that was paused after its end."""
     action_id = record.action.action_id
     if robot.held and record.status is ActionStatus.RUNNING and _declares(robot, record, "pause_allowed"):
         robot.effects.append(PauseAction(action_id))
@@ -272,13 +269,13 @@ def _continue(robot: RobotState, states: ActionStates, record: ActionRecord) -> 
 
 
 def _starts_after_pause(robot: RobotState, record: ActionRecord) -> bool:
-    """Return whether the action may restart, but not before the pause ends."""
+    """Return whether the action may start again, but only after the pause."""
     waits = robot.held and not robot.clearing and record.scope is not ActionScope.INSTANT
     return waits and _declares(robot, record, "restartable") and _declares(robot, record, "pause_allowed")
 
 
 def _load_problem(robot: RobotState, record: ActionRecord) -> str | None:
-    """Return why the load makes the action impossible; an earlier action may have failed."""
+    """Return why the load prevents the action, if it does: an earlier action may have failed."""
     declaration = _declaration(robot, record)
     return declaration.load_problem(loaded=bool(robot.loads)) if declaration else None
 
@@ -293,9 +290,9 @@ def _end_edge_action(robot: RobotState, record: ActionRecord) -> None:
         return
     if record.active:
         robot.effects.append(CancelAction(action_id))
-    good = record.active and _declares(robot, record, "open_ended")
-    status = ActionStatus.FINISHED if good else ActionStatus.FAILED
-    result = None if good else "the edge ended before the action"
+    succeeds = record.active and _declares(robot, record, "open_ended")
+    status = ActionStatus.FINISHED if succeeds else ActionStatus.FAILED
+    result = None if succeeds else "the edge ended before the action"
     apply_report(robot, ActionReport(action_id, status, result))
 
 

@@ -37,7 +37,7 @@ class DriveStrategy(StrEnum):
 
 
 class ExternalGoals(StrEnum):
-    """What happens to an order while navigation drives to a goal of another program."""
+    """What happens to an order while navigation drives to another program's goal."""
 
     PAUSE = "pause"
     """Wait until the other goal has ended, then continue."""
@@ -49,24 +49,20 @@ class ExternalGoals(StrEnum):
 class Capabilities:
     """What a robot can do, and how it is configured; in m, rad, m/s and s.
 
-    ``limits_speed``: the driver accepts speed limits below ``maximum_speed``. ``keeps_out``: it plans around
-    closed areas. ``follows_paths``: it follows trajectories. ``drives_ahead``: it drives through several
-    poses of one goal without a stop.
-
-    To pass a node at full speed, the next goal must arrive ``hand_over_distance`` m plus ``hand_over_time`` s
-    of driving before the end of the current one. ``base_request_time`` is the corresponding time at the end
-    of the base, including fleet control's response time.
-
-    ``braking_distance`` is from full speed.
-
-    ``link_loss`` applies once the link to the broker has been lost for ``link_loss_timeout`` seconds.
-
-    A failed drive is retried ``drive_retries`` times, after ``retry_wait`` seconds each.
-
-    ``frame`` identifies the frame of all coordinates by the transforms from the plant to the robot's maps.
-
-    ``tolerated_parameters`` are optional order fields to ignore instead of rejecting the order, by path:
-    ``edges.trajectory``.
+    Attributes:
+        limits_speed: the driver accepts speed limits below ``maximum_speed``.
+        keeps_out: the driver plans around closed areas.
+        follows_paths: the driver follows trajectories.
+        drives_ahead: the driver passes several poses of one goal without a stop.
+        hand_over_distance: to pass a node at full speed, the next goal must arrive this distance plus
+            ``hand_over_time`` of driving before the end of the current one.
+        base_request_time: the same time at the end of the base, with fleet control's response time.
+        link_loss: policy once the broker has been unreachable for ``link_loss_timeout``.
+        drive_retries: number of retries of a failed drive, each after ``retry_wait``.
+        tolerated_parameters: optional order fields to ignore instead of rejecting the order, by path:
+            ``edges.trajectory``.
+        braking_distance: from full speed.
+        frame: identifies the frame of all coordinates: the transforms from the plant to the robot's maps.
     """
 
     map_id: str
@@ -108,10 +104,10 @@ class Capabilities:
 
 
 SPEED = "edges.maximumSpeed"
-"""Optional field that requires a driver with speed limits."""
+"""Optional field that needs a driver with speed limits."""
 TRAJECTORY = "edges.trajectory"
 CORRIDOR = "edges.corridor"
-"""Optional fields that require a driver that follows paths."""
+"""Optional fields that need a driver that follows paths."""
 ZONE_SET = "zoneSetId"
 """Optional field of 2.x orders; not supported, because 2.x has no zone sets."""
 
@@ -128,7 +124,7 @@ _ALWAYS: tuple[OptionalParameter, ...] = (
 
 
 def _speed(edge: Edge, capabilities: Capabilities) -> bool:
-    """Return whether the robot cannot obey the edge's speed limit; a limit of 0 m/s cannot be driven."""
+    """Return whether the robot cannot keep to the edge's speed limit; nothing can drive at 0 m/s."""
     limit = edge.maximum_speed
     if limit is None or limit >= capabilities.maximum_speed:
         return False
@@ -154,9 +150,8 @@ DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
     TRAJECTORY: lambda edge, robot: edge.trajectory is not None and not robot.follows_paths,
     CORRIDOR: lambda edge, robot: edge.corridor is not None and not robot.follows_paths,
 }
-"""For each optional edge field: whether an edge requires something that the robot cannot do. Values that
-match the robot's default behaviour (drive forwards, turn freely, keep to its own speed) are no requirement.
-"""
+"""For each optional edge field: whether an edge demands what the robot cannot do. Values that match the
+robot's default behaviour (drive forwards, turn freely, drive at its own speed) demand nothing."""
 TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
 """Fields that the setting ``tolerated_parameters`` may name."""
 

@@ -9,7 +9,7 @@ from nena_edge_agent.protocol import edge_paths
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.geometry import radius
 from nena_edge_agent.protocol.robot_state import (
-    INSTANT_ACTIONS_SHOWN,
+    INSTANT_ACTION_LIMIT,
     NOT_REPORTED,
     PowerPhase,
     RobotState,
@@ -30,12 +30,12 @@ JOURNAL_LOST = "JOURNAL_LOST"
 SUBSCRIPTION_REFUSED = "SUBSCRIPTION_REFUSED"
 ACTION_PLUGIN_UNUSABLE = "ACTION_PLUGIN_UNUSABLE"
 
-RECOVERY_SHOWN = 15.0
+RECOVERY_REPORT_TIME = 15.0
 """Seconds for which a recovery is reported."""
 
 SESSION_OFF = frozenset({SessionState.NOT_ACTIVE, SessionState.TERMINATING})
 """States of a session that was stopped on request; in all others it is active or starting."""
-SWITCHING = (STOP_ROS_SESSION, CONFIGURE_ROS_SESSION)
+SESSION_CHANGES = (STOP_ROS_SESSION, CONFIGURE_ROS_SESSION)
 
 
 def check_conditions(robot: RobotState) -> None:
@@ -45,8 +45,8 @@ def check_conditions(robot: RobotState) -> None:
     robot.errors.set_condition(ROBOT_NOT_STOPPED, _not_stopped(robot))
     robot.errors.set_condition(ROBOT_BLOCKED, _blocked(robot))
     robot.errors.set_condition(COLLISION_STOP, _collision(robot))
-    robot.errors.set_condition(DRIVE_RECOVERS, _recovers(robot))
-    robot.errors.set_condition(DRIVE_RETRIED, _retried(robot))
+    robot.errors.set_condition(DRIVE_RECOVERS, _recovery(robot))
+    robot.errors.set_condition(DRIVE_RETRIED, _retry(robot))
     robot.errors.set_condition(DEVIATION_TOO_SMALL, _deviation(robot))
     robot.errors.set_condition(ErrorType.OUTSIDE_OF_CORRIDOR, edge_paths.outside_of_corridor(robot))
     robot.errors.set_condition(EXTERNAL_GOAL, _external_goal(robot))
@@ -54,12 +54,12 @@ def check_conditions(robot: RobotState) -> None:
     robot.errors.set_condition(SUBSCRIPTION_REFUSED, _subscriptions(robot))
     robot.errors.set_condition(ACTION_PLUGIN_UNUSABLE, _plugins(robot))
     robot.errors.set_condition(ErrorType.INSTANT_ACTION_STATES_FULL, _instant_actions(robot))
-    takes_orders = robot.next_mode.takes_orders and not switched_off(robot)
+    takes_orders = robot.next_mode.takes_orders and not session_problem(robot)
     if takes_orders and robot.power is PowerPhase.AWAKE and not robot.fatal:
         robot.errors.end(Until.AVAILABLE)
 
 
-def switched_off(robot: RobotState) -> str:
+def session_problem(robot: RobotState) -> str:
     """Return why the ROS session keeps the robot from taking orders; empty if it does not.
 
     A failed session does not: it restarts automatically, and an order waits for it.
@@ -69,13 +69,13 @@ def switched_off(robot: RobotState) -> str:
         return ""
     if session.state in SESSION_OFF:
         return "its ROS session is not active"
-    switching = any(map(robot.running_instant_actions, SWITCHING))
+    switching = any(map(robot.running_instant_actions, SESSION_CHANGES))
     return "its ROS session is being switched" if switching else ""
 
 
 @lru_cache(maxsize=64)
 def session_information(session: SessionReport | None) -> tuple[Information, ...]:
-    """Return the information entry about the ROS session; a robot without ROS has none."""
+    """Return the information entry of the ROS session, empty for a robot without ROS (section 6.6.4)."""
     if session is None:
         return ()
     facts = {"state": session.state.value, "namespace": session.namespace, "domainId": str(session.domain_id)}
@@ -108,21 +108,21 @@ def _localization(robot: RobotState) -> ErrorEntry | None:
         return None
     if pose is None and robot.reports.navigation.starting:
         return None  # still searching for navigation
-    if switched_off(robot) and robot.idle:
+    if session_problem(robot) and robot.idle:
         return None  # expected, and explained by NAVIGATION_NOT_AVAILABLE
     return error(
         ErrorType.LOCALIZATION_ERROR,
-        f"the robot is not localised and does not drive{_why(pose)}",
+        f"the robot is not localised and does not drive{_pose_problem(pose)}",
         hint="set its initial position",
     )
 
 
-def _why(pose: PoseReport | None) -> str:
+def _pose_problem(pose: PoseReport | None) -> str:
     return f": {pose.problem}" if pose and pose.problem else ""
 
 
 def _navigation(robot: RobotState) -> ErrorEntry | None:
-    """Report missing navigation, even without an order, so that fleet control sends none."""
+    """Report missing navigation, also without an order, so that fleet control sends none."""
     navigation = robot.reports.navigation
     order_id = robot.progress.order_id if robot.progress.next_node else None
     if navigation.available or (navigation is NOT_REPORTED and order_id is None):
@@ -139,13 +139,13 @@ def _navigation(robot: RobotState) -> ErrorEntry | None:
 
 
 def _not_stopped(robot: RobotState) -> ErrorEntry | None:
-    """Report that a person has to stop the robot."""
+    """Report that a person must stop the robot."""
     problem = robot.goal.halt_problem
     if not problem:
         return None
     return error(
         ROBOT_NOT_STOPPED,
-        f"the robot was asked to stop, but its standstill is not confirmed: {problem}",
+        f"the robot was told to stop, but its standstill is not confirmed: {problem}",
         hint="stop the robot at its emergency stop, then check Nav2 and the odometry on the robot",
     ).with_level(ErrorLevel.FATAL)
 
@@ -177,12 +177,12 @@ def _collision(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _recovers(robot: RobotState) -> ErrorEntry | None:
-    """Report a recovery of navigation for ``RECOVERY_SHOWN`` seconds."""
+def _recovery(robot: RobotState) -> ErrorEntry | None:
+    """Report a recovery of navigation for ``RECOVERY_REPORT_TIME`` seconds."""
     progress, node, at = robot.reports.progress, robot.progress.next_node, robot.reports.recovered_at
     if progress is None or not progress.recoveries or node is None or at is None:
         return None
-    if robot.now - at > RECOVERY_SHOWN or robot.goal.target is None:
+    if robot.now - at > RECOVERY_REPORT_TIME or robot.goal.target is None:
         return None
     return error(
         DRIVE_RECOVERS,
@@ -194,7 +194,7 @@ def _recovers(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _retried(robot: RobotState) -> ErrorEntry | None:
+def _retry(robot: RobotState) -> ErrorEntry | None:
     """Report a drive that is retried, until it succeeds or fails permanently."""
     node, goal = robot.progress.next_node, robot.goal
     if not goal.failures or goal.failed_at is not None or node is None:
@@ -210,7 +210,7 @@ def _retried(robot: RobotState) -> ErrorEntry | None:
 
 
 def _deviation(robot: RobotState) -> ErrorEntry | None:
-    """Report a coming node whose allowed deviation is below Nav2's goal tolerance."""
+    """Report the next node whose allowed deviation is below Nav2's goal tolerance."""
     limits, default = robot.reports.limits, robot.capabilities.default_deviation_xy
     if limits is None:
         return None
@@ -279,11 +279,11 @@ def _plugins(robot: RobotState) -> ErrorEntry | None:
 
 
 def _instant_actions(robot: RobotState) -> ErrorEntry | None:
-    """Report that no more instant actions start, except those of the core."""
-    if robot.instant_actions_running < INSTANT_ACTIONS_SHOWN:
+    """Report that the robot starts no more instant actions, except those of the core."""
+    if robot.instant_actions_running < INSTANT_ACTION_LIMIT:
         return None
     return error(
         ErrorType.INSTANT_ACTION_STATES_FULL,
-        f"{INSTANT_ACTIONS_SHOWN} instant actions are running; the robot starts no more",
+        f"{INSTANT_ACTION_LIMIT} instant actions are running; the robot starts no more",
         hint="wait until some of them have ended",
     )

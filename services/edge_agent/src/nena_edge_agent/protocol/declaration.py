@@ -30,12 +30,11 @@ from nena_shared.vda5050.rules import Rules
 ALL_BLOCKING_TYPES = tuple(BlockingType)
 
 Check = Callable[[Action], str | None]
-"""Returns why an action cannot be executed, None if it can; called before the robot drives, so it must not
-block."""
+"""Returns why an action cannot be executed, None if it can. It must not block: orders wait for it."""
 
 
 class LoadChange(StrEnum):
-    """What an action does to the load."""
+    """Effect of an action on the load."""
 
     TAKE = "take"
     """Loads the robot, which must be empty."""
@@ -78,9 +77,9 @@ class Parameter:
     choices: tuple[JsonValue, ...] = ()
 
     def problem(self, value: JsonValue) -> str | None:
-        """Return what is wrong with ``value``, None if nothing is (section 7.3.1).
+        """Return what is wrong with ``value``, None if it is valid (section 7.3.1).
 
-        None and [] mean that it is missing.
+        None and an empty array count as missing.
         """
         if value is None or (value == [] and self.data_type is ValueDataType.ARRAY):
             return f"parameter '{self.key}' is missing" if self.required else None
@@ -91,7 +90,7 @@ class Parameter:
         return self._range_problem(value)
 
     def read(self, value: JsonValue) -> JsonValue:
-        """Convert a number or boolean that was sent as text; return any other value unchanged.
+        """Convert a number or boolean that was sent as a string; return any other value unchanged.
 
         Some fleet controls can only send strings.
         """
@@ -130,11 +129,15 @@ class Parameter:
 class ActionDeclaration:
     """One action type (section 7.10, mobileRobotActions).
 
-    ``open_ended``: it has no end of its own, like a lamp, and is FINISHED when its edge ends.
-    ``restartable``: it may be restarted if a restart of the agent interrupted it. ``result``: description of
-    its actionResult. ``load``: its effect on the load. ``check``: an additional check of its parameters.
-    ``unavailable``: why this robot cannot execute it; empty if it can. ``timeout``: maximum duration without
-    pauses, seconds; None: unlimited. ``needs_idle``: it is refused while an order is active.
+    Attributes:
+        open_ended: it has no end of its own, such as a signal light, and is FINISHED when its edge ends.
+        restartable: it may start again if a restart of the agent has interrupted it.
+        result: description of its actionResult.
+        load: its effect on the load.
+        check: an additional check of its parameters.
+        unavailable: why this robot cannot execute it; empty if it can.
+        timeout: maximum duration without pauses, seconds; None: unlimited.
+        needs_idle: it is refused while an order is active.
     """
 
     action_type: str
@@ -163,7 +166,7 @@ class ActionDeclaration:
         if scope is not ActionScope.INSTANT and action.blocking_type not in self.blocking_types:
             return f"action '{self.action_type}' cannot have the blocking type {action.blocking_type}"
         problems = (each.problem(action.parameter(each.key)) for each in self.parameters)
-        found = _two_devices(action) or next((each for each in problems if each), None)
+        found = _device_conflict(action) or next((each for each in problems if each), None)
         if found is None and self.check is not None:
             found = self.check(action)
         return found and f"action '{self.action_type}': {found}"
@@ -171,7 +174,7 @@ class ActionDeclaration:
     def read(self, action: Action) -> Action:
         """Return the action with its parameter values converted by :meth:`Parameter.read`.
 
-        The load handling device of pick and drop gets the declared key, which 3.0.1 has renamed.
+        The load handling device of pick and drop gets the declared key: 3.0.1 has renamed it.
         """
         declared = {each.key: each for each in self.parameters}
         key = next((each for each in LOAD_HANDLING_DEVICE if each in declared), None)
@@ -182,7 +185,7 @@ class ActionDeclaration:
         )
 
     def load_problem(self, *, loaded: bool) -> str | None:
-        """Return why the robot's load makes the action impossible, None if it does not."""
+        """Return why the robot's load prevents the action, None if it does not."""
         if self.load is LoadChange.TAKE and loaded:
             return f"action '{self.action_type}' picks up a load, but the robot is already loaded"
         if self.load is LoadChange.GIVE and not loaded:
@@ -190,8 +193,8 @@ class ActionDeclaration:
         return None
 
 
-def _two_devices(action: Action) -> str | None:
-    """Return the problem of a pick or drop that names two load handling devices under both keys."""
+def _device_conflict(action: Action) -> str | None:
+    """Return the problem of a pick or drop that names different load handling devices by its two keys."""
     given = [action.parameter(each) for each in LOAD_HANDLING_DEVICE]
     if action.action_type not in STATION_ACTIONS or None in given or given[0] == given[1]:
         return None
@@ -201,7 +204,7 @@ def _two_devices(action: Action) -> str | None:
 def _with_device_key(action: Action, key: str) -> Action:
     if all(each.key == key or each.key not in LOAD_HANDLING_DEVICE for each in action.action_parameters):
         return action
-    if _two_devices(action):
+    if _device_conflict(action):
         return action  # refused later
     parameters = tuple(
         each.model_copy(update={"key": key}) if each.key in LOAD_HANDLING_DEVICE else each
@@ -260,7 +263,7 @@ _POSITION = (
 )
 
 
-_WHICH = (Parameter("actionId", ValueDataType.STRING, description="of the RETRIABLE action"),)
+_RETRIABLE_ACTION = (Parameter("actionId", ValueDataType.STRING, description="of the RETRIABLE action"),)
 
 
 _ZONE_SET = (Parameter("zoneSetId", ValueDataType.STRING),)
@@ -279,7 +282,7 @@ def _instant(action_type: str, description: str, parameters: tuple[Parameter, ..
     )
 
 
-def _on_node_too(
+def _instant_or_node(
     action_type: str, description: str, parameters: tuple[Parameter, ...] = ()
 ) -> ActionDeclaration:
     return ActionDeclaration(
@@ -303,13 +306,13 @@ PREDEFINED: dict[str, ActionDeclaration] = {
         _instant(STATE_REQUEST, "Requests a state message."),
         _instant(FACTSHEET_REQUEST, "Requests a factsheet message."),
         _instant(INITIALIZE_POSITION, "Sets the robot's pose in the localisation.", _POSITION),
-        _on_node_too(CLEAR_INSTANT_ACTIONS, "Removes ended instant actions from the state."),
-        _on_node_too(
+        _instant_or_node(CLEAR_INSTANT_ACTIONS, "Removes ended instant actions from the state."),
+        _instant_or_node(
             ENABLE_ZONE_SET, "Enables a zone set and disables the other sets of its map.", _ZONE_SET
         ),
         _instant(DELETE_ZONE_SET, "Deletes a zone set that is not enabled.", _ZONE_SET),
-        _instant(RETRY, "Starts a RETRIABLE action again.", _WHICH),
-        _instant(SKIP_RETRY, "Ends a RETRIABLE action as FAILED.", _WHICH),
+        _instant(RETRY, "Starts a RETRIABLE action again.", _RETRIABLE_ACTION),
+        _instant(SKIP_RETRY, "Ends a RETRIABLE action as FAILED.", _RETRIABLE_ACTION),
         _instant(TRIGGER, "Releases the actions that wait for fleet control."),
         replace(
             _instant(
@@ -340,7 +343,7 @@ def supported_actions(
 ) -> dict[str, ActionDeclaration]:
     """Return the declarations without predefined actions that the version lacks (section 6.2.3).
 
-    Of the actions for hibernation and shutdown, only those in ``power`` are kept.
+    Of the actions for hibernation and shutdown, only those in ``power`` are included.
     """
     unknown = set(POWER_ACTIONS - power if rules.hibernation else POWER_ACTIONS)
     if ActionStatus.RETRIABLE not in rules.action_statuses:

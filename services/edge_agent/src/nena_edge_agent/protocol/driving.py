@@ -5,20 +5,20 @@ from __future__ import annotations
 from itertools import islice, pairwise
 from math import atan2, dist, pi, sin
 
-from nena_edge_agent.driver.port import (
-    Arrived,
-    DriveFailed,
-    DriveFailure,
-    DriveGoal,
-    NavigationReport,
-    Pose,
-)
+from nena_edge_agent.driver import port
 from nena_edge_agent.protocol import actions, edge_paths, zones
 from nena_edge_agent.protocol.action_states import allow_driving
 from nena_edge_agent.protocol.capabilities import Capabilities, DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import Drive, Halt, LimitSpeed
-from nena_edge_agent.protocol.geometry import distance, heading_fits, in_place, radius, same_place, turn
+from nena_edge_agent.protocol.geometry import (
+    distance,
+    heading_matches,
+    is_same_position,
+    is_within_deviation,
+    radius,
+    turn,
+)
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.order import Edge, Node, NodePosition
@@ -28,22 +28,22 @@ HALT_TIMEOUT = 5.0
 """Seconds after which a halt without an answer is requested again."""
 POSES_AHEAD = 20
 """Maximum number of poses ahead in a goal; later ones are sent while the robot drives."""
-CUT_WITHIN = 0.7
+CORNER_CUT_DISTANCE = 0.7
 """Distance from a pose at which Nav2's default tree drops it and heads for the next one, metres."""
 TRANSIENT = frozenset(
     {
-        DriveFailure.ABORTED,
-        DriveFailure.NOT_TAKEN_UP,
-        DriveFailure.OUTSIDE_TOLERANCE,
-        DriveFailure.NAVIGATION_GONE,
+        port.DriveFailure.ABORTED,
+        port.DriveFailure.NOT_TAKEN_UP,
+        port.DriveFailure.OUTSIDE_TOLERANCE,
+        port.DriveFailure.NAVIGATION_GONE,
     }
 )
-"""Failures that are worth a retry; a cancelled or replaced goal was ended on purpose."""
+"""Failures that are retried; a cancelled or replaced goal was ended on purpose."""
 
 
 def advance(robot: RobotState) -> None:
-    """Take the next steps that the state allows: repeat a halt, stop, or drive on."""
-    _repeat_halt(robot)
+    """Take the steps that are due: repeat an unanswered halt, stop the robot, or drive on."""
+    _repeat_unanswered_halt(robot)
     if _must_stop(robot):
         # after a restart navigation may continue the earlier goal until the first pose arrives
         (stop if robot.reports.pose is not None else halt)(robot)
@@ -52,7 +52,7 @@ def advance(robot: RobotState) -> None:
     while _may_drive(robot):
         if goals := robot.reports.goals.external:
             text = f"navigation is driving to another program's goal ({goals[0].goal_id})"
-            _fail(robot, DriveFailure.TAKEN_OVER, text)
+            _fail(robot, port.DriveFailure.TAKEN_OVER, text)
             return
         _enter_edge(robot)
         if not robot.queue.driving_allowed or not _drive_to_next_node(robot):
@@ -67,27 +67,27 @@ def halt(robot: RobotState) -> None:
 
 
 def stop(robot: RobotState) -> None:
-    """Stop the robot, even if its goal is from an earlier run and not adopted yet."""
-    if robot.goal.left_over and not robot.goal.halting:
+    """Stop the robot, also if its goal is from an earlier run and not adopted yet."""
+    if robot.goal.pending and not robot.goal.halting:
         robot.goal.target = None
         request_halt(robot)
     halt(robot)
 
 
 def request_halt(robot: RobotState) -> None:
-    """Stop the robot whatever it is doing, which is unknown after a restart."""
+    """Stop the robot even without a known goal: after a restart, what it does is unknown."""
     robot.goal.halting_since = robot.now
     robot.effects.append(Halt())
 
 
-def has_leftover_goal(robot: RobotState) -> bool:
-    """Return whether navigation may still drive to a goal of ours that the order does not need."""
+def has_unneeded_goal(robot: RobotState) -> bool:
+    """Return whether navigation may still drive to an own goal that the order does not need."""
     wanted = robot.progress.next_node is not None and robot.queue.driving_allowed
     return robot.goal.own is not None and not wanted
 
 
 def new_base_request(robot: RobotState) -> bool:
-    """Return whether the end of the base is near while a horizon is left (section 6.6.3).
+    """Return whether the end of the base is near and a horizon is left (section 6.6.3).
 
     A robot that passes nodes requests a new base early enough to pass the end of the old one at full speed.
     """
@@ -96,32 +96,32 @@ def new_base_request(robot: RobotState) -> bool:
     capabilities = robot.capabilities
     before = capabilities.base_request_distance
     if capabilities.strategy is DriveStrategy.PASS_THROUGH:
-        way = capabilities.maximum_speed * capabilities.base_request_time
-        before = max(before, _hand_over(robot) + way)
+        driven = capabilities.maximum_speed * capabilities.base_request_time
+        before = max(before, _hand_over(robot) + driven)
     return _base_length_left(robot) <= before
 
 
 # Reports of the driver
 
 
-def arrived(robot: RobotState, event: Arrived) -> None:
+def arrived(robot: RobotState, event: port.Arrived) -> None:
     """Count the goal's node as traversed (section 6.6.2)."""
     if robot.goal.is_current(event.generation):
         _traverse(robot)
 
 
-def failed(robot: RobotState, event: DriveFailed) -> None:
-    """Retry later, or stop and report the failure (section 6.6.5.1).
+def failed(robot: RobotState, event: port.DriveFailed) -> None:
+    """Schedule a retry, or report the failure (section 6.6.5.1).
 
-    The order stays active; fleet control decides what to do.
+    The order stays active: fleet control decides what to do.
     """
     if not robot.goal.is_current(event.generation):
         return
     robot.goal.settle()
-    if event.failure is DriveFailure.NAVIGATION_GONE:
+    if event.failure is port.DriveFailure.NAVIGATION_GONE:
         request_halt(robot)  # the controller may drive on without the navigator
     pauses = robot.capabilities.external_goals is ExternalGoals.PAUSE
-    if event.failure is DriveFailure.TAKEN_OVER and pauses:
+    if event.failure is port.DriveFailure.TAKEN_OVER and pauses:
         robot.goal.target = None  # resent when the other drive has ended
     elif event.failure in TRANSIENT and robot.goal.failures < robot.capabilities.drive_retries:
         problem = f"{event.description} ({event.failure})"
@@ -138,14 +138,14 @@ def halted(robot: RobotState) -> None:
 
 
 def halt_failed(robot: RobotState, description: str) -> None:
-    """Record that the robot's standstill is not confirmed; the stop is repeated until it is."""
+    """Record that the robot's standstill is not confirmed; the halt is repeated until it is."""
     robot.goal.halt_problem = description
     if robot.goal.halting_since is None:
         robot.goal.halting_since = robot.now
 
 
-def navigation_changed(robot: RobotState, report: NavigationReport) -> None:
-    """Resend the goal when navigation is available again: it may have lost it."""
+def navigation_changed(robot: RobotState, report: port.NavigationReport) -> None:
+    """Resend the goal when navigation is available again, because it may have lost the goal."""
     if report.available and not robot.reports.navigation.available:
         robot.goal.target = None
     robot.reports.navigation = report
@@ -168,7 +168,7 @@ def _must_stop(robot: RobotState) -> bool:
         or robot.clearing
         or robot.link.must_stop(robot.now)
         or robot.reports.localized_pose is None
-        or ((robot.goal.target is not None or robot.goal.left_over) and _is_barred(robot))
+        or ((robot.goal.target is not None or robot.goal.pending) and _is_barred(robot))
     )
 
 
@@ -194,7 +194,7 @@ def _is_barred(robot: RobotState) -> bool:
 
 
 def _may_pass(robot: RobotState, node: Node) -> bool:
-    """Return whether the robot is within the deviation of ``node`` and can drive on without a stop."""
+    """Return whether the robot is within the deviation of ``node`` and may drive on without a stop."""
     pose, position = robot.reports.localized_pose, node.node_position
     edge, beyond = robot.progress.edges[0], next(islice(robot.progress.edges, 1, None), None)
     if pose is None or position is None or beyond is None or not beyond.released:
@@ -209,9 +209,9 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
         and on_path == edge_paths.follows(beyond, capabilities)
         and _behavior_tree(beyond) == _behavior_tree(edge)
         and ((capabilities.drives_ahead and not on_path) or distance(pose, position) <= _pass_radius(robot))
-        and in_place(pose, position, capabilities.default_deviation_xy)
-        and heading_fits(pose, position, capabilities.default_deviation_theta)
-        and not _barred_behind(robot, position)
+        and is_within_deviation(pose, position, capabilities.default_deviation_xy)
+        and heading_matches(pose, position, capabilities.default_deviation_theta)
+        and not _is_next_edge_barred(robot, position)
     )
 
 
@@ -227,18 +227,18 @@ def _hand_over(robot: RobotState) -> float:
     return limits.hand_over if limits else robot.capabilities.hand_over_distance
 
 
-def _barred_behind(robot: RobotState, position: NodePosition) -> bool:
+def _is_next_edge_barred(robot: RobotState, position: NodePosition) -> bool:
     """Return whether a zone closes the edge after the next node, which is at ``position``."""
     beyond = next(islice(robot.progress.nodes, 1, None), None)
     end = beyond.node_position if beyond else None
     return end is not None and zones.first_barred(robot, position, end, edge=1) is not None
 
 
-def _stands_at(robot: RobotState, position: NodePosition, pose: Pose) -> bool:
+def _is_already_at(robot: RobotState, position: NodePosition, pose: port.Pose) -> bool:
     """Return whether the edge to ``position`` has no length and the robot is already there."""
     last = robot.progress.last_node if robot.progress.on_last_node else None
-    same = last and last.node_position and same_place(last.node_position, position)
-    return bool(same) and in_place(pose, position, robot.capabilities.default_deviation_xy)
+    same = last and last.node_position and is_same_position(last.node_position, position)
+    return bool(same) and is_within_deviation(pose, position, robot.capabilities.default_deviation_xy)
 
 
 def _base_length_left(robot: RobotState) -> float:
@@ -254,7 +254,7 @@ def _base_length_left(robot: RobotState) -> float:
 # Steps
 
 
-def _repeat_halt(robot: RobotState) -> None:
+def _repeat_unanswered_halt(robot: RobotState) -> None:
     since = robot.goal.halting_since
     if since is not None and robot.now - since >= HALT_TIMEOUT:
         request_halt(robot)
@@ -273,15 +273,15 @@ def _drive_to_next_node(robot: RobotState) -> bool:
     """
     node, pose = robot.progress.next_node, robot.reports.localized_pose
     if node is None or node.node_position is None or pose is None:
-        return False  # excluded by the acceptance of the order and by the callers
-    if _stands_at(robot, node.node_position, pose):
+        return False  # impossible: order acceptance and the callers exclude it
+    if _is_already_at(robot, node.node_position, pose):
         _traverse(robot)
         return True
     _send_goal(robot, node, node.node_position, pose)
     return False
 
 
-def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: Pose) -> None:
+def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: port.Pose) -> None:
     goal = robot.goal
     goal.generation += 1
     goal.ahead = _poses_ahead(robot)
@@ -295,16 +295,16 @@ def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: Pose
     robot.effects.append(Drive(drive))
 
 
-def _make_goal(robot: RobotState, position: NodePosition, pose: Pose) -> DriveGoal:
-    """Return the goal for ``position``; without a theta, the robot arrives with its heading of travel."""
+def _make_goal(robot: RobotState, position: NodePosition, pose: port.Pose) -> port.DriveGoal:
+    """Return the goal for ``position``; if it has no theta, the heading is the direction of travel."""
     capabilities = robot.capabilities
     allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
     path = edge_paths.path_poses(robot, pose, position)
     along = path[-1].theta if path else _heading(pose, position)
     theta = position.theta if position.theta is not None else along
-    return DriveGoal(
+    return port.DriveGoal(
         generation=robot.goal.generation,
-        pose=Pose(position.x, position.y, theta, position.map_id),
+        pose=port.Pose(position.x, position.y, theta, position.map_id),
         deviation_xy=radius(position, capabilities.default_deviation_xy),
         deviation_theta=allowed if position.theta is not None else None,
         maximum_speed=robot.progress.edges[0].maximum_speed,
@@ -315,12 +315,12 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: Pose) -> DriveGo
 
 
 def _behavior_tree(edge: Edge) -> str:
-    """Return the behaviour tree that an action of ``edge`` names; empty: navigation's default."""
+    """Return the behaviour tree named by an action of ``edge``; empty: navigation's default."""
     found = (each for each in edge.actions if each.action_type == USE_BEHAVIOR_TREE)
     return next((str(each.parameter(BEHAVIOR_TREE)) for each in found), "")
 
 
-def _heading(pose: Pose, position: NodePosition) -> float:
+def _heading(pose: port.Pose, position: NodePosition) -> float:
     """Return the direction from ``pose`` to ``position``, rad; the robot's heading if both coincide."""
     if distance(pose, position) == 0:
         return pose.theta
@@ -336,7 +336,9 @@ def _traverse(robot: RobotState) -> None:
     actions.enqueue(robot, node.actions)
 
 
-def _fail(robot: RobotState, failure: DriveFailure, description: str, hint: str = "", code: int = 0) -> None:
+def _fail(
+    robot: RobotState, failure: port.DriveFailure, description: str, hint: str = "", code: int = 0
+) -> None:
     node = robot.progress.nodes[0]
     robot.goal.failed_at, robot.goal.target = node.sequence_id, None
     robot.errors.report(
@@ -354,7 +356,7 @@ def _fail(robot: RobotState, failure: DriveFailure, description: str, hint: str 
     )
 
 
-# Poses after the next node, for a driver that drives through several without a stop
+# Poses after the next node, for a driver that passes several without a stop
 
 
 def _update_ahead(robot: RobotState) -> None:
@@ -366,11 +368,11 @@ def _update_ahead(robot: RobotState) -> None:
         _send_goal(robot, node, node.node_position, pose)
 
 
-def _poses_ahead(robot: RobotState) -> tuple[Pose, ...]:
+def _poses_ahead(robot: RobotState) -> tuple[port.Pose, ...]:
     """Return the poses after the next node, up to the next stop or the end of the base.
 
-    The robot stops at a node with a theta or with actions that require it, at a bend that navigation would
-    cut by more than the node allows, and before a zone that it must not enter.
+    The robot stops at a node with a theta or with an action that requires standstill, at a corner that
+    navigation would cut by more than the node allows, and before a zone that it must not enter.
     """
     capabilities, pose = robot.capabilities, robot.reports.localized_pose
     passes = capabilities.strategy is DriveStrategy.PASS_THROUGH and capabilities.drives_ahead
@@ -379,24 +381,24 @@ def _poses_ahead(robot: RobotState) -> tuple[Pose, ...]:
     progress = robot.progress
     if progress.edges and edge_paths.follows(progress.edges[0], capabilities):
         return ()
-    before: Pose | NodePosition = (progress.last_node and progress.last_node.node_position) or pose
-    poses: list[Pose] = []
+    before: port.Pose | NodePosition = (progress.last_node and progress.last_node.node_position) or pose
+    poses: list[port.Pose] = []
     edges = islice(progress.edges, 1, POSES_AHEAD + 1)
     tree = _behavior_tree(progress.edges[0]) if progress.edges else ""
     for node, edge, beyond in zip(progress.nodes, edges, islice(progress.nodes, 1, None), strict=False):
         here, there = node.node_position, beyond.node_position
-        if here is None or there is None or not _drives_over(node, edge, before, there, capabilities):
+        if here is None or there is None or not _can_pass_through(node, edge, before, there, capabilities):
             break
         if zones.first_barred(robot, here, there) is not None or _behavior_tree(edge) != tree:
             break
         theta = there.theta if there.theta is not None else atan2(there.y - here.y, there.x - here.x)
-        poses.append(Pose(there.x, there.y, theta, there.map_id))
+        poses.append(port.Pose(there.x, there.y, theta, there.map_id))
         before = here
     return tuple(poses)
 
 
-def _drives_over(
-    node: Node, edge: Edge, before: Pose | NodePosition, there: NodePosition, capabilities: Capabilities
+def _can_pass_through(
+    node: Node, edge: Edge, before: port.Pose | NodePosition, there: NodePosition, capabilities: Capabilities
 ) -> bool:
     """Return whether the robot can drive through ``node`` onto ``edge`` without a stop."""
     here = node.node_position
@@ -404,38 +406,38 @@ def _drives_over(
         return False
     if not allow_driving(node.actions) or not allow_driving(edge.actions):
         return False
-    return _cut(before, here, there) <= radius(here, capabilities.default_deviation_xy)
+    return _corner_cut(before, here, there) <= radius(here, capabilities.default_deviation_xy)
 
 
-def _cut(before: Pose | NodePosition, here: NodePosition, there: NodePosition) -> float:
-    """Return the distance, m, by which navigation cuts the bend at ``here``."""
+def _corner_cut(before: port.Pose | NodePosition, here: NodePosition, there: NodePosition) -> float:
+    """Return the distance by which navigation cuts the corner at ``here``, m."""
     if distance(before, here) == 0 or distance(here, there) == 0:
         return 0.0
     inward = atan2(here.y - before.y, here.x - before.x)
     bend = abs(turn(inward, atan2(there.y - here.y, there.x - here.x)))
-    return CUT_WITHIN * sin(min(bend, pi / 2))
+    return CORNER_CUT_DISTANCE * sin(min(bend, pi / 2))
 
 
 def limit_speed(robot: RobotState) -> None:
-    """Apply the lowest limit of zones and edges, early enough to slow down for it (section 6.4).
+    """Apply the lowest speed limit of zones and edges within the braking distance (section 6.4).
 
-    The limit of the current edge is part of the goal.
+    The limit of the current edge is part of its goal.
     """
     if not robot.capabilities.limits_speed or robot.reports.localized_pose is None:
         return
-    limit = min((*zones.speed_limits(robot), *_limits_of_edges(robot)), default=None)
+    limit = min((*zones.speed_limits(robot), *_edge_speed_limits(robot)), default=None)
     if limit != robot.speed_limit:
         robot.speed_limit = limit
         robot.effects.append(LimitSpeed(limit))
 
 
-def _limits_of_edges(robot: RobotState) -> list[float]:
-    """Return the speed limits (m/s) of the coming edges within the braking distance."""
+def _edge_speed_limits(robot: RobotState) -> list[float]:
+    """Return the speed limits, m/s, of the next edges within the braking distance."""
     pose = robot.reports.localized_pose
     passes = robot.capabilities.strategy is DriveStrategy.PASS_THROUGH and robot.goal.target is not None
     if pose is None or not passes:
         return []
-    place: Pose | NodePosition = pose
+    place: port.Pose | NodePosition = pose
     found: list[float] = []
     left = robot.capabilities.braking_distance
     for node, edge in zip(robot.progress.nodes, islice(robot.progress.edges, 1, None), strict=False):

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.geometry import Footprint, Point, in_place
+from nena_edge_agent.protocol.geometry import Footprint, Point, is_within_deviation
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.plant import curve
 from nena_shared.plant.track import PathTrajectory, TrajectoryPoint
@@ -360,4 +360,6 @@ def _deviation(robot: RobotState) -> float:
 
 def _at(robot: RobotState, pose: Pose, node: Node | None) -> bool:
     position = node.node_position if node else None
-    return position is not None and in_place(pose, position, robot.capabilities.default_deviation_xy)
+    return position is not None and is_within_deviation(
+        pose, position, robot.capabilities.default_deviation_xy
+    )

@@ -7,7 +7,7 @@ from enum import Enum, auto
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 
 LIMIT = 50
-"""Maximum number of active errors; beyond it, the oldest refusal is dropped."""
+"""Maximum number of active errors; beyond it, the error of the oldest refusal is dropped."""
 
 ErrorKey = tuple[str, frozenset[tuple[str, str]]]
 
@@ -32,7 +32,7 @@ class Until(Enum):
 
 
 REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.ZONE_SET_ACCEPTED, Until.AVAILABLE)
-"""The causes that end errors of refused messages."""
+"""What ends errors of refused messages."""
 
 
 class ActiveErrors:
@@ -46,7 +46,7 @@ class ActiveErrors:
         self.revision = 0
         self.entries: tuple[ErrorEntry, ...] = ()
         self.worst_reported: ErrorLevel | None = None
-        """The level of the worst error that a person or device has reported and not withdrawn."""
+        """The highest level of the errors that people or devices have reported and not withdrawn."""
 
     def report(self, error: ErrorEntry, until: Until) -> None:
         """Add ``error``, in place of an older one of the same type and references (section 6.6.5)."""
@@ -74,14 +74,11 @@ class ActiveErrors:
 
     @property
     def stop_robot(self) -> bool:
-        """Return whether a reported error keeps the robot from continuing (section 6.6.5.1)."""
+        """Return whether a reported error stops the robot (section 6.6.5.1)."""
         return self.worst_reported in (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
 
     def set_condition(self, kind: ErrorType | str, error: ErrorEntry | None) -> None:
-        """Report ``error`` as the only one of its ``kind`` while its cause lasts (section 6.6.5).
-
-        None withdraws it.
-        """
+        """Report ``error`` as the only one of its ``kind``; None withdraws it (section 6.6.5)."""
         if error is None and not self._active:
             return
         if error is None or self._other_than(error):
@@ -101,7 +98,10 @@ class ActiveErrors:
         return [key for key, (_, until) in self._active.items() if until is Until.CONDITION_OVER]
 
     def _least_needed(self) -> ErrorKey:
-        """Return the key of the oldest refusal, else of the oldest error: reasons for a stop stay longest."""
+        """Return the key of the oldest refusal, otherwise of the oldest error.
+
+        Errors that explain why the robot stops are kept as long as possible.
+        """
         refusals = (key for key, (_, until) in self._active.items() if until in REFUSED)
         return next(refusals, next(iter(self._active)))
 

@@ -18,16 +18,16 @@ from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The driver is ready: continue with the journal's content. ``utc`` is the time of day, if known."""
+    """The agent has started: continue with the journal's content. ``utc`` is the time of day, if known."""
 
     utc: datetime | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class OrderReceived:
-    """A well-formed order or order update for this robot, received at ``utc``, if known (section 7.3).
+    """A well-formed order or order update for this robot (section 7.3), received at ``utc``, if known.
 
-    ``dated``: its timestamp could be read.
+    ``dated``: its timestamp is readable.
     """
 
     order: Order
@@ -37,7 +37,7 @@ class OrderReceived:
 
 @dataclass(frozen=True, slots=True)
 class InstantActionsReceived:
-    """Well-formed instant actions for this robot, received at ``utc``, if known (section 6.2.1)."""
+    """Well-formed instant actions for this robot (section 6.2.1), received at ``utc``, if known."""
 
     message: InstantActions
     utc: datetime | None = None
@@ -52,7 +52,7 @@ class ZoneSetReceived:
 
 @dataclass(frozen=True, slots=True)
 class ResponsesReceived:
-    """Well-formed responses to the robot's requests, received at ``utc`` (section 6.9)."""
+    """Well-formed responses to the robot's requests (section 6.9), received at ``utc``."""
 
     message: Responses
     utc: datetime
@@ -67,10 +67,7 @@ class MapsReport:
 
 @dataclass(frozen=True, slots=True)
 class MessageRefused:
-    """A message that could not be read, or was not meant for this robot.
-
-    ``error`` is shown in the state, ``until`` the next message of its kind is accepted.
-    """
+    """A message that is malformed or names another robot; ``until`` ends ``error`` in the state."""
 
     error: ErrorEntry
     until: Until = Until.ORDER_ACCEPTED
@@ -78,10 +75,10 @@ class MessageRefused:
 
 @dataclass(frozen=True, slots=True)
 class ActionReport:
-    """The report of a plug-in about one of its actions.
+    """A plug-in's report about one of its actions (section 6.6.9).
 
     ``loads``, ``charging`` and ``maps`` are the robot's new values; None: unchanged. ``zone_set`` is a zone
-    set that the action has downloaded. ``error`` is shown in the state until the next instant action.
+    set that the action has downloaded. The state reports ``error`` until the next instant action.
     """
 
     action_id: str
@@ -103,10 +100,7 @@ class OperatingModeSwitched:
 
 @dataclass(frozen=True, slots=True)
 class SafetyReport:
-    """Current state of emergency stop and protective field (section 7.8).
-
-    The robot stops while either is active.
-    """
+    """The emergency stop and the protective field (section 7.8); the robot stops while either is active."""
 
     emergency_stop: EmergencyStop = EmergencyStop.NONE
     field_violation: bool = False
@@ -114,20 +108,17 @@ class SafetyReport:
 
 @dataclass(frozen=True, slots=True)
 class PauseButton:
-    """The robot's pause button was pressed, or released (section 7.8).
-
-    Independent of fleet control's pause.
-    """
+    """The robot's pause button was pressed or released (section 7.8); fleet control's pause is separate."""
 
     pressed: bool
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorSwitched:
-    """A person or a device reports an error (section 6.6.5.1), or (``active`` False) withdraws it.
+    """A person or a device reports an error (section 6.6.5.1), or withdraws it (``active`` False).
 
-    While an error of the level CRITICAL or FATAL is active the robot stops, and with FATAL it accepts no
-    orders. Type and references identify the error.
+    The robot stops while a CRITICAL or FATAL error is active, and accepts no orders while a FATAL one is.
+    Type and references identify the error.
     """
 
     error: ErrorEntry
@@ -157,21 +148,21 @@ class PluginsReport:
 
 @dataclass(frozen=True, slots=True)
 class JournalReport:
-    """Whether the last record was written to disk; ``problem`` is empty if it was."""
+    """Whether the disk has the last record; ``problem`` is empty if it has."""
 
     problem: str
 
 
 @dataclass(frozen=True, slots=True)
 class SubscriptionsReport:
-    """Topics whose subscription the broker refuses."""
+    """Topics to which the broker refuses subscriptions."""
 
     refused: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class LinkReport:
-    """Whether the robot is connected to the broker (section 4.1); it is not until the first report."""
+    """Whether the robot is connected to the broker (section 4.1); False until the first report."""
 
     connected: bool
 
@@ -180,14 +171,14 @@ class LinkReport:
 class TimePassed:
     """Time has passed: a timeout may have expired.
 
-    ``utc`` is the time of day, if known; the monotonic clock stops while a computer is suspended.
+    ``utc`` is the time of day, if known: the monotonic clock stops while a computer is suspended.
     """
 
     utc: datetime | None = None
 
 
 class PowerCommand(StrEnum):
-    """A command of the settings that changes the robot's power."""
+    """A configured command that hibernates, wakes or shuts down the robot; the value is its setting."""
 
     HIBERNATE = "hibernate_command"
     WAKE = "wake_command"
@@ -247,14 +238,14 @@ class Halt:
 
 @dataclass(frozen=True, slots=True)
 class LimitSpeed:
-    """Limit the driver to ``speed`` m/s, regardless of its goal; None: no limit."""
+    """Limit the speed to ``speed`` m/s for all goals; None: no limit."""
 
     speed: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class KeepOut:
-    """Make the driver plan around these areas, and no others."""
+    """Make navigation plan around these areas, and no others."""
 
     areas: tuple[Area, ...]
 
@@ -302,7 +293,7 @@ class SendFactsheet:
 
 @dataclass(frozen=True, slots=True)
 class Hibernate:
-    """Report the connection state HIBERNATING, send no more states, and run the hibernate command (6.5)."""
+    """Report the connection state HIBERNATING (section 6.5), and run the hibernate command."""
 
     wake_up_at: datetime | None
 
@@ -324,14 +315,14 @@ class ShutDown:
 
 @dataclass(frozen=True, slots=True)
 class LogIgnored:
-    """Log a message from fleet control that a hibernating robot ignores."""
+    """Log a message of fleet control that the robot ignores while it hibernates or shuts down."""
 
     message: str
 
 
 @dataclass(frozen=True, slots=True)
 class ReportState:
-    """Publish a state, as soon as the minimum interval allows (section 6.6.1)."""
+    """Publish a state as soon as the minimum interval allows (section 6.6.1)."""
 
 
 Effect = (

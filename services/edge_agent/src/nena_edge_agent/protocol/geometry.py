@@ -13,14 +13,17 @@ from nena_shared.vda5050.order import NodePosition
 Point = tuple[float, float]
 Polygon = tuple[Point, ...]
 """Corners of a simple polygon in order; the first one is not repeated."""
-TURNS_ON_SPOT = 0.5
-"""Bend at which a robot may turn on the spot, radians."""
-Box = tuple[float, float, float, float]
+SHARP_BEND = 0.5
+"""Bend above which a robot may turn on the spot, radians."""
+BoundingBox = tuple[float, float, float, float]
 """Minimum x and y, maximum x and y."""
 
 
 def rectangle(start: Point, end: Point, *, length: float, width: float, theta: float) -> Polygon:
-    """Return the area covered by a rectangle that moves to ``end``; if it stays, its heading is ``theta``."""
+    """Return the area covered by a rectangle that moves from ``start`` to ``end``, m.
+
+    Its heading is the direction of travel; ``theta``, rad, if it does not move.
+    """
     run = hypot(end[0] - start[0], end[1] - start[1])
     heading = atan2(end[1] - start[1], end[0] - start[0]) if run else theta
     ahead, side = (cos(heading), sin(heading)), (-sin(heading), cos(heading))
@@ -46,14 +49,14 @@ def turning_circle(centre: Point, *, length: float, width: float) -> Polygon:
     return tuple((centre[0] + radius * cos(each), centre[1] + radius * sin(each)) for each in angles)
 
 
-def box(polygon: Polygon) -> Box:
+def bounding_box(polygon: Polygon) -> BoundingBox:
     """Return the axis-aligned bounding box of ``polygon``."""
     xs, ys = zip(*polygon, strict=True)
     return min(xs), min(ys), max(xs), max(ys)
 
 
-def boxes_meet(one: Box, other: Box) -> bool:
-    """Return whether two boxes intersect; if not, neither do their contents."""
+def boxes_intersect(one: BoundingBox, other: BoundingBox) -> bool:
+    """Return whether two bounding boxes intersect; if not, neither do their contents."""
     return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
 
 
@@ -67,7 +70,7 @@ def overlap(one: Polygon, other: Polygon) -> bool:
 
 
 def contains(polygon: Polygon, point: Point) -> bool:
-    """Return whether ``point`` is inside ``polygon``; on the border, the result is undefined."""
+    """Return whether ``point`` is inside ``polygon``; undefined on the border."""
     x, y = point
     inside = False
     for (x1, y1), (x2, y2) in _sides(polygon):
@@ -123,10 +126,10 @@ def distance(start: Pose | NodePosition, end: Pose | NodePosition) -> float:
     return hypot(start.x - end.x, start.y - end.y)
 
 
-def in_place(pose: Pose, position: NodePosition, default: float) -> bool:
-    """Return whether ``pose`` lies within the allowed ellipse around ``position``, on its map.
+def is_within_deviation(pose: Pose, position: NodePosition, default: float) -> bool:
+    """Return whether ``pose`` is within the allowed ellipse around ``position``, on its map (section 6.6.2).
 
-    VDA 5050 3.0 section 6.6.2.
+    ``default`` is the allowed deviation, m, if ``position`` has none.
     """
     if pose.map_id != position.map_id:
         return False
@@ -139,10 +142,10 @@ def in_place(pose: Pose, position: NodePosition, default: float) -> bool:
     return hypot(along / allowed.a, across / allowed.b) <= 1.0
 
 
-def heading_fits(pose: Pose, position: NodePosition, default: float) -> bool:
-    """Return whether the robot's heading fits ``position`` (section 6.6.2).
+def heading_matches(pose: Pose, position: NodePosition, default: float) -> bool:
+    """Return whether the robot's heading is allowed at ``position`` (section 6.6.2).
 
-    Without a theta, any heading fits.
+    Without a theta, any heading is allowed. ``default`` is the allowed deviation, rad, if there is none.
     """
     if position.theta is None:
         return True
@@ -154,8 +157,8 @@ def turn(start: float, end: float) -> float:
     return (end - start + pi) % (2 * pi) - pi
 
 
-def same_place(one: NodePosition, other: NodePosition) -> bool:
-    """Return whether a robot at ``one`` is also at ``other``, with the required heading."""
+def is_same_position(one: NodePosition, other: NodePosition) -> bool:
+    """Return whether a robot at ``one`` is also at ``other``, with its heading if that has one."""
     there = (one.x, one.y, one.map_id) == (other.x, other.y, other.map_id)
     return there and other.theta in (None, one.theta)
 
@@ -186,7 +189,7 @@ class Footprint:
         sharp = [
             b
             for a, b, c in zip(corners, corners[1:], corners[2:], strict=False)
-            if abs(turn(atan2(b[1] - a[1], b[0] - a[0]), atan2(c[1] - b[1], c[0] - b[0]))) > TURNS_ON_SPOT
+            if abs(turn(atan2(b[1] - a[1], b[0] - a[0]), atan2(c[1] - b[1], c[0] - b[0]))) > SHARP_BEND
         ]
         return (
             *(rectangle(start, end, **size, theta=0.0) for start, end in pairwise(corners)),

@@ -28,7 +28,7 @@ from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import SendFactsheet, SetPosition, StartAction
 from nena_edge_agent.protocol.order_acceptance import EPOCH_HINT, map_list
 from nena_edge_agent.protocol.robot_state import (
-    INSTANT_ACTIONS_SHOWN,
+    INSTANT_ACTION_LIMIT,
     PositionRequest,
     PowerPhase,
     RobotState,
@@ -92,8 +92,8 @@ def _problem(robot: RobotState, action: Action) -> str | None:
     declaration = robot.capabilities.actions.get(action.action_type)
     if declaration is None:
         return f"the robot does not support action '{action.action_type}'"
-    if action.action_type not in _CORE_ACTIONS and robot.instant_actions_running > INSTANT_ACTIONS_SHOWN:
-        return f"{INSTANT_ACTIONS_SHOWN} instant actions are running already"
+    if action.action_type not in _CORE_ACTIONS and robot.instant_actions_running > INSTANT_ACTION_LIMIT:
+        return f"{INSTANT_ACTION_LIMIT} instant actions are running already"
     if declaration.needs_idle and (problem := _order_problem(robot)):
         return problem
     loaded = bool(robot.loads)
@@ -101,14 +101,14 @@ def _problem(robot: RobotState, action: Action) -> str | None:
 
 
 def _order_problem(robot: RobotState) -> str | None:
-    """Return why an action that requires an idle robot is refused, None if the robot is idle."""
+    """Return why an action that needs an idle robot is refused, None if the robot is idle."""
     if robot.idle and not robot.clearing and not robot.goal.moving:
         return None
     return f"order '{robot.progress.order_id}' is active; wait for its end or cancel it"
 
 
 def _mode_problem(robot: RobotState, action: Action) -> str | None:
-    """Return why the action is not accepted: the robot shuts down, or a person controls it (6.6.6)."""
+    """Return why the action is refused: the robot shuts down, or a person controls it (section 6.6.6)."""
     if robot.power is PowerPhase.SHUTTING_DOWN and action.action_type != SHUTDOWN:
         return "the robot is about to shut down"
     mode = robot.next_mode
@@ -162,7 +162,7 @@ def _remember(robot: RobotState, action: Action) -> None:
         del robot.known_instant_ids[next(iter(robot.known_instant_ids))]
     if action.action_id not in robot.actions:
         robot.instant_actions.add([ActionRecord(action, ActionScope.INSTANT)])
-    surplus = len(list(robot.instant_actions)) - INSTANT_ACTIONS_SHOWN
+    surplus = len(list(robot.instant_actions)) - INSTANT_ACTION_LIMIT
     if surplus > 0:
         ended = [record for record in robot.instant_actions if record.status.ended][:surplus]
         robot.instant_actions.remove(lambda record: record in ended)
@@ -172,10 +172,10 @@ def _remember(robot: RobotState, action: Action) -> None:
 
 
 def apply_hold(robot: RobotState) -> None:
-    """Pause the robot and its actions, or resume them, if that has changed.
+    """Pause or resume driving and actions, if a reason for a pause has begun or the last one has ended.
 
-    Fleet control, the pause button, an emergency stop, a field violation, the mode INTERVENED and an error
-    that stops the robot pause it in the same way: it continues when the last of them is over.
+    Reasons are fleet control, the pause button, an emergency stop, a field violation, the mode INTERVENED and
+    an error that stops the robot.
     """
     if robot.held == robot.hold_applied:
         return
@@ -200,7 +200,10 @@ def _start_pause(robot: RobotState, action: Action) -> None:
 
 
 def _stop_pause(robot: RobotState, action: Action) -> None:
-    """End the pause; a startPause that still runs fails. The pause button cannot be released remotely."""
+    """End fleet control's pause; a startPause that is still running fails.
+
+    The pause button cannot be released remotely.
+    """
     robot.end_instant_actions(START_PAUSE, ActionStatus.FAILED, "revoked by stopPause")
     robot.paused = False
     if robot.reports.pause_button:
@@ -214,7 +217,7 @@ def _stop_pause(robot: RobotState, action: Action) -> None:
 
 
 def _initialize_position(robot: RobotState, action: Action) -> None:
-    """Send the position to the localisation, unless that contradicts what the robot is doing."""
+    """Send the position to the localisation, unless the robot drives or its order is at another node."""
     if problem := _position_problem(robot, action):
         robot.instant_actions.change(action.action_id, ActionStatus.FAILED, problem)
         return
@@ -225,10 +228,7 @@ def _initialize_position(robot: RobotState, action: Action) -> None:
 
 
 def position_initialized(robot: RobotState, answer: PositionInitialized) -> None:
-    """End initializePosition with the localisation's answer, and set the node of the request.
-
-    VDA 5050 3.0 section 6.2.3.
-    """
+    """End initializePosition with the localisation's answer, and set the requested last node (6.2.3)."""
     request, robot.position_request = robot.position_request, None
     if request is None:
         return
@@ -273,8 +273,8 @@ def _position_problem(robot: RobotState, action: Action) -> str | None:
 def _waits_for_navigation(robot: RobotState) -> bool:
     """Return whether the robot is at standstill with a goal that navigation cannot accept yet.
 
-    It may lack a position, without which Nav2 does not become active. If the robot was ordered to stop, its
-    standstill must be confirmed.
+    Nav2 does not become active without an initial position. If the robot was told to stop, its standstill
+    must be confirmed.
     """
     velocity = robot.reports.velocity
     if robot.reports.navigation.available or velocity.moves:
@@ -292,7 +292,7 @@ def _text(action: Action, key: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-# The other actions of the core (section 6.2.3)
+# Other instant actions of the core (section 6.2.3)
 
 
 def _trigger(robot: RobotState, action: Action) -> None:

@@ -1,4 +1,4 @@
-"""The journal's record of a robot: its format, and conversion to and from the robot's state."""
+"""The journal's record of a robot: its format, and the conversion to and from the robot's state."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ActionMemory(BaseModel):
 
 
 class ContentMemory(BaseModel):
-    """Fingerprints of the order message that was accepted last."""
+    """Fingerprints of the last accepted order message."""
 
     model_config = ConfigDict(frozen=True, from_attributes=True)
 
@@ -47,7 +47,7 @@ class ContentMemory(BaseModel):
 
 
 class ProgressMemory(BaseModel):
-    """The order and how far it was driven; the fields are those of ``OrderProgress``."""
+    """The order and its progress; the fields are those of ``OrderProgress``."""
 
     model_config = ConfigDict(frozen=True, from_attributes=True)
 
@@ -67,7 +67,7 @@ class ProgressMemory(BaseModel):
 
 
 class OrderHeaderMemory(BaseModel):
-    """Header of the order message that was accepted last; the fields are those of ``OrderHeader``."""
+    """Highest header values of accepted messages; the fields are those of ``OrderHeader``."""
 
     model_config = ConfigDict(frozen=True, from_attributes=True)
 
@@ -98,7 +98,7 @@ class AccessMemory(BaseModel):
 
 
 class OwnGoalsMemory(BaseModel):
-    """Goals that navigation drives to; the fields are those of ``OwnGoals``."""
+    """Own goals that navigation has or may have; the fields are those of ``OwnGoals``."""
 
     model_config = ConfigDict(frozen=True, from_attributes=True)
 
@@ -132,7 +132,7 @@ class Memory(BaseModel):
     frame: str = ""
     """The frame of all coordinates, as in ``Capabilities``."""
     ended_orders: tuple[str, ...] = ()
-    """Digests of the orders that have ended, as in ``OrderHistory``."""
+    """Digests of ended orders, as in ``OrderHistory``."""
     last_order_header: OrderHeaderMemory | None = None
     power: PowerPhase = PowerPhase.AWAKE
     wake_up_at: datetime | None = None

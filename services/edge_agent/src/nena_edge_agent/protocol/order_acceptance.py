@@ -1,6 +1,6 @@
-"""Order acceptance: the decision procedure of sections 6.1.2 and 6.1.4, check by check.
+"""Order acceptance: the checks of sections 6.1.2 and 6.1.4, one by one.
 
-Nothing here changes the robot: the caller acts on the verdict. The codec has already checked the schema and
+Nothing here changes the robot: the caller acts on the decision. The codec has already checked the schema and
 the graph rules. The numbers of the checks are the project's own: 1 to 5 for every message, A for a new order,
 B for an update.
 """
@@ -16,8 +16,8 @@ from nena_edge_agent.protocol import edge_paths
 from nena_edge_agent.protocol.action_states import first_load_problem
 from nena_edge_agent.protocol.capabilities import Capabilities, unsupported
 from nena_edge_agent.protocol.declaration import ENABLE_MAP
-from nena_edge_agent.protocol.geometry import distance, in_place, radius
-from nena_edge_agent.protocol.order_progress import HeldContent, OrderHistory, fingerprint
+from nena_edge_agent.protocol.geometry import distance, is_within_deviation, radius
+from nena_edge_agent.protocol.order_progress import OrderFingerprints, OrderHistory, fingerprint
 from nena_edge_agent.protocol.zone_sets import EnabledZone, first_closed, zones_in
 from nena_shared.vda5050.action import STOP_HIBERNATION, Action
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
@@ -29,20 +29,26 @@ from nena_shared.vda5050.state import OperatingMode
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """Input of the decision about an order (section 6.1.2).
+    """What the robot knows when it decides about an order (section 6.1.2).
 
-    ``off``: why the robot's ROS session prevents orders; empty if it does not. ``fatal``: a reported error
-    prevents orders. ``cancelled``: the current order was cancelled, or is being cleared; ``cleared``: it
-    ended early, possibly far from the end of its base. ``pose`` is None unless the robot is localised.
-    ``no_route`` are areas that navigation has no route to, ``maps`` the mapIds of the robot's maps,
-    ``closed`` the zones that it must not enter. ``stands_on`` is the node that the robot has reached and not
-    left, or empty. ``loaded``: it will carry a load at the end of its base. ``dated``: the timestamp of this
-    order could be read. ``tolerance`` is navigation's goal tolerance, m; None: unknown. ``falls_asleep``: the
-    robot is about to hibernate.
+    Attributes:
+        session_problem: why the ROS session prevents orders; empty if it does not.
+        fatal: a reported error prevents orders.
+        cancelled: the current order was cancelled, or is being cleared.
+        cleared: the current order ended early, possibly far from the end of its base.
+        pose: the robot's pose, None if it is not localised.
+        no_route: areas to which navigation has no route.
+        maps: mapIds of the robot's maps.
+        closed: zones that the robot must not enter.
+        reached_node: the node that the robot has reached and not left, or empty.
+        loaded: the robot will carry a load at the end of its base.
+        dated: the timestamp of the order is readable.
+        tolerance: navigation's goal tolerance, m; None: unknown.
+        about_to_hibernate: startHibernation is running.
     """
 
     operating_mode: OperatingMode
-    off: str
+    session_problem: str
     fatal: bool
     idle: bool
     cancelled: bool
@@ -50,27 +56,27 @@ class Situation:
     order_id: str
     order_update_id: int
     decision_point: tuple[str, int] | None
-    content: HeldContent | None
+    content: OrderFingerprints | None
     pose: Pose | None
     no_route: tuple[Circle, ...]
     maps: frozenset[str]
     closed: tuple[EnabledZone, ...]
-    stands_on: str
+    reached_node: str
     instant_action_ids: frozenset[str]
     base_action_ids: frozenset[str]
     loaded: bool = False
     history: OrderHistory = field(default_factory=OrderHistory)
     dated: bool = True
     tolerance: float | None = None
-    falls_asleep: bool = False
+    about_to_hibernate: bool = False
 
 
 EPOCH_HINT = "stop the order service that was replaced; if none was, compare the clocks of their machines"
-STRAY = 1.0
-"""Maximum distance of a stopped robot from the node that it has reached, metres."""
+MAXIMUM_DISPLACEMENT = 1.0
+"""Distance from its reached node above which a robot was moved by hand, metres."""
 
 
-def general_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
+def _general_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
     """Run checks 2 to 5, which apply to new orders and updates (section 6.1.4)."""
     return (
         _mode_fault(order, situation)
@@ -83,18 +89,18 @@ def general_fault(order: Order, situation: Situation, capabilities: Capabilities
 
 def _mode_fault(order: Order, situation: Situation) -> ErrorEntry | None:
     """Check 2: the robot is available."""
-    if situation.falls_asleep:
+    if situation.about_to_hibernate:
         text = "the robot is about to hibernate and accepts no orders"
         hint = f"wake it with the instant action {STOP_HIBERNATION}"
     elif not situation.operating_mode.takes_orders:
         text = f"the robot is in mode {situation.operating_mode} and accepts no orders"
         hint = "switch the robot to AUTOMATIC"
-    elif situation.off:
-        text = f"the robot accepts no orders: {situation.off}"
+    elif situation.session_problem:
+        text = f"the robot accepts no orders: {situation.session_problem}"
         hint = f"start it with the instant action {START_ROS_SESSION}"
     elif situation.fatal:
         text = "the robot has a fatal error and accepts no orders"
-        hint = "see the hints of its errors of level FATAL"
+        hint = "follow the hints of its FATAL errors"
     else:
         return None
     return refusal(ErrorType.MOBILE_ROBOT_NOT_AVAILABLE, order, text, hint=hint)
@@ -134,7 +140,7 @@ def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
 
 
 def _path_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check that each trajectory or corridor is valid and leads from node to node."""
+    """Check that each trajectory and corridor is valid and connects its nodes."""
     for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
         if not edge_paths.follows(edge, capabilities):
             continue
@@ -169,9 +175,9 @@ def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None
 def load_fault(
     order: Order, situation: Situation, capabilities: Capabilities, *, skip: int = 0
 ) -> ErrorEntry | None:
-    """Check that each pick or drop is possible with the load at that point.
+    """Check that the load at that time allows each pick and drop, in driving order.
 
-    Actions are considered in driving order; those of the first ``skip`` nodes are ignored.
+    Actions of the first ``skip`` nodes are ignored.
     """
     placed = [(node.sequence_id, node.actions) for node in order.nodes[skip:]]
     placed += [(edge.sequence_id, edge.actions) for edge in order.edges]
@@ -200,7 +206,7 @@ def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 
 def route_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check A5: a route leads to each node after the first, where the robot is (section 6.1.4.8)."""
+    """Check A5: a route leads to each node; the robot is at the first one (section 6.1.4.8)."""
     for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
         start = _start(before, node, capabilities)
         fault = _reach_fault(start, node, situation)
@@ -212,7 +218,7 @@ def route_fault(order: Order, situation: Situation, capabilities: Capabilities) 
 
 
 def _start(before: Node, node: Node, capabilities: Capabilities) -> NodePosition | None:
-    """Return the start of the edge to ``node``: on the next map if an action before it changes the map."""
+    """Return the start of the edge to ``node``, on its map if an action before it changes the map."""
     start, end = before.node_position, node.node_position
     if start is None or end is None or start.map_id == end.map_id:
         return start
@@ -245,15 +251,17 @@ def _reach_fault(start: NodePosition | None, node: Node, situation: Situation) -
     begin = start or place
     if begin.map_id != place.map_id:
         text = f"node '{node.node_id}' is on map '{place.map_id}', the one before it on '{begin.map_id}'"
-        hint = "the robot does not drive from map to map; with maps.store = nav2 add to the previous node an "
-        return text, hint + "action enableMap with x, y and theta, else set its position on the other map"
+        hint = (
+            "the robot cannot change maps while it drives; with maps.store = nav2, add the action enableMap "
+        )
+        return text, hint + "with x, y and theta to the previous node; otherwise set its position on that map"
     return None
 
 
 def _closed_fault(
     edge: Edge, start: NodePosition | None, node: Node, situation: Situation, capabilities: Capabilities
 ) -> tuple[str, str] | None:
-    """Return which closed zone ``edge`` leads through, and what to do about it."""
+    """Return the closed zone that ``edge`` leads through, in words, and what to do about it."""
     place, footprint = node.node_position, capabilities.footprint
     if place is None or not situation.closed:
         return None
@@ -287,13 +295,13 @@ def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) 
     return None
 
 
-def stands_on(node: Node, situation: Situation, capabilities: Capabilities) -> bool:
-    """Return whether the robot is at ``node``, and was not moved away from it by hand (section 6.1.4.7)."""
+def is_at_node(node: Node, situation: Situation, capabilities: Capabilities) -> bool:
+    """Return whether the robot is at ``node`` and was not moved away by hand (section 6.1.4.7)."""
     pose, position = situation.pose, node.node_position
-    strayed = pose and position and distance(pose, position) > radius(position, 0.0) + STRAY
-    if situation.stands_on and situation.stands_on == node.node_id and not strayed:
+    displaced = pose and position and distance(pose, position) > radius(position, 0.0) + MAXIMUM_DISPLACEMENT
+    if situation.reached_node and situation.reached_node == node.node_id and not displaced:
         return True
-    return bool(pose and position and in_place(pose, position, capabilities.default_deviation_xy))
+    return bool(pose and position and is_within_deviation(pose, position, capabilities.default_deviation_xy))
 
 
 def _scoped_actions(order: Order, *, skip: int = 0) -> Iterator[tuple[ActionScope, Action]]:
@@ -318,11 +326,8 @@ def refusal(
     )
 
 
-def update_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Run the checks of an update, after the general ones.
-
-    VDA 5050 3.0 section 6.1.2.
-    """
+def _update_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
+    """Run the checks of an update, after the general ones (section 6.1.2)."""
     fault = _outdated_fault(order, situation)
     if fault is None and repeats(order, situation):
         return _same_id_fault(order, situation, capabilities)
@@ -346,7 +351,7 @@ def _outdated_fault(order: Order, situation: Situation) -> ErrorEntry | None:
         return refusal(
             ErrorType.OUTDATED_ORDER_UPDATE,
             order,
-            f"update {order.order_update_id} is older than the current {situation.order_update_id}",
+            f"orderUpdateId {order.order_update_id} is lower than the current {situation.order_update_id}",
             hint="continue from the orderUpdateId in the robot's state",
         )
     if situation.cancelled:
@@ -360,23 +365,23 @@ def _outdated_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 
 def _same_id_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check B3: an orderUpdateId is only repeated with the same content."""
+    """Check B3: a message with the current orderUpdateId has the same content."""
     held = situation.content if capabilities.rules.equal_update_id_compared else None
     if held is None or held.whole == fingerprint(order):
         return None
     return refusal(
         ErrorType.SAME_ORDER_UPDATE_ID,
         order,
-        f"update {order.order_update_id} was already accepted with different content",
+        f"orderUpdateId {order.order_update_id} was already accepted with different content",
         hint="use a higher orderUpdateId for each update",
     )
 
 
 def _stitching_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Checks B4 and B5: the update begins at the decision point; after a normal end, the last node."""
+    """Checks B4 and B5: the update begins at the decision point, which is the last node after the end."""
     first = order.nodes[0]
     if (first.node_id, first.sequence_id) == situation.decision_point:
-        absence = _absence_fault(first, order, situation, capabilities) if situation.cleared else None
+        absence = _position_fault(first, order, situation, capabilities) if situation.cleared else None
         return absence or _changed_fault(first, order, situation, capabilities)
     ends, hint = "no longer applies: the robot's last node was reset", "send a new order"
     if situation.decision_point:
@@ -391,11 +396,11 @@ def _stitching_fault(order: Order, situation: Situation, capabilities: Capabilit
     )
 
 
-def _absence_fault(
+def _position_fault(
     first: Node, order: Order, situation: Situation, capabilities: Capabilities
 ) -> ErrorEntry | None:
-    """Check that a robot whose order was cleared is where its base ended."""
-    if stands_on(first, situation, capabilities):
+    """Check that a robot whose order was cleared is at the end of its base."""
+    if is_at_node(first, situation, capabilities):
         return None
     return refusal(
         capabilities.rules.wrong_stitching_node,
@@ -417,7 +422,7 @@ def _changed_fault(
         capabilities.rules.wrong_stitching_node,
         order,
         f"the update repeats node '{first.node_id}' with different content",
-        hint="repeat the last released node of the order as it was; put new actions on a node behind it",
+        hint="repeat the last released node of the order unchanged; add new actions to a later node",
         node_id=first.node_id,
     )
 
@@ -444,22 +449,22 @@ class Rejected:
     error: ErrorEntry
 
 
-Verdict = NewOrder | Update | Duplicate | Rejected
+Decision = NewOrder | Update | Duplicate | Rejected
 
 
-def judge(order: Order, situation: Situation, capabilities: Capabilities) -> Verdict:
+def decide(order: Order, situation: Situation, capabilities: Capabilities) -> Decision:
     """Accept or reject ``order`` (section 6.1.2, figure 8)."""
     fault = (
         _identity_fault(order)
         or _epoch_fault(order, situation)
-        or general_fault(order, situation, capabilities)
+        or _general_fault(order, situation, capabilities)
     )
     if fault is not None:
         return Rejected(fault)
     if order.order_id != situation.order_id:
         fault = _new_order_fault(order, situation, capabilities)
         return Rejected(fault) if fault else NewOrder()
-    fault = update_fault(order, situation, capabilities)
+    fault = _update_fault(order, situation, capabilities)
     if fault is None and repeats(order, situation):
         return Duplicate()
     fault = fault or load_fault(order, situation, capabilities, skip=1)
@@ -467,7 +472,7 @@ def judge(order: Order, situation: Situation, capabilities: Capabilities) -> Ver
 
 
 def _identity_fault(order: Order) -> ErrorEntry | None:
-    """Check 1, beyond the schema: an empty orderId means "no order" in the state."""
+    """Check 1: the orderId is not empty, which the schema allows but means "no order" in the state."""
     if order.order_id:
         return None
     return refusal(
@@ -499,7 +504,7 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
 
 
 def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check that the message does not repeat an order that was already executed."""
+    """Check that the order has not been executed before."""
     problem = situation.history.replay(order, dated=situation.dated)
     if problem is None:
         return None
@@ -512,7 +517,7 @@ def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 
 def _epoch_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check that the sender has not been replaced by another order service."""
+    """Check that no other order service has replaced the sender."""
     problem = situation.history.outdated(order.nena_epoch)
     return refusal(ErrorType.OUTDATED_ORDER_UPDATE, order, problem, hint=EPOCH_HINT) if problem else None
 
@@ -530,7 +535,7 @@ def _update_id_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
 
 
 def _numbering_fault(order: Order) -> ErrorEntry | None:
-    """Check that the order starts at its beginning: the first message may have been lost."""
+    """Check that the order is complete: its first message may have been lost."""
     first = order.nodes[0].sequence_id
     if first == 0:
         return None
@@ -547,10 +552,10 @@ def _start_fault(
     first: Node, order: Order, situation: Situation, capabilities: Capabilities
 ) -> ErrorEntry | None:
     """Check A4: the robot is at the first node."""
-    if stands_on(first, situation, capabilities):
+    if is_at_node(first, situation, capabilities):
         return None
     pose = situation.pose
-    place = f"it is at x {pose.x:.2f} m, y {pose.y:.2f} m" if pose else "its position is not known"
+    place = f"it is at x {pose.x:.2f} m, y {pose.y:.2f} m" if pose else "its position is unknown"
     return refusal(
         ErrorType.START_NODE_OUT_OF_RANGE,
         order,

@@ -19,8 +19,8 @@ from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
 class BasePath:
     """The path through the nodes of the base, computed once per order message.
 
-    Between the nodes, navigation plans its own path, so only the nodes are known. ``paths`` are the
-    trajectories and corridors to follow, by the sequenceId of the node that they lead to.
+    ``paths`` are the trajectories and corridors to follow, by the sequenceId of the node that they lead to.
+    Between other nodes navigation plans the path, so only the nodes are known.
     """
 
     def __init__(
@@ -65,8 +65,8 @@ class BasePath:
         return tuple(_corner(place.x, place.y) for place in places if place)
 
     @cached_property
-    def _ways(self) -> list[tuple[ControlPoint, ...]]:
-        """Return for each node of the base the points that lead to it: its path, or only the node."""
+    def _approaches(self) -> list[tuple[ControlPoint, ...]]:
+        """Return the points that lead to each node of the base: its path, or only the node."""
         own = self._paths
         return [
             tuple(starmap(_corner, own[node.sequence_id])) if node.sequence_id in own else (corner,)
@@ -75,16 +75,16 @@ class BasePath:
 
     @cached_property
     def _points(self) -> tuple[ControlPoint, ...]:
-        return tuple(chain.from_iterable(self._ways))
+        return tuple(chain.from_iterable(self._approaches))
 
     @cached_property
     def _starts(self) -> list[int]:
-        """Return for each node the index of the first point that leads to it."""
-        return [0, *accumulate(map(len, self._ways))]
+        """Return the index of the first point that leads to each node."""
+        return [0, *accumulate(map(len, self._approaches))]
 
     @cached_property
     def _left(self) -> list[float]:
-        """Return for each corner the length from it to the last one, m."""
+        """Return the length from each corner to the last one, m."""
         corners, left = self._corners, [0.0] * len(self._corners)
         for index in range(len(corners) - 2, -1, -1):
             here, there = corners[index], corners[index + 1]
@@ -111,8 +111,8 @@ PathOf = Callable[[Edge, Node | None, Node], tuple[Point, ...]]
 _HEADER = frozenset(CommandHeader.model_fields)
 
 
-class HeldContent(Protocol):
-    """Fingerprints of the order message that was accepted last."""
+class OrderFingerprints(Protocol):
+    """Fingerprints of the last accepted order message."""
 
     @property
     def whole(self) -> str:
@@ -125,7 +125,7 @@ class HeldContent(Protocol):
         ...
 
 
-class OrderContent:
+class LazyFingerprints:
     """Fingerprints of a message, computed on demand because most orders are never repeated."""
 
     def __init__(self, order: Order) -> None:
@@ -148,15 +148,15 @@ def fingerprint(message: WireObject) -> str:
 
 
 ENDED_ORDERS_KEPT: Final = 200
-"""Maximum number of stored ended orders; beyond it, the oldest is dropped."""
+"""Maximum number of ended orders in the history; beyond it, the oldest is dropped."""
 CLOCK_TOLERANCE: Final = timedelta(seconds=60)
-"""Maximum difference between the clocks of two fleet controls, or of fleet control and robot."""
+"""Tolerated difference between the clocks of two fleet controls, or of fleet control and robot."""
 
 EPOCH_TOLERANCE: Final = timedelta(days=1)
 """Maximum time that an epoch may be ahead of the robot's clock."""
 
 
-NONE_YET: Final = -1
+NO_HEADER_ID: Final = -1
 """Lower than any headerId."""
 
 
@@ -173,9 +173,9 @@ class OrderHeader(NamedTuple):
 
 
 class OrderHistory:
-    """Ended orders by a digest of their orderId, oldest first, and the headers of accepted messages.
+    """Ended orders, oldest first, and the headers of accepted messages.
 
-    Digests have a fixed length, so the journal stays small.
+    Orders are stored as digests of their orderIds: digests have a fixed length, so the journal stays small.
     """
 
     def __init__(self, ended: Iterable[str] = (), last_header: OrderHeader | None = None) -> None:
@@ -198,11 +198,11 @@ class OrderHistory:
     def accept(self, order: Order, utc: datetime | None) -> None:
         """Store the header of an accepted order or update; ``utc`` is the robot's time, if known.
 
-        A timestamp in the future is not stored: after the sender's clock is corrected, every new order would
+        A timestamp in the future is not stored: once the sender's clock is corrected, every new order would
         look old.
         """
         self.begin_epoch(order.nena_epoch, utc)
-        last = self.last_header or OrderHeader(NONE_YET, None)
+        last = self.last_header or OrderHeader(NO_HEADER_ID, None)
         credible = utc is None or order.timestamp <= utc + CLOCK_TOLERANCE
         times = [each for each in (last.timestamp, order.timestamp if credible else None) if each]
         counts = order.nena_epoch is None or order.nena_epoch == last.epoch
@@ -215,33 +215,32 @@ class OrderHistory:
         An epoch is a Unix time in seconds. One far in the future is not stored: no order service could take
         over from it.
         """
-        last = self.last_header or OrderHeader(NONE_YET, None)
+        last = self.last_header or OrderHeader(NO_HEADER_ID, None)
         if epoch is not None and utc is not None and epoch > (utc + EPOCH_TOLERANCE).timestamp():
             return
         if epoch is not None and (last.epoch is None or epoch > last.epoch):
-            self.last_header = OrderHeader(NONE_YET, last.timestamp, epoch)
+            self.last_header = OrderHeader(NO_HEADER_ID, last.timestamp, epoch)
 
     def outdated(self, epoch: int | None) -> str | None:
-        """Return why a sender of ``epoch`` may no longer command the robot, None if it may."""
+        """Return why a sender with this epoch must not command the robot any more, None if it may."""
         last = self.last_header
         if epoch is None or last is None or last.epoch is None or epoch >= last.epoch:
             return None
-        return f"it is of epoch {epoch}, but an order service of epoch {last.epoch} has taken over"
+        return f"its epoch is {epoch}, but an order service with epoch {last.epoch} has taken over"
 
     def replay(self, order: Order, *, dated: bool) -> str | None:
-        """Return why a new ``order`` is a replay of an old message, None if it is not.
+        """Return why a new ``order`` is a replay of an old message, None if it is not (section 7.2).
 
         Within an epoch, headerIds increase. Without epochs, the sender's counter may restart or its clock may
-        be set back, so only a message with both an older headerId and an older timestamp is a replay. A
-        message that is not ``dated`` (its timestamp could not be read) is judged by its headerId, unless the
-        last sender used epochs.
+        be set back, so a replay is a message with both a lower headerId and an older timestamp. If the
+        timestamp is unreadable (``dated`` False), the headerId decides, unless the last sender used epochs.
         """
         if _digest(order.order_id) in self._ended:
             return f"order '{order.order_id}' was received before and has ended"
         last = self.last_header
         if last is None or not self._is_older(order, last, dated=dated):
             return None
-        return f"the message ({_words(order)}) is older than the last accepted order ({_words(last)})"
+        return f"the message ({_describe(order)}) is older than the last accepted order ({_describe(last)})"
 
     def _is_older(self, order: Order, last: OrderHeader, *, dated: bool) -> bool:
         if order.nena_epoch is not None:
@@ -253,7 +252,7 @@ class OrderHistory:
         return last.timestamp is not None and order.timestamp < last.timestamp - CLOCK_TOLERANCE
 
 
-def _words(header: OrderHeader | Order) -> str:
+def _describe(header: OrderHeader | Order) -> str:
     time = f"{header.timestamp:%Y-%m-%dT%H:%M:%SZ}" if header.timestamp else "no time"
     return f"headerId {header.header_id}, {time}"
 
@@ -262,7 +261,7 @@ def _digest(order_id: str) -> str:
     return sha256(order_id.encode()).hexdigest()[:32]
 
 
-class Ahead(NamedTuple):
+class RemainingOrder(NamedTuple):
     """The remaining order, as reported in the state."""
 
     node_states: tuple[NodeState, ...]
@@ -273,11 +272,13 @@ class Ahead(NamedTuple):
 class OrderProgress:
     """The remaining nodes and edges of the order, and the last reached node (section 6.6.2).
 
-    ``nodes`` never contains the node where the robot is. ``edges`` begins with the edge that the robot is on
-    (``edge_entered``) or will enter next. ``decision_point`` is the last released node, as nodeId and
-    sequenceId: there the base ends and an update begins. ``content`` identifies the last message.
-    ``on_last_node``: the robot has not left it. ``cleared``: the order ended early, because it was cancelled
-    (``cancelled``) or the operating mode changed.
+    Attributes:
+        nodes: remaining nodes, without the one where the robot is.
+        edges: remaining edges; the robot is on the first one (``edge_entered``) or enters it next.
+        decision_point: nodeId and sequenceId of the last released node, where an update begins.
+        content: fingerprints of the last message.
+        on_last_node: the robot has not left its last node.
+        cleared: the order ended early: it was cancelled (``cancelled``) or the operating mode changed.
     """
 
     def __init__(self) -> None:
@@ -291,23 +292,23 @@ class OrderProgress:
         self.cancelled = False
         self.cleared = False
         self.decision_point: tuple[str, int] | None = None
-        self.content: HeldContent | None = None
+        self.content: OrderFingerprints | None = None
         self.nodes: deque[Node] = deque()
         self.edges: deque[Edge] = deque()
         self.base_path = BasePath()
         self._path_of: PathOf | None = None
         self.revision = 0
-        self._ahead: Ahead | None = None
+        self._remaining: RemainingOrder | None = None
         self._node_states: dict[int, NodeState] = {}
         self._edge_states: dict[int, EdgeState] = {}
 
     def follow_paths(self, path_of: PathOf) -> None:
-        """Set the function that returns the path along an edge, and measure the base again."""
+        """Set the function that returns the path along an edge, and recompute the base's path."""
         self._path_of = path_of
         self._measure()
 
     def _measure(self) -> None:
-        """Measure the path through the base; the first edge leads from the last node."""
+        """Compute the path through the base; the first edge begins at the last node."""
         paths: dict[int, tuple[Point, ...]] = {}
         before = self.last_node
         for edge, node in zip(self.edges, self.nodes, strict=False):
@@ -317,7 +318,7 @@ class OrderProgress:
         self.base_path = BasePath(self.nodes, paths)
 
     def begin(self, order: Order) -> None:
-        """Begin a new order (section 6.6.2); its first node counts as reached."""
+        """Begin a new order, with its first node as reached (section 6.6.2)."""
         self.order_id, self.order_update_id = order.order_id, order.order_update_id
         self.cancelled = self.cleared = False
         self.nodes.clear()
@@ -327,7 +328,7 @@ class OrderProgress:
         self._measure()
 
     def extend(self, order: Order) -> None:
-        """Append an update that begins at the decision point, in place of the old horizon (section 6.1.2)."""
+        """Replace the horizon by an update that begins at the decision point (section 6.1.2)."""
         self.order_update_id = order.order_update_id
         if self.cleared:
             self.cleared = False
@@ -365,16 +366,18 @@ class OrderProgress:
     def traverse(self) -> tuple[Node, Edge]:
         """Count the next node as traversed (section 6.6.2); return it, and the edge that led there."""
         node, edge = self.nodes.popleft(), self.edges.popleft()
-        before = self._ahead
+        before = self._remaining
         self._reach(node)
         if before:
-            self._ahead = Ahead(before.node_states[1:], before.edge_states[1:], self._planned_path())
+            self._remaining = RemainingOrder(
+                before.node_states[1:], before.edge_states[1:], self._planned_path()
+            )
         return node, edge
 
     def clear(self, *, cancelled: bool) -> None:
-        """End the order early (section 6.6.7); IDs and the last node stay.
+        """End the order early; its IDs and the last node stay (section 6.6.7).
 
-        A ``cancelled`` order accepts no update; otherwise, an update may begin where the base ended.
+        A ``cancelled`` order accepts no update. Otherwise, an update may begin where the base ended.
         """
         self.nodes.clear()
         self.edges.clear()
@@ -383,7 +386,7 @@ class OrderProgress:
         self._changed()
 
     def place_at(self, node_id: str) -> None:
-        """Record that the robot was placed on ``node_id``; elsewhere, the ended order cannot continue."""
+        """Set the last node; if it changes, the ended order cannot be continued. Empty: no node."""
         if node_id != self.last_node_id:
             self.last_node_id, self.last_node_sequence_id, self.last_node = node_id, 0, None
             self.decision_point = None
@@ -391,22 +394,22 @@ class OrderProgress:
         self._changed()
 
     @property
-    def ahead(self) -> Ahead:
+    def remaining(self) -> RemainingOrder:
         """Return the remaining order, as reported in the state."""
-        if self._ahead is None:
+        if self._remaining is None:
             nodes, edges = self._node_states, self._edge_states
-            self._ahead = Ahead(
-                tuple(nodes.get(node.sequence_id) or self._show_node(node) for node in self.nodes),
-                tuple(edges.get(edge.sequence_id) or self._show_edge(edge) for edge in self.edges),
+            self._remaining = RemainingOrder(
+                tuple(nodes.get(node.sequence_id) or self._cached_node_state(node) for node in self.nodes),
+                tuple(edges.get(edge.sequence_id) or self._cached_edge_state(edge) for edge in self.edges),
                 self._planned_path(),
             )
-        return self._ahead
+        return self._remaining
 
-    def _show_node(self, node: Node) -> NodeState:
+    def _cached_node_state(self, node: Node) -> NodeState:
         self._node_states[node.sequence_id] = shown = _node_state(node)
         return shown
 
-    def _show_edge(self, edge: Edge) -> EdgeState:
+    def _cached_edge_state(self, edge: Edge) -> EdgeState:
         trajectory = edge.trajectory if self._path_of is not None else None
         self._edge_states[edge.sequence_id] = shown = _edge_state(edge, trajectory)
         return shown
@@ -420,7 +423,7 @@ class OrderProgress:
         self.nodes.extend(order.nodes[1:])
         self.edges.extend(order.edges)
         self.decision_point = _decision_point(order.nodes)
-        self.content = OrderContent(order)
+        self.content = LazyFingerprints(order)
 
     def _reach(self, node: Node) -> None:
         self.last_node, self.last_node_id = node, node.node_id
@@ -430,7 +433,7 @@ class OrderProgress:
 
     def _changed(self) -> None:
         self.revision += 1
-        self._ahead = None
+        self._remaining = None
 
 
 def _decision_point(nodes: Iterable[Node]) -> tuple[str, int]:

@@ -8,19 +8,19 @@ from pydantic import JsonValue
 
 from nena_edge_agent.protocol import actions, driving
 from nena_edge_agent.protocol.action_states import ActionRecord, loaded_after
-from nena_edge_agent.protocol.conditions import switched_off
+from nena_edge_agent.protocol.conditions import session_problem
 from nena_edge_agent.protocol.declaration import CANCEL_ORDER
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import OperatingModeSwitched
-from nena_edge_agent.protocol.geometry import in_place
+from nena_edge_agent.protocol.geometry import is_within_deviation
 from nena_edge_agent.protocol.order_acceptance import (
+    Decision,
     Duplicate,
     NewOrder,
     Rejected,
     Situation,
     Update,
-    Verdict,
-    judge,
+    decide,
 )
 from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.zone_sets import CLOSED
@@ -29,34 +29,34 @@ from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node, Order
 
-_SHOWN_UNTIL: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until.AVAILABLE}
-"""What ends the report of a rejection, unless it is the next accepted order."""
+_REPORTED_UNTIL: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until.AVAILABLE}
+"""What ends the report of a rejection; by default, the next accepted order."""
 
 
 # Acceptance (section 6.1.2)
 
 
-def receive(robot: RobotState, order: Order, *, dated: bool = True) -> Verdict:
-    """Accept or reject ``order``; a rejected one changes nothing but the errors (section 6.1.2).
+def receive(robot: RobotState, order: Order, *, dated: bool = True) -> Decision:
+    """Accept or reject ``order``; a rejected one changes only the errors (section 6.1.2).
 
-    ``dated``: its timestamp could be read.
+    ``dated``: its timestamp is readable.
     """
     if _waits_for_disk(robot, order):
         return Duplicate()
-    verdict = judge(order, _situation(robot, dated=dated), robot.capabilities)
+    decision = decide(order, _situation(robot, dated=dated), robot.capabilities)
     robot.history.begin_epoch(order.nena_epoch, robot.utc_now)
-    match verdict:
+    match decision:
         case NewOrder():
             _begin(robot, order)
         case Update():
             _extend(robot, order)
         case Rejected(entry):
-            robot.errors.report(entry, _SHOWN_UNTIL.get(entry.error_type, Until.ORDER_ACCEPTED))
-    return verdict
+            robot.errors.report(entry, _REPORTED_UNTIL.get(entry.error_type, Until.ORDER_ACCEPTED))
+    return decision
 
 
 def _waits_for_disk(robot: RobotState, order: Order) -> bool:
-    """Return whether ``order`` was accepted before but is not on disk, so that no state reports it yet."""
+    """Return whether ``order`` was accepted before but is not on disk yet, so that no state reports it."""
     progress = robot.progress
     held = (progress.order_id, progress.order_update_id) == (order.order_id, order.order_update_id)
     return held and bool(robot.journal_problem)
@@ -66,7 +66,7 @@ def _situation(robot: RobotState, *, dated: bool) -> Situation:
     progress = robot.progress
     return Situation(
         operating_mode=robot.next_mode,
-        off=switched_off(robot),
+        session_problem=session_problem(robot),
         fatal=robot.fatal,
         idle=robot.idle and not robot.clearing,
         cancelled=progress.cancelled or robot.clearing,
@@ -79,7 +79,7 @@ def _situation(robot: RobotState, *, dated: bool) -> Situation:
         no_route=robot.reports.no_route,
         maps=robot.map_ids,
         closed=tuple(each for each in robot.zone_sets.enabled if each.zone.zone_type in CLOSED),
-        stands_on=progress.last_node_id if progress.on_last_node else "",
+        reached_node=progress.last_node_id if progress.on_last_node else "",
         instant_action_ids=frozenset(record.action.action_id for record in robot.instant_actions),
         base_action_ids=frozenset(
             record.action.action_id for record in robot.actions if not _in_horizon(robot, record)
@@ -88,7 +88,7 @@ def _situation(robot: RobotState, *, dated: bool) -> Situation:
         history=robot.history,
         dated=dated,
         tolerance=robot.reports.limits.tolerance if robot.reports.limits else None,
-        falls_asleep=robot.power is PowerPhase.FALLING_ASLEEP,
+        about_to_hibernate=robot.power is PowerPhase.FALLING_ASLEEP,
     )
 
 
@@ -150,7 +150,7 @@ def _records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]
 def cancel(robot: RobotState, action: Action) -> None:
     """Start to cancel the order (section 6.1.3).
 
-    A second request ends together with the first; without an order to cancel, the action fails.
+    A second cancelOrder ends together with the first. Without an order to cancel, the action fails.
     """
     if robot.idle or _order_to_cancel(robot, action) not in (None, robot.progress.order_id):
         _refuse_cancel(robot, action)
@@ -192,10 +192,11 @@ def begin_clearing(robot: RobotState) -> None:
 
 
 def advance_clearing(robot: RobotState) -> None:
-    """Clear the order once the robot has stopped and no action runs, all in one state (section 6.1.3).
+    """Clear the order once the robot has stopped and all actions have ended (section 6.1.3).
 
-    The order ends where the robot is: a freely navigating robot does not drive on to a node. If a person
-    takes over, the order is cleared before the robot stops, because it may be moved by hand.
+    One state reports all of it. The order ends where the robot is: a freely navigating robot does not drive
+    on to the next node. If a person takes over, the order is cleared before the robot stops, because the
+    robot may be moved by hand.
     """
     by_hand = robot.next_mode.clears_order
     if not robot.clearing or not robot.actions.all_ended or (robot.goal.moving and not by_hand):
@@ -213,7 +214,7 @@ def advance_clearing(robot: RobotState) -> None:
 
 
 def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
-    """Start to change the operating mode (section 6.6.6); its rules for fleet control apply at once."""
+    """Start to change the operating mode; what fleet control may do changes at once (section 6.6.6)."""
     if event.mode is robot.next_mode:
         return
     robot.wanted_mode = event.mode
@@ -225,10 +226,7 @@ def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
 
 
 def advance_mode(robot: RobotState) -> None:
-    """Report the new mode once the order is cleared, and clear a last node that the robot has left.
-
-    VDA 5050 3.0 section 6.6.7.
-    """
+    """Report the new mode once the order is cleared; clear a last node that the robot has left (6.6.7)."""
     if robot.wanted_mode and not robot.clearing:
         robot.operating_mode, robot.wanted_mode = robot.wanted_mode, None
         if robot.operating_mode in robot.capabilities.rules.node_forgotten_in:
@@ -238,11 +236,11 @@ def advance_mode(robot: RobotState) -> None:
 
 
 def _left_node(robot: RobotState) -> bool:
-    """Return whether the last node cannot be the start of an order where the robot is now."""
+    """Return whether the robot is too far from its last node to start an order there."""
     if not robot.progress.last_node_id:
         return False
     node, pose = robot.progress.last_node, robot.reports.localized_pose
     if node is None or node.node_position is None:
         return True
     default = robot.capabilities.default_deviation_xy
-    return pose is not None and not in_place(pose, node.node_position, default)
+    return pose is not None and not is_within_deviation(pose, node.node_position, default)

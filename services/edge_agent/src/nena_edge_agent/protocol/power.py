@@ -8,25 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from nena_edge_agent.protocol import orders
+from nena_edge_agent.protocol import events, orders
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.events import (
-    Event,
-    GoOnline,
-    Hibernate,
-    InstantActionsReceived,
-    LogIgnored,
-    MessageRefused,
-    OrderReceived,
-    PowerCommand,
-    PowerReport,
-    ResponsesReceived,
-    ShutDown,
-    SignedOff,
-    TimePassed,
-    Wake,
-    ZoneSetReceived,
-)
 from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_shared.clock import iso
 from nena_shared.vda5050.action import (
@@ -39,8 +22,8 @@ from nena_shared.vda5050.action import (
 from nena_shared.vda5050.error import ErrorEntry, error
 
 POWER_COMMAND_FAILED = "POWER_COMMAND_FAILED"
-REST_TIMEOUT = 30.0
-"""Timeout before hibernation for movements and actions that are not part of the order, seconds."""
+STANDSTILL_TIMEOUT = 30.0
+"""Timeout for movements and actions outside the order to end before hibernation, seconds."""
 
 _IGNORING = frozenset(PowerPhase) - {PowerPhase.AWAKE, PowerPhase.FALLING_ASLEEP}
 """Phases in which messages are ignored."""
@@ -50,9 +33,9 @@ _IGNORING = frozenset(PowerPhase) - {PowerPhase.AWAKE, PowerPhase.FALLING_ASLEEP
 
 
 def start_hibernation(robot: RobotState, action: Action) -> str | None:
-    """Clear the order and stop before hibernating; return why the robot cannot hibernate, if so.
+    """Clear the order and stop the robot, to hibernate then; return why it cannot hibernate, if so.
 
-    A second request ends together with the first, and replaces its wake-up time.
+    A second startHibernation ends together with the first, and replaces its wake-up time.
     """
     if robot.journal_problem:
         return f"the journal cannot be written: {robot.journal_problem}"
@@ -66,7 +49,7 @@ def start_hibernation(robot: RobotState, action: Action) -> str | None:
 
 
 def stop_hibernation(robot: RobotState, action: Action) -> None:
-    """Wake the robot; finish at once if it is awake."""
+    """Wake the robot; if it is awake, finish at once."""
     if robot.power.silent:
         robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
         _wake(robot)
@@ -76,9 +59,9 @@ def stop_hibernation(robot: RobotState, action: Action) -> None:
 
 
 def shut_down(robot: RobotState, action: Action) -> str | None:
-    """Start to shut down an idle robot; return the reason if that is impossible.
+    """Begin the shutdown of an idle robot; return why that is impossible, if so.
 
-    A second request finishes at once.
+    A second shutdown finishes at once.
     """
     if robot.power is PowerPhase.SHUTTING_DOWN:
         robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
@@ -87,7 +70,7 @@ def shut_down(robot: RobotState, action: Action) -> str | None:
         return "the robot is about to hibernate; send stopHibernation first"
     if robot.instant_actions_running > 1:
         return "another instant action is running; wait for its end"
-    if problem := _motion(robot):
+    if problem := _motion_problem(robot):
         return problem
     robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
     robot.power = PowerPhase.SHUTTING_DOWN
@@ -97,35 +80,35 @@ def shut_down(robot: RobotState, action: Action) -> str | None:
 # Messages
 
 
-def filter_event(robot: RobotState, event: Event) -> Event:
-    """Return ``event``; if the robot ignores messages, without anything but stopHibernation."""
+def filter_event(robot: RobotState, event: events.Event) -> events.Event:
+    """Return ``event``; if the robot ignores messages, only its stopHibernation actions are kept."""
     if robot.power not in _IGNORING:
         return event
     match event:
-        case InstantActionsReceived(message):
+        case events.InstantActionsReceived(message):
             wakes = robot.power is not PowerPhase.SHUTTING_DOWN
             taken = tuple(each for each in message.actions if wakes and each.action_type == STOP_HIBERNATION)
             if rest := [each.action_type for each in message.actions if each not in taken]:
-                robot.effects.append(LogIgnored(f"instant actions: {', '.join(rest)}"))
+                robot.effects.append(events.LogIgnored(f"instant actions: {', '.join(rest)}"))
             return replace(event, message=message.model_copy(update={"actions": taken}))
-        case OrderReceived(order):
-            robot.effects.append(LogIgnored(f"order '{order.order_id}'"))
-        case ZoneSetReceived():
-            robot.effects.append(LogIgnored("zone set"))
-        case ResponsesReceived():
-            robot.effects.append(LogIgnored("responses"))
-        case MessageRefused():
-            robot.effects.append(LogIgnored("a message that cannot be read"))
+        case events.OrderReceived(order):
+            robot.effects.append(events.LogIgnored(f"order '{order.order_id}'"))
+        case events.ZoneSetReceived():
+            robot.effects.append(events.LogIgnored("zone set"))
+        case events.ResponsesReceived():
+            robot.effects.append(events.LogIgnored("responses"))
+        case events.MessageRefused():
+            robot.effects.append(events.LogIgnored("a message that cannot be read"))
         case _:
             return event
-    return TimePassed()
+    return events.TimePassed()
 
 
 # Progress
 
 
 def advance(robot: RobotState) -> None:
-    """Sign off once the order is cleared and the robot is at standstill; wake it at its wake-up time.
+    """Hibernate once the order is cleared and the robot is at standstill; wake at the wake-up time.
 
     Hibernation must be on disk before it is reported, so a robot whose journal fails stays awake.
     """
@@ -143,60 +126,60 @@ def advance(robot: RobotState) -> None:
 
 def _sign_off(robot: RobotState) -> None:
     """Finish startHibernation, or fail it if something other than the order keeps the robot awake."""
-    problem = _motion(robot) or _other_actions(robot)
+    problem = _motion_problem(robot) or _running_actions_problem(robot)
     if not problem:
         robot.end_instant_actions(START_HIBERNATION, ActionStatus.FINISHED)
         robot.power = PowerPhase.SIGNING_OFF
     elif robot.kept_awake_since is None:
         robot.kept_awake_since = robot.now
-    elif robot.now - robot.kept_awake_since >= REST_TIMEOUT:
-        _stay_awake(robot, f"{problem}, for {REST_TIMEOUT:.0f} s")
+    elif robot.now - robot.kept_awake_since >= STANDSTILL_TIMEOUT:
+        _stay_awake(robot, f"{problem}, for {STANDSTILL_TIMEOUT:.0f} s")
 
 
-def _motion(robot: RobotState) -> str | None:
-    """Return what moves the robot without an order, such as a person or another program."""
+def _motion_problem(robot: RobotState) -> str | None:
+    """Return how the robot moves without an order, if it does: by a person or another program."""
     if goals := robot.reports.goals.external:
         return f"navigation is driving to another program's goal ({goals[0].goal_id})"
     return "the robot moves without an order" if robot.reports.velocity.moves else None
 
 
-def _other_actions(robot: RobotState) -> str | None:
-    """Return the other running instant actions, whose end no state could report."""
+def _running_actions_problem(robot: RobotState) -> str | None:
+    """Return which instant actions are running, if any: no state could report their end."""
     running = {each.action.action_type for each in robot.instant_actions if not each.status.ended}
     others = ", ".join(sorted(running - {START_HIBERNATION}))
     return f"instant actions are running ({others})" if others else None
 
 
-def signed_off(robot: RobotState, _: SignedOff) -> None:
+def signed_off(robot: RobotState, _: events.SignedOff) -> None:
     """Hibernate or shut down after the last state, unless the robot was woken in the meantime."""
     if robot.power is PowerPhase.SIGNING_OFF:
         robot.power = PowerPhase.HIBERNATING
-        robot.effects.append(Hibernate(robot.wake_up_at))
+        robot.effects.append(events.Hibernate(robot.wake_up_at))
     elif robot.power is PowerPhase.SHUTTING_DOWN:
-        robot.effects.append(ShutDown())
+        robot.effects.append(events.ShutDown())
 
 
-def command_ended(robot: RobotState, event: PowerReport) -> None:
-    """Handle the end of a power command; if it failed, the robot is awake or wakes now."""
+def command_ended(robot: RobotState, event: events.PowerReport) -> None:
+    """Handle the end of a power command; if it has failed, the robot is awake or wakes up."""
     if event.problem:
         robot.errors.report(_failure(event), Until.ORDER_ACCEPTED)
-    if event.command is PowerCommand.HIBERNATE and event.problem:
+    if event.command is events.PowerCommand.HIBERNATE and event.problem:
         _wake(robot)
-    if event.command is PowerCommand.WAKE and robot.power is PowerPhase.WAKING:
+    if event.command is events.PowerCommand.WAKE and robot.power is PowerPhase.WAKING:
         robot.power, robot.wake_up_at = PowerPhase.AWAKE, None
         status = ActionStatus.FAILED if event.problem else ActionStatus.FINISHED
         robot.end_instant_actions(STOP_HIBERNATION, status, event.problem or None)
-        robot.effects.append(GoOnline())
+        robot.effects.append(events.GoOnline())
 
 
 def halt_failed(robot: RobotState, description: str) -> None:
-    """Stay awake: the robot's standstill cannot be confirmed."""
+    """Stay awake, because the robot's standstill cannot be confirmed."""
     if robot.power is PowerPhase.FALLING_ASLEEP:
         _stay_awake(robot, description)
 
 
 def continue_after_restart(robot: RobotState) -> None:
-    """Rerun a wake command that a restart of the agent has interrupted.
+    """Run a wake command again that a restart of the agent has interrupted.
 
     A robot whose settings no longer offer hibernation is awake.
     """
@@ -205,15 +188,15 @@ def continue_after_restart(robot: RobotState) -> None:
     if START_HIBERNATION not in robot.capabilities.actions:
         _stay_awake(robot, "the robot's settings no longer offer hibernation")
         robot.end_instant_actions(STOP_HIBERNATION, ActionStatus.FINISHED)
-        robot.effects.append(GoOnline())
+        robot.effects.append(events.GoOnline())
     elif robot.power is PowerPhase.WAKING:
-        robot.effects.append(Wake())
+        robot.effects.append(events.Wake())
 
 
 def _wake(robot: RobotState) -> None:
     if robot.power is PowerPhase.HIBERNATING:
         robot.power = PowerPhase.WAKING
-        robot.effects.append(Wake())
+        robot.effects.append(events.Wake())
 
 
 def _stay_awake(robot: RobotState, reason: str) -> None:
@@ -221,7 +204,7 @@ def _stay_awake(robot: RobotState, reason: str) -> None:
     robot.power, robot.wake_up_at = PowerPhase.AWAKE, None
 
 
-def _failure(event: PowerReport) -> ErrorEntry:
+def _failure(event: events.PowerReport) -> ErrorEntry:
     return error(
         POWER_COMMAND_FAILED,
         f"power.{event.command} failed, and the robot is awake: {event.problem}",

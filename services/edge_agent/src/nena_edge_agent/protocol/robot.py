@@ -7,69 +7,23 @@ from functools import partial
 from math import isfinite
 from typing import Any
 
-from nena_edge_agent.driver.port import (
-    Arrived,
-    BatteryReport,
-    BlockedReport,
-    CollisionReport,
-    DriveFailed,
-    DriveLimits,
-    DriveProgress,
-    GoalTable,
-    Halted,
-    HaltFailed,
-    NavigationReport,
-    NoRouteReport,
-    OwnGoals,
-    PlanReport,
-    Pose,
-    PoseReport,
-    PositionInitialized,
-    SessionReport,
-    VelocityReport,
-)
+from nena_edge_agent.driver import port
 from nena_edge_agent.protocol import (
     actions,
     driving,
     edge_paths,
+    events,
     instant_actions,
     orders,
     power,
     route_progress,
     zones,
 )
-from nena_edge_agent.protocol.action_states import sensed
+from nena_edge_agent.protocol.action_states import loads_by_sensor
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.conditions import check_conditions
 from nena_edge_agent.protocol.declaration import CANCEL_ORDER, START_PAUSE
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.events import (
-    ActionReport,
-    Effect,
-    ErrorSwitched,
-    Event,
-    InstantActionsReceived,
-    JournalReport,
-    LinkReport,
-    LoadSensed,
-    LocalTrigger,
-    MapsReport,
-    MessageRefused,
-    OperatingModeSwitched,
-    OrderReceived,
-    PauseButton,
-    PluginsReport,
-    PowerReport,
-    ReportState,
-    ResponsesReceived,
-    SafetyReport,
-    SendFactsheet,
-    SignedOff,
-    Started,
-    SubscriptionsReport,
-    TimePassed,
-    ZoneSetReceived,
-)
 from nena_edge_agent.protocol.memory import Memory, memory_of, restored
 from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.state import make_state, make_visualization
@@ -78,18 +32,19 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.visualization import Visualization
 
-REQUESTS = (OrderReceived, InstantActionsReceived, MessageRefused)
-"""Events that trigger a state even if nothing has changed: the sender waits for it."""
+REQUESTS = (events.OrderReceived, events.InstantActionsReceived, events.MessageRefused)
+"""Events that trigger a state message even without a change: the sender waits for it."""
 
-FULL = 100.0
+FULL_CHARGE = 100.0
 """Maximum state of charge, percent."""
 
 
 class RobotCore:
     """One VDA 5050 robot.
 
-    Each call of :meth:`handle` processes one event completely and returns its effects. The caller performs
-    them in order, after making :meth:`memory` durable if :attr:`durable_version` has changed.
+    Each call of :meth:`handle` processes one event completely and returns its effects. If
+    :attr:`durable_version` has changed, the caller first writes :meth:`memory` to disk. Then it performs the
+    effects in order.
     """
 
     def __init__(self, capabilities: Capabilities, memory: Memory | None = None) -> None:
@@ -98,8 +53,8 @@ class RobotCore:
             self._robot.progress.follow_paths(partial(edge_paths.planned_corners, capabilities=capabilities))
         self._shown = self._visible()
 
-    def handle(self, event: Event, now: float) -> tuple[Effect, ...]:
-        """Handle ``event`` at the monotonic time ``now`` in s, and return its effects."""
+    def handle(self, event: events.Event, now: float) -> tuple[events.Effect, ...]:
+        """Handle ``event`` at the monotonic time ``now``, s, and return its effects."""
         robot = self._robot
         robot.now, robot.effects = now, []
         event = power.filter_event(robot, event)
@@ -123,18 +78,15 @@ class RobotCore:
             return tuple(robot.effects)
         if shown != self._shown or isinstance(event, REQUESTS):
             self._shown = shown
-            robot.effects.append(ReportState())
+            robot.effects.append(events.ReportState())
         return tuple(robot.effects)
 
     def state(self, header: dict[str, Any]) -> State:
-        """Return the state message; ``header`` has its five header fields by their neutral names.
-
-        VDA 5050 3.0 section 7.8.
-        """
+        """Return the state message (section 7.8); ``header`` has its header fields by their neutral names."""
         return make_state(header, self._robot)
 
     def visualization(self, header: dict[str, Any], state_header_id: int) -> Visualization:
-        """Return the visualization message; ``state_header_id`` is that of its state (section 7.9)."""
+        """Return the visualization message (section 7.9); ``state_header_id`` is that of the last state."""
         return make_visualization(header, self._robot, state_header_id=state_header_id)
 
     @property
@@ -143,15 +95,15 @@ class RobotCore:
         return self._robot
 
     @property
-    def last_position(self) -> Pose | None:
+    def last_position(self) -> port.Pose | None:
         """Return the position of the last node, None if unknown."""
         node = self._robot.progress.last_node
         position = node.node_position if node else None
-        return Pose(position.x, position.y, position.theta or 0.0, position.map_id) if position else None
+        return port.Pose(position.x, position.y, position.theta or 0.0, position.map_id) if position else None
 
     @property
-    def own_goals(self) -> OwnGoals | None:
-        """Return the robot's own goals that navigation last reported, None if there were none."""
+    def own_goals(self) -> port.OwnGoals | None:
+        """Return the robot's own goals that navigation has or may have, None without any."""
         return self._robot.goal.own
 
     @property
@@ -165,7 +117,7 @@ class RobotCore:
 
     @property
     def power(self) -> PowerPhase:
-        """Return the robot's phase of hibernation or shutdown."""
+        """Return the phase of hibernation or shutdown."""
         return self._robot.power
 
     @property
@@ -227,198 +179,202 @@ class RobotCore:
         )
 
 
-def _note_time(robot: RobotState, event: Event) -> None:
-    """Record the time of day, if ``event`` contains it."""
+def _note_time(robot: RobotState, event: events.Event) -> None:
+    """Store the time of day if ``event`` contains it."""
     match event:
-        case Started(utc) | TimePassed(utc) if utc:
+        case events.Started(utc) | events.TimePassed(utc) if utc:
             robot.utc = (utc, robot.now)
-        case OrderReceived(_, utc) | InstantActionsReceived(_, utc) | ResponsesReceived(_, utc) if utc:
+        case (
+            events.OrderReceived(_, utc)
+            | events.InstantActionsReceived(_, utc)
+            | events.ResponsesReceived(_, utc)
+        ) if utc:
             robot.utc = (utc, robot.now)
         case _:
             pass
 
 
-def _time_passed(_robot: RobotState, _event: TimePassed) -> None:
+def _time_passed(_robot: RobotState, _event: events.TimePassed) -> None:
     """Do nothing: only the time has changed."""
 
 
-def _started(robot: RobotState, _: Started) -> None:
-    """Continue interrupted work; what the robot did in the meantime is unknown."""
+def _started(robot: RobotState, _: events.Started) -> None:
+    """Continue interrupted work; what the robot has done since is unknown."""
     robot.link.lost_since = robot.now
     instant_actions.position_interrupted(robot)
-    if robot.clearing or robot.paused or driving.has_leftover_goal(robot):
+    if robot.clearing or robot.paused or driving.has_unneeded_goal(robot):
         driving.request_halt(robot)
     power.continue_after_restart(robot)
     actions.continue_after_restart(robot)
     actions.schedule(robot)
 
 
-def _order_received(robot: RobotState, event: OrderReceived) -> None:
+def _order_received(robot: RobotState, event: events.OrderReceived) -> None:
     orders.receive(robot, event.order, dated=event.dated)
 
 
-def _instant_actions_received(robot: RobotState, event: InstantActionsReceived) -> None:
+def _instant_actions_received(robot: RobotState, event: events.InstantActionsReceived) -> None:
     instant_actions.receive(robot, event.message)
 
 
-def _zone_set_received(robot: RobotState, event: ZoneSetReceived) -> None:
+def _zone_set_received(robot: RobotState, event: events.ZoneSetReceived) -> None:
     zones.accept(robot, event.message.zone_set)
 
 
-def _responses_received(robot: RobotState, event: ResponsesReceived) -> None:
+def _responses_received(robot: RobotState, event: events.ResponsesReceived) -> None:
     zones.apply_responses(robot, event.message, event.utc)
 
 
-def _message_refused(robot: RobotState, event: MessageRefused) -> None:
+def _message_refused(robot: RobotState, event: events.MessageRefused) -> None:
     robot.errors.report(event.error, event.until)
 
 
-def _action_reported(robot: RobotState, event: ActionReport) -> None:
+def _action_reported(robot: RobotState, event: events.ActionReport) -> None:
     if event.zone_set and (problem := zones.accept(robot, event.zone_set)):
-        event = ActionReport(event.action_id, ActionStatus.FAILED, problem)
+        event = events.ActionReport(event.action_id, ActionStatus.FAILED, problem)
     actions.apply_report(robot, event)
     actions.schedule(robot)
 
 
-def _load_sensed(robot: RobotState, event: LoadSensed) -> None:
-    robot.loads = sensed(robot.loads, loaded=event.loaded)
+def _load_sensed(robot: RobotState, event: events.LoadSensed) -> None:
+    robot.loads = loads_by_sensor(robot.loads, loaded=event.loaded)
 
 
-def _store(robot: RobotState, event: Event) -> None:
+def _store(robot: RobotState, event: events.Event) -> None:
     """Store a report that has no other effect."""
     match event:
-        case PluginsReport(problems):
+        case events.PluginsReport(problems):
             robot.plugin_problems = problems
-        case JournalReport(problem):
+        case events.JournalReport(problem):
             robot.journal_problem = problem
-        case MapsReport(maps):
+        case events.MapsReport(maps):
             robot.maps = maps
-        case SubscriptionsReport(refused):
+        case events.SubscriptionsReport(refused):
             robot.refused_topics = refused
-        case SafetyReport():
+        case events.SafetyReport():
             robot.reports.safety = event
-        case PauseButton(pressed):
+        case events.PauseButton(pressed):
             robot.reports.pause_button = pressed
-        case VelocityReport():
+        case port.VelocityReport():
             robot.reports.velocity = event
-        case SessionReport():
+        case port.SessionReport():
             robot.reports.session = event
-        case PlanReport():
+        case port.PlanReport():
             robot.reports.plan = event
 
 
-def _link_reported(robot: RobotState, event: LinkReport) -> None:
+def _link_reported(robot: RobotState, event: events.LinkReport) -> None:
     robot.link.lost_since = None if event.connected else robot.now
     if event.connected and robot.power.signs_off:
-        robot.effects.append(ReportState())  # the last one may not have been sent
+        robot.effects.append(events.ReportState())  # the last state may not have been sent
 
 
-def _error_switched(robot: RobotState, event: ErrorSwitched) -> None:
+def _error_switched(robot: RobotState, event: events.ErrorSwitched) -> None:
     if event.active:
         robot.errors.report(event.error, Until.WITHDRAWN)
     else:
         robot.errors.withdraw(event.error)
 
 
-def _local_trigger(robot: RobotState, event: LocalTrigger) -> None:
+def _local_trigger(robot: RobotState, event: events.LocalTrigger) -> None:
     actions.release(robot, event.trigger_type)
 
 
-def _halted(robot: RobotState, _: Halted) -> None:
+def _halted(robot: RobotState, _: port.Halted) -> None:
     driving.halted(robot)
 
 
-def _pose_reported(robot: RobotState, event: PoseReport) -> None:
+def _pose_reported(robot: RobotState, event: port.PoseReport) -> None:
     """Store a pose; one with NaN or infinity is ignored."""
     if all(isfinite(each) for each in (event.pose.x, event.pose.y, event.pose.theta)):
         robot.reports.pose = event
-        robot.reports.velocity = VelocityReport(event.vx, event.omega)
+        robot.reports.velocity = port.VelocityReport(event.vx, event.omega)
         route_progress.pose_changed(robot)
         driving.pose_changed(robot)
 
 
-def _halt_failed(robot: RobotState, event: HaltFailed) -> None:
-    """Fail the actions that wait for standstill; a cancelled order is cleared once it is confirmed."""
+def _halt_failed(robot: RobotState, event: port.HaltFailed) -> None:
+    """Fail the actions that wait for standstill; a cancelled order is cleared once that is confirmed."""
     driving.halt_failed(robot, event.description)
     for action_type in (CANCEL_ORDER, START_PAUSE):
         robot.end_instant_actions(action_type, ActionStatus.FAILED, event.description)
     power.halt_failed(robot, event.description)
 
 
-def _battery_reported(robot: RobotState, event: BatteryReport) -> None:
+def _battery_reported(robot: RobotState, event: port.BatteryReport) -> None:
     """Store a battery report; one with a charge outside of 0 to 100 % is ignored."""
-    if 0.0 <= event.state_of_charge <= FULL:
+    if 0.0 <= event.state_of_charge <= FULL_CHARGE:
         robot.reports.battery = event
 
 
-def _collision_reported(robot: RobotState, event: CollisionReport) -> None:
+def _collision_reported(robot: RobotState, event: port.CollisionReport) -> None:
     robot.reports.collision = event if event.stops else None
 
 
-def _progress_reported(robot: RobotState, event: DriveProgress) -> None:
+def _progress_reported(robot: RobotState, event: port.DriveProgress) -> None:
     before = robot.reports.progress
     if event.recoveries > (before.recoveries if before else 0):
         robot.reports.recovered_at = robot.now
     robot.reports.progress = event
 
 
-def _limits_reported(robot: RobotState, event: DriveLimits) -> None:
+def _limits_reported(robot: RobotState, event: port.DriveLimits) -> None:
     """Record navigation's goal tolerance, and send a factsheet that reports it."""
     if event != robot.reports.limits:
         robot.reports.limits = event
-        robot.effects.append(SendFactsheet())
+        robot.effects.append(events.SendFactsheet())
 
 
-def _blocked_reported(robot: RobotState, event: BlockedReport) -> None:
+def _blocked_reported(robot: RobotState, event: port.BlockedReport) -> None:
     robot.reports.blocked = event if event.blocked else None
 
 
-def _no_route_reported(robot: RobotState, event: NoRouteReport) -> None:
+def _no_route_reported(robot: RobotState, event: port.NoRouteReport) -> None:
     robot.reports.no_route = event.areas
 
 
-def _goals_reported(robot: RobotState, event: GoalTable) -> None:
+def _goals_reported(robot: RobotState, event: port.GoalTable) -> None:
     robot.reports.goals = event
     robot.goal.listed(event.own)
 
 
 _HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
-    Started: _started,
-    OrderReceived: _order_received,
-    InstantActionsReceived: _instant_actions_received,
-    ZoneSetReceived: _zone_set_received,
-    ResponsesReceived: _responses_received,
-    MapsReport: _store,
-    MessageRefused: _message_refused,
-    ActionReport: _action_reported,
-    LoadSensed: _load_sensed,
-    PluginsReport: _store,
-    JournalReport: _store,
-    LinkReport: _link_reported,
-    SubscriptionsReport: _store,
-    OperatingModeSwitched: orders.switch_mode,
-    SafetyReport: _store,
-    PauseButton: _store,
-    ErrorSwitched: _error_switched,
-    LocalTrigger: _local_trigger,
-    TimePassed: _time_passed,
-    SignedOff: power.signed_off,
-    PowerReport: power.command_ended,
-    Arrived: driving.arrived,
-    DriveFailed: driving.failed,
-    Halted: _halted,
-    HaltFailed: _halt_failed,
-    VelocityReport: _store,
-    NavigationReport: driving.navigation_changed,
-    PlanReport: _store,
-    DriveProgress: _progress_reported,
-    DriveLimits: _limits_reported,
-    BlockedReport: _blocked_reported,
-    CollisionReport: _collision_reported,
-    NoRouteReport: _no_route_reported,
-    PoseReport: _pose_reported,
-    BatteryReport: _battery_reported,
-    PositionInitialized: instant_actions.position_initialized,
-    GoalTable: _goals_reported,
-    SessionReport: _store,
+    events.Started: _started,
+    events.OrderReceived: _order_received,
+    events.InstantActionsReceived: _instant_actions_received,
+    events.ZoneSetReceived: _zone_set_received,
+    events.ResponsesReceived: _responses_received,
+    events.MapsReport: _store,
+    events.MessageRefused: _message_refused,
+    events.ActionReport: _action_reported,
+    events.LoadSensed: _load_sensed,
+    events.PluginsReport: _store,
+    events.JournalReport: _store,
+    events.LinkReport: _link_reported,
+    events.SubscriptionsReport: _store,
+    events.OperatingModeSwitched: orders.switch_mode,
+    events.SafetyReport: _store,
+    events.PauseButton: _store,
+    events.ErrorSwitched: _error_switched,
+    events.LocalTrigger: _local_trigger,
+    events.TimePassed: _time_passed,
+    events.SignedOff: power.signed_off,
+    events.PowerReport: power.command_ended,
+    port.Arrived: driving.arrived,
+    port.DriveFailed: driving.failed,
+    port.Halted: _halted,
+    port.HaltFailed: _halt_failed,
+    port.VelocityReport: _store,
+    port.NavigationReport: driving.navigation_changed,
+    port.PlanReport: _store,
+    port.DriveProgress: _progress_reported,
+    port.DriveLimits: _limits_reported,
+    port.BlockedReport: _blocked_reported,
+    port.CollisionReport: _collision_reported,
+    port.NoRouteReport: _no_route_reported,
+    port.PoseReport: _pose_reported,
+    port.BatteryReport: _battery_reported,
+    port.PositionInitialized: instant_actions.position_initialized,
+    port.GoalTable: _goals_reported,
+    port.SessionReport: _store,
 }

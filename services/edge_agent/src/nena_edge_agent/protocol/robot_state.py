@@ -6,23 +6,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from enum import StrEnum
 
-from nena_edge_agent.driver.port import (
-    Area,
-    BatteryReport,
-    BlockedReport,
-    Circle,
-    CollisionReport,
-    DriveLimits,
-    DriveProgress,
-    GoalTable,
-    NavigationReport,
-    OwnGoals,
-    PlanReport,
-    Pose,
-    PoseReport,
-    SessionReport,
-    VelocityReport,
-)
+from nena_edge_agent.driver import port
 from nena_edge_agent.protocol.action_states import ActionQueue, ActionStates
 from nena_edge_agent.protocol.capabilities import Capabilities, ExternalGoals, LinkLossPolicy
 from nena_edge_agent.protocol.errors import ActiveErrors
@@ -34,65 +18,69 @@ from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode
 from nena_shared.vda5050.topics import Topic
 
-INSTANT_ACTIONS_SHOWN = 200
-"""Maximum number of instant action states; beyond it, ended ones are dropped, then new actions refused."""
+INSTANT_ACTION_LIMIT = 200
+"""Maximum number of instant action states; beyond it, ended ones are dropped, then new ones are refused."""
 SAFE = SafetyReport()
-UNKNOWN_VELOCITY = VelocityReport(None, None)
-NO_GOALS = GoalTable()
-NOT_REPORTED = NavigationReport(
+UNKNOWN_VELOCITY = port.VelocityReport(None, None)
+NO_GOALS = port.GoalTable()
+NOT_REPORTED = port.NavigationReport(
     available=False, reason="the agent is starting; navigation has not reported yet", starting=True
 )
 
 
 @dataclass(slots=True)
 class Reports:
-    """The latest reports of the driver, or of a person at the robot.
+    """The latest reports of the driver and of people at the robot.
 
-    ``recovered_at`` is the time in s at which navigation last began to free the robot.
+    ``recovered_at`` is the monotonic time, s, at which navigation last started a recovery.
     """
 
-    pose: PoseReport | None = None
-    velocity: VelocityReport = UNKNOWN_VELOCITY
-    battery: BatteryReport | None = None
-    navigation: NavigationReport = NOT_REPORTED
-    no_route: tuple[Circle, ...] = ()
-    goals: GoalTable = NO_GOALS
-    blocked: BlockedReport | None = None
-    collision: CollisionReport | None = None
-    plan: PlanReport | None = None
-    progress: DriveProgress | None = None
+    pose: port.PoseReport | None = None
+    velocity: port.VelocityReport = UNKNOWN_VELOCITY
+    battery: port.BatteryReport | None = None
+    navigation: port.NavigationReport = NOT_REPORTED
+    no_route: tuple[port.Circle, ...] = ()
+    goals: port.GoalTable = NO_GOALS
+    blocked: port.BlockedReport | None = None
+    collision: port.CollisionReport | None = None
+    plan: port.PlanReport | None = None
+    progress: port.DriveProgress | None = None
     recovered_at: float | None = None
-    limits: DriveLimits | None = None
+    limits: port.DriveLimits | None = None
     safety: SafetyReport = SAFE
     pause_button: bool = False
-    session: SessionReport | None = None
+    session: port.SessionReport | None = None
 
     @property
     def unsafe(self) -> bool:
-        """Return whether an emergency stop or a field violation prevents the robot from moving.
-
-        VDA 5050 3.0 section 7.8.
-        """
+        """Return whether an emergency stop or a field violation stops the robot (section 7.8)."""
         return self.safety.field_violation or self.safety.emergency_stop is not EmergencyStop.NONE
 
     @property
-    def localized_pose(self) -> Pose | None:
-        """Return the pose of a localised robot, None if it is not localised."""
+    def localized_pose(self) -> port.Pose | None:
+        """Return the robot's pose, None if it is not localised."""
         return self.pose.pose if self.pose and self.pose.localized else None
 
 
 @dataclass(slots=True)
 class CurrentGoal:
-    """The driver's goal.
+    """The driver's goal, its failures, and a requested halt. Times are monotonic, s.
 
-    ``target`` is the sequenceId of the node that it drives to, None: no goal. ``halting_since`` is the time
-    in s at which the stop was requested, until it is confirmed; ``halt_problem`` is why standstill cannot be
-    confirmed, if the driver has reported that. ``failed_at`` is the sequenceId of a node that was not
-    reached; it is not retried until the order changes. ``failures`` are the failed drives to the next node,
-    to be retried at ``retry_at`` in s; ``problem`` is the reason of the last failure. ``pose`` is that of the
-    last goal, ``ahead`` are the poses after it, ``path`` is the path to follow (empty: navigation plans one).
-    ``own`` are our goals that navigation has or may have, ``listed_ids`` those that it last listed.
-    ``unsettled``: the result of ``own`` has not been reported yet.
+    Attributes:
+        generation: number of the last goal.
+        target: sequenceId of the node that the robot drives to, None without a goal.
+        halting_since: time of a requested halt that is not confirmed yet.
+        halt_problem: why standstill cannot be confirmed, if the driver has reported that.
+        failed_at: sequenceId of a node that was not reached; it is not retried until the order changes.
+        failures: number of failed drives to the next node.
+        retry_at: time of the next retry.
+        problem: reason of the last failure.
+        pose: pose of the last goal.
+        ahead: poses after it.
+        path: path to follow; empty: navigation plans one.
+        own: own goals that navigation has or may have.
+        listed_ids: IDs of own goals that navigation last listed.
+        result_pending: the result of ``own`` has not been reported yet.
     """
 
     generation: int = 0
@@ -103,64 +91,64 @@ class CurrentGoal:
     failures: int = 0
     retry_at: float | None = None
     problem: str = ""
-    pose: Pose | None = None
-    ahead: tuple[Pose, ...] = ()
+    pose: port.Pose | None = None
+    ahead: tuple[port.Pose, ...] = ()
     path: tuple[tuple[float, float], ...] = ()
-    own: OwnGoals | None = None
+    own: port.OwnGoals | None = None
     listed_ids: tuple[str, ...] = ()
-    unsettled: bool = False
+    result_pending: bool = False
 
     def listed(self, goal_ids: tuple[str, ...]) -> None:
-        """Record which of our goals navigation drives to; a new one is the goal that was sent last."""
+        """Record which own goals navigation lists; a new one is the goal that was sent last."""
         own, self.listed_ids = self.own, goal_ids
         if not goal_ids:
-            self.own = own if self.unsettled else None  # the result follows in a moment
+            self.own = own if self.result_pending else None  # the result follows in a moment
         elif own and set(goal_ids) <= set(own.goal_ids):
             self.own = replace(own, goal_ids=goal_ids)
         else:
-            self.own = OwnGoals(goal_ids, self.pose) if self.pose else None
+            self.own = port.OwnGoals(goal_ids, self.pose) if self.pose else None
 
-    def give(self, pose: Pose, behind: str) -> None:
-        """Record that a goal to ``pose`` is about to be sent; ``behind`` is the last goal listed before it.
+    def give(self, pose: port.Pose, behind: str) -> None:
+        """Record that a goal to ``pose`` is about to be sent; ``behind`` is the last goal listed before that.
 
-        If an earlier run has already sent it, it is listed after the goal that was last at that time. A goal
+        If an earlier run has already sent it, it is listed after the goal that was the last one then. A goal
         with a path is never listed: after a restart, the last goal in the list is another client's.
         """
-        own = self.own or OwnGoals((), pose)
+        own = self.own or port.OwnGoals((), pose)
         if self.path:
-            self.own = OwnGoals(own.goal_ids, own.pose)
+            self.own = port.OwnGoals(own.goal_ids, own.pose)
         else:
-            again = self.unsettled and own.given is not None and _position(own.given) == _position(pose)
-            self.own = OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
-        self.pose, self.unsettled = pose, True
+            again = self.result_pending and own.given is not None and _position(own.given) == _position(pose)
+            self.own = port.OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
+        self.pose, self.result_pending = pose, True
 
     def settle(self) -> None:
-        """Record that the drive is over; goals that navigation still drives to remain ours."""
-        self.unsettled = False
+        """Record the end of the drive; goals that navigation still lists remain own goals."""
+        self.result_pending = False
         if self.own:
-            self.own = OwnGoals(self.listed_ids, self.own.pose) if self.listed_ids else None
+            self.own = port.OwnGoals(self.listed_ids, self.own.pose) if self.listed_ids else None
 
     def forget_failures(self) -> None:
-        """Reset the failures: the next node or the order has changed."""
+        """Reset the failures, because the next node or the order has changed."""
         self.failed_at, self.failures, self.retry_at, self.problem = None, 0, None, ""
 
     def retry(self, at: float, problem: str) -> None:
-        """Record that the drive has failed and is retried at the time ``at`` in s."""
+        """Record that the drive has failed and is retried at the monotonic time ``at``, s."""
         self.target, self.failures, self.retry_at, self.problem = None, self.failures + 1, at, problem
 
-    def restore(self, own: OwnGoals) -> None:
-        """Continue with the goals of an earlier run, whose result is not known yet."""
-        self.own, self.pose, self.unsettled = own, own.given or own.pose, True
+    def restore(self, own: port.OwnGoals) -> None:
+        """Restore the goals of an earlier run, whose result is pending."""
+        self.own, self.pose, self.result_pending = own, own.given or own.pose, True
 
     @property
     def moving(self) -> bool:
-        """Return whether the robot drives or has not stopped yet."""
+        """Return whether the robot has a goal or a halt that is not confirmed."""
         return self.target is not None or self.halting_since is not None
 
     @property
-    def left_over(self) -> bool:
-        """Return whether navigation may drive to a goal whose result is unknown, also of an earlier run."""
-        return self.own is not None and self.unsettled
+    def pending(self) -> bool:
+        """Return whether the result of an own goal is pending, possibly of an earlier run."""
+        return self.own is not None and self.result_pending
 
     @property
     def halting(self) -> bool:
@@ -174,9 +162,9 @@ class CurrentGoal:
 
 @dataclass(slots=True)
 class LinkWatch:
-    """Monotonic time in s at which the broker was lost (section 4.1), None: connected.
+    """The connection to the broker (section 4.1); ``lost_since`` is monotonic, s, None while connected.
 
-    The robot may drive without the broker for ``timeout`` seconds.
+    Without the broker, the robot may drive for ``timeout`` seconds.
     """
 
     policy: LinkLossPolicy
@@ -200,9 +188,9 @@ class LinkWatch:
 
 @dataclass(slots=True)
 class RouteProgress:
-    """Distances driven since the last node and in the order, m (section 6.6.2)."""
+    """Distances driven since the last node and since the start of the order, m (section 6.6.2)."""
 
-    pose: Pose | None = None
+    pose: port.Pose | None = None
     node: tuple[str, int] | None = None
     order_id: str = ""
     since_node: float = 0.0
@@ -211,7 +199,7 @@ class RouteProgress:
 
 @dataclass(frozen=True, slots=True)
 class PositionRequest:
-    """A pose sent to the localisation at ``requested_at`` in s, with the node that belongs to it."""
+    """A pose sent to the localisation, at the node ``node_id``; ``requested_at`` is monotonic, s."""
 
     node_id: str
     requested_at: float
@@ -224,16 +212,16 @@ class PowerPhase(StrEnum):
     FALLING_ASLEEP = "FALLING_ASLEEP"
     """startHibernation is running: the order is being cleared, the robot stops."""
     SIGNING_OFF = "SIGNING_OFF"
-    """startHibernation is FINISHED; the state that reports it must still be sent."""
+    """startHibernation is FINISHED; the state that reports this has not been sent."""
     HIBERNATING = "HIBERNATING"
     WAKING = "WAKING"
     """The wake command is running."""
     SHUTTING_DOWN = "SHUTTING_DOWN"
-    """shutdown is FINISHED; the state that reports it must still be sent."""
+    """shutdown is FINISHED; the state that reports this has not been sent."""
 
     @property
     def silent(self) -> bool:
-        """Return whether no states are sent (section 6.5)."""
+        """Return whether the robot sends no states (section 6.5)."""
         return self in (PowerPhase.HIBERNATING, PowerPhase.WAKING)
 
     @property
@@ -246,15 +234,24 @@ class PowerPhase(StrEnum):
 class RobotState:
     """The state of one robot, and the effects of the current event.
 
-    ``now`` is the monotonic time in s of the current event. ``paused`` is fleet control's own pause,
-    ``hold_applied``: driving and actions are paused, for any reason. ``clearing``: the order is being ended
-    early. ``wanted_mode`` is the mode that a person has selected and the state does not report yet. ``utc``
-    is a time of day with the monotonic time in s at which it was read, None: unknown. ``speed_limit`` in m/s
-    is what the zones allow, ``areas`` are those that navigation plans around, of the zone sets as they were
-    at ``areas_revision``. ``header_ids`` are the first ones of the next run of the program. ``interrupted``
-    are actions that a restart has ended during a pause; they restart after it. ``zones_checked``: zones were
-    relevant at the last event. ``wake_up_at``: the end of the hibernation. ``kept_awake_since``: monotonic
-    time in s since which something other than the order prevents hibernation, None: nothing does.
+    Attributes:
+        queue: actions of reached nodes and entered edges that have not ended.
+        interrupted: actions that a restart has interrupted during a pause; they start again after it.
+        known_instant_ids: recent actionIds of instant actions, oldest first.
+        wanted_mode: mode that a person has selected and the state does not report yet.
+        paused: fleet control's own pause.
+        hold_applied: driving and actions are paused, for any reason.
+        clearing: the order is being ended early.
+        wake_up_at: end of the hibernation.
+        kept_awake_since: monotonic time, s, since which something other than the order prevents hibernation;
+            None: nothing does.
+        header_ids: first headerId of each topic for the next run of the program.
+        zones_checked: zones were relevant at the last event.
+        speed_limit: speed limit of zones and edges, m/s.
+        areas: areas that navigation plans around, by the zone sets of ``areas_revision``.
+        utc: time of day with the monotonic time, s, at which it was read; None: unknown.
+        now: monotonic time of the current event, s.
+        effects: effects of the current event.
     """
 
     capabilities: Capabilities
@@ -287,7 +284,7 @@ class RobotState:
     zone_requests: ZoneRequests = field(default_factory=ZoneRequests)
     zones_checked: bool = False
     speed_limit: float | None = None
-    areas: tuple[Area, ...] = ()
+    areas: tuple[port.Area, ...] = ()
     areas_revision: int = 0
     utc: tuple[datetime, float] | None = None
     now: float = 0.0
@@ -297,7 +294,7 @@ class RobotState:
     link: LinkWatch = field(init=False)
 
     def __post_init__(self) -> None:
-        """Start with the map of the settings, and without zones."""
+        """Add what depends on the capabilities: the configured map, zone sets and the link."""
         one = Map(
             map_id=self.capabilities.map_id,
             map_version=self.capabilities.map_version,
@@ -309,7 +306,7 @@ class RobotState:
 
     @property
     def utc_now(self) -> datetime | None:
-        """Return the time of day of the current event, None if it is not known."""
+        """Return the time of day of the current event, None if it is unknown."""
         return self.utc[0] + timedelta(seconds=self.now - self.utc[1]) if self.utc else None
 
     @property
@@ -324,7 +321,7 @@ class RobotState:
 
     @property
     def waits_for_external_goal(self) -> bool:
-        """Return whether driving waits for the end of a goal that was sent by another program."""
+        """Return whether the order waits until another program's goal has ended."""
         pauses = self.capabilities.external_goals is ExternalGoals.PAUSE
         return pauses and bool(self.reports.goals.external)
 
@@ -335,15 +332,12 @@ class RobotState:
 
     @property
     def fatal(self) -> bool:
-        """Return whether a reported error or a failed disk prevents new orders.
-
-        VDA 5050 3.0 section 6.6.5.1.
-        """
+        """Return whether a reported error or a failed disk prevents new orders (section 6.6.5.1)."""
         return self.errors.worst_reported is ErrorLevel.FATAL or bool(self.journal_problem)
 
     @property
     def held(self) -> bool:
-        """Return whether the robot must stop, and no action that can be paused may start or continue."""
+        """Return whether the robot must stop and pause its actions, for any reason."""
         return (
             self.paused
             or self.reports.pause_button
@@ -371,5 +365,5 @@ class RobotState:
             self.instant_actions.change(action_id, status, result)
 
 
-def _position(pose: Pose) -> tuple[float, float, str]:
+def _position(pose: port.Pose) -> tuple[float, float, str]:
     return pose.x, pose.y, pose.map_id

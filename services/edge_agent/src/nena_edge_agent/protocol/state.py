@@ -38,7 +38,7 @@ DURABLE_FIELDS = (
 def make_state(header: dict[str, Any], robot: RobotState) -> State:
     """Return the state message (section 7.8); ``header`` has its header fields by their neutral names."""
     progress = robot.progress
-    ahead = progress.ahead
+    remaining = progress.remaining
     return State(
         **header,
         maps=robot.maps,
@@ -48,9 +48,9 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
         order_update_id=progress.order_update_id,
         last_node_id=progress.last_node_id,
         last_node_sequence_id=progress.last_node_sequence_id,
-        node_states=ahead.node_states,
-        edge_states=ahead.edge_states,
-        planned_path=ahead.planned_path,
+        node_states=remaining.node_states,
+        edge_states=remaining.edge_states,
+        planned_path=remaining.planned_path,
         intermediate_path=route_progress.intermediate_path(robot, header["timestamp"]),
         distance_since_last_node=route_progress.since_node(robot),
         mobile_robot_position=position(robot.reports),
@@ -74,22 +74,22 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
 
 
 def _drives(robot: RobotState) -> bool:
-    """Return whether the robot drives or may drive; after a restart, that is unknown until odometry arrives.
+    """Return whether the robot drives, or may drive because no odometry has arrived since a restart.
 
-    A robot whose goal waits for navigation is at standstill if its odometry confirms it.
+    A robot whose goal waits for navigation does not drive if its odometry confirms standstill.
     """
     velocity = robot.reports.velocity
-    not_known = robot.goal.left_over and velocity.vx is None
+    unknown = robot.goal.pending and velocity.vx is None
     waits = not robot.reports.navigation.available and not robot.goal.halting and velocity.vx is not None
     moving = robot.goal.moving and not waits
-    return moving or velocity.moves or not_known or bool(robot.reports.goals.external)
+    return moving or velocity.moves or unknown or bool(robot.reports.goals.external)
 
 
-def as_recorded(state: State, before: State, *, last: bool = False) -> State:
-    """Return ``state`` with its durable fields as in ``before``, so that a restart does not revert it.
+def with_recorded_fields(state: State, before: State, *, last: bool = False) -> State:
+    """Return ``state`` with the durable fields of ``before``, which are on disk: no restart can revert them.
 
-    A goal that waits for the disk is not sent, so the robot drives only if it moves. ``last``: the state is
-    the last one before a shutdown, and also reports the end of that action.
+    A goal that waits for the disk is not sent, so the robot only drives if it moves. ``last``: this is the
+    last state before a shutdown, which also reports the end of that action.
     """
     speed = state.velocity
     stands = speed is not None and not speed.vx and not speed.omega
@@ -106,7 +106,7 @@ def make_visualization(header: dict[str, Any], robot: RobotState, *, state_heade
         reference_state_header_id=state_header_id,
         mobile_robot_position=position(robot.reports),
         velocity=velocity(robot.reports),
-        planned_path=robot.progress.ahead.planned_path,
+        planned_path=robot.progress.remaining.planned_path,
         intermediate_path=route_progress.intermediate_path(robot, header["timestamp"]),
     )
 
@@ -126,7 +126,7 @@ def position(reports: Reports) -> MobileRobotPosition | None:
 
 
 def velocity(reports: Reports) -> Velocity | None:
-    """Return the robot's velocity, None if it is not known (section 7.8)."""
+    """Return the robot's velocity, None if it is unknown (section 7.8)."""
     if reports.velocity.vx is None:
         return None
     return Velocity(vx=reports.velocity.vx, vy=0.0, omega=reports.velocity.omega)
@@ -150,7 +150,7 @@ def _power_supply(battery: BatteryReport | None, *, charging: bool) -> PowerSupp
 
 
 def _information(table: GoalTable) -> tuple[Information, ...]:
-    """Return an information entry for each goal of navigation, with its sender."""
+    """Return an information entry for each goal of navigation, with its sender (section 6.6.4)."""
     return tuple(
         Information(
             info_type="externalGoal" if goal.external else "goal",

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from nena_edge_agent.protocol.geometry import Box, Polygon, box, boxes_meet, is_simple, overlap
+from nena_edge_agent.protocol.geometry import (
+    BoundingBox,
+    Polygon,
+    bounding_box,
+    boxes_intersect,
+    is_simple,
+    overlap,
+)
 from nena_shared.vda5050.request import RequestStatus, ZoneRequest, ZoneRequestType
 from nena_shared.vda5050.responses import GrantType, Response
 from nena_shared.vda5050.state import RobotZoneSetStatus, ZoneSetState
@@ -17,14 +24,16 @@ CLOSED = (ZoneType.BLOCKED, ZoneType.LINE_GUIDED)
 """Zones that a freely navigating robot must not enter, because it does not follow lines."""
 
 
-def zones_in(ground: Iterable[Polygon], map_id: str, zones: Iterable[EnabledZone]) -> list[EnabledZone]:
-    """Return the zones of one map that intersect ``ground``."""
-    parts = [(part, box(part)) for part in ground]
+def zones_in(area: Iterable[Polygon], map_id: str, zones: Iterable[EnabledZone]) -> list[EnabledZone]:
+    """Return the zones of one map that intersect ``area``."""
+    parts = [(part, bounding_box(part)) for part in area]
     return [
         each
         for each in zones
         if each.map_id == map_id
-        and any(boxes_meet(frame, each.box) and overlap(part, each.contour) for part, frame in parts)
+        and any(
+            boxes_intersect(box, each.bounding_box) and overlap(part, each.contour) for part, box in parts
+        )
     ]
 
 
@@ -33,21 +42,21 @@ def first_closed(zones: Iterable[EnabledZone]) -> EnabledZone | None:
     return next((each for each in zones if each.zone.zone_type in CLOSED), None)
 
 
-SETS_HELD: Final = 10
-ZONES_IN_A_SET: Final = 200
-VERTICES_OF_A_ZONE: Final = 100
+MAXIMUM_ZONE_SETS: Final = 10
+MAXIMUM_ZONES: Final = 200
+MAXIMUM_VERTICES: Final = 100
 
 
 class ZoneSetRefusedError(Exception):
-    """A zone set cannot be added, enabled or deleted; the text is the reason."""
+    """A zone set cannot be added, enabled or deleted; the message contains the reason."""
 
 
 class DuplicateZoneSetError(ZoneSetRefusedError):
-    """A set with this ID exists (section 6.4.1): the content of a zoneSetId never changes."""
+    """A zone set with this ID exists, whose content must not change (section 6.4.1)."""
 
 
-class NoRoomForZoneSetError(ZoneSetRefusedError):
-    """The robot's limit of zone sets, zones or vertices is reached."""
+class ZoneSetLimitError(ZoneSetRefusedError):
+    """The maximum number of zone sets, zones or vertices is exceeded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +67,7 @@ class EnabledZone:
     zone_set_id: str
     zone: Zone
     contour: Polygon
-    box: Box
+    bounding_box: BoundingBox
 
     @property
     def key(self) -> tuple[str, str]:
@@ -67,7 +76,7 @@ class EnabledZone:
 
 
 class ZoneSets:
-    """Zone sets by their ID (section 6.4.2); at most one of each map is enabled."""
+    """The robot's zone sets (section 6.4.2); at most one of each map is enabled."""
 
     def __init__(self, supported: frozenset[ZoneType]) -> None:
         self._supported = supported
@@ -79,7 +88,7 @@ class ZoneSets:
 
     @property
     def held(self) -> tuple[tuple[ZoneSet, bool], ...]:
-        """Return all sets, each with whether it is enabled."""
+        """Return all sets, and whether each is enabled."""
         return tuple((each, self._is_enabled(each)) for each in self._sets.values())
 
     def restore(self, held: tuple[tuple[ZoneSet, bool], ...]) -> None:
@@ -97,16 +106,16 @@ class ZoneSets:
         if zone_set.zone_set_id in self._sets:
             message = f"the robot already has a zone set '{zone_set.zone_set_id}'"
             raise DuplicateZoneSetError(message)
-        if len(self._sets) >= SETS_HELD or len(zone_set.zones) > ZONES_IN_A_SET:
-            message = f"the robot can store {SETS_HELD} zone sets of {ZONES_IN_A_SET} zones each"
-            raise NoRoomForZoneSetError(message)
+        if len(self._sets) >= MAXIMUM_ZONE_SETS or len(zone_set.zones) > MAXIMUM_ZONES:
+            message = f"the robot can store {MAXIMUM_ZONE_SETS} zone sets of {MAXIMUM_ZONES} zones each"
+            raise ZoneSetLimitError(message)
         for zone in zone_set.zones:
             self._check(zone)
         self._sets[zone_set.zone_set_id] = zone_set
         self._changed()
 
     def enable(self, zone_set_id: str) -> None:
-        """Enable a set in place of the enabled one of its map (section 6.4.2).
+        """Enable a set, and disable the other one of its map (section 6.4.2).
 
         Raises:
             ZoneSetRefusedError: the robot does not have it.
@@ -137,9 +146,9 @@ class ZoneSets:
         if zone.zone_type not in self._supported:
             message = f"zone '{zone.zone_id}' is of type {zone.zone_type}, which the robot does not support"
             raise ZoneSetRefusedError(message)
-        if len(zone.vertices) > VERTICES_OF_A_ZONE:
-            message = f"zone '{zone.zone_id}' has more than {VERTICES_OF_A_ZONE} vertices"
-            raise NoRoomForZoneSetError(message)
+        if len(zone.vertices) > MAXIMUM_VERTICES:
+            message = f"zone '{zone.zone_id}' has more than {MAXIMUM_VERTICES} vertices"
+            raise ZoneSetLimitError(message)
         if not is_simple(_contour(zone)):
             message = f"the contour of zone '{zone.zone_id}' crosses itself or has no area"
             raise ZoneSetRefusedError(message)
@@ -164,7 +173,7 @@ class ZoneSets:
 
 def _enabled_zone(zone_set: ZoneSet, zone: Zone) -> EnabledZone:
     contour = _contour(zone)
-    return EnabledZone(zone_set.map_id, zone_set.zone_set_id, zone, contour, box(contour))
+    return EnabledZone(zone_set.map_id, zone_set.zone_set_id, zone, contour, bounding_box(contour))
 
 
 def _contour(zone: Zone) -> Polygon:
@@ -172,15 +181,15 @@ def _contour(zone: Zone) -> Polygon:
 
 
 LOST: Final = frozenset({RequestStatus.REVOKED, RequestStatus.EXPIRED})
-PAUSE_AFTER_REFUSAL: Final = 10.0
-"""Seconds after a rejection until the robot requests the zone again."""
+REQUEST_RETRY_DELAY: Final = 10.0
+"""Delay after a rejection before the robot requests the zone again, seconds."""
 
 ZoneKey = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True)
 class AccessRequest:
-    """One request (section 6.9); ``lease_expiry`` (UTC) is when a grant expires, None: never."""
+    """A request to enter a zone (section 6.9); ``lease_expiry`` (UTC) is the end of a grant, None: no end."""
 
     zone_set_id: str
     zone_id: str
@@ -199,11 +208,11 @@ class AccessRequest:
 
 
 class ZoneRequests:
-    """The active requests, at most one for each zone (section 6.9); their IDs are not used twice."""
+    """The active requests, at most one per zone (section 6.9); request IDs are never used twice."""
 
     def __init__(self, requests: Iterable[AccessRequest] = (), last_number: int = 0) -> None:
         self._requests = {each.key: each for each in requests}
-        self._refused: dict[ZoneKey, float] = {}
+        self._rejected_at: dict[ZoneKey, float] = {}
         self.last_number = last_number
         self.revision = 0
 
@@ -229,7 +238,7 @@ class ZoneRequests:
     @property
     def waits(self) -> bool:
         """Return whether a lease or a delay is running."""
-        return bool(self._refused) or any(each.lease_expiry for each in self._requests.values())
+        return bool(self._rejected_at) or any(each.lease_expiry for each in self._requests.values())
 
     def status(self, key: ZoneKey) -> RequestStatus | None:
         """Return the status of the request for a zone, None without a request."""
@@ -237,7 +246,7 @@ class ZoneRequests:
         return request.status if request else None
 
     def apply(self, response: Response, inside: frozenset[ZoneKey], now: float) -> None:
-        """Apply a response at the time ``now``, s (section 6.9); the robot is in the zones ``inside``.
+        """Apply a response at the monotonic time ``now``, s; the robot is in the zones ``inside`` (6.9).
 
         A response to a request that is no longer active is ignored.
         """
@@ -248,28 +257,26 @@ class ZoneRequests:
             case GrantType.GRANTED:
                 self._put(request.with_status(RequestStatus.GRANTED, response.lease_expiry))
             case GrantType.REJECTED:
-                begun = request.status is not RequestStatus.REQUESTED
-                self._lose(request, RequestStatus.REVOKED, inside if begun else frozenset())
+                granted = request.status is not RequestStatus.REQUESTED
+                self._end_grant(request, RequestStatus.REVOKED, inside if granted else frozenset())
                 if request.key not in self._requests:
-                    self._refused[request.key] = now
+                    self._rejected_at[request.key] = now
             case GrantType.REVOKED:
-                self._lose(request, RequestStatus.REVOKED, inside)
+                self._end_grant(request, RequestStatus.REVOKED, inside)
             case GrantType.QUEUED:
                 pass  # the request stays REQUESTED: 3.0.0 has no other status for it
 
     def request(self, zones: Iterable[EnabledZone], now: float) -> None:
-        """Request each of ``zones`` that has no request yet, unless it was rejected recently.
-
-        VDA 5050 3.0 section 6.4.3.
-        """
-        self._refused = {k: since for k, since in self._refused.items() if now - since < PAUSE_AFTER_REFUSAL}
+        """Request each of ``zones`` without a request, unless it was rejected recently (section 6.4.3)."""
+        rejected = self._rejected_at.items()
+        self._rejected_at = {key: at for key, at in rejected if now - at < REQUEST_RETRY_DELAY}
         for zone in zones:
-            if zone.key not in self._requests and zone.key not in self._refused:
+            if zone.key not in self._requests and zone.key not in self._rejected_at:
                 self.last_number += 1
                 self._put(AccessRequest(*zone.key, request_id=f"zone-{self.last_number}"))
 
     def keep_only(self, keys: frozenset[ZoneKey], inside: frozenset[ZoneKey] = frozenset()) -> None:
-        """Drop all requests except those for ``keys``; a lost one is kept only while the robot is inside."""
+        """Drop all requests except those for ``keys``; keep a lost one only while the robot is inside."""
         for key, request in list(self._requests.items()):
             if key not in keys or (request.status in LOST and key not in inside):
                 self._remove(key)
@@ -279,10 +286,10 @@ class ZoneRequests:
         for request in list(self._requests.values()):
             over = request.lease_expiry is not None and request.lease_expiry <= utc
             if over and request.status is RequestStatus.GRANTED:
-                self._lose(request, RequestStatus.EXPIRED, inside)
+                self._end_grant(request, RequestStatus.EXPIRED, inside)
 
-    def _lose(self, request: AccessRequest, status: RequestStatus, inside: frozenset[ZoneKey]) -> None:
-        """Report the loss while the robot is in the zone; otherwise drop the request."""
+    def _end_grant(self, request: AccessRequest, status: RequestStatus, inside: frozenset[ZoneKey]) -> None:
+        """Report the loss of a grant while the robot is in the zone; otherwise drop the request."""
         if request.key in inside:
             self._put(request.with_status(status))
         else:

@@ -16,8 +16,8 @@ from nena_edge_agent.protocol.zone_sets import (
     LOST,
     DuplicateZoneSetError,
     EnabledZone,
-    NoRoomForZoneSetError,
     ZoneKey,
+    ZoneSetLimitError,
     ZoneSetRefusedError,
     first_closed,
     zones_in,
@@ -30,11 +30,11 @@ from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.zone_set import ZoneReleaseLossBehavior, ZoneSet, ZoneType
 
 EDGES_AHEAD = 2
-"""Edges of the base whose zones the robot requests: the one that it drives on and the next one."""
+"""Number of edges of the base whose zones the robot requests: the current one and the next one."""
 ZONE_SET_ID = "zoneSetId"
 _ERROR_TYPES: dict[type[ZoneSetRefusedError], ErrorType] = {
     DuplicateZoneSetError: ErrorType.DUPLICATE_ZONE_SET,
-    NoRoomForZoneSetError: ErrorType.INSUFFICIENT_MEMORY,
+    ZoneSetLimitError: ErrorType.INSUFFICIENT_MEMORY,
 }
 
 
@@ -42,7 +42,7 @@ _ERROR_TYPES: dict[type[ZoneSetRefusedError], ErrorType] = {
 
 
 def accept(robot: RobotState, zone_set: ZoneSet) -> str | None:
-    """Add a zone set from a message or a download (section 6.4); return why it is refused, if it is."""
+    """Add a zone set from a message or a download (section 6.4); return why it is refused, if so."""
     try:
         robot.zone_sets.add(zone_set)
     except ZoneSetRefusedError as problem:
@@ -53,12 +53,12 @@ def accept(robot: RobotState, zone_set: ZoneSet) -> str | None:
 
 
 def enable(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]:
-    """Enable the zone set that ``action`` names (section 6.2.3); return how the action ends."""
+    """Enable the zone set that ``action`` names (section 6.2.3); return the action's status and result."""
     return _change(robot.zone_sets.enable, action)
 
 
 def delete(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]:
-    """Delete the zone set that ``action`` names (section 6.2.3); return how the action ends."""
+    """Delete the zone set that ``action`` names (section 6.2.3); return the action's status and result."""
     return _change(robot.zone_sets.delete, action)
 
 
@@ -74,7 +74,7 @@ def _refusal(zone_set_id: str, problem: ZoneSetRefusedError) -> ErrorEntry:
     return error(
         _ERROR_TYPES.get(type(problem), ErrorType.VALIDATION_FAILURE),
         str(problem),
-        hint="see the factsheet for the supported zones; send a changed zone set under another zoneSetId",
+        hint="check the factsheet for the supported zones; send a changed zone set under another zoneSetId",
         topic="zoneSet",
         zone_set_id=zone_set_id,
     )
@@ -84,10 +84,7 @@ def _refusal(zone_set_id: str, problem: ZoneSetRefusedError) -> ErrorEntry:
 
 
 def apply_responses(robot: RobotState, message: Responses, utc: datetime) -> None:
-    """Apply fleet control's responses, received at ``utc`` (section 6.9).
-
-    A grant that has expired is ignored.
-    """
+    """Apply fleet control's responses, received at ``utc``, without expired grants (section 6.9)."""
     inside = _possibly_inside(robot)
     for response in message.responses:
         if response.lease_expiry is None or response.lease_expiry > utc:
@@ -102,7 +99,7 @@ def expire(robot: RobotState) -> None:
 
 
 def advance(robot: RobotState) -> None:
-    """Request the zones ahead, drop obsolete requests, and report zone errors."""
+    """Request the zones ahead, drop obsolete requests, and report zone errors (sections 6.4 and 6.9)."""
     relevant = bool(robot.zone_sets.enabled or robot.zone_requests.requests)
     if not relevant and not robot.zones_checked:
         return  # run once more after the last zone, to withdraw its errors and requests
@@ -120,7 +117,7 @@ def _update_requests(robot: RobotState, inside: list[EnabledZone]) -> None:
         robot.zone_requests.keep_only(frozenset())
         return
     if robot.reports.localized_pose is None:
-        return  # it may be in any of them
+        return  # the robot may be in any of them
     wanted, kept = _release_zones_ahead(robot), _keys(inside)
     robot.zone_requests.keep_only(_keys(wanted) | kept, kept)
     if not robot.clearing:
@@ -145,9 +142,9 @@ def _release_zones_ahead(robot: RobotState) -> list[EnabledZone]:
 def first_barred(
     robot: RobotState, start: Pose | NodePosition, end: NodePosition, edge: int | None = None
 ) -> EnabledZone | None:
-    """Return the first zone on the path to ``end`` that the robot must not enter now.
+    """Return the first zone on the path to ``end`` that the robot must not enter now, None without one.
 
-    The path is straight, unless the robot follows one along the edge of the order with the index ``edge``.
+    The path is straight unless the robot follows one along the remaining edge with the index ``edge``.
     """
     zones = _on_path(robot, start, end, edge)
     return first_closed(zones) or next((each for each in zones if not _is_open(robot, each)), None)
@@ -176,10 +173,7 @@ def keep_out(robot: RobotState) -> None:
 
 
 def speed_limits(robot: RobotState) -> list[float]:
-    """Return the limits of the SPEED_LIMIT zones that the robot is in or has to slow down for, m/s.
-
-    VDA 5050 3.0 section 6.4.
-    """
+    """Return the limits, m/s, of SPEED_LIMIT zones around the robot and within its braking distance (6.4)."""
     pose, node = robot.reports.localized_pose, robot.progress.next_node
     if pose is None or not robot.zone_sets.enabled:
         return []
@@ -231,7 +225,7 @@ def _inside(robot: RobotState) -> list[EnabledZone]:
 
 
 def _possibly_inside(robot: RobotState) -> frozenset[ZoneKey]:
-    """Return the RELEASE zones that the robot is in; without a position it may be in any requested one."""
+    """Return the RELEASE zones that the robot is in; if it is not localised, all requested ones."""
     if robot.reports.localized_pose is None:
         return frozenset(each.key for each in robot.zone_requests.requests)
     return _keys(_inside(robot))
@@ -300,7 +294,7 @@ def _handled_loss(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | 
 
 
 def _closed_path(robot: RobotState) -> ErrorEntry | None:
-    """Report a zone on the path that was closed after the order was accepted."""
+    """Report a zone on the path that was closed after order acceptance."""
     pose, node = robot.reports.localized_pose, robot.progress.next_node
     end = node.node_position if node else None
     zone = first_closed(_on_path(robot, pose, end, edge=0)) if pose and end else None
