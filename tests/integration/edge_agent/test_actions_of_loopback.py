@@ -80,7 +80,7 @@ async def test_rehearsed_actions_complete_an_order_and_the_load_survives_a_resta
         assert (await fleet.state(ended("bring")))["loads"] == []
 
 
-async def test_the_end_of_each_action_is_logged_once_and_again_after_a_restart(
+async def test_the_end_of_each_action_is_logged_once_per_run(
     broker: Broker, interface_name: str, fleet: FleetControl, tmp_path: Path
 ) -> None:
     """What was done is known by the log, also where the broker has lost the states."""

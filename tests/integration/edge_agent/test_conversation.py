@@ -63,7 +63,7 @@ async def test_order_is_executed_to_its_end(fleet: FleetControl) -> None:
 
 
 @pytest.mark.clause("7.2/headerId")
-async def test_headers_are_counted_per_topic(fleet: FleetControl) -> None:
+async def test_header_ids_are_counted_per_topic(fleet: FleetControl) -> None:
     fleet.send(order("n0", "n1"))
     await fleet.state(ended("o1"))
     await fleet.peer.wait_for(fleet.topic(Topic.VISUALIZATION))

@@ -178,7 +178,7 @@ async def test_row_2_a_mode_that_rejects_orders(robot: BenchRobot) -> None:
 
 
 @pytest.mark.clause("7.1.2")
-async def test_row_3_more_than_the_robot_can_hold(robot: BenchRobot) -> None:
+async def test_row_3_more_nodes_or_actions_than_the_robot_can_store(robot: BenchRobot) -> None:
     await held(robot, new_id())
     many = [f"n{number}" for number in range(1001)]
     places = {name: position(0.01 * number) for number, name in enumerate(many)}
@@ -284,7 +284,7 @@ async def test_row_a6_an_accepted_order_clears_earlier_rejections(robot: BenchRo
 
 
 @pytest.mark.clause("6.1.4.4")
-async def test_row_b1_an_update_that_is_older(robot: BenchRobot) -> None:
+async def test_row_b1_an_outdated_update(robot: BenchRobot) -> None:
     order_id = new_id()
     await held(robot, order_id)
 
@@ -325,7 +325,7 @@ async def test_row_b3_a_repeated_update(robot: BenchRobot) -> None:
 
 @pytest.mark.clause("6.1.2/B4")
 @pytest.mark.parametrize(("node_id", "first"), [("n2", 4), ("n0", 0), ("n1", 4)])
-async def test_row_b4_an_update_that_begins_elsewhere(robot: BenchRobot, node_id: str, first: int) -> None:
+async def test_row_b4_an_update_that_begins_at_another_node(robot: BenchRobot, node_id: str, first: int) -> None:
     order_id = new_id()
     await held(robot, order_id)
 

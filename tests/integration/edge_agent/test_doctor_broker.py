@@ -111,7 +111,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Broker]:
     ("username", "password", "verdict"),
     [("robot", "r", OK), ("robot", "wrong", MISSING), ("nobody", "r", MISSING), (None, None, MISSING)],
 )
-async def test_a_login(
+async def test_wrong_credentials(
     guarded: Broker, username: str | None, password: str | None, verdict: LinkVerdict
 ) -> None:
     secret = SecretStr(password) if password else None

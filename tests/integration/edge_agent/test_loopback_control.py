@@ -103,7 +103,7 @@ async def test_order_continues_when_navigation_is_back(robot: BenchRobot) -> Non
 
 @pytest.mark.clause("6.6.5.1", "6.6.5")
 @pytest.mark.parametrize("level", ErrorLevel)
-async def test_an_error_of_each_level_comes_and_goes(robot: BenchRobot, level: ErrorLevel) -> None:
+async def test_errors_of_each_level_are_reported_and_withdrawn(robot: BenchRobot, level: ErrorLevel) -> None:
     wrong: dict[str, Any] = {"errorType": "bumperWorn", "errorReferences": {"part": "left"}}
     await robot.command("error", **wrong, errorLevel=level, errorDescription="worn")
 
@@ -121,7 +121,7 @@ async def test_an_error_of_each_level_comes_and_goes(robot: BenchRobot, level: E
 
 
 @pytest.mark.clause("6.6.5.1")
-async def test_a_critical_error_stops_the_robot_for_as_long_as_it_lasts(robot: BenchRobot) -> None:
+async def test_a_critical_error_stops_the_robot_until_it_is_withdrawn(robot: BenchRobot) -> None:
     await robot.begin("n0", "n9")
     await robot.command("error", errorType="brakeHot", errorLevel="CRITICAL")
     assert (await robot.state(stands)).node_states
@@ -131,7 +131,7 @@ async def test_a_critical_error_stops_the_robot_for_as_long_as_it_lasts(robot: B
 
 
 @pytest.mark.clause("7.8/safety")
-async def test_a_field_violation_stops_the_robot_until_the_field_is_free(robot: BenchRobot) -> None:
+async def test_a_field_violation_stops_the_robot_until_the_field_is_clear(robot: BenchRobot) -> None:
     await robot.begin("n0", "n9")
     await robot.command("fieldViolation", active=True)
     assert (await robot.state(stands)).safety_state.field_violation
@@ -160,7 +160,7 @@ async def test_an_emergency_stop_lasts_until_it_is_acknowledged(
 
 
 @pytest.mark.clause("7.8/paused")
-async def test_the_pause_button_holds_the_robot(robot: BenchRobot) -> None:
+async def test_the_pause_button_stops_the_robot(robot: BenchRobot) -> None:
     await robot.begin("n0", "n9")
     await robot.command("pauseButton", pressed=True)
     await robot.state(lambda state: stands(state) and state.paused)
@@ -170,7 +170,7 @@ async def test_the_pause_button_holds_the_robot(robot: BenchRobot) -> None:
 
 
 @pytest.mark.clause("7.8/power")
-async def test_charging_fills_the_battery_and_driving_ends_it(robot: BenchRobot) -> None:
+async def test_charging_increases_the_charge_and_driving_ends_it(robot: BenchRobot) -> None:
     await robot.command("battery", stateOfCharge=12)
     await robot.state(charged(12))
     await robot.command("charging", charging=True)
@@ -182,7 +182,7 @@ async def test_charging_fills_the_battery_and_driving_ends_it(robot: BenchRobot)
 
 
 @pytest.mark.clause("6.2.3/startCharging")
-async def test_an_action_that_charges_fills_the_battery_too(robot: BenchRobot) -> None:
+async def test_a_charging_action_charges_the_simulated_battery(robot: BenchRobot) -> None:
     await robot.command("battery", stateOfCharge=20)
     await robot.begin("n0", node_actions={"n0": [action(f"charge-{id(robot)}", "HARD", "startCharging")]})
     await robot.state(lambda state: state.power_supply.charging and state.power_supply.state_of_charge > 20)

@@ -82,7 +82,7 @@ async def test_the_commands_work(own_broker: Broker, tmp_path: Path) -> None:
             assert robot.answers[-1]["accepted"], robot.answers[-1]
 
 
-def test_every_command_is_shown() -> None:
+def test_every_command_is_documented() -> None:
     names = {get_args(each.model_fields["command"].annotation)[0] for each in get_args(AnyCommand)}
 
     assert set(first_column("All commands:")) == names
@@ -90,11 +90,11 @@ def test_every_command_is_shown() -> None:
     assert shown == names
 
 
-def test_every_setting_is_shown() -> None:
+def test_every_setting_is_documented() -> None:
     assert set(first_column("## Settings")) == set(LoopbackSettings.model_fields)
 
 
-def test_every_action_for_rehearsal_is_shown() -> None:
+def test_every_simulated_action_is_documented() -> None:
     names = [each.declaration.action_type for each in simulated_actions()]
 
     assert first_column("## Simulated actions") == names

@@ -156,7 +156,7 @@ def test_unusable_journal_folder_is_one_clear_line(tmp_path: Path) -> None:
     assert "set journal.folder" in result.stderr
 
 
-def test_help_names_the_settings() -> None:
+def test_help_lists_the_settings() -> None:
     result = run("--help")
 
     assert result.returncode == 0

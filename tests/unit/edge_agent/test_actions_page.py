@@ -28,7 +28,7 @@ def made(settings: EdgeAgentSettings) -> list[str]:
     return [each.declaration.action_type for each in plugins]
 
 
-def test_its_operations_make_actions() -> None:
+def test_its_operations_are_valid() -> None:
     types = [made(EdgeAgentSettings(**tomllib.loads(block))) for block in BLOCKS]
 
     assert types[:5] == [
@@ -40,7 +40,7 @@ def test_its_operations_make_actions() -> None:
     ]
 
 
-def test_its_load_sensor_is_one() -> None:
+def test_its_load_sensor_is_valid() -> None:
     (block,) = (each for each in BLOCKS if "load_sensor" in each)
     settings = EdgeAgentSettings(**tomllib.loads(block))
 
@@ -48,7 +48,7 @@ def test_its_load_sensor_is_one() -> None:
     LoadSensor(settings.actions.load_sensor, DryRos())
 
 
-def test_its_plugin_settings_are_settings() -> None:
+def test_its_plugin_settings_are_valid() -> None:
     block: dict[str, Any] = tomllib.loads(re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[-1])
 
     settings = EdgeAgentSettings(**block)
@@ -57,7 +57,7 @@ def test_its_plugin_settings_are_settings() -> None:
     assert settings.actions.options == {"forks": {"speed": 0.3}}
 
 
-def test_a_wrong_field_name_is_the_error_that_it_shows() -> None:
+def test_a_wrong_field_name_causes_the_documented_error() -> None:
     settings = EdgeAgentSettings(**tomllib.loads(BLOCKS[0].replace("{ data =", "{ dat =", 1)))
 
     with pytest.raises(ConfigurationError) as raised:

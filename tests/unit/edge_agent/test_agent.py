@@ -35,7 +35,7 @@ def test_loaded_objects_are_frozen_and_later_ones_collected() -> None:
     assert later() is None
 
 
-def test_a_thousand_robots_of_one_process_freeze_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_loaded_objects_are_frozen_once_per_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Counting what is frozen walks all of it, so it must not happen for each robot either."""
     calls: list[str] = []
     monkeypatch.setattr(gc, "freeze", lambda: calls.append("freeze"))

@@ -27,13 +27,13 @@ from support.waiting import until
 SETTINGS = DownloadSettings(maximum_bytes=2000, timeout=10, silence=5)
 
 
-async def test_a_file_is_fetched_whole(files: Files) -> None:
+async def test_a_file_is_downloaded_completely(files: Files) -> None:
     link = files.put("/map.pgm", bytes(range(256)) * 7)
 
     assert await download(link, None, SETTINGS) == bytes(range(256)) * 7
 
 
-async def test_the_hash_is_compared(files: Files) -> None:
+async def test_the_hash_is_checked(files: Files) -> None:
     link = files.put("/map.pgm", b"map")
 
     assert await download(link, sha256(b"map").hexdigest().upper(), SETTINGS) == b"map"
@@ -50,12 +50,12 @@ async def test_a_file_that_is_too_large_is_not_kept(files: Files) -> None:
         await download(link, None, SETTINGS)
 
 
-async def test_a_file_that_is_not_there_is_an_error(files: Files) -> None:
+async def test_a_missing_file_is_an_error(files: Files) -> None:
     with pytest.raises(DownloadError, match="404"):
         await download(f"{files.address}/none", None, SETTINGS)
 
 
-async def test_a_silent_server_is_abandoned(files: Files) -> None:
+async def test_a_silent_server_is_a_timeout(files: Files) -> None:
     link = files.put("/map.pgm", b"map")
     files.slow.add("/map.pgm")
 
@@ -68,7 +68,7 @@ async def test_a_silent_server_is_abandoned(files: Files) -> None:
 @pytest.mark.parametrize(
     "link", ["file:///etc/passwd", "ftp://127.0.0.1/x", "map.pgm", "http://127.0.0.1:1/x", "http://["]
 )
-async def test_other_links_are_not_followed(link: str) -> None:
+async def test_other_schemes_are_refused(link: str) -> None:
     with pytest.raises(DownloadError):
         await download(link, None, SETTINGS)
 
@@ -81,7 +81,7 @@ async def test_a_truncated_file_is_not_accepted(files: Files) -> None:
         await download(link, None, SETTINGS)
 
 
-async def test_a_server_that_trickles_does_not_hold_a_thread_for_longer_than_the_time_out(
+async def test_a_server_that_trickles_does_not_occupy_a_thread_beyond_the_timeout(
     files: Files,
 ) -> None:
     link = files.put("/map.pgm", bytes(1900))
@@ -101,7 +101,7 @@ async def test_a_server_that_trickles_does_not_hold_a_thread_for_longer_than_the
         ("data:,map", "not allowed"),
     ],
 )
-async def test_a_server_cannot_send_the_robot_to_other_links(files: Files, target: str, why: str) -> None:
+async def test_a_redirect_to_other_schemes_is_refused(files: Files, target: str, why: str) -> None:
     files.moved["/map.pgm"] = target
 
     with pytest.raises(DownloadError, match=why):
@@ -164,7 +164,7 @@ class Elsewhere:
         ),
     ],
 )
-async def test_a_server_cannot_send_the_robot_to_where_only_the_robot_gets(
+async def test_a_redirect_to_the_robot_itself_is_refused(
     files: Files, monkeypatch: pytest.MonkeyPatch, target: str, why: str
 ) -> None:
     """Loopback services and the metadata of clouds answer all local clients."""
@@ -180,9 +180,7 @@ async def test_a_server_cannot_send_the_robot_to_where_only_the_robot_gets(
     assert files.asked == ["/map.pgm"]
 
 
-async def test_a_link_to_a_link_local_address_is_not_followed(
-    files: Files, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_link_local_address_is_refused(files: Files, monkeypatch: pytest.MonkeyPatch) -> None:
     Elsewhere(monkeypatch, {"metadata.internal": "169.254.169.254"})
     link = files.put("/latest", b"secret").replace("127.0.0.1", "metadata.internal")
 
@@ -191,9 +189,7 @@ async def test_a_link_to_a_link_local_address_is_not_followed(
     assert files.asked == []
 
 
-async def test_servers_send_the_robot_from_one_to_another(
-    files: Files, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_redirects_between_servers_are_followed(files: Files, monkeypatch: pytest.MonkeyPatch) -> None:
     Elsewhere(monkeypatch, {"maps.site": "192.168.1.7", "other.site": "192.168.1.8"})
     files.moved["/old"] = files.put("/new", b"map").replace("127.0.0.1", "other.site")
 
@@ -201,7 +197,7 @@ async def test_servers_send_the_robot_from_one_to_another(
     assert await download(link, None, SETTINGS) == b"map"
 
 
-async def test_servers_that_send_the_robot_in_a_circle_are_left(files: Files) -> None:
+async def test_circular_redirects_are_abandoned(files: Files) -> None:
     files.moved["/a"], files.moved["/b"] = f"{files.address}/b", f"{files.address}/a"
 
     with pytest.raises(DownloadError, match="redirect"):
@@ -209,7 +205,7 @@ async def test_servers_that_send_the_robot_in_a_circle_are_left(files: Files) ->
     assert len(files.asked) < 20
 
 
-def test_a_server_cannot_send_the_robot_from_https_to_http() -> None:
+def test_a_redirect_from_https_to_http_is_refused() -> None:
     """Content fetched without TLS can be changed by anyone on the way."""
     request = Request("https://maps.site/map.zip")
 
@@ -217,7 +213,7 @@ def test_a_server_cannot_send_the_robot_from_https_to_http() -> None:
         _Redirects().redirect_request(request, None, 302, "Found", Message(), "http://maps.site/map.zip")
 
 
-async def test_a_server_behind_a_proxy_cannot_send_the_robot_to_itself(
+async def test_a_redirect_to_the_robot_itself_is_refused_behind_a_proxy(
     files: Files, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("http_proxy", files.address)

@@ -21,7 +21,7 @@ SWITCH = SessionSwitch(RosSettings(), None)
 @pytest.mark.parametrize(
     ("last_place", "x"), [(None, 3.0), (Pose(9.0, 0.0, 0.0, "map"), 9.0)], ids=["new", "restarted"]
 )
-async def test_the_loopback_driver_needs_no_ros_and_begins_where_the_robot_was(
+async def test_the_loopback_driver_needs_no_ros_and_starts_at_the_last_position(
     monkeypatch: pytest.MonkeyPatch, last_place: Pose | None, x: float
 ) -> None:
     monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.driver", None)

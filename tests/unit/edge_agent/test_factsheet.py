@@ -42,7 +42,7 @@ def factsheet(*operations: OperationSettings, **changes: object) -> Factsheet:
 
 
 @pytest.mark.clause("6.10", "6.2.3")
-def test_it_lists_exactly_the_actions_that_the_robot_does() -> None:
+def test_it_lists_exactly_the_robots_actions() -> None:
     lift = OperationSettings(
         action_type="lift",
         load="take",
@@ -110,7 +110,7 @@ def test_it_fits_the_official_schema() -> None:
 @pytest.mark.parametrize(
     ("version", "key"), [("2.1.0", "lhd"), ("3.0.0", "lhd"), ("3.0.1", "loadHandlingDevice")]
 )
-def test_the_load_handling_device_is_listed_as_the_version_calls_it(version: str, key: str) -> None:
+def test_the_load_handling_device_has_the_key_of_the_version(version: str, key: str) -> None:
     pick = OperationSettings.model_validate(
         {"action_type": "pick", "parameters": [{"key": "lhd", "type": "STRING"}, {"key": "side"}]}
     )
@@ -128,7 +128,7 @@ def test_the_load_handling_device_is_listed_as_the_version_calls_it(version: str
         ("3.0.0", "nav2", ("BLOCKED", "LINE_GUIDED", "RELEASE")),
     ],
 )
-def test_it_lists_the_zones_that_the_robot_honours(version: str, driver: str, zones: tuple[str, ...]) -> None:
+def test_it_lists_the_supported_zones(version: str, driver: str, zones: tuple[str, ...]) -> None:
     assert factsheet(version=version, driver=driver).type_specification.supported_zones == zones
 
 
@@ -239,7 +239,7 @@ def test_it_fits_the_official_schema_of_each_version(version: str) -> None:
         ({"height": 1, "speed": 2}, "has no parameter 'speed'"),
     ],
 )
-def test_both_sides_agree_about_an_action(
+def test_the_order_service_accepts_what_the_robot_accepts(
     version: str, parameters: dict[str, Any], problem: str | None
 ) -> None:
     """The robot accepts what the order service sends by the factsheet, and would refuse what it refuses."""
@@ -280,7 +280,7 @@ def test_a_robot_without_a_deceleration_has_only_its_reaction_distance() -> None
     assert braking_distance(DescriptionSettings(maximum_speed=2.0, maximum_deceleration=0.0)) == 1.0
 
 
-def test_it_stops_according_to_its_data() -> None:
+def test_a_robot_stops_within_its_braking_distance() -> None:
     assert braking_distance(DescriptionSettings(maximum_speed=2.0, maximum_deceleration=1.0)) == 3.0
 
 
@@ -305,7 +305,7 @@ def test_speed_limits_are_listed_if_nav2_accepts_them() -> None:
 
 @pytest.mark.clause("7.10/message", "6.1.5")
 @pytest.mark.parametrize("follows", [True, False])
-def test_trajectories_and_corridors_are_listed_where_they_are_driven(*, follows: bool) -> None:
+def test_trajectories_and_corridors_are_listed_if_the_robot_follows_them(*, follows: bool) -> None:
     settings = EdgeAgentSettings()
     known = make_capabilities(settings, ActionRegistry([Wait()]), Nav2Offers(follows_paths=follows))
     sheet = make_factsheet(HEADER, settings, known)

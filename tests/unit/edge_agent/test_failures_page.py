@@ -33,7 +33,7 @@ ERRORS = (
 
 
 @pytest.mark.parametrize("word", [*DriveFailure, *ERRORS])
-def test_names_each_failure_and_each_error(word: str) -> None:
+def test_it_names_each_failure_and_each_error(word: str) -> None:
     assert str(word) in PAGE
 
 

@@ -47,7 +47,7 @@ async def test_a_failed_robot_is_restarted_and_the_others_continue(error: Except
     assert not good.running
 
 
-async def test_a_robot_is_abandoned_after_its_restarts() -> None:
+async def test_a_robot_that_keeps_failing_is_abandoned() -> None:
     good, hopeless, stop = Robot(0), Robot(100), asyncio.Event()
     with capture_logs() as logs:
         fleet = asyncio.create_task(

@@ -60,7 +60,7 @@ def folders_of(folder: str) -> set[str]:
 
 
 @pytest.mark.parametrize("folder", PURE)
-def test_the_core_imports_neither_ros_nor_the_shell(folder: str) -> None:
+def test_the_core_imports_neither_ros_nor_io(folder: str) -> None:
     assert folders_of(folder) <= PURE[folder]
     for module in (PACKAGE / folder).rglob("*.py"):
         tops = {each.split(".")[0] for each in imported(module)}

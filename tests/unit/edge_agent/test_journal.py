@@ -44,11 +44,11 @@ def record(journal: Journal, memory: Memory) -> None:
     journal.sync()
 
 
-def test_there_is_nothing_before_the_first_record(tmp_path: Path) -> None:
+def test_an_empty_folder_has_no_record(tmp_path: Path) -> None:
     assert Journal(tmp_path / "new" / "folder", ROBOT).read() is None
 
 
-def test_the_newest_record_is_read_back_as_it_was(tmp_path: Path) -> None:
+def test_the_newest_record_is_read_unchanged(tmp_path: Path) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     journal.read()
     record(journal, bench.core.memory())
@@ -67,7 +67,7 @@ def test_the_newest_record_is_read_back_as_it_was(tmp_path: Path) -> None:
         (RobotKey("..", "C"), RobotKey(".", ".C")),
     ],
 )
-def test_no_two_robots_share_a_file(tmp_path: Path, one: RobotKey, other: RobotKey) -> None:
+def test_each_robot_has_its_own_file(tmp_path: Path, one: RobotKey, other: RobotKey) -> None:
     memory = busy().core.memory()
     record(Journal(tmp_path, one), memory)
 
@@ -77,7 +77,7 @@ def test_no_two_robots_share_a_file(tmp_path: Path, one: RobotKey, other: RobotK
         pass
 
 
-def test_records_are_written_over_each_other_in_turn(tmp_path: Path) -> None:
+def test_records_overwrite_each_other_alternately(tmp_path: Path) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     record(journal, bench.core.memory())
     before = (tmp_path / FILE).stat()
@@ -90,7 +90,7 @@ def test_records_are_written_over_each_other_in_turn(tmp_path: Path) -> None:
     assert (after.st_ino, after.st_size) == (before.st_ino, before.st_size)
 
 
-def test_the_next_program_continues_where_the_last_one_ended(tmp_path: Path) -> None:
+def test_the_next_run_continues_with_the_last_record(tmp_path: Path) -> None:
     bench = busy()
     for _ in range(5):
         bench.arrive()
@@ -101,7 +101,7 @@ def test_the_next_program_continues_where_the_last_one_ended(tmp_path: Path) -> 
     assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
 
 
-def test_a_longer_record_gets_more_room(tmp_path: Path) -> None:
+def test_a_longer_record_gets_a_larger_file(tmp_path: Path) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     record(journal, bench.core.memory())
     longer = Bench()
@@ -113,7 +113,7 @@ def test_a_longer_record_gets_more_room(tmp_path: Path) -> None:
     assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
 
 
-def test_a_torn_write_leaves_the_old_record(tmp_path: Path) -> None:
+def test_an_interrupted_write_leaves_the_old_record(tmp_path: Path) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     for _ in range(2):
         record(journal, bench.core.memory())
@@ -249,7 +249,7 @@ def test_a_file_that_was_removed_is_created_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 1}', "0 \n{}", " " * 9000])
-def test_a_damaged_record_is_never_guessed_at(tmp_path: Path, content: str) -> None:
+def test_a_damaged_record_is_never_read(tmp_path: Path, content: str) -> None:
     (tmp_path / FILE).write_text(content)
 
     with pytest.raises(UnreadableJournalError, match=f"is damaged: remove {tmp_path / FILE} and restart"):

@@ -43,7 +43,7 @@ def held(maps: FolderMapStore) -> dict[tuple[str, str], str]:
     return {(each.map_id, each.map_version): each.map_status.value for each in maps.maps}
 
 
-def test_the_robots_own_map_is_there_and_enabled(tmp_path: Path) -> None:
+def test_the_configured_map_is_stored_and_enabled(tmp_path: Path) -> None:
     assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
 
 
@@ -56,7 +56,7 @@ async def test_a_new_map_is_disabled_and_leaves_the_others_unchanged(tmp_path: P
     assert maps.content("hall", "2") == b"picture"
 
 
-async def test_one_version_of_a_map_is_enabled(tmp_path: Path) -> None:
+async def test_only_one_version_of_a_map_is_enabled(tmp_path: Path) -> None:
     maps = store(tmp_path)
     await maps.install("hall", "2", b"")
     await maps.install("attic", "1", b"")
@@ -101,7 +101,7 @@ async def test_a_missing_map_is_neither_enabled_nor_deleted(tmp_path: Path) -> N
             await change("hall", "9")
 
 
-async def test_there_is_room_for_so_many(tmp_path: Path) -> None:
+async def test_the_number_of_maps_is_limited(tmp_path: Path) -> None:
     maps = store(tmp_path, maximum=2)
     await maps.install("hall", "2", b"")
 
@@ -112,7 +112,7 @@ async def test_there_is_room_for_so_many(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["../../up", "..", "", "a/b", "=x", "enabled", "x.new", "ü ß", "1\r\n", "a" * 60]
 )
-async def test_any_name_stays_within_the_folder(tmp_path: Path, name: str) -> None:
+async def test_names_cannot_leave_the_folder(tmp_path: Path, name: str) -> None:
     maps = store(tmp_path)
 
     await maps.install(name, name, b"content")
@@ -122,7 +122,7 @@ async def test_any_name_stays_within_the_folder(tmp_path: Path, name: str) -> No
     assert files_of(tmp_path) == ["maps"]
 
 
-async def test_half_a_map_is_no_map(tmp_path: Path) -> None:
+async def test_a_partly_written_map_is_not_listed(tmp_path: Path) -> None:
     maps = store(tmp_path)
     half = next((tmp_path / "maps").iterdir()) / "=2.new"
     half.mkdir()
@@ -133,7 +133,7 @@ async def test_half_a_map_is_no_map(tmp_path: Path) -> None:
     assert maps.content("hall", "2") == b"whole"
 
 
-def test_the_robots_own_map_is_enabled_also_if_the_first_start_was_interrupted(
+def test_the_configured_map_is_enabled_after_an_interrupted_first_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for step in ("_write", "_mark"):
@@ -145,7 +145,7 @@ def test_the_robots_own_map_is_enabled_also_if_the_first_start_was_interrupted(
         assert held(store(tmp_path / step)) == {("hall", "1"): "ENABLED"}
 
 
-async def test_a_map_that_is_half_deleted_is_no_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_partly_deleted_map_is_not_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     maps = store(tmp_path)
     await maps.install("hall", "2", b"picture")
     monkeypatch.setattr("nena_edge_agent.map_store.rmtree", _interrupted_at_a_file)
@@ -164,14 +164,14 @@ def test_foreign_files_in_the_folder_are_not_maps(tmp_path: Path) -> None:
     assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
 
 
-def test_a_damaged_mark_enables_nothing(tmp_path: Path) -> None:
+def test_a_damaged_enabled_file_enables_nothing(tmp_path: Path) -> None:
     store(tmp_path)
     next((tmp_path / "maps").glob("*/enabled")).write_bytes(b"\xff")
 
     assert held(store(tmp_path)) == {("hall", "1"): "DISABLED"}
 
 
-def test_a_folder_that_cannot_be_used_is_said_at_the_start(tmp_path: Path) -> None:
+def test_an_unusable_folder_is_reported_at_the_start(tmp_path: Path) -> None:
     (tmp_path / "maps").write_text("a file")
 
     with pytest.raises(StartError, match=r"maps\.folder"):
@@ -189,7 +189,7 @@ def test_a_robot_has_a_single_map_by_default() -> None:
     assert map_store(settings(), ROBOT) is None
 
 
-def test_each_robot_has_a_folder_of_its_own(tmp_path: Path) -> None:
+def test_each_robot_has_its_own_folder(tmp_path: Path) -> None:
     one = map_store(settings(store="folder", folder=tmp_path), ROBOT)
     two = map_store(settings(store="folder", folder=tmp_path), RobotKey("ACME", "r2"))
 
@@ -199,6 +199,6 @@ def test_each_robot_has_a_folder_of_its_own(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_a_plug_in_that_is_not_installed_is_an_error_of_the_settings() -> None:
+def test_a_map_plug_in_that_is_not_installed_is_a_settings_error() -> None:
     with pytest.raises(ConfigurationError, match=r"nena\.maps"):
         map_store(settings(store="acme_map_server"), ROBOT)

@@ -40,7 +40,7 @@ from support.robot_core import HEADER, action, order
 
 
 @pytest.mark.clause("7.2/headerId", "7.2")
-def test_each_topic_is_counted_for_itself_from_0() -> None:
+def test_each_topic_is_counted_from_0() -> None:
     clock = ManualClock()
     maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=clock)
 
@@ -56,7 +56,7 @@ def test_each_topic_is_counted_for_itself_from_0() -> None:
 
 
 @pytest.mark.clause("7.2/headerId")
-def test_the_count_stays_within_32_bits() -> None:
+def test_header_ids_wrap_around_at_32_bits() -> None:
     maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock())
     maker._counts[Topic.STATE] = WRAP - 1
 
@@ -96,7 +96,7 @@ def test_header_ids_are_reserved_across_the_wrap_around() -> None:
     assert dict(maker.reserve())[Topic.STATE] == RESERVE - 2
 
 
-def test_a_client_id_names_the_robot_and_depends_on_its_secret() -> None:
+def test_a_client_id_contains_the_robot_and_depends_on_its_secret() -> None:
     robot, secret = RobotKey("ACME", "1"), MqttSettings.model_validate({"password": "a"})
 
     assert client_id_of(robot, MqttSettings()) == "nena-edge-agent-ACME-1"
@@ -136,7 +136,7 @@ def test_connection_is_retained_and_sent_with_qos_1(version: str) -> None:
 
 
 @pytest.mark.clause("7.2/headerId")
-def test_each_topic_counts_its_own_messages_from_where_an_earlier_run_may_have_been() -> None:
+def test_header_ids_continue_after_those_of_an_earlier_run() -> None:
     made = messages(first=100)
     codec = codec_for("2.1.0")
 
@@ -181,7 +181,7 @@ class Receiver:
         return {each.reference_key: each.reference_value for each in event.error.error_references}
 
 
-def test_a_good_order_becomes_an_event() -> None:
+def test_a_valid_order_becomes_an_event() -> None:
     receiver = Receiver()
 
     receiver.order(CODEC.encode(order("n0", "n1")))
@@ -192,7 +192,7 @@ def test_a_good_order_becomes_an_event() -> None:
     assert receiver.inbox.counts.taken == 1
 
 
-def test_good_instant_actions_become_an_event() -> None:
+def test_valid_instant_actions_become_an_event() -> None:
     receiver = Receiver()
 
     receiver.inbox.take_instant_actions(
@@ -216,7 +216,7 @@ def test_a_retained_message_is_ignored() -> None:
 
 
 @pytest.mark.parametrize("retained", [True, False])
-def test_an_empty_message_only_clears_a_retained_one(*, retained: bool) -> None:
+def test_an_empty_message_is_ignored(*, retained: bool) -> None:
     receiver = Receiver()
 
     receiver.order(b"", retained=retained)
@@ -227,7 +227,7 @@ def test_an_empty_message_only_clears_a_retained_one(*, retained: bool) -> None:
 
 @pytest.mark.clause("6.1.4.1")
 @pytest.mark.parametrize("payload", [b" ", b"\xff", b"[]", b'"order"', b"{}", b"null"])
-def test_rubbish_is_refused_and_counted(payload: bytes) -> None:
+def test_malformed_messages_are_refused_and_counted(payload: bytes) -> None:
     receiver = Receiver()
 
     receiver.order(payload)
@@ -258,7 +258,7 @@ def test_a_message_for_another_robot_is_refused() -> None:
 
 
 @pytest.mark.clause("6.2.1/refused")
-def test_the_refusal_of_instant_actions_ends_with_the_next_ones_and_not_with_an_order() -> None:
+def test_the_error_of_refused_instant_actions_ends_with_the_next_ones() -> None:
     receiver = Receiver()
 
     receiver.inbox.take_instant_actions(Inbound("x", b"{}", retained=False))

@@ -39,7 +39,7 @@ def enabled(maps: Nav2MapStore) -> list[str]:
     return [each.map_id for each in maps.maps if each.map_status is MapStatus.ENABLED]
 
 
-async def test_one_map_is_enabled_and_its_files_are_there(tmp_path: Path) -> None:
+async def test_one_map_is_enabled_and_unpacked(tmp_path: Path) -> None:
     server = Loader()
     maps = store(tmp_path, server)
     await maps.install("attic", "1", attic())
@@ -76,7 +76,7 @@ async def test_a_map_that_map_server_refuses_is_not_enabled(tmp_path: Path) -> N
     assert enabled(maps) == ["hall"]
 
 
-async def test_a_missing_position_on_the_map_is_known_after_a_restart(tmp_path: Path) -> None:
+async def test_a_missing_position_on_the_map_is_remembered_after_a_restart(tmp_path: Path) -> None:
     maps = store(tmp_path, Loader())
     await maps.install("attic", "1", attic())
     await maps.enable("attic", "1")
@@ -91,7 +91,7 @@ async def test_a_missing_position_on_the_map_is_known_after_a_restart(tmp_path: 
     assert not last.unplaced
 
 
-async def test_a_refused_map_leaves_the_pose_known(tmp_path: Path) -> None:
+async def test_a_refused_map_keeps_the_position(tmp_path: Path) -> None:
     server = Loader()
     maps = store(tmp_path, server)
     await maps.install("attic", "1", attic())
@@ -101,7 +101,7 @@ async def test_a_refused_map_leaves_the_pose_known(tmp_path: Path) -> None:
     assert not server.unplaced
 
 
-async def test_maps_of_a_plain_folder_are_not_mistaken_for_map_servers_own(tmp_path: Path) -> None:
+async def test_maps_of_a_plain_folder_are_not_loaded_by_map_server(tmp_path: Path) -> None:
     plain = FolderMapStore(tmp_path / "maps", FIRST, maximum=5)
     await plain.install("attic", "1", b"walls")
 

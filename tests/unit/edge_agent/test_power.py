@@ -50,7 +50,7 @@ async def test_a_command_that_hangs_is_killed() -> None:
     assert problem == "sleep did not end within 0.05 s"
 
 
-async def test_the_robot_wakes_although_no_file_can_hold_the_output(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_robot_wakes_although_the_output_cannot_be_stored(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", "/nonexistent")
     waking = PowerSettings(hibernate_command=("true",), wake_command=("sh", "-c", "echo too hot; exit 3"))
 
@@ -83,7 +83,7 @@ async def test_the_robot_wakes_although_its_command_cannot_be_killed(
     await until(lambda: not _runs(Path(f"/proc/{group}/stat")), what="the command has ended")
 
 
-async def test_a_command_ends_with_the_task_that_waits_for_it_and_so_does_all_that_it_has_started(
+async def test_a_cancelled_command_is_killed_with_its_child_processes(
     tmp_path: Path,
 ) -> None:
     started = tmp_path / "started"
@@ -145,13 +145,13 @@ def test_the_offered_actions_follow_from_the_commands(
 @pytest.mark.parametrize(
     "wrong", [{"wake_command": ("a",)}, {"shutdown_command": ("",)}, {"command_timeout": 0}]
 )
-def test_settings_that_make_no_sense_are_refused(wrong: dict[str, Any]) -> None:
+def test_contradictory_settings_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         PowerSettings(**wrong)
 
 
 @pytest.mark.parametrize("driver", ["loopback", "nav2"])
-def test_only_a_loopback_robot_offers_them_without_commands(driver: str) -> None:
+def test_only_a_loopback_robot_offers_power_actions_without_commands(driver: str) -> None:
     settings = EdgeAgentSettings.model_validate({"driver": driver, "loopback": {"power": True}})
 
     assert settings.power_actions == (POWER_ACTIONS if driver == "loopback" else frozenset())
@@ -167,7 +167,7 @@ def test_only_a_loopback_robot_offers_them_without_commands(driver: str) -> None
         ("3.0.1", ("/etc/passwd",), LinkVerdict.MISSING, "/etc/passwd is not an executable program"),
     ],
 )
-def test_the_doctor_checks_for_the_programs(
+def test_the_doctor_checks_the_programs(
     version: str, command: tuple[str, ...], verdict: LinkVerdict, text: str
 ) -> None:
     settings = EdgeAgentSettings.model_validate({"version": version, "power": {"shutdown_command": command}})

@@ -32,7 +32,7 @@ def test_events_are_taken_once_and_in_order() -> None:
     assert mailbox.empty
 
 
-def test_of_poses_battery_reports_and_progress_only_the_newest_waits() -> None:
+def test_only_the_newest_pose_battery_report_and_progress_is_queued() -> None:
     mailbox = Mailbox()
     for number in range(5):
         mailbox.put(at(float(number)))
@@ -43,7 +43,7 @@ def test_of_poses_battery_reports_and_progress_only_the_newest_waits() -> None:
     assert mailbox.take() == newest
 
 
-def test_a_pose_is_queued_before_the_arrival_that_it_confirms() -> None:
+def test_a_pose_is_delivered_before_the_arrival_that_it_confirms() -> None:
     mailbox = Mailbox()
     for event in (at(1.0), at(2.0), Arrived(1), at(3.0)):
         mailbox.put(event)
@@ -51,7 +51,7 @@ def test_a_pose_is_queued_before_the_arrival_that_it_confirms() -> None:
     assert mailbox.take() == [at(2.0), Arrived(1), at(3.0)]
 
 
-def test_messages_beyond_the_limit_are_dropped_and_counted_and_answers_never() -> None:
+def test_messages_beyond_the_limit_are_dropped_and_counted_but_reports_never_are() -> None:
     mailbox = Mailbox()
     for number in range(MESSAGE_LIMIT + 3):
         mailbox.put(OrderReceived(order("n0", update=number)))
@@ -65,7 +65,7 @@ def test_messages_beyond_the_limit_are_dropped_and_counted_and_answers_never() -
     assert len(mailbox.take()) == 1
 
 
-async def test_a_wait_ends_with_an_event_or_with_its_time() -> None:
+async def test_a_wait_ends_with_an_event_or_its_timeout() -> None:
     mailbox = Mailbox()
     await mailbox.wait(0.01)
     assert mailbox.empty
@@ -89,7 +89,7 @@ def test_recorded_effects_are_performed_at_once_in_order() -> None:
     assert Postponed().sift(effects, recorded=True) == effects
 
 
-def test_unrecorded_starts_wait_for_the_record() -> None:
+def test_starts_wait_for_the_record() -> None:
     postponed = Postponed()
     assert postponed.sift([DRIVE, LOAD, ReportState()], recorded=False) == [ReportState()]
     assert postponed.sift([LIFT], recorded=False) == []
@@ -97,7 +97,7 @@ def test_unrecorded_starts_wait_for_the_record() -> None:
     assert postponed.sift([], recorded=True) == []
 
 
-def test_ends_are_never_postponed_and_cancel_waiting_starts() -> None:
+def test_stops_are_never_postponed_and_cancel_waiting_starts() -> None:
     postponed = Postponed()
     postponed.sift([DRIVE, LOAD, LIFT], recorded=False)
     ends: list[Effect] = [Halt(), CancelAction("load"), PauseAction("lift")]
@@ -145,5 +145,5 @@ def test_visualization_keeps_its_rate_and_skips_missed_messages() -> None:
 
 
 @pytest.mark.clause("6.7")
-def test_an_interval_of_0_means_never() -> None:
+def test_an_interval_of_0_disables_visualization() -> None:
     assert VisualizationSchedule(interval=0.0, now=100.0).due == inf

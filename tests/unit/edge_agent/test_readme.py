@@ -11,7 +11,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 README = Path(__file__).parents[3] / "services" / "edge_agent" / "README.md"
 
 
-def test_the_settings_that_it_shows_are_settings() -> None:
+def test_its_settings_are_valid() -> None:
     (example,) = re.findall(r"```toml\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
 
     settings = EdgeAgentSettings(**tomllib.loads(example))

@@ -42,7 +42,7 @@ def undisturbed(scenario: str, folder: Path) -> History:
 
 @pytest.mark.clause("6.6/restart", "7.2/headerId")
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_a_death_at_any_moment_leads_to_the_same_end(
+def test_a_crash_at_any_moment_leads_to_the_same_result(
     scenario: str, undisturbed: History, folder: Path
 ) -> None:
     moments = range(1, len(undisturbed.lives[0]) + 1)
@@ -54,7 +54,7 @@ def test_a_death_at_any_moment_leads_to_the_same_end(
 
 @pytest.mark.clause("6.6/restart", "7.2/headerId")
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_so_do_several_deaths(scenario: str, undisturbed: History, folder: Path) -> None:
+def test_several_crashes_lead_to_the_same_result(scenario: str, undisturbed: History, folder: Path) -> None:
     chance = random.Random(scenario)
     for number in range(RESTARTS // 4):
         deaths = [Death(chance.randint(1, 60), chance.choice(PAUSES)) for _ in range(chance.randint(2, 5))]
@@ -63,7 +63,7 @@ def test_so_do_several_deaths(scenario: str, undisturbed: History, folder: Path)
 
 @pytest.mark.clause("6.6/restart", "6.6.5.4")
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_so_does_a_disk_that_fails_for_a_while_also_where_the_agent_dies_with_it(
+def test_a_disk_failure_with_or_without_a_crash_leads_to_the_same_result(
     scenario: str, undisturbed: History, folder: Path
 ) -> None:
     chance = random.Random(scenario)

@@ -15,7 +15,7 @@ def loaded(*argv: str) -> EdgeAgentSettings:
     return load(EdgeAgentSettings, argv, program=PROGRAM, description=DESCRIPTION)
 
 
-def test_without_settings_it_is_one_robot_with_nav2() -> None:
+def test_by_default_it_is_one_robot_with_nav2() -> None:
     settings = loaded()
 
     assert (settings.driver, settings.interface_name, settings.version) == ("nav2", None, "2.1.0")
@@ -73,13 +73,13 @@ def test_operations_are_read_from_tables_of_the_file(tmp_path: Path) -> None:
         ("--loopback.speed", "0"),
     ],
 )
-def test_a_value_that_does_not_fit_is_named(argv: tuple[str, ...]) -> None:
+def test_an_invalid_value_is_named(argv: tuple[str, ...]) -> None:
     with pytest.raises(ConfigurationError) as problem:
         loaded(*argv)
 
     assert argv[0].strip("-").split(".")[0] in problem.value.problems[0]
 
 
-def test_settings_are_not_changed_afterwards() -> None:
+def test_settings_are_immutable() -> None:
     with pytest.raises(ValidationError):
         loaded().serial_number = "x"  # type: ignore[misc]  # that is the point

@@ -64,7 +64,7 @@ def test_the_clock_of_the_order_service_is_measured_by_orders_with_a_readable_ti
     assert statistics.fleet_clock.seconds == 2.5
 
 
-def test_the_session_is_the_last_that_was_reported() -> None:
+def test_the_session_is_the_last_reported_one() -> None:
     statistics = AgentStatistics()
     for state in (SessionState.INITIATING, SessionState.ACTIVE):
         statistics.note(SessionReport(state, "", 0), 0.0)

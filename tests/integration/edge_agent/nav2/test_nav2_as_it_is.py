@@ -72,7 +72,7 @@ async def test_restarted_localisation_has_lost_the_pose(bench: Bench) -> None:
         assert "localizationError" in str(lost["errors"]) or "LOCALIZATION_ERROR" in error_types(lost)
         bench.fault("server_died", server="amcl", active=False)
         fleet.send(order("n0", "n1", order_id="lost"))
-        await fleet.state(lambda state: "its position is unknown" in texts(state))
+        await fleet.state(lambda state: "its position is not known" in texts(state))
         fleet.instant(be_at("p", 0.0, "n0"))
         await fleet.state(lambda state: status_of(state, "p") == "FINISHED" and localised(state))
         fleet.send(order("n0", "n1"))

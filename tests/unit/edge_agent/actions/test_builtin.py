@@ -38,7 +38,7 @@ class Trial:
         return await end_of(self.reports)
 
 
-async def test_it_runs_and_is_finished_after_its_time() -> None:
+async def test_an_operation_finishes_after_its_duration() -> None:
     trial = Trial()
     assert trial.statuses == [ActionStatus.RUNNING]
 
@@ -61,7 +61,7 @@ async def test_it_may_report_whether_the_robot_charges(charging: bool) -> None: 
     assert (await Trial(charging=charging).ends()).charging is charging
 
 
-async def test_its_duration_stops_while_it_is_paused() -> None:
+async def test_a_pause_stops_the_duration() -> None:
     trial = Trial(seconds=3600)
     trial.running.pause()
     assert trial.statuses == [ActionStatus.RUNNING, ActionStatus.PAUSED]
@@ -74,7 +74,7 @@ async def test_its_duration_stops_while_it_is_paused() -> None:
     assert trial.statuses[3:] == [ActionStatus.FAILED]
 
 
-async def test_a_cancelled_operation_changes_no_load() -> None:
+async def test_a_cancelled_operation_does_not_change_the_load() -> None:
     trial = Trial(load="take")
     trial.running.cancel()
 
@@ -92,7 +92,7 @@ def test_its_declaration_follows_the_settings() -> None:
     assert declaration.restartable
 
 
-def test_the_transforms_are_reported_by_map() -> None:
+def test_the_transforms_of_each_map_are_reported() -> None:
     told: list[ActionReport] = []
     action = Action(action_type=SHOW_MAP_TRANSFORMS, action_id="1", blocking_type=BlockingType.NONE)
     running = MapTransforms({"roof": "x=1", "hall": "scale=2"}).start(action, (), told.append)
@@ -131,7 +131,7 @@ def test_an_unavailable_action_that_was_already_started_fails_with_the_reason() 
     ]
 
 
-async def test_a_simulated_action_lasts_and_reports_charging() -> None:
+async def test_a_simulated_action_takes_its_time_and_reports_charging() -> None:
     reports: list[ActionReport] = []
     plugin = Rehearsed(LIFT, 0.01, charging=True)
     plugin.start(action("a", "HARD", "lift"), (), reports.append)

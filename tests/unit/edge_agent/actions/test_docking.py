@@ -49,7 +49,7 @@ async def end(plugin: Docking, **parameters: float) -> ActionReport:
     return await until(lambda: next((each for each in reports if each.status.ended), None))
 
 
-async def test_it_drives_as_far_as_it_is_set_to() -> None:
+async def test_it_drives_the_configured_distance() -> None:
     plugin, drive = docking()
 
     assert (await end(plugin)).status == "FINISHED"
@@ -57,7 +57,7 @@ async def test_it_drives_as_far_as_it_is_set_to() -> None:
     assert drive.pose.x == pytest.approx(0.8)
 
 
-async def test_an_order_may_name_the_distance_within_the_configured_bounds() -> None:
+async def test_an_order_may_set_the_distance_within_limits() -> None:
     plugin, drive = docking(adjustable=True)
     too_far = plugin.declaration.problem(action("a", "HARD", "dock", forward=0.9), ActionScope.NODE)
     assert too_far == "action 'dock': parameter 'forward' must be at least -0.8 and at most 0.8"
@@ -67,7 +67,7 @@ async def test_an_order_may_name_the_distance_within_the_configured_bounds() -> 
     assert drive.pose.x == pytest.approx(-0.2)
 
 
-async def test_paused_it_stops_and_then_drives_to_the_same_pose() -> None:
+async def test_a_paused_drive_continues_to_the_same_pose() -> None:
     drive, driver = ActionDrive(), ScriptedDriver()
     driver.on_halt = lambda: drive.observe(Halted())
     drive.attach(driver)

@@ -24,7 +24,7 @@ async def write(folder: Path, *, keep: int = 20) -> ActionReport:
     return await until(lambda: next((each for each in reports if each.status.ended), None))
 
 
-async def test_the_file_that_the_result_names_holds_the_newest_lines(tmp_path: Path) -> None:
+async def test_the_report_contains_the_newest_lines(tmp_path: Path) -> None:
     log.configure(LogSettings())
     log.get_logger("nena.example").warning("stopped", robot="r1")
 

@@ -62,7 +62,7 @@ def versions(report: ActionReport) -> dict[str, str]:
 
 
 @pytest.mark.clause("6.2.3/downloadMap", "6.2.3/enableMap", "6.2.3/deleteMap")
-async def test_a_map_is_fetched_enabled_and_deleted(stage: Stage) -> None:
+async def test_a_map_is_downloaded_enabled_and_deleted(stage: Stage) -> None:
     link = stage.files.put("/hall-2", b"walls")
 
     fetched = await stage.play("downloadMap", "2", mapDownloadLink=link, mapHash=sha256(b"walls").hexdigest())
@@ -96,7 +96,7 @@ async def test_an_impossible_action_fails_with_a_reason(stage: Stage, action_typ
 
 
 @pytest.mark.clause("6.2.3/downloadMap")
-async def test_a_link_that_leads_nowhere_fails(stage: Stage) -> None:
+async def test_a_broken_link_fails(stage: Stage) -> None:
     report = await stage.play("downloadMap", "2", mapDownloadLink=f"{stage.files.address}/none")
 
     assert report.status is ActionStatus.FAILED

@@ -71,7 +71,7 @@ def test_an_invalid_template_is_reported_with_its_location(template: JsonValue, 
 
 
 @given(st.text("{}ab1. _", max_size=20))
-def test_a_value_is_never_read_as_a_template(value: str) -> None:
+def test_a_value_is_not_parsed_as_a_template(value: str) -> None:
     assert filled("<{name}>", {"name": value}) == f"<{value}>"
     assert filled("{name}", {"name": value}) == value
 
@@ -143,7 +143,7 @@ def made(type_name: str, fields: JsonValue) -> Any:
     return message(conformed(fields, record, "fields"), record)
 
 
-def test_whole_numbers_become_floats_where_ros_would_send_garbage() -> None:
+def test_integers_are_converted_for_float_fields() -> None:
     pose = made(POSE, {"header": {"frame_id": "map"}, "pose": {"position": {"x": 3, "y": 2**40}}})
 
     assert (pose.pose.position.x, pose.pose.position.y) == (3.0, float(2**40))
@@ -151,7 +151,7 @@ def test_whole_numbers_become_floats_where_ros_would_send_garbage() -> None:
     assert pose.header.frame_id == "map"
 
 
-def test_arrays_messages_in_arrays_and_octets_arrive() -> None:
+def test_arrays_nested_messages_and_octets_are_transmitted() -> None:
     assert list(made("sensor_msgs/msg/JointState", {"position": [1, 2]}).position) == [1.0, 2.0]
     path = made("nav_msgs/msg/Path", {"poses": [{"pose": {"position": {"y": 1}}}]})
     assert path.poses[0].pose.position.y == 1.0
@@ -159,7 +159,7 @@ def test_arrays_messages_in_arrays_and_octets_arrive() -> None:
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, True, "1", None])
-def test_a_value_that_is_not_a_number_is_refused(number: Any) -> None:
+def test_nan_and_infinity_are_refused(number: Any) -> None:
     with pytest.raises(FieldError, match=r"^fields\.data"):
         made("std_msgs/msg/Float64", {"data": number})
 
@@ -172,12 +172,12 @@ def test_an_unknown_message_type_is_refused_with_a_remedy(name: str) -> None:
         message_type(name)
 
 
-def test_a_type_that_its_package_lacks() -> None:
+def test_a_type_missing_in_its_package_is_refused() -> None:
     with pytest.raises(UnknownTypeError, match="type 'std_msgs/msg/Strin' is not installed"):
         message_type("std_msgs/msg/Strin")
 
 
-def test_shapes_are_those_of_the_definitions() -> None:
+def test_shapes_follow_the_type_definitions() -> None:
     pose = message_type("geometry_msgs/msg/PoseWithCovariance")
     solid = message_type("shape_msgs/msg/SolidPrimitive")
 

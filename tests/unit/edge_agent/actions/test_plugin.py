@@ -36,7 +36,7 @@ class Trial:
         return await end_of(self.reports)
 
 
-async def test_it_ends_as_its_work_does() -> None:
+async def test_it_ends_as_its_coroutine_does() -> None:
     trial = Trial()
     trial.free.set()
 

@@ -23,7 +23,7 @@ from support.ros_port import ScriptedRos
 from support.waiting import until
 
 
-def test_they_declare_their_configured_parameters() -> None:
+def test_ready_made_actions_declare_their_parameters() -> None:
     lift, clamp, plain = (
         each.declaration
         for each in plugins_of(
@@ -42,7 +42,7 @@ def test_they_declare_their_configured_parameters() -> None:
     assert (plain.pause_allowed, plain.cancel_allowed) == (False, False)
 
 
-def test_a_value_that_no_message_can_hold_is_refused_beforehand() -> None:
+def test_a_value_that_fits_no_message_is_refused_before_the_start() -> None:
     level = {"key": "level", "type": "INTEGER"}
     command = {"topic": "level", "type": "std_msgs/msg/UInt8", "fields": {"data": "{level}"}}
     (plugin,) = plugins_of(
@@ -89,7 +89,7 @@ def test_a_value_that_no_message_can_hold_is_refused_beforehand() -> None:
         ),
     ],
 )
-def test_an_unusable_setting_is_one_error_with_its_location(operation: dict[str, Any], problem: str) -> None:
+def test_an_invalid_setting_is_one_error_with_its_location(operation: dict[str, Any], problem: str) -> None:
     with pytest.raises(ConfigurationError) as raised:
         plugins_of(operation, ros=ScriptedRos())
 
@@ -129,14 +129,14 @@ def test_wait_meets_the_contract() -> None:
     assert {each.verdict for each in findings} == {Verdict.OK}
 
 
-def test_without_ros_they_are_refused_with_the_reason_and_not_offered() -> None:
+def test_without_ros_actions_that_need_it_are_refused_and_not_offered() -> None:
     (plugin,) = plugins_of(LIFT, ros=None)
 
     problem = plugin.declaration.problem(action("a", "HARD", "lift", height=1), ActionScope.NODE)
     assert "action 'lift' is not possible: it needs ROS" in str(problem)
 
 
-async def test_without_ros_they_are_rehearsed_where_it_is_set_so() -> None:
+async def test_without_ros_actions_are_simulated_if_configured() -> None:
     (plugin,) = plugins_of(LIFT, ros=None, without_ros="rehearse", rehearsal_seconds=0.01)
     reports: list[ActionReport] = []
     plugin.start(action("a", "HARD", "lift", height=1), (), reports.append)

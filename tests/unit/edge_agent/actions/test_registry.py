@@ -46,7 +46,7 @@ def test_installed_plug_ins_are_listed_after_built_in_ones() -> None:
     )
 
 
-def test_a_check_that_fails_is_a_reason_against_the_action() -> None:
+def test_a_check_that_raises_refuses_the_action() -> None:
     def check(_: Action) -> str | None:
         message = "no scale"
         raise OSError(message)
@@ -113,7 +113,7 @@ def there(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     return install
 
 
-def test_all_that_are_installed_are_used(there: Callable[..., None]) -> None:
+def test_all_installed_plug_ins_are_used(there: Callable[..., None]) -> None:
     there("one", "two")
 
     found = installed(CONTEXT, ActionSettings())
@@ -169,5 +169,5 @@ def test_without_wanted_plug_ins_no_entry_points_are_read(monkeypatch: pytest.Mo
     assert installed(CONTEXT, ActionSettings(plugins=())) == Installed()
 
 
-def test_nothing_is_nothing() -> None:
+def test_without_plug_ins_only_core_actions_exist() -> None:
     assert Installed().action_types == frozenset()

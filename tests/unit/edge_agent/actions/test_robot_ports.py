@@ -45,7 +45,7 @@ async def driving(drive: ActionDrive, driver: ScriptedDriver) -> asyncio.Task[No
     return task
 
 
-async def test_it_ends_with_the_arrival_of_its_own_goal() -> None:
+async def test_a_drive_ends_with_the_arrival_at_its_own_goal() -> None:
     drive, driver = begun()
     task = await driving(drive, driver)
     goal = driver.goals[0]
@@ -86,7 +86,7 @@ async def test_a_cancelled_action_ends_at_standstill() -> None:
     await asyncio.wait([again], timeout=PATIENCE)
 
 
-async def test_two_cannot_drive_at_a_time() -> None:
+async def test_only_one_action_drives_at_a_time() -> None:
     drive, driver = begun()
     driver.on_halt = lambda: drive.observe(Halted())
     task = await driving(drive, driver)
@@ -96,12 +96,12 @@ async def test_two_cannot_drive_at_a_time() -> None:
     await asyncio.wait([task], timeout=PATIENCE)
 
 
-async def test_without_a_driver_nothing_drives() -> None:
+async def test_without_a_driver_a_drive_fails() -> None:
     with pytest.raises(DriveError, match="not ready"):
         await ActionDrive().drive(PLACE, deviation_xy=0.1)
 
 
-def test_the_pose_is_reliable() -> None:
+def test_the_pose_is_only_that_of_a_localised_robot() -> None:
     drive, _ = begun()
 
     def pose(*, localized: bool) -> Pose | None:
@@ -127,7 +127,7 @@ def sensor(settings: LoadSensorSettings = SETTINGS) -> tuple[ScriptedRos, list[b
     return ros, told
 
 
-async def test_it_reports_each_change() -> None:
+async def test_the_load_sensor_reports_each_change() -> None:
     ros, told = sensor()
     for value in (True, True, False, False, True):
         ros.say("load", data=value)
@@ -144,7 +144,7 @@ async def test_an_unchanged_value_is_reported_again_after_a_while(monkeypatch: p
     assert told == [False, False]
 
 
-async def test_any_message_type_can_be_a_signal() -> None:
+async def test_any_message_type_can_be_a_load_sensor() -> None:
     weight = LoadSensorSettings(topic="scale", type="std_msgs/msg/String", loaded={"data": ["full", "half"]})
     ros, told = sensor(weight)
     ros.say("scale", data="half")

@@ -80,7 +80,7 @@ def test_each_value_of_a_choice_is_checked() -> None:
         MessageTemplate({"data": "{side}"}, UINT8, values_of(wrong), "p")
 
 
-def test_an_array_names_all_values_that_will_do_where_it_is_so_meant() -> None:
+def test_an_array_lists_alternatives_where_configured() -> None:
     names: FieldValues = {"data": ["done {actionId}", "ok"]}
 
     template = MessageTemplate(names, STRING, values_of(), "p", any_of=True)
@@ -133,7 +133,7 @@ async def test_failure_and_progress_are_distinguished() -> None:
         await waiting
 
 
-async def test_without_a_result_it_reports_what_is_known() -> None:
+async def test_without_a_result_field_it_reports_a_default_text() -> None:
     ros, answer = listening(result="", failed={"data": "jam"})
     assert answer.words == "waits for said"
     waiting = answer.expect({"actionId": "a1"}, print)
@@ -192,7 +192,7 @@ def command(ros: ScriptedRos, **settings: object) -> Command:
     )
 
 
-def test_each_step_sends_its_message_where_it_has_one() -> None:
+def test_each_step_sends_its_configured_message() -> None:
     ros = ScriptedRos()
     steered = command(ros, on_pause={"data": 0}, on_resume={"data": "{level}"})
     for step in (steered.begin, steered.pause, steered.resume, steered.cancel):
@@ -201,7 +201,7 @@ def test_each_step_sends_its_message_where_it_has_one() -> None:
     assert [each["data"] for _, each in ros.published] == [7, 0, 7]
 
 
-def test_a_value_that_does_not_fit_is_found_beforehand() -> None:
+def test_an_invalid_value_is_found_before_the_start() -> None:
     with pytest.raises(FieldError, match=r"p\.fields\.data: 300"):
         command(ScriptedRos()).check({"level": 300})
 
@@ -234,7 +234,7 @@ async def test_a_negative_response_fails_the_action() -> None:
     assert await robot.end() == ("FAILED", "jammed")
 
 
-async def test_it_is_paused_and_cancelled_by_messages() -> None:
+async def test_an_action_is_paused_and_cancelled_by_messages() -> None:
     robot = Robot(LIFT)
     await robot.begin("lift", height=1)
     await robot.until_published("raise 1")
@@ -279,7 +279,7 @@ async def test_a_command_without_a_subscriber_fails() -> None:
     assert robot.ros.published == []
 
 
-async def test_without_a_session_it_fails_with_the_reason() -> None:
+async def test_without_a_session_an_action_fails_with_the_reason() -> None:
     robot = Robot(LIFT)
     robot.ros.active = False
     await robot.begin("lift", height=1)
@@ -297,7 +297,7 @@ async def test_without_a_session_it_fails_with_the_reason() -> None:
         ({"result": "success"}, {"success": True, "message": ""}, ("FINISHED", "True")),
     ],
 )
-async def test_a_service_is_called_and_its_response_judged(
+async def test_a_service_is_called_and_its_response_checked(
     call: dict[str, Any], response: dict[str, Any], end: tuple[str, str]
 ) -> None:
     robot = Robot({**CLAMP, "call": {**CALL, **call}})
@@ -321,7 +321,7 @@ async def test_charging_starts_when_the_battery_reports_it() -> None:
     assert robot.reports[-1].charging is True
 
 
-async def test_a_signal_is_awaited_and_a_latched_earlier_one_counts() -> None:
+async def test_a_signal_is_awaited_and_a_latched_one_is_used() -> None:
     door = {"topic": "door", "type": "std_msgs/msg/Bool", "match": {"data": True}}
     waits = {"kind": "signal", "action_type": "waitForDoor", "answer": door}
     latched = {**waits, "action_type": "seeDoor", "answer": {**door, "qos": "latched"}}
@@ -338,7 +338,7 @@ async def test_a_signal_is_awaited_and_a_latched_earlier_one_counts() -> None:
     assert await robot.end() == ("FINISHED", None)
 
 
-async def test_a_turn_signal_of_an_edge_ends_with_it_and_others_stay_on() -> None:
+async def test_a_turn_signal_of_an_edge_is_switched_off_at_its_end() -> None:
     robot = Robot(
         {"kind": "turn_signal"},
         {"kind": "turn_signal", "action_type": "blink", "scopes": ["NODE"], "topic": "lamp"},

@@ -83,7 +83,7 @@ async def test_a_failed_start_reports_its_reason() -> None:
     assert after
 
 
-async def test_configure_changes_what_it_names_until_the_restart(tmp_path: Path) -> None:
+async def test_configure_changes_the_given_values_until_a_restart(tmp_path: Path) -> None:
     robot = Robot(tmp_path)
     await robot.does(START_ROS_SESSION)
     report = await robot.does(CONFIGURE_ROS_SESSION, namespace="r2")
@@ -91,7 +91,7 @@ async def test_configure_changes_what_it_names_until_the_restart(tmp_path: Path)
     assert Robot(tmp_path).keeper.address == RosAddress("/r1", 7)
 
 
-async def test_configure_keeps_the_address_over_restarts_on_request(tmp_path: Path) -> None:
+async def test_configure_stores_the_address_on_request(tmp_path: Path) -> None:
     await Robot(tmp_path).does(CONFIGURE_ROS_SESSION, namespace="r2", domainId=9, keep=True)
     robot = Robot(tmp_path)
     assert robot.keeper.address == RosAddress("/r2", 9)
@@ -99,7 +99,7 @@ async def test_configure_keeps_the_address_over_restarts_on_request(tmp_path: Pa
     assert Robot(tmp_path).keeper.address == RosAddress("/r1", 7)
 
 
-async def test_an_address_that_it_is_at_already_can_be_kept_without_a_new_session(tmp_path: Path) -> None:
+async def test_the_current_address_can_be_stored_without_a_new_session(tmp_path: Path) -> None:
     robot = Robot(tmp_path)
     await robot.does(START_ROS_SESSION)
     await robot.does(CONFIGURE_ROS_SESSION, domainId=9)
@@ -138,7 +138,7 @@ async def test_an_address_that_cannot_be_stored_is_reported_and_not_used(tmp_pat
     assert robot.keeper.address == RosAddress("/r1", 7)
 
 
-async def test_an_address_is_kept_although_the_first_try_there_fails(tmp_path: Path) -> None:
+async def test_an_address_is_stored_even_if_its_session_fails_to_start(tmp_path: Path) -> None:
     robot = Robot(tmp_path)
     await robot.does(START_ROS_SESSION)
     robot.closed = {9}
@@ -148,7 +148,7 @@ async def test_an_address_is_kept_although_the_first_try_there_fails(tmp_path: P
     assert Robot(tmp_path).keeper.address == robot.keeper.address == RosAddress("/r1", 9)
 
 
-async def test_without_a_driver_there_is_no_session_to_switch() -> None:
+async def test_without_a_driver_session_actions_fail() -> None:
     report = await done(SessionSwitch(SETTINGS, None), START_ROS_SESSION)
     assert report == ActionReport("a", ActionStatus.FAILED, "the robot has not started yet")
 

@@ -121,7 +121,7 @@ async def test_reports_after_the_end_are_ignored() -> None:
         (ActionReport("a", ActionStatus.FAILED, error=cast("Any", "broken")), "not an ErrorEntry"),
     ],
 )
-async def test_a_report_that_is_none_fails_the_action(report: Any, reason: str) -> None:
+async def test_an_invalid_report_fails_the_action(report: Any, reason: str) -> None:
     trial = Trial(Puppet())
     trial.plugin.report(report)
 
@@ -225,7 +225,7 @@ async def test_waiting_progress_is_dropped_at_the_end() -> None:
     assert [each.result for each in trial.told] == [None, "0 %", None]
 
 
-async def test_a_long_result_is_cut() -> None:
+async def test_a_long_result_is_truncated() -> None:
     trial = Trial(Puppet())
     trial.plugin.report(ActionReport("a", ActionStatus.FINISHED, "x" * 5000))
 
@@ -286,7 +286,7 @@ async def test_an_action_is_started_paused_resumed_and_cancelled() -> None:
     assert [report.status.value for report in reports] == ["RUNNING", "PAUSED", "RUNNING", "FAILED"]
 
 
-async def test_a_wait_ends_by_itself() -> None:
+async def test_wait_finishes_after_its_duration() -> None:
     run, reports = runner(Wait())
 
     run.start(StartAction(action("a", "HARD", "wait", duration=0), ()))
@@ -327,7 +327,7 @@ def test_cancelling_an_action_that_is_not_running_is_answered() -> None:
     assert reports == [ActionReport("a", ActionStatus.FAILED, "the action was not running")]
 
 
-async def test_when_the_agent_ends_nothing_is_reported() -> None:
+async def test_nothing_is_reported_when_the_agent_exits() -> None:
     run, reports = runner(Wait())
     run.start(StartAction(action("a", "HARD", "wait", duration=3600), ()))
 
@@ -336,7 +336,7 @@ async def test_when_the_agent_ends_nothing_is_reported() -> None:
     assert [report.status.value for report in reports] == ["RUNNING"]
 
 
-async def test_a_late_report_of_a_first_try_does_not_end_the_second() -> None:
+async def test_a_late_report_does_not_end_a_restarted_action() -> None:
     late: list[Report] = []
 
     class Slow(Broken):
@@ -361,7 +361,7 @@ def test_two_plug_ins_for_one_action_are_a_settings_error() -> None:
         ActionRegistry([Wait(), Wait()])
 
 
-def test_the_actions_of_the_core_are_its_own() -> None:
+def test_plug_ins_cannot_replace_core_actions() -> None:
     plugin = Broken("nowhere")
     plugin.declaration = ActionDeclaration("cancelOrder", (ActionScope.NODE,))
 
@@ -382,11 +382,11 @@ def test_a_valid_report_has_no_problem(report: ActionReport) -> None:
     assert flaw_of(report, "a") is None
 
 
-def test_a_flaw_is_named_in_short() -> None:
+def test_a_problem_of_a_report_is_described_briefly() -> None:
     assert len(flaw_of("x" * 10_000, "a") or "") < 200
 
 
-async def test_a_loop_that_waits_is_not_blocked() -> None:
+async def test_an_idle_event_loop_is_not_blocked() -> None:
     dog = Watchdog()
     for _ in range(LOOKS * 4):
         await time_passes(LOOK_EVERY / 2)

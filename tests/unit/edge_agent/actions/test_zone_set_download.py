@@ -30,7 +30,7 @@ async def fetch(link: str) -> ActionReport:
 
 
 @pytest.mark.parametrize("whole", [True, False])
-async def test_a_message_or_its_inside_is_read(files: Files, *, whole: bool) -> None:
+async def test_a_zone_set_is_read_with_or_without_its_message(files: Files, *, whole: bool) -> None:
     message = json.loads(CODEC.encode(transfer(WALL)))
     link = files.put("/zones", json.dumps(message if whole else message["zoneSet"]).encode())
 
@@ -52,7 +52,7 @@ async def test_an_invalid_zone_set_fails(files: Files, content: bytes) -> None:
     assert "plug-in" not in report.result
 
 
-async def test_another_zone_set_than_was_named_fails(files: Files) -> None:
+async def test_a_zone_set_with_another_id_fails(files: Files) -> None:
     message = CODEC.encode(transfer(WALL, zone_set_id="s2"))
 
     report = await fetch(files.put("/zones", message))
@@ -60,7 +60,7 @@ async def test_another_zone_set_than_was_named_fails(files: Files) -> None:
     assert (report.status, "'s2'" in (report.result or "")) == (ActionStatus.FAILED, True)
 
 
-async def test_a_link_that_leads_nowhere_fails(files: Files) -> None:
+async def test_a_broken_link_fails(files: Files) -> None:
     report = await fetch(f"{files.address}/none")
 
     assert report.status is ActionStatus.FAILED

@@ -26,7 +26,7 @@ def test_an_invalid_plant_model_has_no_maps(payload: bytes) -> None:
     assert map_ids(payload) == frozenset()
 
 
-def test_deep_nesting_is_no_plant_model() -> None:
+def test_deeply_nested_json_is_not_a_plant_model() -> None:
     assert map_ids(b"[" * 100_000 + b"]" * 100_000) == frozenset()
 
 

@@ -22,7 +22,7 @@ def test_the_report_names_the_first_missing_link_and_its_remedy() -> None:
     ]
 
 
-def test_a_doubtful_link_is_not_missing() -> None:
+def test_a_doubtful_finding_is_not_a_failure() -> None:
     text = report([LinkFinding(Link.CLOCK, LinkVerdict.DOUBTFUL, "nobody keeps it", "have it kept")])
 
     assert text.endswith("-> have it kept\nNo link is missing.\n")

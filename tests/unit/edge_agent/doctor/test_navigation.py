@@ -38,7 +38,7 @@ def first_missing(view: RosView) -> LinkFinding:
     return next(each for each in judge_robot(view, SETTINGS) if each.verdict is LinkVerdict.MISSING)
 
 
-def test_a_robot_that_is_well() -> None:
+def test_a_healthy_robot() -> None:
     findings = judge_robot(WELL, SETTINGS)
 
     assert [each.link for each in findings] == list(ROS_LINKS)
@@ -93,7 +93,7 @@ def test_a_missing_link_is_named_with_a_remedy(view: RosView, link: Link, text: 
         (replace(WELL, path_servers=1, path_types=False), "nav2_msgs cannot be loaded", "source"),
     ],
 )
-def test_a_robot_that_cannot_follow_paths_as_set_is_doubtful(view: RosView, text: str, remedy: str) -> None:
+def test_a_robot_that_cannot_follow_paths_is_doubtful(view: RosView, text: str, remedy: str) -> None:
     settings = SETTINGS.model_copy(update={"nav2": OfferSettings(follow_path=True)})
     finding = judge_robot(view, settings)[-1]
 
@@ -142,7 +142,7 @@ def test_nav2_without_a_lifecycle_manager_counts_as_active() -> None:
         (replace(WELL, pose=None), set(), LinkVerdict.OK, "50 m by 30 m"),
     ],
 )
-def test_the_map(view: RosView | None, plant_maps: set[str], verdict: LinkVerdict, text: str) -> None:
+def test_map_findings(view: RosView | None, plant_maps: set[str], verdict: LinkVerdict, text: str) -> None:
     finding = judge_map(view, SETTINGS, "hall", plant_maps)
 
     assert finding.verdict is verdict
@@ -171,5 +171,5 @@ def test_simulated_time_is_suggested_as_a_cause() -> None:
     assert "use_sim_time" in judge_clock(kept=True, ros_offset=-1_795_000_000.0).remedy
 
 
-def test_the_kernel_answers() -> None:
+def test_the_kernels_clock_status_is_read() -> None:
     assert kernel_keeps_time() in (True, False)

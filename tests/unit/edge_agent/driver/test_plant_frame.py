@@ -146,7 +146,7 @@ def test_events_without_coordinates_pass_unchanged() -> None:
     assert heard == events
 
 
-async def test_the_rest_is_the_drivers_own() -> None:
+async def test_other_methods_are_the_drivers_own() -> None:
     driver, robot, _ = framed()
     await driver.start()
     driver.halt()

@@ -24,21 +24,21 @@ class Stage:
         return (await until(lambda: next((each for each in self.reports if each.status.ended), None))).status
 
 
-async def test_one_always_fails() -> None:
+async def test_fail_always_fails() -> None:
     stage = Stage()
 
     assert [await stage.play("failAlways") for _ in range(3)] == [ActionStatus.FAILED] * 3
     assert stage.reports[-1].result
 
 
-async def test_one_fails_every_other_time() -> None:
+async def test_fail_once_fails_every_other_time() -> None:
     stage = Stage()
 
     ends = [await stage.play("failOnce") for _ in range(4)]
     assert ends == [ActionStatus.FAILED, ActionStatus.FINISHED] * 2
 
 
-async def test_the_others_succeed_after_their_time() -> None:
+async def test_the_other_simulated_actions_succeed_after_their_duration() -> None:
     stage = Stage()
 
     assert await stage.play("waitUninterrupted", duration=0) is ActionStatus.FINISHED
@@ -57,7 +57,7 @@ def test_each_declares_its_parameters_and_what_it_allows() -> None:
     assert needy.problem(action("a", "HARD", "needParameter", count=3), ActionScope.NODE) is None
 
 
-async def test_an_action_that_charges_is_seen_by_the_battery_and_not_by_the_core() -> None:
+async def test_a_charging_action_switches_the_simulated_battery() -> None:
     switched: list[bool] = []
     reports: list[ActionReport] = []
     settings = OperationSettings(action_type="startCharging", seconds=0, charging=True)

@@ -42,7 +42,7 @@ class Stand:
         return self.events[-1]
 
 
-def test_actions_of_a_person_are_passed_to_the_core() -> None:
+def test_commands_of_people_are_passed_to_the_core() -> None:
     stand = Stand()
 
     assert stand.do("operatingMode", mode="SERVICE") == OperatingModeSwitched(OperatingMode.SERVICE)
@@ -85,7 +85,7 @@ def test_simulated_events_are_passed_to_the_driver() -> None:
     assert carried.pose == Pose(1, 2, 0.5, "cellar")
 
 
-def test_the_link_is_cut_for_the_time_that_is_named() -> None:
+def test_the_link_is_cut_for_the_given_time() -> None:
     stand, cuts = Stand(), list[float]()
     stand.control.cut_link = cuts.append
     stand.control.apply(parse(b'{"command": "linkSilence", "seconds": 2.5}'))
@@ -93,7 +93,7 @@ def test_the_link_is_cut_for_the_time_that_is_named() -> None:
     assert cuts == [2.5]
 
 
-async def test_while_the_robot_does_not_run_a_command_is_refused() -> None:
+async def test_commands_are_refused_while_the_robot_does_not_run() -> None:
     stand, press = Stand(), parse(b'{"command": "pauseButton", "pressed": true}')
     with pytest.raises(CommandRefusedError, match="is not running"):
         SimulationControl().apply(press)

@@ -54,7 +54,7 @@ class Ride:
         return self.seen(PoseReport)[-1].pose.x
 
 
-async def test_at_its_start_it_reports_its_pose_and_that_it_can_drive() -> None:
+async def test_it_reports_its_pose_and_navigation_at_the_start() -> None:
     ride = Ride(charge=40)
 
     await ride.driver.start()
@@ -91,7 +91,7 @@ async def test_a_new_goal_replaces_the_old_one_without_an_event() -> None:
     assert not ride.seen(Halted)
 
 
-async def test_a_halt_stops_it_where_it_is() -> None:
+async def test_a_halt_stops_the_robot_at_once() -> None:
     ride = Ride()
     ride.go(1, 1000.0)
     await until(lambda: ride.seen(PoseReport) and ride.x > 1.1)
@@ -110,7 +110,7 @@ async def test_a_halt_at_standstill_is_answered() -> None:
     await ride.wait_for(Halted)
 
 
-async def test_a_lower_speed_of_the_goal_is_obeyed() -> None:
+async def test_a_lower_speed_of_the_goal_is_kept() -> None:
     ride = Ride()
     ride.driver.go_to(DriveGoal(1, Pose(2.0, 0.0, 0.0, "m"), 0.3, maximum_speed=5.0))
 
@@ -148,7 +148,7 @@ async def test_driving_uses_battery_charge() -> None:
     assert 40.0 <= levels[-1] < 50.0
 
 
-async def test_after_its_end_it_is_silent() -> None:
+async def test_a_stopped_driver_sends_no_events() -> None:
     ride = Ride()
     ride.go(1, 100.0)
     await ride.driver.stop()
@@ -178,7 +178,7 @@ async def test_with_a_deceleration_a_halt_needs_braking_distance() -> None:
     assert len(ride.seen(Halted)) == 1
 
 
-async def test_an_emergency_stop_while_it_brakes_is_at_once_and_answers_the_halt() -> None:
+async def test_an_emergency_stop_ends_braking_and_confirms_the_halt() -> None:
     ride = Ride(deceleration=1.0)
     ride.go(1, 1000.0)
     await until(lambda: ride.seen(PoseReport) and ride.x > 1.1)
@@ -206,7 +206,7 @@ async def test_a_goal_in_an_unreachable_circle_also_fails_while_driving() -> Non
     await ride.driver.stop()
 
 
-async def test_carried_away_during_a_drive_it_drives_to_its_goal_from_there() -> None:
+async def test_moved_during_a_drive_it_continues_from_there() -> None:
     ride = Ride()
     ride.go(1, 1000.0)
     ride.driver.carry_to(998.0, 0.0, 0.0)
@@ -215,7 +215,7 @@ async def test_carried_away_during_a_drive_it_drives_to_its_goal_from_there() ->
     assert ride.x == 1000.0
 
 
-async def test_a_speed_that_is_set_holds_for_the_goal_that_it_drives_to() -> None:
+async def test_a_new_speed_applies_to_the_current_goal() -> None:
     ride = Ride(speed=0.001)
     ride.go(1, 3.0)
     ride.driver.set_speed(50.0)
@@ -283,7 +283,7 @@ def test_charging_increases_the_charge_until_full() -> None:
     assert one.level(200.0) == 99
 
 
-def test_a_level_that_is_set_counts_from_then_on() -> None:
+def test_a_set_charge_is_the_new_level() -> None:
     one = battery(charge=50, charge_rate=1)
     one.switch(0.0, charging=True)
     one.set_level(10.0, 5)
@@ -292,7 +292,7 @@ def test_a_level_that_is_set_counts_from_then_on() -> None:
 
 
 @given(STEPS)
-def test_its_charge_is_always_a_percentage(steps: list[tuple[str, float]]) -> None:
+def test_its_charge_stays_between_0_and_100_percent(steps: list[tuple[str, float]]) -> None:
     one, now = battery(), 0.0
     for kind, value in steps:
         now += value
@@ -334,7 +334,7 @@ def test_without_a_theta_it_keeps_its_heading() -> None:
 
 
 @given(POSES, POSES)
-def test_it_begins_at_its_start_and_ends_on_its_goal(start: Pose, goal: Pose) -> None:
+def test_a_motion_begins_at_its_start_and_ends_at_its_goal(start: Pose, goal: Pose) -> None:
     way = motion(start, goal)
 
     first, _, _ = way.at(9.0)

@@ -28,7 +28,7 @@ def settings(folder: Path, field: str = "data") -> str:
     return str(file)
 
 
-def test_an_action_of_the_settings_is_tried_without_a_robot(
+def test_a_configured_action_is_checked_without_a_robot(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["clamp", "--config", settings(tmp_path), "--timeout", "1"]) == 0
@@ -50,20 +50,20 @@ def test_an_action_of_the_settings_is_tried_without_a_robot(
         ),
     ],
 )
-def test_a_mistake_is_reported_in_one_line(
+def test_usage_errors_are_reported_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, field: str, problem: str
 ) -> None:
     assert main([name, "--config", settings(tmp_path, field)]) == 2
     assert problem in capsys.readouterr().err
 
 
-def test_parameters_are_those_of_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_parameters_are_read_from_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["wait", "--parameters", '{"duration": "long"}', "--timeout", "1"]) == 0
     assert "skipped   Check of parameters: action 'wait': parameter 'duration'" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("parameters", ["[1]", "{", "[" * 100_000])
-def test_parameters_that_are_none_are_refused(parameters: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_parameters_are_refused(parameters: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["wait", "--parameters", parameters])
     assert "argument --parameters: " in capsys.readouterr().err
@@ -75,7 +75,7 @@ def test_problems_are_reported_with_a_remedy() -> None:
     assert text == "lift\n  BROKEN    Cancel: no end\n            -> report FAILED\n  1 broken\n"
 
 
-async def test_messages_must_fit_and_services_succeed() -> None:
+async def test_messages_are_checked_and_services_succeed() -> None:
     ros = DryRos()
     publisher = ros.publisher("lift", "std_msgs/msg/String")
     publisher.publish({"data": "up"})
@@ -90,7 +90,7 @@ async def test_messages_must_fit_and_services_succeed() -> None:
         await clamp.call({"data": 1}, seconds=1.0)
 
 
-def test_types_must_be_there() -> None:
+def test_types_must_be_installed() -> None:
     ros = DryRos()
     for ask in (
         lambda: ros.publisher("x", "acme_msgs/msg/Lift"),
@@ -101,7 +101,7 @@ def test_types_must_be_there() -> None:
             ask()
 
 
-async def test_drives_arrive() -> None:
+async def test_drives_succeed() -> None:
     drive = DryDrive()
     await drive.drive(Pose(1.0, 2.0, 0.0, "map"), deviation_xy=0.1)
 

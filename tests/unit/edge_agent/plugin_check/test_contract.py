@@ -52,7 +52,7 @@ def test_a_correct_plug_in_meets_the_contract() -> None:
 
 
 @pytest.mark.parametrize("name", list(BAD))
-def test_a_bad_plug_in_is_found(name: str) -> None:
+def test_violations_of_the_contract_are_found(name: str) -> None:
     plugin, check = BAD[name]
     seconds = 1.0 if name == "never ends" else 30.0
 
@@ -72,7 +72,7 @@ def test_a_hanging_action_is_reported_with_its_location() -> None:
     assert "in __init__" in found["Does not block"].text
 
 
-def test_checks_that_could_not_run_are_not_passed() -> None:
+def test_checks_that_could_not_run_do_not_pass() -> None:
     found = findings(made(NeverEnds, ActionDeclaration("good", NODE, timeout=60.0)), seconds=1.0)
 
     assert found["Start to end"].verdict is Verdict.NOT_SEEN

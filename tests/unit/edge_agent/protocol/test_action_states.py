@@ -25,7 +25,7 @@ def states(status: str) -> ActionStates:
 @pytest.mark.clause("6.6.9")
 @pytest.mark.parametrize("ended", ["FINISHED", "FAILED"])
 @pytest.mark.parametrize("to", list(ActionStatus))
-def test_an_ended_action_stays_ended(ended: str, to: ActionStatus) -> None:
+def test_an_ended_action_never_changes(ended: str, to: ActionStatus) -> None:
     made = states(ended)
 
     assert not made.change("a", to)
@@ -49,14 +49,14 @@ def test_an_ended_action_stays_ended(ended: str, to: ActionStatus) -> None:
         ("INITIALIZING", "FINISHED", True),
     ],
 )
-def test_allowed_changes(old: str, new: str, allowed: bool) -> None:  # noqa: FBT001
+def test_transitions_follow_figure_21(old: str, new: str, allowed: bool) -> None:  # noqa: FBT001
     made = states(old)
 
     assert made.change("a", ActionStatus(new)) is allowed
     assert made.states[0].action_status == (new if allowed else old)
 
 
-def test_a_new_result_is_a_change_and_a_repeated_status_is_none() -> None:
+def test_a_new_result_is_a_change_and_a_repeated_status_is_not() -> None:
     made = states("RUNNING")
     revision = made.revision
 
@@ -215,7 +215,7 @@ def test_taking_loads_the_robot_and_giving_unloads_it() -> None:
     assert bench.state.loads == ()
 
 
-def test_an_action_that_fails_leaves_the_load_alone() -> None:
+def test_a_failed_action_does_not_change_the_load() -> None:
     bench = loaded()
     bench.send(order("n0", order_id="bring", node_actions={"n0": [drop()]}))
     bench.fails("d")
@@ -241,7 +241,7 @@ def test_a_plug_in_may_report_the_load() -> None:
         ([pick(), drop(), pick("p2")], None),
     ],
 )
-def test_an_order_that_will_not_fit_the_load_is_refused_before_the_robot_drives(
+def test_an_order_that_contradicts_the_load_is_refused_before_the_robot_drives(
     what: list[Action], refused: str | None
 ) -> None:
     bench = robot()
@@ -261,7 +261,7 @@ def test_edge_actions_are_ordered_between_those_of_their_nodes() -> None:
     assert bench.errors == []
 
 
-def test_an_update_begins_with_the_load_that_the_base_will_leave() -> None:
+def test_an_update_begins_with_the_load_at_the_end_of_the_base() -> None:
     bench = robot()
     bench.send(order("n0", "n1", node_actions={"n1": [pick()]}))
     bench.send(order("n1", "n2", update=1, first=2, node_actions={"n1": [pick()], "n2": [pick("p2")]}))
@@ -293,7 +293,7 @@ def test_an_action_without_its_expected_load_fails_before_its_plug_in() -> None:
 
 
 @pytest.mark.clause("6.2.1/refused")
-def test_an_instant_action_that_does_not_fit_the_load_is_refused() -> None:
+def test_an_instant_action_that_contradicts_the_load_is_refused() -> None:
     bench = robot()
     bench.do(instant(drop()))
 

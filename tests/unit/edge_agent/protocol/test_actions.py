@@ -39,7 +39,7 @@ def test_a_failure_is_retriable_if_order_and_version_allow_it(
 
 @pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
-def test_it_blocks_the_order_until_it_is_retried() -> None:
+def test_a_retriable_action_blocks_the_order_until_it_is_retried() -> None:
     bench = failed()
     assert not bench.idle
     assert not bench.goals
@@ -56,7 +56,7 @@ def test_it_blocks_the_order_until_it_is_retried() -> None:
 
 @pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/skipRetry")
-def test_when_skipped_it_fails_and_the_order_continues() -> None:
+def test_a_skipped_action_fails_and_the_order_continues() -> None:
     bench = failed()
 
     bench.instant(action("s", "NONE", "skipRetry", actionId="a"))
@@ -129,7 +129,7 @@ def test_it_ends_with_its_edge() -> None:
 
 @pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
-def test_it_may_still_be_retried_after_a_restart() -> None:
+def test_a_retriable_action_can_be_retried_after_a_restart() -> None:
     bench = failed()
     again = Bench(
         memory=Memory.model_validate_json(bench.core.memory().model_dump_json()), rules=RULES["3.0.0"]
@@ -219,7 +219,7 @@ def test_2_x_has_no_fleet_control_trigger() -> None:
 
 @pytest.mark.clause("6.2.3/waitForTrigger", "6.1.4.3")
 @pytest.mark.parametrize("version", list(RULES))
-def test_a_wait_that_nothing_could_release_is_refused(version: str) -> None:
+def test_a_wait_without_a_usable_trigger_is_refused(version: str) -> None:
     bench = waiting(version=version)
 
     assert bench.errors == ["INVALID_ORDER_ACTION"]

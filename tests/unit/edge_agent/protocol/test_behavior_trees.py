@@ -52,7 +52,7 @@ def test_a_route_through_several_nodes_has_one_behaviour_tree(second: str, ahead
     assert len(bench.goal.ahead) == ahead
 
 
-def test_a_name_that_the_site_does_not_allow_is_refused() -> None:
+def test_a_behaviour_tree_that_is_not_configured_is_refused() -> None:
     bench = robot()
     bench.send(order("n0", "n1", edge_actions={"n0-n1": [tree("reckless")]}))
     assert bench.errors == ["INVALID_ORDER_ACTION"]

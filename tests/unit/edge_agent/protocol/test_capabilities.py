@@ -31,7 +31,7 @@ VALUES: dict[str, tuple[str, Any]] = {
 @pytest.mark.clause("6.10/parameters", "6.1.4.2", "7.3/edge")
 @pytest.mark.parametrize("limits_speed", [True, False])
 @pytest.mark.parametrize("name", DEMANDS)
-def test_a_field_of_an_edge_is_listed_if_orders_may_hold_it(name: str, *, limits_speed: bool) -> None:
+def test_an_edge_field_is_listed_if_orders_may_contain_it(name: str, *, limits_speed: bool) -> None:
     bench = Bench(limits_speed=limits_speed)
     field, value = VALUES[name]
 
@@ -42,7 +42,7 @@ def test_a_field_of_an_edge_is_listed_if_orders_may_hold_it(name: str, *, limits
 
 
 @pytest.mark.clause("6.10/parameters")
-def test_positions_are_demanded() -> None:
+def test_node_positions_are_required() -> None:
     demanded = [
         each.parameter for each in supported(Bench().capabilities) if each.support is Support.REQUIRED
     ]

@@ -59,7 +59,7 @@ def test_a_blocked_robot_keeps_trying_and_reports_it() -> None:
     assert bench.errors == []
 
 
-def test_without_an_order_a_robot_may_be_at_standstill() -> None:
+def test_a_robot_without_an_order_is_not_blocked() -> None:
     bench = Bench()
     bench.do(STANDS)
     assert bench.errors == []
@@ -215,7 +215,7 @@ def test_an_order_is_refused_while_the_session_is_off(off: SessionState) -> None
 
 
 @pytest.mark.parametrize("state", [SessionState.INITIATING, SessionState.FAILED])
-def test_an_order_waits_while_the_session_starts_or_is_about_to(state: SessionState) -> None:
+def test_an_order_waits_while_the_session_starts(state: SessionState) -> None:
     robot = bench()
     robot.do(session(state, "no network"), NavigationReport(available=False, reason="no session"))
     robot.send(order("n0", "n1"))
@@ -303,14 +303,14 @@ def test_a_node_below_the_goal_tolerance_is_reported_before_the_drive() -> None:
     assert "0.25 m" in str(error.error_description)
 
 
-def test_nodes_that_allow_enough_or_leave_it_to_the_robot_are_well() -> None:
+def test_nodes_that_allow_enough_cause_no_warning() -> None:
     bench = Bench()
     bench.do(LIMITS)
     bench.send(order("n0", "n1", "n2", positions={"n2": position(20.0, radius=0.25)}))
     assert bench.errors == []
 
 
-def test_limits_of_navigation_are_in_the_factsheet_once() -> None:
+def test_new_limits_of_navigation_are_published_once() -> None:
     bench = Bench()
     assert SendFactsheet() in bench.do(LIMITS)
     assert SendFactsheet() not in bench.do(LIMITS)

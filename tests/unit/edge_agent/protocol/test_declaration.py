@@ -44,7 +44,7 @@ LIFT = ActionDeclaration(
         (2.1, "must be at least 0 and at most 2"),
     ],
 )
-def test_a_value_is_judged_by_type_and_range(value: JsonValue, problem: str | None) -> None:
+def test_a_value_is_checked_by_type_and_range(value: JsonValue, problem: str | None) -> None:
     found = HEIGHT.problem(value)
     assert found is None if problem is None else found is not None and problem in found
 
@@ -55,7 +55,7 @@ def test_only_the_listed_values_of_a_choice_are_accepted() -> None:
     assert SIDE.problem("up") == "parameter 'side' must be one of left, right"
 
 
-def test_an_empty_list_is_none() -> None:
+def test_an_empty_array_counts_as_missing() -> None:
     listed = Parameter("zones", ValueDataType.ARRAY)
     assert listed.problem([]) == "parameter 'zones' is missing"
     assert listed.problem(["z"]) is None
@@ -100,7 +100,7 @@ def test_two_load_handling_devices_are_refused() -> None:
         ("HARD", ActionScope.NODE, 3, "action 'lift': parameter 'height' must be"),
     ],
 )
-def test_an_action_is_judged_by_scope_blocking_and_parameters(
+def test_an_action_is_checked_by_scope_blocking_type_and_parameters(
     blocking: str, scope: ActionScope, height: float, problem: str | None
 ) -> None:
     found = LIFT.problem(action("a", blocking, "lift", height=height), scope)

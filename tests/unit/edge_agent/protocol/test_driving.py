@@ -92,7 +92,7 @@ def picture(blocking: str) -> Bench:
 
 
 @pytest.mark.clause("6.6.2", "6.2.2/edge")
-def test_picture_of_a_node_that_does_not_block() -> None:
+def test_a_node_action_that_does_not_block_driving() -> None:
     bench = picture("NONE")
 
     effects = bench.arrive()
@@ -104,7 +104,7 @@ def test_picture_of_a_node_that_does_not_block() -> None:
 
 @pytest.mark.clause("6.6.2", "6.6.2/blocking")
 @pytest.mark.parametrize("blocking", ["SOFT", "HARD"])
-def test_picture_of_a_node_that_blocks(blocking: str) -> None:
+def test_a_node_action_that_blocks_driving(blocking: str) -> None:
     bench = picture(blocking)
 
     effects = bench.arrive()
@@ -132,7 +132,7 @@ def test_a_blocking_action_of_an_edge_runs_before_the_robot_moves_on_it() -> Non
 
 
 @pytest.mark.clause("6.2.2/edge")
-def test_an_edge_action_with_a_goal_of_its_own_fails_when_its_edge_ends() -> None:
+def test_an_edge_action_that_has_not_finished_fails_when_its_edge_ends() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("e")]}))
     bench.runs("e")
@@ -205,7 +205,7 @@ def test_pass_through_sends_the_next_goal_within_the_range_of_a_node() -> None:
 
 
 @pytest.mark.clause("6.6.2/range")
-def test_pass_through_is_bounded_by_the_set_radius() -> None:
+def test_pass_through_is_limited_by_the_configured_radius() -> None:
     bench = Bench(**PASS, pass_radius=0.5)
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=3.0)}))
 
@@ -216,7 +216,7 @@ def test_pass_through_is_bounded_by_the_set_radius() -> None:
 
 
 @pytest.mark.parametrize(("speed", "given_at"), [(0.0, 9.55), (0.5, 9.3), (1.0, 8.8), (4.0, 7.1)])
-def test_a_fast_robot_gets_the_next_goal_before_navigation_replans(speed: float, given_at: float) -> None:
+def test_the_next_goal_is_sent_earlier_at_higher_speed(speed: float, given_at: float) -> None:
     """Goal tolerance and the way of a replanning period before the node, but within its deviation."""
     bench = Bench(**PASS, pass_radius=0.5, hand_over_distance=0.25, hand_over_time=1.0)
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=3.0)}))
@@ -331,7 +331,7 @@ def test_the_goal_is_resent_when_navigation_returns() -> None:
 
 
 @pytest.mark.clause("6.6.5.4/localisation")
-def test_a_lost_robot_stops_and_continues_once_localised() -> None:
+def test_a_robot_without_a_position_stops_and_continues_once_localised() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
 
@@ -488,7 +488,7 @@ def later(bench: Bench, seconds: float) -> None:
 
 
 @pytest.mark.clause("6.6.5.1/keeps")
-def test_is_retried_after_a_delay_and_fails_after_the_last_retry(bench: Bench) -> None:
+def test_a_drive_is_retried_after_a_delay_and_fails_after_the_last_retry(bench: Bench) -> None:
     for number in (1, 2):
         fail(bench)
         (error,) = bench.state.errors
@@ -526,7 +526,7 @@ def test_a_cancelled_or_replaced_goal_is_not_retried(bench: Bench, failure: Driv
     assert bench.errors == [ErrorType.NODE_UNREACHABLE]
 
 
-def test_an_order_that_waits_for_a_try_can_be_cancelled(bench: Bench) -> None:
+def test_an_order_that_waits_for_a_retry_can_be_cancelled(bench: Bench) -> None:
     fail(bench)
     bench.instant(action("c", "NONE", "cancelOrder"))
     assert (bench.status("c"), bench.errors) == ("FINISHED", [])
@@ -545,7 +545,7 @@ def test_a_drive_is_retried_when_its_navigation_returns(bench: Bench) -> None:
     assert (len(bench.goals), bench.errors) == (2, [DRIVE_RETRIED])
 
 
-def test_a_pause_lasts_over_the_time_of_a_try(bench: Bench) -> None:
+def test_a_pause_delays_a_retry(bench: Bench) -> None:
     fail(bench)
     bench.instant(action("p", "NONE", "startPause"))
     later(bench, 10.0)
@@ -580,7 +580,7 @@ def test_the_first_goal_contains_the_nodes_of_the_base() -> None:
 
 
 @pytest.mark.parametrize("fields", [{"drives_ahead": False}, {"strategy": DriveStrategy.STOP_AT_NODES}])
-def test_a_driver_that_cannot_pass_or_must_stop_gets_one_node(fields: dict[str, Any]) -> None:
+def test_a_driver_that_cannot_pass_nodes_gets_one_node(fields: dict[str, Any]) -> None:
     bench = Bench(**(AHEAD | fields))
     bench.send(order("n0", "n1", "n2"))
     assert ahead(bench) == []
@@ -602,7 +602,7 @@ def test_a_route_ends_at_the_first_stop(fields: dict[str, Any]) -> None:
     assert ahead(bench) == [(20.0, 0.0)]
 
 
-def test_a_gentle_bend_or_a_node_with_room_is_passed() -> None:
+def test_a_gentle_corner_or_a_node_with_a_large_deviation_is_passed() -> None:
     bench = Bench(**AHEAD)
     places = {"n1": position(10.0), "n2": position(20.0, 3.0, radius=0.8), "n3": position(20.0, 10.0)}
     bench.send(order("n0", "n1", "n2", "n3", positions=places))
@@ -623,7 +623,7 @@ def test_a_passed_node_leaves_the_remaining_poses() -> None:
     assert (bench.goal.pose.x, ahead(bench)) == (20.0, [(30.0, 0.0)])
 
 
-def test_a_node_is_passed_anywhere_in_its_deviation() -> None:
+def test_a_node_is_passed_anywhere_within_its_deviation() -> None:
     bench = Bench(**AHEAD, pass_radius=0.1)
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=0.8)}))
     bench.do(at(9.3))
@@ -830,7 +830,7 @@ def test_a_preventive_robot_stops_after_its_timeout_and_continues_when_the_broke
     assert bench.nodes == ["n1", "n2"]
 
 
-def test_a_short_break_is_nothing() -> None:
+def test_a_short_link_loss_is_ignored() -> None:
     bench = under_way(LinkLossPolicy.PREVENTIVE_AT_ONCE)
     lose(bench, 9.0)
     bench.do(CONNECTED)
@@ -839,7 +839,7 @@ def test_a_short_break_is_nothing() -> None:
     assert not bench.effects_of(Halt)
 
 
-def test_at_the_next_node_it_waits() -> None:
+def test_a_preventive_robot_waits_at_the_next_node() -> None:
     bench = under_way(LinkLossPolicy.PREVENTIVE_NEXT_NODE)
     lose(bench, 20.0)
     assert not bench.effects_of(Halt)
@@ -849,14 +849,14 @@ def test_at_the_next_node_it_waits() -> None:
     assert len(bench.goals) == 2
 
 
-def test_the_next_node_is_not_passed() -> None:
+def test_a_preventive_robot_does_not_pass_the_next_node() -> None:
     bench = under_way(LinkLossPolicy.PREVENTIVE_NEXT_NODE, strategy=DriveStrategy.PASS_THROUGH)
     lose(bench, 20.0)
     bench.do(at(9.9))
     assert (bench.nodes, len(bench.goals)) == (["n1", "n2"], 1)
 
 
-def test_a_robot_that_has_never_had_its_broker_waits_too() -> None:
+def test_a_robot_that_was_never_connected_waits_too() -> None:
     memory = under_way(LinkLossPolicy.PREVENTIVE_AT_ONCE).core.memory()
     bench = Bench(memory=memory, link_loss=LinkLossPolicy.PREVENTIVE_AT_ONCE, link_loss_timeout=10.0)
     assert len(bench.goals) == 1
@@ -865,7 +865,7 @@ def test_a_robot_that_has_never_had_its_broker_waits_too() -> None:
     assert len(bench.effects_of(Halt)) == 1
 
 
-def test_started_begins_the_time() -> None:
+def test_the_timeout_begins_at_the_start() -> None:
     bench = Bench(ready=False, link_loss=LinkLossPolicy.PREVENTIVE_AT_ONCE)
     assert not bench.waits()
     bench.do(Started())

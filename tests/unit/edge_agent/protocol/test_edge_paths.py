@@ -73,19 +73,19 @@ def test_a_path_is_continuous_with_short_steps_between_both_ends(drawn: Trajecto
         assert after[0] >= before[0] - 1e-9, "the curve goes on along x, and so does the path"
 
 
-def test_a_circle_of_weights_is_driven_as_a_circle() -> None:
+def test_weights_can_describe_a_circle() -> None:
     points = (*QUARTER[:1], QUARTER[1].model_copy(update={"weight": 0.5**0.5}), *QUARTER[2:])
     path = edge_paths.path_between(edge(arc(control_points=points)), at(0, 0), at(10, 10))
     assert [hypot(x - 0, y - 10) for x, y in path] == pytest.approx([10.0] * len(path))
 
 
-def test_a_trajectory_without_degree_and_knots_is_a_line_through_its_points() -> None:
+def test_a_trajectory_without_degree_and_knots_is_a_polyline() -> None:
     bare = Trajectory(control_points=QUARTER)
     path = edge_paths.path_between(edge(bare), at(0, 0), at(10, 10))
     assert list(edge_paths.corners(path)) == [(0, 0), (10, 0), (10, 10)]
 
 
-def test_a_corridor_alone_is_driven_in_the_middle_line() -> None:
+def test_a_corridor_without_a_trajectory_is_driven_along_its_centre() -> None:
     path = edge_paths.path_between(edge(corridor=narrow(1, 1)), at(0, 0), at(3, 4))
     assert (path[0], path[-1]) == ((0, 0), (3, 4))
     assert max(abs(edge_paths.offset(((0, 0), (3, 4)), each)) for each in path) < 1e-9
@@ -132,7 +132,7 @@ def test_a_corridor_alone_is_driven_in_the_middle_line() -> None:
         ),
     ],
 )
-def test_a_path_that_misses_its_nodes_is_refused(
+def test_a_trajectory_that_misses_its_nodes_is_refused(
     fields: dict[str, object], kind: ErrorType, said: str
 ) -> None:
     found = edge_paths.fault(edge(arc(**fields)), at(0, 0), at(10, 10), ROBOT)
@@ -141,7 +141,7 @@ def test_a_path_that_misses_its_nodes_is_refused(
     assert said in found.text
 
 
-def test_a_trajectory_that_costs_too_much_is_refused_at_once() -> None:
+def test_a_trajectory_that_is_too_expensive_is_refused_at_once() -> None:
     many = Trajectory(control_points=tuple(ControlPoint(x=i / 5000, y=0) for i in range(10_002)))
     found = edge_paths.fault(edge(many), at(0, 0), at(2, 0), ROBOT)
     assert found is not None
@@ -193,7 +193,7 @@ def test_the_tolerance_decides_whether_a_path_returns_to_its_end(
 
 
 @given(rising())
-def test_the_near_end_of_a_path_is_no_return(drawn: Trajectory) -> None:
+def test_an_approach_to_the_end_is_not_a_loop(drawn: Trajectory) -> None:
     first, last = drawn.control_points[0], drawn.control_points[-1]
     path = edge_paths.path_between(edge(drawn), at(first.x, first.y), at(last.x, last.y))
     found = edge_paths.fault(edge(drawn), at(first.x, first.y), at(last.x, last.y), ROBOT, 0.25)
@@ -242,12 +242,14 @@ def test_a_path_stays_inside_of_its_corridor_or_is_refused(corridor: Corridor, *
         (None, -0.6, 0.1),
     ],
 )
-def test_how_far_a_robot_is_outside(corridor: Corridor | None, y: float, outside: float) -> None:
+def test_the_distance_outside_a_corridor_is_measured(
+    corridor: Corridor | None, y: float, outside: float
+) -> None:
     pose = Pose(5.0, y, 0.0, "hall")
     assert edge_paths.metres_outside(((0, 0), (10, 0)), corridor, pose, ROBOT) == pytest.approx(outside)
 
 
-def test_the_rest_of_a_path_begins_at_the_robot() -> None:
+def test_the_remaining_path_begins_at_the_robot() -> None:
     path = edge_paths.path_between(edge(arc()), at(0, 0), at(10, 10))
     middle = path[len(path) // 2]
     left = edge_paths.remaining(path, (middle[0] + 0.2, middle[1] - 0.2))

@@ -51,20 +51,20 @@ def test_an_edge_with_a_trajectory_is_driven_along_it() -> None:
     assert bench.goal.pose.theta == path[-1].theta == pytest.approx(1.57, abs=0.05)
 
 
-def test_an_edge_without_one_is_left_to_navigation() -> None:
+def test_navigation_plans_edges_without_a_trajectory() -> None:
     bench = robot()
     bench.send(edges({}))
     assert bench.goal.path == ()
 
 
-def test_without_the_ability_the_order_is_refused_as_ever() -> None:
+def test_a_robot_that_cannot_follow_paths_refuses_the_order() -> None:
     bench = Bench()
     bench.send(edges({"trajectory": TURN}))
     assert (bench.errors, bench.goals) == (["UNSUPPORTED_PARAMETER"], [])
 
 
 @pytest.mark.parametrize("version", ["2.1.0", "3.0.0"])
-def test_wrong_knots_are_refused_with_the_edge(version: str) -> None:
+def test_invalid_knots_are_refused_and_the_edge_is_named(version: str) -> None:
     bench = robot(rules=RULES[version])
     bench.send(edges({"trajectory": TURN.model_copy(update={"knot_vector": (0, 1)})}))
     (entry,) = bench.state.errors
@@ -96,13 +96,13 @@ def test_a_node_is_passed_only_from_path_to_path(second: dict[str, Any], *, pass
         assert bench.goal.path[-1].y == 20.0
 
 
-def test_nothing_ahead_of_a_path_is_driven_with_it() -> None:
+def test_a_path_has_no_poses_ahead() -> None:
     bench = robot(strategy=DriveStrategy.PASS_THROUGH, drives_ahead=True)
     bench.send(edges({"trajectory": TURN}, {}))
     assert bench.goal.ahead == ()
 
 
-def test_a_path_is_not_driven_as_one_of_several_poses() -> None:
+def test_poses_ahead_end_before_a_path() -> None:
     bench = robot(strategy=DriveStrategy.PASS_THROUGH, drives_ahead=True)
     bench.send(edges({}, {"trajectory": ON}))
     assert (bench.goal.path, bench.goal.ahead) == ((), ())
@@ -155,7 +155,7 @@ def test_a_short_straight_trajectory_is_driven() -> None:
     assert bench.goal.path
 
 
-def test_a_corridor_that_needs_a_release_is_not_used() -> None:
+def test_a_corridor_that_requires_a_release_is_not_used() -> None:
     bench = robot()
     asks = Corridor(left_width=5.0, right_width=5.0, release_required=True)
     bench.send(edges({"trajectory": TURN, "corridor": asks}))
@@ -175,7 +175,7 @@ def test_the_state_shows_the_path_and_its_trajectory() -> None:
     assert any(7 < x < 8 and 2 < y < 3 for x, y in places)
 
 
-def test_after_a_restart_on_a_path_an_operators_goal_is_not_mistaken_for_ours() -> None:
+def test_after_a_restart_on_a_path_an_operators_goal_is_not_adopted() -> None:
     bench = robot()
     bench.send(edges({"trajectory": TURN}))
     kept = Bench(memory=bench.core.memory(), ready=False, follows_paths=True).core.own_goals
@@ -188,7 +188,7 @@ def test_after_a_restart_on_a_path_an_operators_goal_is_not_mistaken_for_ours() 
     assert trackers.tick(1.0) == trackers.tick(60.0) == []
 
 
-def test_after_a_restart_the_path_is_driven_on() -> None:
+def test_after_a_restart_the_robot_continues_on_its_path() -> None:
     bench = robot()
     bench.send(edges({"trajectory": TURN}))
     bench.do(at(7.5, 2.5, 0.8))

@@ -51,7 +51,7 @@ def moved(polygon: Polygon, by: Point) -> Polygon:
     ("point", "inside"),
     [((1.0, 1.0), True), ((4.5, 1.0), True), ((4.5, 8.0), False), ((7.5, 8.0), True), ((-1.0, 1.0), False)],
 )
-def test_a_point_is_inside_or_not(point: Point, *, inside: bool) -> None:
+def test_points_inside_a_polygon(point: Point, *, inside: bool) -> None:
     assert contains(HORSESHOE, point) is inside
 
 
@@ -59,11 +59,11 @@ def test_a_point_is_inside_or_not(point: Point, *, inside: bool) -> None:
     ("by", "meets"),
     [((3.0, 3.0), True), ((5.0, 0.0), False), ((4.0, 0.0), True), ((4.0, 4.0), True), ((0.0, 0.0), True)],
 )
-def test_two_squares_meet_or_not(by: Point, *, meets: bool) -> None:
+def test_intersecting_squares(by: Point, *, meets: bool) -> None:
     assert overlap(SQUARE, moved(SQUARE, by)) is meets
 
 
-def test_one_within_the_other_overlaps_without_a_crossing() -> None:
+def test_a_polygon_inside_another_overlaps_it() -> None:
     small = moved(tuple((x / 8, y / 8) for x, y in SQUARE), (1.0, 1.0))
 
     assert overlap(SQUARE, small)
@@ -89,7 +89,9 @@ def test_overlap_agrees_with_the_distance_between_upright_boxes(
 
 
 @given(points, points, st.floats(-pi, pi))
-def test_a_swept_rectangle_holds_the_robot_all_along(start: Point, end: Point, theta: float) -> None:
+def test_a_swept_rectangle_contains_the_robot_on_the_whole_way(
+    start: Point, end: Point, theta: float
+) -> None:
     ground = rectangle(start, end, length=1.0, width=0.6, theta=theta)
     if start != end:
         theta = atan2(end[1] - start[1], end[0] - start[0])
@@ -127,7 +129,7 @@ def test_a_contour_that_crosses_itself_is_not_simple(polygon: Polygon, *, simple
 
 
 @pytest.mark.clause("7.3/deviation")
-def test_an_ellipse_is_turned_by_its_angle() -> None:
+def test_an_ellipse_is_rotated_by_its_angle() -> None:
     place = position(0.0).model_copy(
         update={"allowed_deviation_xy": AllowedDeviationXY(a=2.0, b=0.5, theta=pi / 2)}
     )
@@ -142,19 +144,19 @@ def test_another_map_is_another_position() -> None:
 
 
 @pytest.mark.clause("7.3/deviation")
-def test_no_deviation_means_the_robots_own() -> None:
+def test_without_a_deviation_the_robots_default_applies() -> None:
     assert radius(position(0.0), 0.3) == 0.3
     assert radius(position(0.0, radius=0.0), 0.3) == 0.3
 
 
 @pytest.mark.clause("7.3/theta")
 @pytest.mark.parametrize(("theta", "fits"), [(pi - 0.1, True), (-pi + 0.1, True), (pi - 0.5, False)])
-def test_headings_are_compared_across_the_seam(theta: float, fits: bool) -> None:  # noqa: FBT001
+def test_headings_are_compared_across_pi(theta: float, fits: bool) -> None:  # noqa: FBT001
     assert heading_matches(Pose(0.0, 0.0, theta, MAP), position(0.0, theta=pi), 0.2) is fits
 
 
 @pytest.mark.clause("7.3/theta")
-def test_without_a_demand_every_heading_fits() -> None:
+def test_without_a_theta_every_heading_matches() -> None:
     assert heading_matches(Pose(0.0, 0.0, 1.0, MAP), position(0.0), 0.1)
 
 

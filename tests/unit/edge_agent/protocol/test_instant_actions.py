@@ -47,7 +47,7 @@ def test_a_factsheet_request_sends_the_factsheet() -> None:
 
 @pytest.mark.clause("6.2.1/refused", "6.6.5")
 @pytest.mark.parametrize("wrong", ["dance", "lift"], ids=["unknown", "wrong scope"])
-def test_an_impossible_action_fails_with_an_error_until_the_next_is_accepted(wrong: str) -> None:
+def test_a_refused_action_is_an_error_until_the_next_one_is_accepted(wrong: str) -> None:
     bench = Bench()
 
     bench.instant(action("i", "NONE", wrong, height=1.0))
@@ -64,7 +64,7 @@ def test_an_impossible_action_fails_with_an_error_until_the_next_is_accepted(wro
 
 
 @pytest.mark.clause("6.2.1")
-def test_each_action_of_a_message_is_judged_for_itself() -> None:
+def test_each_action_of_a_message_is_checked_separately() -> None:
     bench = Bench()
 
     bench.instant(action("i", "NONE", "dance"), action("j"), action("k", "NONE", "stateRequest"))
@@ -112,7 +112,7 @@ def test_a_failed_instant_action_is_shown_with_its_reason() -> None:
 
 
 @pytest.mark.clause("6.1.1/ids")
-def test_the_id_of_an_action_of_the_order_is_refused() -> None:
+def test_the_action_id_of_an_order_action_is_refused() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
 
@@ -205,7 +205,7 @@ def test_ended_instant_actions_stay_until_cleared_or_a_new_order() -> None:
 
 
 @pytest.mark.clause("6.2.3/clearInstantActions")
-def test_an_order_may_clear_them_as_well() -> None:
+def test_an_order_can_clear_instant_actions() -> None:
     bench = Bench(rules=RULES["3.0.0"])
     bench.instant(action("s", "NONE", "stateRequest"))
 
@@ -216,7 +216,7 @@ def test_an_order_may_clear_them_as_well() -> None:
 
 
 @pytest.mark.clause("6.6.5.4")
-def test_a_failed_instant_action_names_no_order_and_is_shown_until_the_next_one() -> None:
+def test_the_error_of_a_failed_instant_action_names_no_order_and_ends_with_the_next_one() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.instant(action("i1"))
@@ -284,7 +284,7 @@ def test_pausable_actions_are_paused() -> None:
 
 
 @pytest.mark.clause("6.2.3/startPause")
-def test_a_second_pause_finishes_like_the_first() -> None:
+def test_a_second_pause_finishes_together_with_the_first() -> None:
     bench = Bench()
     bench.instant(START)
     bench.instant(action("q", "NONE", "startPause"))
@@ -339,7 +339,7 @@ def be_at(
 
 
 @pytest.mark.clause("6.2.3/initializePosition")
-def test_the_position_is_passed_on_and_finished_when_accepted() -> None:
+def test_the_position_is_sent_and_the_action_finishes_when_it_is_accepted() -> None:
     bench = Bench()
 
     bench.instant(be_at())
@@ -366,7 +366,7 @@ def test_a_position_that_the_localisation_refuses_fails() -> None:
 
 
 @pytest.mark.clause("6.2.3/initializePosition")
-def test_a_silent_localisation_fails_the_action_after_a_time() -> None:
+def test_an_unanswered_position_fails_after_a_timeout() -> None:
     bench = Bench()
     bench.instant(be_at())
     assert bench.waits()
@@ -393,7 +393,7 @@ def test_an_impossible_position_fails_at_once(wrong: Action) -> None:
     assert not bench.effects_of(SetPosition)
 
 
-def test_one_position_at_a_time() -> None:
+def test_only_one_position_is_set_at_a_time() -> None:
     bench = Bench()
     bench.instant(be_at())
 
@@ -432,7 +432,7 @@ def test_an_order_continues_when_the_position_of_its_lost_robot_is_set() -> None
     assert bench.nodes == ["n1"]
 
 
-def test_a_number_that_no_float_can_hold_is_refused_and_blocks_nothing() -> None:
+def test_a_number_beyond_float64_is_refused_and_blocks_nothing() -> None:
     bench = Bench()
 
     bench.instant(be_at(x=10**400, action_id="huge"))
@@ -476,7 +476,7 @@ def test_a_position_can_be_set_while_a_goal_waits_for_navigation() -> None:
     assert bench.status("i") == "RUNNING"
 
 
-def test_no_position_is_set_while_the_robot_rolls_without_navigation() -> None:
+def test_no_position_is_set_while_the_robot_moves_without_navigation() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.do(GONE, VelocityReport(0.4, 0.0))

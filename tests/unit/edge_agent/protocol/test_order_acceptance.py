@@ -21,7 +21,7 @@ from nena_shared.vda5050.versions import RULES
 from support.robot_core import ACTIONS, CAPABILITIES, MAP, PRESS, Bench, action, at, order, position
 
 FREE = Situation(
-    off="",
+    session_problem="",
     operating_mode=OperatingMode.AUTOMATIC,
     fatal=False,
     idle=True,
@@ -63,7 +63,7 @@ def refused(bench: Bench, wrong: Order) -> ErrorEntry:
 
 
 @pytest.mark.clause("6.1.4.1")
-def test_row_1_a_malformed_message_is_shown_and_changes_nothing() -> None:
+def test_row_1_a_malformed_message_is_reported_and_changes_nothing() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     before = bench.state
@@ -104,7 +104,7 @@ def test_row_3_an_order_beyond_the_limits_is_refused() -> None:
 
 
 @pytest.mark.clause("7.1.2")
-def test_row_3_counts_actions_too() -> None:
+def test_row_3_also_counts_actions() -> None:
     bench = Bench(maximum_actions=1)
 
     entry = refused(bench, order("n0", node_actions={"n0": [action("a"), action("b")]}))
@@ -149,7 +149,7 @@ def test_row_4_ignores_tolerated_fields() -> None:
     ("limit", "limits_speed", "taken"),
     [(0.5, True, True), (0.5, False, False), (1.2, False, True), (0.0, True, False), (None, False, True)],
 )
-def test_row_4_a_robot_that_would_be_too_fast_refuses_the_edge(
+def test_row_4_a_speed_limit_that_the_robot_cannot_keep_is_refused(
     *, limit: float | None, limits_speed: bool, taken: bool
 ) -> None:
     bench = Bench(maximum_speed=1.2, limits_speed=limits_speed)
@@ -165,7 +165,7 @@ def test_row_4_a_robot_that_would_be_too_fast_refuses_the_edge(
 
 
 @pytest.mark.clause("6.1.4.2", "7.3/edge")
-def test_row_4_demands_that_are_met_anyway_are_none() -> None:
+def test_row_4_values_that_match_the_default_behaviour_are_accepted() -> None:
     bench = Bench()
 
     bench.send(
@@ -188,7 +188,7 @@ def test_row_4_demands_that_are_met_anyway_are_none() -> None:
     ids=["unknown", "wrong scope", "parameter missing", "parameter of wrong type", "a truth value as number"],
 )
 @pytest.mark.parametrize("released", [1, 2], ids=["horizon", "base"])
-def test_row_5_an_impossible_action_is_refused_also_in_the_horizon(wrong: object, released: int) -> None:
+def test_row_5_an_impossible_action_is_refused_even_in_the_horizon(wrong: object, released: int) -> None:
     bench = Bench()
 
     entry = refused(bench, order("n0", "n1", released=released, node_actions={"n1": [wrong]}))  # type: ignore[list-item]  # parametrized
@@ -266,7 +266,7 @@ def test_row_a2_an_order_of_2_1_may_begin_with_any_update_id() -> None:
 
 
 @pytest.mark.clause("6.1.2/A2")
-def test_row_a2_the_lost_beginning_of_an_order_is_not_left_out() -> None:
+def test_row_a2_an_order_whose_beginning_was_lost_is_refused() -> None:
     bench = Bench()
 
     entry = refused(bench, order("n0", "n1", first=4, update=1))
@@ -490,7 +490,7 @@ def test_row_b6_an_update_drops_the_horizon_and_appends() -> None:
 
 
 @pytest.mark.clause("6.1.1/ids")
-def test_an_action_id_that_is_in_use_is_refused() -> None:
+def test_an_action_id_in_use_is_refused() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", node_actions={"n1": [action("a")]}))
 
@@ -530,7 +530,7 @@ def test_row_a2_a_new_order_begins_with_update_id_0_if_the_version_requires_it(
 @pytest.mark.parametrize(
     ("version", "errors"), [("2.0.0", []), ("2.1.0", []), ("3.0.0", ["SAME_ORDER_UPDATE_ID"])]
 )
-def test_row_b3_another_content_under_the_same_number(version: str, errors: list[str]) -> None:
+def test_row_b3_different_content_with_the_same_update_id(version: str, errors: list[str]) -> None:
     bench = Bench(rules=RULES[version])
     bench.send(order("n0", "n1"))
 
@@ -558,7 +558,7 @@ def test_row_b3_after_a_restart() -> None:
 
 @pytest.mark.clause("6.1.2/stitching")
 @pytest.mark.parametrize(("version", "taken"), [("2.0.0", True), ("2.1.0", True), ("3.0.0", False)])
-def test_row_b4_the_stitching_node_is_repeated_as_it_was(
+def test_row_b4_the_stitching_node_is_repeated_unchanged(
     version: str,
     taken: bool,  # noqa: FBT001 - an example
 ) -> None:
@@ -604,7 +604,7 @@ def test_the_first_of_several_faults_is_reported(mended: int, told: str) -> None
 
 @pytest.mark.clause("6.1.5", "6.1.4.2")
 @pytest.mark.parametrize("version", ["2.1.0", "3.0.0"])
-def test_a_corridor_is_refused_unless_the_settings_pass_it_over(version: str) -> None:
+def test_a_corridor_is_refused_unless_the_settings_tolerate_it(version: str) -> None:
     wide = {"corridor": Corridor(left_width=1.0, right_width=1.0)}
     strict = Bench(rules=RULES[version])
     lenient = Bench(rules=RULES[version], tolerated_parameters=frozenset({"edges.corridor"}))
@@ -627,7 +627,7 @@ def test_an_action_may_not_have_a_blocking_type_that_it_does_not_declare() -> No
 
 
 @pytest.mark.clause("6.1.4.8")
-def test_no_route_leads_from_map_to_map() -> None:
+def test_an_order_across_maps_is_refused() -> None:
     bench = Bench()
     both = (Map(map_id=each, map_version="1", map_status=MapStatus.ENABLED) for each in (MAP, "attic"))
     bench.do(MapsReport(tuple(both)))

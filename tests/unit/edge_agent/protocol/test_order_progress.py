@@ -49,7 +49,7 @@ def test_an_ended_order_is_not_executed_again(version: str, *, killed: bool) -> 
 
 
 @pytest.mark.clause("6.1.4.4")
-def test_it_is_recognised_by_its_id_under_another_header() -> None:
+def test_an_ended_order_is_recognised_by_its_id_under_another_header() -> None:
     bench = Bench()
     bench.send(sent(1, 1))
     bench.send(sent(2, 2))
@@ -84,9 +84,7 @@ def test_an_order_that_ended_long_ago_is_recognised_by_its_header() -> None:
         pytest.param(100, TIME, id="header stays the same"),
     ],
 )
-def test_a_new_order_that_is_older_by_one_criterion_only_is_accepted(
-    header_id: int, timestamp: datetime
-) -> None:
+def test_a_new_order_with_only_an_older_id_or_time_is_accepted(header_id: int, timestamp: datetime) -> None:
     bench = Bench()
     bench.send(sent(1, 100))
 
@@ -95,7 +93,7 @@ def test_a_new_order_that_is_older_by_one_criterion_only_is_accepted(
     assert (bench.state.order_id, bench.errors) == ("o2", [])
 
 
-def test_a_counter_that_wraps_is_no_replay() -> None:
+def test_a_header_id_that_wraps_around_is_not_a_replay() -> None:
     bench = Bench()
     bench.send(sent(1, 2**32 - 1))
 
@@ -141,7 +139,7 @@ def test_a_timestamp_in_the_future_does_not_lock_out_later_orders() -> None:
 
 
 @pytest.mark.clause("6.1.4.4")
-def test_an_old_order_above_a_restarted_counter_is_not_executed_again() -> None:
+def test_an_old_order_after_a_restart_of_header_ids_is_not_executed_again() -> None:
     bench = Bench()
     bench.send(sent(0, 5000))
     for number in range(1, ENDED_ORDERS_KEPT + 5):
@@ -153,7 +151,7 @@ def test_an_old_order_above_a_restarted_counter_is_not_executed_again() -> None:
     assert bench.state.order_id == f"o{ENDED_ORDERS_KEPT + 4}"
 
 
-def test_the_time_is_that_of_the_arrival_not_of_the_start() -> None:
+def test_the_robots_time_is_the_time_of_arrival() -> None:
     """The robot's clock was a year behind at its start, and was set since."""
     bench = Bench(ready=False)
     year = timedelta(days=365)
@@ -166,7 +164,7 @@ def test_the_time_is_that_of_the_arrival_not_of_the_start() -> None:
     assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
 
 
-def test_an_order_without_a_readable_time_is_judged_by_its_header() -> None:
+def test_an_order_without_a_readable_timestamp_is_checked_by_its_header_id() -> None:
     bench = Bench()
     bench.do(OrderReceived(sent(1, 100), utc=TIME, dated=False))
     bench.do(OrderReceived(sent(2, 101, TIME + MUCH), utc=TIME + MUCH, dated=False))
@@ -183,7 +181,7 @@ def of_epoch(epoch: int | None, message: Order) -> Order:
 
 
 @pytest.mark.parametrize("killed", [False, True])
-def test_an_order_service_that_was_replaced_is_not_obeyed(*, killed: bool) -> None:
+def test_orders_of_a_replaced_order_service_are_refused(*, killed: bool) -> None:
     bench = Bench()
     bench.send(of_epoch(7, sent(1, 100)))
     bench.send(of_epoch(8, sent(2, 0)))
@@ -198,7 +196,7 @@ def test_an_order_service_that_was_replaced_is_not_obeyed(*, killed: bool) -> No
     assert bench.state.order_id == "o2"
 
 
-def test_an_update_from_an_order_service_that_was_replaced_changes_nothing() -> None:
+def test_updates_of_a_replaced_order_service_are_refused() -> None:
     bench = Bench()
     bench.send(of_epoch(7, order("n0", "n1", "n2", released=2)))
     bench.send(of_epoch(8, order("n0", "n1", "n2", released=2)))
@@ -209,7 +207,7 @@ def test_an_update_from_an_order_service_that_was_replaced_changes_nothing() -> 
     assert (bench.state.order_update_id, bench.errors) == (0, ["OUTDATED_ORDER_UPDATE"])
 
 
-def test_an_order_service_that_was_replaced_cancels_nothing() -> None:
+def test_a_replaced_order_service_cannot_cancel() -> None:
     bench = Bench()
     bench.send(of_epoch(8, order("n0", "n1")))
     cancel = InstantActions(**HEADER, nena_epoch=7, actions=(action("c", "HARD", "cancelOrder"),))
@@ -223,7 +221,7 @@ def test_an_order_service_that_was_replaced_cancels_nothing() -> None:
 
 
 @pytest.mark.parametrize("epoch", [8, None])
-def test_an_order_service_that_takes_over_with_a_slow_clock_is_accepted(epoch: int | None) -> None:
+def test_an_order_service_with_a_slow_clock_can_take_over(epoch: int | None) -> None:
     """Check that an epoch shows that it is no replay; without one the counter does, if it continues."""
     bench = Bench()
     bench.send(of_epoch(epoch and epoch - 1, sent(1, 100)))
@@ -243,7 +241,7 @@ def test_within_an_epoch_the_header_id_reveals_a_replay() -> None:
 
 
 @pytest.mark.parametrize("far", [10**12, 2**53 - 1])
-def test_an_epoch_far_in_the_future_does_not_lock_the_others_out(far: int) -> None:
+def test_an_epoch_far_in_the_future_does_not_lock_out_others(far: int) -> None:
     bench = Bench()
     now = int(TIME.timestamp())
     bench.do(OrderReceived(of_epoch(now, sent(1, 5)), utc=TIME))
@@ -282,7 +280,7 @@ def test_the_history_does_not_grow_with_the_length_of_order_ids() -> None:
 
 
 @pytest.mark.clause("6.6.2/path")
-def test_it_leads_over_the_nodes_of_the_base() -> None:
+def test_the_planned_path_leads_over_the_nodes_of_the_base() -> None:
     nodes = order("n0", "n1", "n2", "n3", released=3).nodes
 
     path = BasePath(nodes[1:]).path(nodes[0], 2)
@@ -295,7 +293,7 @@ def test_it_leads_over_the_nodes_of_the_base() -> None:
 
 
 @pytest.mark.clause("6.6.2/path")
-def test_without_a_base_ahead_there_is_none() -> None:
+def test_there_is_no_planned_path_without_a_base() -> None:
     nodes = order("n0", "n1", released=1).nodes
 
     assert BasePath(nodes[1:]).path(nodes[0], 2) is None
@@ -303,7 +301,7 @@ def test_without_a_base_ahead_there_is_none() -> None:
 
 
 @pytest.mark.clause("6.6.2/path")
-def test_it_becomes_shorter_as_the_robot_drives() -> None:
+def test_the_planned_path_becomes_shorter_as_the_robot_drives() -> None:
     bench = Bench(rules=RULES["3.0.0"])
     bench.send(order("n0", "n1", "n2"))
     bench.arrive()

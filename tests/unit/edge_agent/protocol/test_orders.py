@@ -111,7 +111,7 @@ def test_a_second_cancel_joins_the_first() -> None:
 
 
 @pytest.mark.clause("6.1.3/again", "6.2.1/again")
-def test_a_redelivered_cancel_has_no_effect_even_on_the_next_order() -> None:
+def test_a_resent_cancel_has_no_effect_on_the_next_order() -> None:
     bench = driving()
     bench.instant(action("c", "NONE", "cancelOrder"))
     bench.halted()
@@ -126,7 +126,7 @@ def test_a_redelivered_cancel_has_no_effect_even_on_the_next_order() -> None:
 
 @pytest.mark.clause("6.1.3/named")
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0"])
-def test_before_3_0_a_cancel_is_for_the_order_that_the_robot_has(version: str) -> None:
+def test_before_3_0_a_cancel_applies_to_the_active_order(version: str) -> None:
     bench = Bench(rules=RULES[version])
     bench.send(order("n0", "n1"))
 
@@ -136,7 +136,7 @@ def test_before_3_0_a_cancel_is_for_the_order_that_the_robot_has(version: str) -
 
 
 @pytest.mark.clause("6.1.3/named")
-def test_the_wrong_order_id_leaves_the_order_alone() -> None:
+def test_a_cancel_of_another_order_has_no_effect() -> None:
     bench = Bench(rules=RULES["3.0.0"])
     bench.send(order("n0", "n1"))
 
@@ -175,7 +175,7 @@ def test_an_order_of_one_node_lasts_as_long_as_its_actions_and_can_be_cancelled(
 
 
 @pytest.mark.clause("6.1.3")
-def test_a_cancel_works_in_a_pause_which_stays() -> None:
+def test_a_cancel_works_during_a_pause() -> None:
     bench = driving()
     bench.instant(action("p", "NONE", "startPause"))
     bench.halted()
@@ -214,7 +214,7 @@ def test_a_new_order_is_accepted_only_after_a_cancel() -> None:
 
 
 @pytest.mark.clause("6.1.3/after")
-def test_after_a_cancel_the_last_node_with_a_large_deviation_is_a_start() -> None:
+def test_after_a_cancel_an_order_can_start_at_a_last_node_with_a_large_deviation() -> None:
     bench = driving()
     bench.do(at(4.0))
     bench.instant(action("c", "NONE", "cancelOrder"))
@@ -256,7 +256,7 @@ def test_a_person_who_takes_over_ends_the_order(version: str, mode: OperatingMod
 
 @pytest.mark.clause("6.6.7")
 @VERSIONS
-def test_the_mode_is_shown_with_the_empty_lists_when_the_last_action_has_ended(version: str) -> None:
+def test_the_mode_is_reported_with_the_cleared_order(version: str) -> None:
     bench = driving_in_version(
         version, node_actions={"n0": [action("a", "HARD", "press"), action("b", "HARD")]}
     )
@@ -273,7 +273,7 @@ def test_the_mode_is_shown_with_the_empty_lists_when_the_last_action_has_ended(v
 
 @pytest.mark.clause("6.6.7")
 @VERSIONS
-def test_stoppable_actions_are_stopped(version: str) -> None:
+def test_cancellable_actions_are_cancelled(version: str) -> None:
     bench = driving_in_version(version, node_actions={"n0": [action("a", "HARD")]})
     bench.runs("a")
 
@@ -286,7 +286,7 @@ def test_stoppable_actions_are_stopped(version: str) -> None:
 
 @pytest.mark.clause("6.6.7")
 @VERSIONS
-def test_a_mode_that_is_switched_back_while_the_order_is_cleared_does_not_save_it(version: str) -> None:
+def test_switching_the_mode_back_does_not_stop_the_clearing(version: str) -> None:
     bench = driving_in_version(version, node_actions={"n0": [action("a", "HARD", "press")]})
     bench.runs("a")
 
@@ -342,7 +342,7 @@ def test_a_robot_with_a_fatal_error_accepts_no_orders(version: str) -> None:
 @pytest.mark.clause("6.6.6", "6.2.3/stateRequest", "6.2.3/factsheetRequest")
 @VERSIONS
 @CLEARING
-def test_instant_actions_that_do_something_fail(version: str, mode: OperatingMode) -> None:
+def test_instant_actions_other_than_requests_fail(version: str, mode: OperatingMode) -> None:
     bench = Bench(rules=RULES[version])
     switch(bench, mode)
 
@@ -461,7 +461,7 @@ def test_after_clearing_an_update_far_from_the_end_of_the_base_is_refused(versio
 
 @pytest.mark.clause("6.6.6")
 @VERSIONS
-def test_the_mode_outlives_a_restart_of_the_agent(version: str) -> None:
+def test_the_mode_survives_a_restart_of_the_agent(version: str) -> None:
     bench = Bench(rules=RULES[version])
     switch(bench, OperatingMode.MANUAL)
     kept = bench.core.memory().model_dump_json(exclude_defaults=True)
@@ -473,7 +473,7 @@ def test_the_mode_outlives_a_restart_of_the_agent(version: str) -> None:
 
 @pytest.mark.clause("6.6.7")
 @VERSIONS
-def test_a_clearing_outlives_a_restart_of_the_agent(version: str) -> None:
+def test_clearing_survives_a_restart_of_the_agent(version: str) -> None:
     bench = driving_in_version(version, node_actions={"n0": [action("a", "HARD", "press")]})
     bench.runs("a")
     switch(bench, OperatingMode.MANUAL)

@@ -96,7 +96,7 @@ def test_a_robot_offers_its_configured_actions_if_its_version_has_them(
 
 @pytest.mark.clause("6.2.3/startHibernation")
 @pytest.mark.parametrize("version", IN_3)
-def test_the_order_ends_and_the_robot_stops_before_it_signs_off(version: str) -> None:
+def test_the_order_ends_and_the_robot_stops_before_it_hibernates(version: str) -> None:
     bench = robot(version)
     bench.send(order("n0", "n1", "n2", node_actions={"n2": [action("later", "HARD")]}))
 
@@ -142,7 +142,7 @@ def test_an_action_that_cannot_be_cancelled_runs_to_its_end_first() -> None:
         "2026-01-01T11:59:59.999Z",
     ],
 )
-def test_a_wake_up_time_that_is_no_coming_time_in_utc_is_refused(version: str, at: Any) -> None:
+def test_an_invalid_or_past_wake_up_time_is_refused(version: str, at: Any) -> None:
     bench = robot(version)
 
     bench.do(sleep(at=at))
@@ -153,7 +153,7 @@ def test_a_wake_up_time_that_is_no_coming_time_in_utc_is_refused(version: str, a
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-def test_a_wake_up_time_is_needed() -> None:
+def test_a_wake_up_time_is_required() -> None:
     bench = robot()
 
     bench.instant(action("s", "NONE", "startHibernation"))
@@ -162,7 +162,7 @@ def test_a_wake_up_time_is_needed() -> None:
 
 
 @pytest.mark.parametrize("at", [AT_SIX, "2026-01-01T18:00:00Z", "2026-01-01T18:00:00.000000000Z"])
-def test_decimals_of_a_second_may_be_any(at: str) -> None:
+def test_any_number_of_decimals_is_accepted(at: str) -> None:
     bench = robot()
 
     bench.do(sleep(at=at))
@@ -193,7 +193,7 @@ def test_a_hibernating_robot_ignores_all_messages_but_stop_hibernation(message: 
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-def test_nothing_that_happens_meanwhile_is_reported_before_it_wakes() -> None:
+def test_nothing_is_reported_during_hibernation() -> None:
     bench = hibernating()
 
     bench.do(OperatingModeSwitched(OperatingMode.MANUAL), LinkReport(connected=True), TimePassed(NOON))
@@ -206,7 +206,7 @@ def test_nothing_that_happens_meanwhile_is_reported_before_it_wakes() -> None:
 
 @pytest.mark.clause("6.2.3/startHibernation")
 @pytest.mark.parametrize("version", IN_3)
-def test_stop_hibernation_wakes_it_and_finishes_with_the_first_state(version: str) -> None:
+def test_stop_hibernation_wakes_the_robot_and_finishes_with_the_first_state(version: str) -> None:
     bench = hibernating(version)
 
     effects = bench.do(instant(action("i", "NONE", "stateRequest"), action("w", "NONE", "stopHibernation")))
@@ -223,7 +223,7 @@ def test_stop_hibernation_wakes_it_and_finishes_with_the_first_state(version: st
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-def test_it_wakes_at_its_wake_up_time() -> None:
+def test_a_robot_wakes_at_its_wake_up_time() -> None:
     bench = hibernating()
 
     assert not bench.do(TimePassed(SIX - timedelta(seconds=1)))
@@ -261,7 +261,7 @@ def test_stop_hibernation_revokes_a_hibernation_that_has_not_started(*, stands: 
     assert not bench.effects_of(Hibernate)
 
 
-def test_a_second_request_joins_the_first_with_its_own_wake_up_time() -> None:
+def test_a_second_request_replaces_the_wake_up_time() -> None:
     bench = robot()
     bench.send(order("n0", "n1"))
     bench.do(sleep("first", "2026-01-01T13:00:00.000Z"), sleep("second"))
@@ -362,7 +362,7 @@ def test_an_instant_action_that_does_not_end_keeps_the_robot_awake() -> None:
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-def test_a_wake_up_time_is_judged_by_the_clock_at_its_message() -> None:
+def test_a_wake_up_time_is_compared_with_the_clock_at_arrival() -> None:
     """The clock was a year ahead when the agent started, and was corrected since."""
     bench = robot()
     bench.do(TimePassed(NOON + timedelta(days=365)))
@@ -385,7 +385,7 @@ def test_nothing_starts_after_a_shutdown_in_the_same_message(name: str) -> None:
 
 
 @pytest.mark.clause("6.2.3/shutdown")
-def test_a_second_shutdown_joins_the_first() -> None:
+def test_a_second_shutdown_finishes_at_once() -> None:
     bench = robot()
 
     bench.instant(action("d", "NONE", "shutdown"), action("d2", "NONE", "shutdown"))
@@ -458,7 +458,7 @@ def test_a_robot_that_cannot_hibernate_wakes_and_reports_the_reason() -> None:
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-def test_a_robot_that_cannot_wake_is_awake_anyway() -> None:
+def test_a_robot_whose_wake_command_fails_is_awake() -> None:
     bench = hibernating()
 
     bench.do(wake(), PowerReport(PowerCommand.WAKE, "wake.sh did not end within 60 s"))
@@ -498,7 +498,7 @@ def test_a_restarted_agent_continues_to_hibernate(
 
 
 @pytest.mark.clause("6.6/restart")
-def test_a_restart_while_the_order_is_cleared_still_leads_to_sleep() -> None:
+def test_a_restart_during_clearing_still_leads_to_hibernation() -> None:
     bench = robot()
     bench.send(order("n0", "n1"))
     bench.do(sleep())
@@ -578,7 +578,7 @@ def test_the_last_state_is_resent_over_a_new_connection() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(POWER_ACTIONS))
-def test_none_of_them_reaches_a_plug_in(name: str) -> None:
+def test_power_actions_never_reach_a_plug_in(name: str) -> None:
     bench = robot()
 
     bench.instant(action("i", "NONE", name, wakeUpTime=AT_SIX))

@@ -74,7 +74,7 @@ def test_restartable_actions_restart_and_others_fail() -> None:
 
 @pytest.mark.clause("6.6/restart", "6.6.4")
 @pytest.mark.parametrize("action_type", ["press", "work"])
-def test_a_robot_that_an_action_drove_is_stopped_before_anything_else(action_type: str) -> None:
+def test_a_robot_that_an_action_was_driving_is_stopped_first(action_type: str) -> None:
     bench = Bench()
     bench.send(order("n0", "n1", node_actions={"n1": [action("a", "HARD", action_type)]}))
     bench.do(listed(("g1", "EXECUTING")))
@@ -140,7 +140,7 @@ def test_a_cancel_is_completed() -> None:
 
 
 @pytest.mark.clause("6.2.3/startPause")
-def test_a_pause_lasts() -> None:
+def test_a_pause_continues() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.instant(action("p", "NONE", "startPause"))
@@ -203,7 +203,7 @@ def test_an_interrupted_action_can_be_cancelled_after_the_restart() -> None:
     assert (again.status("c"), again.status("a")) == ("FINISHED", "FAILED")
 
 
-def test_actions_that_have_ended_do_not_fill_the_disk() -> None:
+def test_ended_actions_are_stored_without_parameters() -> None:
     bench = Bench()
     for number in range(2 * INSTANT_ACTION_LIMIT):
         bench.instant(action(f"i{number}", text="x" * 10_000))
@@ -217,7 +217,7 @@ def test_actions_that_have_ended_do_not_fill_the_disk() -> None:
     assert restarted(bench).status(f"i{2 * INSTANT_ACTION_LIMIT - 1}") == "FINISHED"
 
 
-def test_a_position_that_was_being_set_fails() -> None:
+def test_an_interrupted_initialize_position_fails() -> None:
     bench = Bench()
     place: dict[str, Any] = {"x": 1.0, "y": 0.0, "theta": 0.0, "mapId": MAP, "lastNodeId": "n1"}
     bench.instant(action("i", "NONE", "initializePosition", **place))
@@ -229,7 +229,7 @@ def test_a_position_that_was_being_set_fails() -> None:
 
 
 @pytest.mark.clause("6.6.5.4")
-def test_a_journal_that_cannot_be_written_is_shown_until_it_can() -> None:
+def test_a_failing_journal_is_reported_until_it_works() -> None:
     bench = Bench()
 
     bench.do(JournalReport("No space left on device"))
@@ -255,7 +255,7 @@ def kept_goals(bench: Bench) -> OwnGoals | None:
     return Bench(memory=bench.core.memory(), ready=False).core.own_goals
 
 
-def test_a_goal_is_recorded_from_before_it_is_sent_until_its_end_is_reported() -> None:
+def test_a_goal_is_recorded_before_it_is_sent_and_until_its_result() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2"))
     pose = bench.goal.pose
@@ -271,7 +271,7 @@ def test_a_goal_is_recorded_from_before_it_is_sent_until_its_end_is_reported() -
     assert kept_goals(bench) == OwnGoals((), bench.goal.pose, given=bench.goal.pose, behind="g1")
 
 
-def test_the_previous_goal_stays_known_while_the_next_one_replaces_it() -> None:
+def test_the_previous_goal_stays_recorded_while_the_next_one_replaces_it() -> None:
     bench = Bench(strategy=DriveStrategy.PASS_THROUGH)
     bench.send(order("n0", "n1", "n2"))
     first = bench.goal.pose
@@ -296,7 +296,7 @@ def test_an_agent_interrupted_twice_still_recognises_its_goal() -> None:
     assert again.core.own_goals == before
 
 
-def test_a_goal_that_was_stopped_is_nobodys_any_more() -> None:
+def test_a_stopped_goal_is_no_longer_an_own_goal() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.instant(action("c", "NONE", "cancelOrder"))
@@ -308,7 +308,7 @@ def test_a_goal_that_was_stopped_is_nobodys_any_more() -> None:
 
 
 @pytest.mark.clause("6.6.5.4")
-def test_no_new_order_is_accepted_while_the_disk_fails_and_a_waiting_one_is_not_refused() -> None:
+def test_while_the_disk_fails_new_orders_are_refused_and_a_waiting_one_is_kept() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.do(JournalReport("No space left on device"))

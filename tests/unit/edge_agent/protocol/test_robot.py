@@ -68,7 +68,7 @@ def test_an_invalid_charge_is_ignored(charge: float) -> None:
 
 
 @pytest.mark.clause("7.8/position", "6.3/frame")
-def test_a_heading_is_shown_between_minus_pi_and_pi() -> None:
+def test_a_heading_is_reported_between_minus_pi_and_pi() -> None:
     bench = Bench()
     bench.do(at(0.0, theta=4.0))
 
@@ -124,7 +124,7 @@ def test_a_report_of_an_unknown_action_changes_nothing() -> None:
     assert Bench().do(ActionReport("nobody", ActionStatus.RUNNING)) == []
 
 
-def test_an_order_as_it_is_read_from_the_wire_survives_the_journal() -> None:
+def test_a_decoded_order_survives_the_journal() -> None:
     places = {"n1": position(10.0, theta=1.0, radius=0.2)}
     sent = order("n0", "n1", "n2", positions=places, edge_fields={"reach_orientation_before_entering": False})
     bench = Bench()

@@ -395,14 +395,14 @@ def machine(of_version: str, of_strategy: DriveStrategy) -> type[RobotMachine]:
 @pytest.mark.clause("6.1.2", "6.1.3", "6.2.2", "6.6.1", "6.6.6", "6.6.7")
 @pytest.mark.parametrize("strategy", DriveStrategy)
 @pytest.mark.parametrize("version", RULES)
-def test_the_core_obeys_the_rules(version: str, strategy: DriveStrategy) -> None:
+def test_the_core_keeps_its_invariants(version: str, strategy: DriveStrategy) -> None:
     examples = EXAMPLES // (len(RULES) * len(DriveStrategy)) + 1
     run_state_machine_as_test(
         machine(version, strategy), settings=settings(max_examples=examples, stateful_step_count=40)
     )
 
 
-def test_a_journalled_order_is_read_unchanged() -> None:
+def test_an_order_in_the_journal_is_read_unchanged() -> None:
     bench = Bench()
     bench.do(OrderReceived(order("n0", "n1", "n2", node_actions={"n1": [action("a", "HARD", size=[1, {}])]})))
 

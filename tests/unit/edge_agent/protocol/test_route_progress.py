@@ -75,7 +75,7 @@ def test_the_remaining_distance_follows_a_plan_to_the_goal(bench: Bench) -> None
     assert references(bench.state)["goalDistanceLeft"] == f"{(10**2 + 5**2) ** 0.5:.2f}"
 
 
-def test_at_the_end_nothing_is_left(bench: Bench) -> None:
+def test_at_the_end_the_remaining_distance_is_0(bench: Bench) -> None:
     bench.arrive()
     bench.arrive()
     assert references(bench.state) == {}
@@ -83,7 +83,7 @@ def test_at_the_end_nothing_is_left(bench: Bench) -> None:
 
 
 @pytest.mark.clause("6.6.2/path")
-def test_the_plan_shows_with_its_times(bench: Bench) -> None:
+def test_the_plan_is_reported_with_arrival_times(bench: Bench) -> None:
     bench.do(PlanReport(((0.0, 0.0), (0.0, 4.0), (10.0, 0.0))))
     for path in (bench.state.intermediate_path, bench.core.visualization(HEADER, 3).intermediate_path):
         assert path is not None
@@ -109,7 +109,7 @@ def test_after_a_restart_the_distance_starts_at_the_last_node(bench: Bench) -> N
     assert again.state.distance_since_last_node == pytest.approx(6.0)
 
 
-def test_the_remaining_distance_is_navigations_without_a_plan(bench: Bench) -> None:
+def test_without_a_plan_the_remaining_distance_is_that_of_navigation(bench: Bench) -> None:
     drive(bench, 0.0, 5.0)
     bench.do(DriveProgress(7.5, 2, "map"))
     assert references(bench.state)["goalDistanceLeft"] == "7.50"

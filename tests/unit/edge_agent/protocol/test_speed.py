@@ -41,7 +41,7 @@ def limits(robot: Bench) -> list[float | None]:
 
 
 @pytest.mark.clause("7.3/speed")
-def test_the_robot_is_slow_before_it_enters_an_edge_with_a_limit() -> None:
+def test_the_robot_slows_down_before_an_edge_with_a_limit() -> None:
     robot = driving()
     go(robot, 8.4)
     assert limits(robot) == []

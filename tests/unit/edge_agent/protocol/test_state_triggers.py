@@ -160,7 +160,7 @@ def sends_one_state(bench: Bench, event: Event, read: Callable[[State], object])
         ),
     ],
 )
-def test_in_every_version(
+def test_common_triggers(
     version: str, prepare: Callable[[Bench], None], event: Event, read: Callable[[State], object]
 ) -> None:
     bench = Bench(rules=RULES[version])

@@ -77,7 +77,7 @@ def test_a_zone_set_with_a_known_id_is_refused() -> None:
 
 
 @pytest.mark.clause("6.2.3/deleteZoneSet")
-def test_an_enabled_set_is_not_deleted() -> None:
+def test_an_enabled_zone_set_is_not_deleted() -> None:
     sets = with_sets(zone_set(WALL), zone_set(WALL, zone_set_id="s2"))
     sets.enable("s1")
 
@@ -90,7 +90,7 @@ def test_an_enabled_set_is_not_deleted() -> None:
 
 @pytest.mark.clause("6.2.3/enableZoneSet", "6.2.3/deleteZoneSet")
 @pytest.mark.parametrize("name", ["enable", "delete"])
-def test_a_set_that_is_not_there_is_not_changed(name: str) -> None:
+def test_an_unknown_zone_set_is_not_changed(name: str) -> None:
     with pytest.raises(ZoneSetRefusedError, match="no zone set 'x'"):
         getattr(with_sets(), name)("x")
 
@@ -108,7 +108,7 @@ def _bow_tie() -> Zone:
         (_bow_tie(), "crosses itself"),
     ],
 )
-def test_a_zone_that_the_robot_cannot_honour_is_refused(bad: Zone, problem: str) -> None:
+def test_an_unsupported_zone_is_refused(bad: Zone, problem: str) -> None:
     sets = ZoneSets(SUPPORTED)
 
     with pytest.raises(ZoneSetRefusedError, match=problem):
@@ -117,7 +117,7 @@ def test_a_zone_that_the_robot_cannot_honour_is_refused(bad: Zone, problem: str)
 
 
 @pytest.mark.clause("6.4.1")
-def test_there_is_room_for_so_much_and_no_more() -> None:
+def test_the_number_of_sets_zones_and_vertices_is_limited() -> None:
     sets = with_sets(*(zone_set(WALL, zone_set_id=f"s{number}") for number in range(MAXIMUM_ZONE_SETS)))
 
     with pytest.raises(ZoneSetLimitError):
@@ -176,7 +176,7 @@ def test_each_zone_is_requested_once_with_its_own_request() -> None:
     assert access.last_number == 9
 
 
-def test_zones_of_one_name_in_two_sets_are_two_zones() -> None:
+def test_zones_with_the_same_id_in_two_sets_are_different() -> None:
     other = EnabledZone(MAP, "t", A.zone, A.contour, A.bounding_box)
     access = ZoneRequests()
     access.request([A, other], now=0.0)
@@ -235,7 +235,7 @@ def test_a_grant_revoked_before_the_zone_is_requested_again_at_once() -> None:
         (60.0, NOWHERE, None),
     ],
 )
-def test_a_lease_ends_at_its_moment(
+def test_a_lease_ends_at_its_expiry(
     after: float, inside: frozenset[ZoneKey], status: RequestStatus | None
 ) -> None:
     access = asked(status=RequestStatus.GRANTED, lasting=60)
@@ -245,7 +245,7 @@ def test_a_lease_ends_at_its_moment(
     assert access.waits is (status is RequestStatus.GRANTED)
 
 
-def test_a_grant_without_an_end_lasts_and_a_longer_lease_counts() -> None:
+def test_a_grant_without_expiry_lasts_and_a_longer_lease_replaces_a_shorter_one() -> None:
     for_ever = asked(status=RequestStatus.GRANTED)
     for_ever.expire(datetime.max.replace(tzinfo=UTC), NOWHERE)
     assert for_ever.status(A.key) is RequestStatus.GRANTED
@@ -261,7 +261,7 @@ def test_a_grant_without_an_end_lasts_and_a_longer_lease_counts() -> None:
 @pytest.mark.parametrize(
     ("request_id", "grant"), [("zone-1", GrantType.QUEUED), ("zone-9", GrantType.GRANTED)]
 )
-def test_a_response_without_a_change_has_no_effect(request_id: str, grant: GrantType) -> None:
+def test_a_response_that_changes_nothing_has_no_effect(request_id: str, grant: GrantType) -> None:
     access = asked()
     access.apply(response(request_id, grant), IN_A, 0.0)
     assert (access.status(A.key), access.revision) == (RequestStatus.REQUESTED, 0)

@@ -91,7 +91,7 @@ class TestClosedZones:
         assert robot.errors == []
         assert robot.goal.pose.x == 10.0
 
-    def test_the_whole_contour_stays_outside(self) -> None:
+    def test_the_whole_footprint_stays_outside(self) -> None:
         robot = with_zones(zone("wall", "BLOCKED", 13, 17, low=0.29, high=5))
 
         robot.send(order("n0", "n1", "n2"))
@@ -99,7 +99,7 @@ class TestClosedZones:
         assert robot.errors == ["NO_ROUTE_TO_TARGET"]
 
     @pytest.mark.clause("6.4.2")
-    def test_one_of_another_set_does_not_count(self) -> None:
+    def test_zones_of_disabled_sets_are_ignored(self) -> None:
         robot = with_zones(zone("wall", "BLOCKED", 13, 17))
         enable(robot, zone("far", "BLOCKED", 70, 80), zone_set_id="s2")
 
@@ -227,7 +227,7 @@ class TestRelease:
         assert robot.errors == []
 
     @pytest.mark.clause("6.4.3/loss")
-    def test_a_lease_that_ends_is_no_pervda_order_any_more(self) -> None:
+    def test_an_expired_lease_ends_the_release(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
@@ -258,7 +258,7 @@ class TestRelease:
         ("behavior", "stands"),
         [(None, True), ("STOP", True), ("CONTINUE", False), ("EVACUATE", False)],
     )
-    def test_a_loss_within_the_zone_follows_its_release_loss_behavior(
+    def test_a_lost_release_follows_the_release_loss_behavior(
         self, behavior: str | None, *, stands: bool
     ) -> None:
         meets = ZoneReleaseLossBehavior(behavior) if behavior else None
@@ -335,7 +335,7 @@ class TestRelease:
         assert requests(robot) == [("gate", "zone-1", "GRANTED")]
 
     @pytest.mark.clause("6.9/restart", "6.4.2")
-    def test_a_restarted_agent_restores_its_zone_sets_and_requests(self) -> None:
+    def test_zone_sets_and_requests_survive_a_restart(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
@@ -362,7 +362,7 @@ class TestRelease:
 
 
 @pytest.mark.clause("6.4")
-def test_a_node_in_pass_through_is_not_passed_into_a_closed_gate() -> None:
+def test_a_node_before_a_closed_zone_is_not_passed() -> None:
     robot = with_zones(GATE, strategy="pass_through")
     robot.send(order("n0", "n1", "n2"))
 
@@ -416,7 +416,7 @@ class TestLeasesAndRefusals:
         assert requests(robot) == [("gate", "zone-1", "EXPIRED")]
         assert robot.errors == ["RELEASE_LOST"]
 
-    def test_a_lease_that_ends_while_the_agent_is_down_is_shown_to_be_over(self) -> None:
+    def test_a_lease_that_expires_while_the_agent_is_down_is_reported_as_expired(self) -> None:
         memory = self.inside(lasting=30).core.memory()
 
         robot = Bench(rules=RULES["3.0.0"], memory=memory, ready=False)

@@ -1,7 +1,7 @@
 """The port of drivers whose robot has its own map: everything is in the frame of that map.
 
-The types differ from those of the plant's frame (:mod:`nena_edge_agent.driver.port`) although they hold the
-same numbers, so that they cannot be confused. Only :mod:`nena_edge_agent.driver.plant_frame` converts between
+Its types have the same fields as those of the plant's frame (:mod:`nena_edge_agent.driver.port`), but
+differ, so that the frames cannot be confused. Only :mod:`nena_edge_agent.driver.plant_frame` converts between
 them.
 """
 
@@ -25,7 +25,7 @@ class MapPose:
 
 
 class MapGoal(GoalAt[MapPose]):
-    """A goal on the robot's map; the deviation is in metres of that map."""
+    """A goal on the robot's map; lengths are in metres of that map."""
 
     __slots__ = ()
 
@@ -37,7 +37,7 @@ class MapPoseReport(PoseReportAt[MapPose]):
 
 
 class MapOwnGoals(OwnGoalsAt[MapPose]):
-    """Goals of an earlier run, on the robot's map."""
+    """Own goals of an earlier run, on the robot's map."""
 
     __slots__ = ()
 
@@ -50,7 +50,7 @@ class MapArea(AreaAt):
 
 @dataclass(frozen=True, slots=True)
 class MapPlanReport:
-    """The path planned by navigation: m of the map ``map_id``, two points or more."""
+    """Navigation's plan: at least two points, in m on the map ``map_id``."""
 
     points: tuple[tuple[float, float], ...]
     map_id: str
@@ -61,14 +61,14 @@ MapEmit = Callable[[MapDriverEvent], None]
 
 
 class MapDriver(Mover, Protocol):
-    """A driver that uses the robot's own map; otherwise as :class:`nena_edge_agent.driver.port.Driver`."""
+    """A driver on the robot's own map; otherwise like :class:`nena_edge_agent.driver.port.Driver`."""
 
     def reclaim(self, goals: MapOwnGoals) -> None:
         """Treat ``goals`` as this robot's own if navigation still drives to them."""
         ...
 
     def go_to(self, goal: MapGoal) -> None:
-        """Drive to ``goal``; a goal still driven is replaced without a stop and without an event."""
+        """Drive to ``goal``; a current goal is replaced without a stop and without an event."""
         ...
 
     def keep_out(self, areas: tuple[MapArea, ...]) -> None:

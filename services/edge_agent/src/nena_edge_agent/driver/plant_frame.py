@@ -1,7 +1,6 @@
-"""Conversion between the plant's frame and the robot's maps, for drivers that use their own map.
+"""Conversion between the plant's frame and the robot's maps, for drivers on the robot's own map.
 
-The core and all MQTT messages use the plant's frame only, such a driver its map only. Speeds are the same in
-both.
+The core and all MQTT messages use the plant's frame; these drivers use the map's. Speeds are equal in both.
 """
 
 from __future__ import annotations
@@ -37,12 +36,12 @@ from nena_shared.plant import geometry
 from nena_shared.plant.geometry import MapTransform, parse_transform
 
 SAME = MapTransform()
-"""The transform of a map that has the plant's frame."""
+"""The transform of a map whose frame is the plant's."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlantFrame:
-    """Transforms from the plant to the robot's maps, by map ID; other maps have the plant's frame."""
+    """Transforms from the plant to the robot's maps, by map ID; other maps use the plant's frame."""
 
     transforms: Mapping[str, MapTransform]
 
@@ -113,7 +112,7 @@ class PlantFrameDriver:
     """A driver in the plant's frame that wraps one on the robot's map."""
 
     def __init__(self, make: Callable[[MapEmit], MapDriver], frame: PlantFrame, emit: Emit) -> None:
-        """Build the driver; ``emit`` gets its events in the plant's frame."""
+        """Create the driver with ``make``; ``emit`` receives its events in the plant's frame."""
         self._frame = frame
         self._driver = make(lambda event: emit(frame.event(event)))
         self.start = self._driver.start
@@ -122,7 +121,7 @@ class PlantFrameDriver:
         self.limit_speed = self._driver.limit_speed
 
     def reclaim(self, goals: OwnGoals) -> None:
-        """Pass on goals of an earlier run."""
+        """Pass on own goals of an earlier run."""
         to_map = self._frame.to_map
         given = to_map(goals.given) if goals.given else None
         self._driver.reclaim(MapOwnGoals(goals.goal_ids, to_map(goals.pose), given, goals.behind))

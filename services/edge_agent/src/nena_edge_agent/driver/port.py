@@ -1,9 +1,8 @@
-"""The port between the protocol core and the driver of the robot.
+"""The port between the protocol core and the robot's driver.
 
-Commands are method calls that return at once; everything that happens is reported by events, through the
-callback given to the driver, in the event loop's thread. Poses are in the plant's frame: m, rad,
-counter-clockwise, with the map ID. A driver that uses the robot's own map implements
-:mod:`nena_edge_agent.driver.map_port` instead.
+Commands are methods that return at once. The driver reports everything by events: it calls the given callback
+in the event loop's thread. Poses are in the plant's frame: m, rad (counter-clockwise), map ID. A driver on
+the robot's own map implements :mod:`nena_edge_agent.driver.map_port` instead.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ class SessionState(StrEnum):
 
 
 STANDING = 0.01
-"""Velocity below which a robot counts as at standstill, m/s or rad/s."""
+"""Velocity below which a robot is at standstill, m/s and rad/s."""
 
 P = TypeVar("P")
 """The type of a pose, which determines the frame."""
@@ -44,7 +43,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """A round area of the robot's map, m; an infinite radius means everywhere."""
+    """A circle in the plant's frame, m; an infinite radius means everywhere."""
 
     x: float
     y: float
@@ -57,14 +56,19 @@ class Circle:
 
 @dataclass(frozen=True, slots=True)
 class GoalAt(Generic[P]):
-    """The next goal.
+    """A goal of the core.
 
-    ``generation`` increases with each goal that the core sends; events of a goal contain it, so that a late
-    result never finishes a newer goal. ``deviation_xy`` (m) and ``deviation_theta`` (rad, None: any heading)
-    define when the robot has arrived. ``maximum_speed`` is in m/s, None: the robot's own. ``ahead`` are the
-    poses after it up to the next stop: a driver that supports them drives through them, and continues without
-    a stop when it gets the next of them as its goal. ``behavior_tree`` names the behaviour tree for
-    navigation; "": the default. ``path`` is the path to follow, up to ``pose``; empty: navigation plans one.
+    Attributes:
+        generation: increases with each goal. Events of a goal contain it, so that a late result never ends a
+            newer goal.
+        pose: target pose.
+        deviation_xy: allowed deviation from the target position, m.
+        deviation_theta: allowed deviation from its heading, rad; None: any heading.
+        maximum_speed: m/s; None: the robot's own.
+        ahead: poses after the target up to the next stop. A driver that supports them passes them, and
+            continues without a stop when the next of them becomes its goal.
+        behavior_tree: behaviour tree for navigation; empty: the default.
+        path: path to follow up to ``pose``; empty: navigation plans one.
     """
 
     generation: int
@@ -78,7 +82,7 @@ class GoalAt(Generic[P]):
 
 
 class DriveGoal(GoalAt[Pose]):
-    """One in the plant's frame."""
+    """A goal in the plant's frame."""
 
     __slots__ = ()
 
@@ -87,29 +91,29 @@ class DriveFailure(StrEnum):
     """Why a drive failed."""
 
     ABORTED = "ABORTED"
-    """Navigation gave up: unreachable, blocked, outside the map."""
+    """Navigation gave up: the goal is unreachable, blocked or outside the map."""
     CANCELED_FROM_OUTSIDE = "CANCELED_FROM_OUTSIDE"
     """Another client cancelled the goal."""
     NOT_TAKEN_UP = "NOT_TAKEN_UP"
     """Navigation never accepted the goal, although it was sent several times."""
     OUTSIDE_TOLERANCE = "OUTSIDE_TOLERANCE"
-    """Navigation reports success, but the pose is not within the allowed deviation."""
+    """Navigation reported success, but the pose is not within the allowed deviation."""
     NAVIGATION_GONE = "NAVIGATION_GONE"
-    """Navigation vanished or was restarted while it was driving."""
+    """Navigation ended or was restarted during the drive."""
     TAKEN_OVER = "TAKEN_OVER"
-    """Another client sent navigation a goal that replaced this robot's own."""
+    """Another client's goal replaced this one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arrived:
-    """The goal of ``generation`` is reached, confirmed by the pose."""
+    """The robot has reached the goal of ``generation``, as its pose confirms."""
 
     generation: int
 
 
 @dataclass(frozen=True, slots=True)
 class DriveFailed:
-    """The goal of ``generation`` will not be reached; the robot no longer drives to it.
+    """The drive to the goal of ``generation`` has failed and ended.
 
     ``hint`` is what to do about it, if known; ``code`` is navigation's error code, 0: none.
     """
@@ -128,7 +132,7 @@ class Halted:
 
 @dataclass(frozen=True, slots=True)
 class HaltFailed:
-    """The robot was stopped but still moves, or its standstill is not confirmed; ``description``: which.
+    """The robot still moves after a halt, or its standstill is not confirmed; ``description`` explains it.
 
     The driver keeps trying; :class:`Halted` follows at standstill.
     """
@@ -151,9 +155,9 @@ class VelocityReport:
 
 @dataclass(frozen=True, slots=True)
 class PoseReportAt(Generic[P]):
-    """Pose of the robot; velocity in its own frame (m/s, rad/s), None if unknown.
+    """The robot's pose, and its velocity in its own frame (m/s, rad/s; None: unknown).
 
-    ``problem`` explains why the pose is unreliable; empty if it is reliable.
+    ``problem`` is why the pose is unreliable; empty if it is reliable.
     """
 
     pose: P
@@ -164,7 +168,7 @@ class PoseReportAt(Generic[P]):
 
 
 class PoseReport(PoseReportAt[Pose]):
-    """One in the plant's frame."""
+    """A pose in the plant's frame."""
 
     __slots__ = ()
 
@@ -181,9 +185,9 @@ class BatteryReport:
 
 @dataclass(frozen=True, slots=True)
 class NavigationReport:
-    """Whether goals can be sent now; ``reason`` explains what is missing.
+    """Whether navigation accepts goals now; ``reason`` is what is missing.
 
-    ``starting``: the search for navigation is still running.
+    ``starting``: the driver is still looking for navigation.
     """
 
     available: bool
@@ -193,9 +197,9 @@ class NavigationReport:
 
 @dataclass(frozen=True, slots=True)
 class OwnGoalsAt(Generic[P]):
-    """Goals of an earlier run of the program that had not ended; the last one leads to ``pose``.
+    """Own goals that have not ended, possibly of an earlier run; the last one leads to ``pose``.
 
-    ``given`` is the pose of a goal that was about to be sent, or was sent and not listed yet; it would be
+    ``given`` is the pose of a goal that is about to be sent, or was sent and is not listed yet. It will be
     listed after the goal ``behind`` ("": unknown).
     """
 
@@ -206,14 +210,14 @@ class OwnGoalsAt(Generic[P]):
 
 
 class OwnGoals(OwnGoalsAt[Pose]):
-    """Those in the plant's frame."""
+    """Own goals in the plant's frame."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
 class BlockedReport:
-    """Whether the robot has been at standstill for ``seconds`` although navigation is driving."""
+    """Whether the robot has been at standstill for ``seconds`` although it has a goal."""
 
     blocked: bool
     seconds: float
@@ -221,11 +225,11 @@ class BlockedReport:
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """The accuracy of navigation at a goal, and the robot's outline: m on the map ``map_id``.
+    """Navigation's goal tolerance and footprint, in m on the map ``map_id``.
 
-    A goal counts as reached within ``tolerance``. A goal that is passed at full speed must be replaced
-    ``hand_over`` m plus one replanning period before it. ``contour`` is the outline around the robot's origin
-    as navigation has it; empty: unknown.
+    A goal counts as reached within ``tolerance``. To pass a goal at full speed, the next one must arrive
+    ``hand_over`` m plus one replanning period before it. ``contour`` is the footprint around the robot's
+    origin; empty: unknown.
     """
 
     tolerance: float
@@ -236,21 +240,21 @@ class DriveLimits:
 
 @dataclass(frozen=True, slots=True)
 class PlanReport:
-    """The path planned by navigation to its goal, from the robot's position then: m, two points or more."""
+    """Navigation's plan from the robot's position at that time to the goal: at least two points, m."""
 
     points: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class NoRouteReport:
-    """All areas that navigation cannot enter; orders that lead there are refused."""
+    """All areas to which navigation has no route; orders that lead there are refused."""
 
     areas: tuple[Circle, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class DriveProgress:
-    """Navigation's progress of the current drive: metres of ``map_id`` left, recoveries so far.
+    """Progress of the current drive: remaining distance in m on the map ``map_id``, and recoveries so far.
 
     ``left`` is None while navigation has no path.
     """
@@ -262,7 +266,7 @@ class DriveProgress:
 
 @dataclass(frozen=True, slots=True)
 class CollisionReport:
-    """Whether a collision monitor stops the robot, and by which of its polygons."""
+    """Whether a collision monitor stops the robot, and which of its polygons is violated."""
 
     stops: bool
     polygon: str
@@ -270,7 +274,7 @@ class CollisionReport:
 
 @dataclass(frozen=True, slots=True)
 class PositionInitialized:
-    """The pose of :meth:`Driver.initialize_position` was accepted, or why it was not."""
+    """Whether the localisation accepted the pose of :meth:`Driver.initialize_position`, or why not."""
 
     succeeded: bool
     description: str
@@ -288,7 +292,7 @@ class GoalReport:
 
 @dataclass(frozen=True, slots=True)
 class GoalTable:
-    """Navigation's goals, oldest first: all running ones, and the newest that have ended."""
+    """Navigation's goals, oldest first: all running ones, and the last ones that have ended."""
 
     goals: tuple[GoalReport, ...] = ()
 
@@ -305,7 +309,7 @@ class GoalTable:
 
 @dataclass(frozen=True, slots=True)
 class SessionReport:
-    """The state of the robot's ROS session, and its address in the ROS graph; ``reason``: why it failed."""
+    """The state of the robot's ROS session, its namespace and domain; ``reason`` is why it failed."""
 
     state: SessionState
     namespace: str
@@ -322,7 +326,7 @@ class AreaAt:
 
 
 class Area(AreaAt):
-    """One in the plant's frame."""
+    """An area in the plant's frame that the robot must not enter."""
 
     __slots__ = ()
 
@@ -350,22 +354,22 @@ Emit = Callable[[DriverEvent], None]
 
 
 class Mover(Protocol):
-    """The part of a driver that is the same in each frame."""
+    """The methods of a driver that are the same in each frame."""
 
     async def start(self) -> None:
-        """Start; events may be emitted from now on.
+        """Start the driver; from now on it may emit events.
 
         Raises:
-            nena_shared.program.StartError: the driver cannot work here; the text says what to do.
+            nena_shared.program.StartError: the driver cannot work here; the message says what to do.
         """
         ...
 
     async def stop(self) -> None:
-        """Cancel current goals and release all resources, within a limited time."""
+        """Cancel own goals and release all resources, within a limited time."""
         ...
 
     def halt(self) -> None:
-        """Stop as soon as possible and drop the goal; answered by :class:`Halted` or :class:`HaltFailed`."""
+        """Stop the robot and drop its goal; answered by :class:`Halted` or :class:`HaltFailed`."""
         ...
 
     def limit_speed(self, speed: float | None) -> None:
@@ -380,9 +384,9 @@ class Driver(Mover, Protocol):
     """A robot's driver in the plant's frame."""
 
     def reclaim(self, goals: OwnGoals) -> None:
-        """Treat ``goals`` as this robot's own if navigation still drives to them; called before the start.
+        """Treat ``goals`` as own goals if navigation still drives to them; called before the start.
 
-        A goal to the same pose stays; others are replaced, or cancelled if none is wanted.
+        A goal to the pose of the next :meth:`go_to` continues; others are replaced or cancelled.
         """
         ...
 

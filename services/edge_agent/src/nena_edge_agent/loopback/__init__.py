@@ -1,1 +1,1 @@
-"""The loopback driver: a robot that exists in this program only, for tests, load tests and simulation."""
+"""Loopback robots: simulated robots that exist only in this program, for tests and load tests."""

@@ -1,4 +1,4 @@
-"""Actions of loopback robots: simulated ones, and charging that reaches the simulated battery."""
+"""Actions of loopback robots: simulated actions, and charging of the simulated battery."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ LONGEST_ACTION = 86_400.0
 DURATION = Parameter("duration", ValueDataType.NUMBER, required=False, description="s, 0 to 86400")
 
 Outcome = Callable[[Action], str | None]
-"""Returns the reason why an action fails at its end; None: it finishes."""
+"""Returns why an action fails at its end, None if it succeeds."""
 
 
 class SimulatedAction:
-    """Runs for ``duration`` s, by default 0, and ends with ``outcome``."""
+    """An action that runs for its parameter ``duration``, s, by default 0, and ends with ``outcome``."""
 
     def __init__(self, declaration: ActionDeclaration, outcome: Outcome) -> None:
         self.declaration = declaration
@@ -44,7 +44,7 @@ class SimulatedAction:
         return countdown
 
 
-class Alternately:
+class AlternatingOutcome:
     """Alternates between failure and success, beginning with failure; one instance per robot."""
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class Alternately:
     def __call__(self, _: Action) -> str | None:
         """Return a reason to fail on every other call."""
         fails, self._fails_next = self._fails_next, not self._fails_next
-        return "it fails the first time, as it is meant to" if fails else None
+        return "simulated failure of failOnce" if fails else None
 
 
 def simulated_actions() -> tuple[ActionPlugin, ...]:
@@ -65,15 +65,16 @@ def simulated_actions() -> tuple[ActionPlugin, ...]:
         ),
         SimulatedAction(
             _declare("failAlways", "Fails after its duration."),
-            lambda _: "it always fails, as it is meant to",
+            lambda _: "simulated failure of failAlways",
         ),
         SimulatedAction(
-            _declare("failOnce", "Fails the first time, succeeds the second time, and so on."), Alternately()
+            _declare("failOnce", "Fails the first time, succeeds the second time, and so on."),
+            AlternatingOutcome(),
         ),
         SimulatedAction(
             _declare(
                 "needParameter",
-                "Refused without its parameter.",
+                "Needs the parameter 'count'; refused without it.",
                 Parameter("count", ValueDataType.INTEGER, description="any whole number"),
             ),
             lambda _: None,
@@ -96,9 +97,9 @@ def _declare(
 
 
 class ChargingWatch:
-    """Runs the actions of ``plugin``, and calls ``switch`` when charging begins or ends.
+    """Wraps ``plugin``, and calls ``switch`` when one of its actions starts or stops charging.
 
-    The core reads charging from the battery alone, so removing the charger also ends it.
+    The core only reads the battery's charging state, so that disconnecting the charger ends charging too.
     """
 
     def __init__(self, plugin: ActionPlugin, switch: Callable[[bool], None]) -> None:

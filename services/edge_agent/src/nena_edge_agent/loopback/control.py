@@ -1,4 +1,7 @@
-"""Simulation control of loopback robots: MQTT commands that simulate people and the environment."""
+"""Simulation control of loopback robots: MQTT commands that simulate people and the environment.
+
+From top to bottom: the commands, their effects on one robot, and the MQTT API.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ Name = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class CommandRefusedError(Exception):
-    """A command is invalid or cannot be executed; ``problems`` contains what to change."""
+    """A command is invalid or cannot be executed now; ``problems`` are its reasons, one sentence each."""
 
     def __init__(self, *problems: str) -> None:
         super().__init__("; ".join(problems))
@@ -74,7 +77,7 @@ class SwitchNavigation(_Command):
 
 
 class _Area(_Command):
-    """A circle (m); without a centre, it covers everything."""
+    """A circle, m; without a centre, it covers everything."""
 
     x: Finite | None = None
     y: Finite | None = None
@@ -90,14 +93,14 @@ class _Area(_Command):
 
     @property
     def circle(self) -> Circle:
-        """The area as a circle; infinite without a centre."""
+        """Return the area as a circle, infinite without a centre."""
         if self.x is None or self.y is None:
             return Circle(0.0, 0.0, inf)
         return Circle(self.x, self.y, self.radius)
 
 
 class MakeUnreachable(_Area):
-    """Nodes in the area are unreachable, which the robot discovers while driving."""
+    """Nodes in the area are unreachable; the robot notices this while it drives."""
 
     command: Literal["unreachable"]
 
@@ -121,7 +124,7 @@ class SwitchError(_Command):
 
     @property
     def entry(self) -> ErrorEntry:
-        """The error as the state shows it."""
+        """Return the error as reported in the state."""
         references = tuple(
             ErrorReference(reference_key=key, reference_value=value)
             for key, value in self.error_references.items()
@@ -136,7 +139,7 @@ class SwitchError(_Command):
 
 
 class SwitchFieldViolation(_Command):
-    """The protective field is violated, or free again."""
+    """The protective field is violated, or clear again."""
 
     command: Literal["fieldViolation"]
     active: bool
@@ -177,7 +180,7 @@ class SetBattery(_Command):
 
 
 class CarryAway(_Command):
-    """The robot is carried to another pose (m, rad), by default on the same map, and stays localised."""
+    """The robot is moved to another pose (m, rad) by hand, by default on the same map; it stays localised."""
 
     command: Literal["pose"]
     x: Finite
@@ -244,7 +247,7 @@ def parse(payload: bytes) -> AnyCommand:
 
 @dataclass(slots=True)
 class _Robot:
-    """A running robot, and access to its core."""
+    """A running robot; ``put`` sends events to its core."""
 
     driver: LoopbackDriver
     put: Callable[[Event], None]
@@ -252,9 +255,9 @@ class _Robot:
 
 
 class SimulationControl:
-    """Applies commands to one robot; restarting the robot resets their effects.
+    """Applies commands to one robot; a restart of the robot resets their effects.
 
-    ``cut_link`` breaks the robot's link to the broker for a number of seconds.
+    ``cut_link`` cuts the robot's connection to the broker for a number of seconds.
     """
 
     def __init__(self) -> None:
@@ -266,7 +269,7 @@ class SimulationControl:
         self._robot = _Robot(driver, put, SafetyReport())
 
     def set_charging(self, charging: bool) -> None:  # noqa: FBT001 - called back with the one value
-        """Start or stop charging on behalf of an action of the robot."""
+        """Start or stop charging, for an action of the robot."""
         if self._robot:
             self._robot.driver.set_charging(charging=charging)
 
@@ -295,7 +298,7 @@ class SimulationControl:
 def _make_safe(
     robot: _Robot, command: SwitchFieldViolation | PressEmergencyStop | AcknowledgeEmergencyStop
 ) -> None:
-    """Stop the robot before its core receives the event, as safety circuits do."""
+    """Change the safety state; stop the robot before its core knows, as a safety circuit does."""
     match command:
         case SwitchFieldViolation(active=active):
             robot.safety = replace(robot.safety, field_violation=active)
@@ -343,14 +346,14 @@ def _drive(driver: LoopbackDriver, command: AnyCommand) -> None:
 log = get_logger(__name__)
 
 LONGEST_PAYLOAD = 10_000
-"""Maximum size of a command, bytes."""
+"""Maximum size of a command's payload, bytes."""
 
 
 class ControlApi:
-    """The MQTT API of simulation control, for all robots of the program, on a separate connection.
+    """The MQTT API of simulation control for all robots of the program, on its own connection.
 
-    Commands are received under ``<interface name>/loopback/<manufacturer>/<serial number>/control``, and
-    answered under ``.../answer``. Commands for robots of another program are ignored.
+    Commands arrive under ``<interface name>/loopback/<manufacturer>/<serial number>/control``; answers are
+    published under ``.../answer``. Commands for robots of other programs are ignored.
     """
 
     def __init__(
@@ -359,7 +362,7 @@ class ControlApi:
         self._benches = {f"{interface_name}/loopback/{robot}": control for robot, control in controls.items()}
         first = next(iter(controls))
         self._link = MqttLink(
-            settings.model_copy(update={"client_id": None}),  # that one is the robot's own
+            settings.model_copy(update={"client_id": None}),  # the configured ID is the robot's
             client_id=f"nena-loopback-control-{first.manufacturer}-{first.serial_number}",
         )
         topic_filter = f"{interface_name}/loopback/{first.manufacturer}/+/control"
@@ -381,11 +384,11 @@ class ControlApi:
 
 
 def _obey(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
-    """Apply the command; return the problems if it is refused."""
+    """Apply a command; return its problems if it is refused."""
     if message.retained:
-        return ("retained commands may be old and are ignored; send it without the retain flag",)
+        return ("retained commands are ignored because they may be old; send it without the retain flag",)
     if len(message.payload) > LONGEST_PAYLOAD:
-        return (f"a command has at most {LONGEST_PAYLOAD} bytes",)
+        return (f"the command is longer than {LONGEST_PAYLOAD} bytes",)
     try:
         control.apply(parse(message.payload))
     except CommandRefusedError as refused:
@@ -394,7 +397,7 @@ def _obey(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
 
 
 def _answer(payload: bytes, problems: tuple[str, ...]) -> bytes:
-    """Build the answer, with the ID and name of the command if readable."""
+    """Return the answer, with the ID and name of the command if they are readable."""
     answer: dict[str, Any] = {"accepted": not problems}
     if problems:
         answer["problems"] = problems
@@ -402,7 +405,7 @@ def _answer(payload: bytes, problems: tuple[str, ...]) -> bytes:
 
 
 def _named(payload: bytes) -> dict[str, str]:
-    """Return the ID and name of a command, as far as they are readable."""
+    """Return the ID and name of a command, if they are readable."""
     try:
         command = json.loads(payload[:LONGEST_PAYLOAD])
     except (ValueError, RecursionError):

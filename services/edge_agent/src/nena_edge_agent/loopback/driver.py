@@ -1,4 +1,4 @@
-"""The loopback driver: simulates motion and battery of a robot that exists in this program only."""
+"""The loopback driver: simulates the motion and the battery of one robot."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ METRES_OF_DRAIN = 100.0
 
 
 class SimulatedBattery:
-    """A simulated battery: state of charge in percent, times in monotonic seconds."""
+    """A simulated battery; charge in percent, times monotonic, s."""
 
     def __init__(self, settings: LoopbackSettings) -> None:
         self._drain = settings.drain / METRES_OF_DRAIN
@@ -26,7 +26,7 @@ class SimulatedBattery:
 
     @property
     def charging(self) -> bool:
-        """Whether the battery is charging."""
+        """Return whether the battery is charging."""
         return self._charged_at is not None
 
     def level(self, now: float) -> float:
@@ -53,7 +53,10 @@ class SimulatedBattery:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A drive from ``start`` to ``goal`` that began at ``begin`` (s), at ``speed`` m/s and ``rate`` rad/s."""
+    """A drive from ``start`` to ``goal``: turn, straight line, turn.
+
+    It began at the monotonic time ``begin``, s, at ``speed``, m/s, and ``rate``, rad/s.
+    """
 
     start: port.Pose
     goal: port.Pose
@@ -64,16 +67,16 @@ class Motion:
 
     @property
     def length(self) -> float:
-        """Length of the straight line, m."""
+        """Return the length of the straight line, m."""
         return dist((self.start.x, self.start.y), (self.goal.x, self.goal.y))
 
     @property
     def end(self) -> float:
-        """The time in s at which the robot arrives."""
+        """Return the time of arrival, monotonic, s."""
         return self.begin + self._first_turn_time + self._line_time + abs(self._last_turn) / self.rate
 
     def at(self, now: float) -> tuple[port.Pose, float, float]:
-        """Return the pose at the time ``now`` in s, with the speed in m/s and the turning rate in rad/s."""
+        """Return pose, speed (m/s) and turning rate (rad/s) at the monotonic time ``now``, s."""
         elapsed = max(0.0, now - self.begin)
         if elapsed < self._first_turn_time:
             rate = copysign(self.rate, self._first_turn)
@@ -119,7 +122,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """A straight line from ``start`` at ``speed`` m/s, braking evenly to a stop within ``distance`` m."""
+    """A straight stop from ``start`` and ``speed``, m/s, within ``distance``, m, by constant deceleration."""
 
     start: port.Pose
     begin: float
@@ -128,11 +131,11 @@ class Braking:
 
     @property
     def end(self) -> float:
-        """The time in s at which the robot has stopped."""
+        """Return the time of standstill, monotonic, s."""
         return self.begin + 2 * self.distance / self.speed
 
     def at(self, now: float) -> tuple[port.Pose, float, float]:
-        """Return the pose at the time ``now`` in s, with the speed in m/s and the turning rate in rad/s."""
+        """Return pose, speed (m/s) and turning rate (rad/s) at the monotonic time ``now``, s."""
         left = max(0.0, (self.end - now) / (self.end - self.begin)) if now > self.begin else 1.0
         along = self.distance * (1 - left**2)
         heading = self.start.theta
@@ -141,9 +144,9 @@ class Braking:
 
 
 def braking(motion: Motion, now: float, deceleration: float) -> Braking | None:
-    """Return how a robot in ``motion`` stops at ``deceleration`` m/s²; None: at once.
+    """Return how a robot in ``motion`` stops at ``deceleration``, m/s²; None: at once.
 
-    It never drives beyond the goal: near it the robot brakes harder.
+    The robot never drives beyond its goal: close to it, it brakes harder.
     """
     pose, speed, _ = motion.at(now)
     if not speed or not deceleration:
@@ -157,15 +160,15 @@ def _turn(start: float, end: float) -> float:
 
 
 SLOWEST = 0.01
-"""Minimum speed limit, m/s: at 0, a robot would never leave its zone."""
+"""Lowest speed limit, m/s: at 0, a robot would never leave its zone."""
 BATTERY_STEP = 1.0
 """Change of charge between two reports, percent."""
 
 
 class LoopbackDriver:
-    """One simulated robot; it uses no CPU at standstill.
+    """One simulated robot, in the plant's frame; at standstill it uses no CPU time.
 
-    Besides the driver port, it has a method for each external influence.
+    Besides the methods of the driver port, it has one for each command of simulation control.
     """
 
     def __init__(
@@ -209,7 +212,7 @@ class LoopbackDriver:
 
     @property
     def moving(self) -> bool:
-        """Whether the robot drives, turns or brakes."""
+        """Return whether the robot drives, turns or brakes."""
         return self._motion is not None
 
     def go_to(self, goal: port.DriveGoal) -> None:
@@ -236,7 +239,7 @@ class LoopbackDriver:
     def halt(self) -> None:
         """Brake and drop the goal."""
         if isinstance(self._motion, Braking):
-            return  # confirmed at standstill
+            return  # it confirms the halt at standstill
         motion, now = self._motion, self._clock.monotonic()
         slowing = braking(motion, now, self._settings.deceleration) if motion else None
         self._stand()
@@ -247,7 +250,7 @@ class LoopbackDriver:
             self._wait()
 
     def reclaim(self, goals: port.OwnGoals) -> None:
-        """Ignore earlier goals: they end with the program."""
+        """Do nothing: goals end with the program."""
 
     def keep_out(self, areas: tuple[port.Area, ...]) -> None:
         """Do nothing: the robot drives in straight lines, so this is never called."""
@@ -273,7 +276,7 @@ class LoopbackDriver:
             self._emit(port.Halted())
 
     def carry_to(self, x: float, y: float, theta: float, map_id: str | None = None) -> None:
-        """Move to another pose (m, rad) without driving; a current goal continues from there."""
+        """Place the robot at another pose (m, rad); a current goal continues from there."""
         goal = self._goal
         self.stop_at_once()
         self._pose = port.Pose(x, y, theta, map_id or self._pose.map_id)
@@ -293,7 +296,7 @@ class LoopbackDriver:
         self._report_pose(0.0, 0.0)
 
     def set_navigation(self, *, available: bool, reason: str) -> None:
-        """Make navigation unavailable or available; the robot stops meanwhile."""
+        """Make navigation available, or unavailable, which stops the robot."""
         if not available:
             self.stop_at_once()
         self._navigation = port.NavigationReport(available=available, reason=reason)
@@ -311,7 +314,7 @@ class LoopbackDriver:
             self.go_to(goal)
 
     def set_no_route(self, circle: port.Circle, *, active: bool) -> None:
-        """Report no route to goals in ``circle``, or a route again."""
+        """Report that no route leads into ``circle``, or that one does again."""
         if active:
             self._no_route[circle] = None
         else:
@@ -335,11 +338,11 @@ class LoopbackDriver:
         if goal.pose.map_id != self._pose.map_id:
             return f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
         if any(circle.holds(goal.pose.x, goal.pose.y) for circle in self._unreachable):
-            return "no route leads there"
+            return "the goal is unreachable"
         return None
 
     def _stand(self) -> None:
-        """Drop the goal and stand at the current pose."""
+        """Drop the goal and stop at the current pose."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -412,5 +415,5 @@ class LoopbackDriver:
         self._emit(port.BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.charging))
 
     def _soon(self, step: Callable[[], None]) -> None:
-        """Call ``step`` from the event loop, never within the caller's own call."""
+        """Call ``step`` from the event loop, after the current call has returned."""
         asyncio.get_running_loop().call_soon(step)

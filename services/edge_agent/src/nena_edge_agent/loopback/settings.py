@@ -18,14 +18,14 @@ class StartPose(SettingsGroup):
     x: Finite = Field(0.0, description="m")
     y: Finite = Field(0.0, description="m")
     theta: Finite = Field(0.0, description="rad")
-    speed: Positive | None = Field(None, description="m/s of this robot; unset: as the others.")
+    speed: Positive | None = Field(None, description="Speed of this robot, m/s. Unset: that of the others.")
 
 
 class LoopbackSettings(SettingsGroup):
     """Loopback robots of this program."""
 
     count: int = Field(
-        1, ge=1, le=10_000, description="Number of robots; above 1, their serial numbers get a number."
+        1, ge=1, le=10_000, description="Number of robots; above 1, their serial numbers are numbered."
     )
     x: Finite = Field(0.0, description="Start position of the first robot, m.")
     y: Finite = Field(0.0, description="Start position of the first robot, m.")
@@ -34,12 +34,12 @@ class LoopbackSettings(SettingsGroup):
     row: int = Field(0, ge=0, description="Robots per row; 0: all in one row.")
     starts: tuple[StartPose, ...] = Field(
         (),
-        description="Start poses of single robots, as [[loopback.starts]] tables; the others start in rows.",
+        description="Start poses of the first robots, as [[loopback.starts]] tables; others start in rows.",
     )
-    speed: Positive = Field(1.0, description="m/s")
-    turn_rate: Positive = Field(2.0, description="rad/s")
+    speed: Positive = Field(1.0, description="Speed, m/s.")
+    turn_rate: Positive = Field(2.0, description="Turning speed, rad/s.")
     deceleration: float = Field(
-        0.0, ge=0, allow_inf_nan=False, description="Deceleration of a stop, m/s²; 0: stops at once."
+        0.0, ge=0, allow_inf_nan=False, description="Deceleration when stopping, m/s²; 0: stops at once."
     )
     pose_interval: Positive = Field(0.2, description="Interval between poses while driving, seconds.")
     charge: float = Field(100.0, ge=0, le=100, description="State of charge at the start, percent.")
@@ -50,7 +50,7 @@ class LoopbackSettings(SettingsGroup):
         description="Enable simulation control: MQTT commands that simulate people and the environment.",
     )
     rehearsal: bool = Field(
-        default=False, description="Add simulated actions: some fail, or need a parameter."
+        default=False, description="Add simulated actions, such as ones that fail or need a parameter."
     )
     power: bool = Field(
         default=False,

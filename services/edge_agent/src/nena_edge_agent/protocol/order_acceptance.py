@@ -555,7 +555,7 @@ def _start_fault(
     if is_at_node(first, situation, capabilities):
         return None
     pose = situation.pose
-    place = f"it is at x {pose.x:.2f} m, y {pose.y:.2f} m" if pose else "its position is unknown"
+    place = f"it is at x {pose.x:.2f} m, y {pose.y:.2f} m" if pose else "its position is not known"
     return refusal(
         ErrorType.START_NODE_OUT_OF_RANGE,
         order,

@@ -226,7 +226,7 @@ class OrderHistory:
         last = self.last_header
         if epoch is None or last is None or last.epoch is None or epoch >= last.epoch:
             return None
-        return f"its epoch is {epoch}, but an order service with epoch {last.epoch} has taken over"
+        return f"it is of epoch {epoch}, but an order service of epoch {last.epoch} has taken over"
 
     def replay(self, order: Order, *, dated: bool) -> str | None:
         """Return why a new ``order`` is a replay of an old message, None if it is not (section 7.2).
