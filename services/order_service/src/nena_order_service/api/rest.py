@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import AsyncGenerator, Awaitable, Callable, Iterable, Iterator, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from http import HTTPStatus
@@ -15,10 +15,10 @@ from inspect import Parameter, Signature
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, FastAPI, Header, Query, Request, Response
+from fastapi import APIRouter, Depends, FastAPI, Header, Query, Request, Response
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
-from starlette.responses import PlainTextResponse, StreamingResponse
+from starlette.responses import HTMLResponse, PlainTextResponse, StreamingResponse
 from starlette.routing import Mount
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -49,7 +49,7 @@ ChangePlant = Callable[..., Awaitable[None]]
 """Signature of :meth:`ServiceRunner.change_plant`."""
 
 
-OPEN = frozenset({"/healthz", "/readyz"})
+OPEN = frozenset({"/", "/healthz", "/readyz"})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})
 GUARDED: tuple[Operation[Any], ...] = (*OPERATIONS, CHANGE_PLANT)
 ROLES_KEPT = 1000
@@ -57,6 +57,23 @@ ROLES_KEPT = 1000
 OPENTCS_PLANT_CHANGES = ("/v1/locations/", "/energyLevelThresholdSet", "/envelopeKey")
 """Parts of the paths in openTCS's web API that change the plant model."""
 
+PAGES = {
+    "/openapi.json": "REST API (OpenAPI 3.1)",
+    "/asyncapi.json": "MQTT API (AsyncAPI 3.0)",
+    "/v1/transportOrders": "transport orders",
+    "/v1/vehicles": "vehicles",
+    "/v1/plantModel": "plant model",
+    METRICS: "metrics for Prometheus",
+    "/readyz": "what is ready",
+}
+"""Where the start page leads."""
+START_PAGE = f"""<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>NeNa order service</title>
+<h1>NeNa order service</h1>
+<p>The control panel is served by the status aggregator.</p>
+<ul>{"".join(f'<li><a href="{path}">{path}</a>: {text}' for path, text in PAGES.items())}</ul>
+</html>
+"""
 NOT_READY: dict[int | str, dict[str, object]] = {
     503: {"model": Readiness, "description": "What is missing, and its effect."}
 }
@@ -157,7 +174,11 @@ def rule_of(settings: HttpSettings) -> RoleNeeded:
 
 
 def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -> None:
+    known_query = operation.request.model_fields if operation.request and operation.method in READING else {}
+    names = {field.alias or name for name, field in known_query.items()}
+
     async def endpoint(http: Request, **given: Any) -> Response:  # noqa: ANN401 - by the signature
+        _refuse_unknown_query(http, names)
         call = _call(operation, http, given)
         known = given.get("if_none_match")
         return await _response(operation, await handler(call), known=None if known is None else ETag(known))
@@ -179,6 +200,25 @@ def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -
         response_model=operation.answer,
         responses=successes | _refusals(operation.refusals),
     )
+
+
+def _refuse_unknown_query(request: Request, known: Collection[str]) -> None:
+    """Raise HTTPException for an unknown query parameter: a misspelt filter would find everything."""
+    for name in request.query_params:
+        if name not in known:
+            names = ", ".join(sorted(known)) or "none"
+            raise HTTPException(
+                HTTPStatus.BAD_REQUEST, f"Unknown query parameter {name[:100]!r}. Known here: {names}."
+            )
+
+
+def _known_query(*names: str) -> Any:  # noqa: ANN401 - FastAPI's own type
+    """Return the dependency of a route that refuses all query parameters but these."""
+
+    def check(request: Request) -> None:
+        _refuse_unknown_query(request, names)
+
+    return Depends(check)
 
 
 def _refusals(refusals: Iterable[Refusal]) -> dict[int | str, dict[str, Any]]:
@@ -245,7 +285,7 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None) -> APIRout
     """Create the routes of the plant model; without ``change`` it is read-only."""
     router = APIRouter(tags=[CHANGE_PLANT.tag])
 
-    @router.get(PLANT_MODEL, operation_id="plantModel")
+    @router.get(PLANT_MODEL, operation_id="plantModel", dependencies=[_known_query()])
     async def show() -> Response:
         """Return the plant model; lengths in mm, angles in degrees."""
         return Response(plant_json, media_type="application/json")
@@ -260,6 +300,7 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None) -> APIRout
         response_model=CHANGE_PLANT.answer,
         responses=_refusals(CHANGE_PLANT.refusals),
         openapi_extra=PLANT_BODY,
+        dependencies=[_known_query("check")],
     )
     async def put(request: Request, *, check: Annotated[bool, Query()] = False) -> Response:
         """Refused while orders or vehicles use objects that the new model lacks; `check` changes nothing."""
@@ -290,6 +331,7 @@ def _events(stream: EventStream) -> APIRouter:
         operation_id="events",
         response_class=StreamingResponse,
         responses=_refusals((Refusal.TOO_MANY_CLIENTS, Refusal.NOT_SAVED)),
+        dependencies=[_known_query("kind", "transportOrder", "vehicle", "after")],
     )
     async def events(
         kind: Annotated[list[EventKind] | None, Query(description="Only events of these kinds.")] = None,
@@ -330,6 +372,11 @@ async def _from(first: bytes, rest: AsyncGenerator[bytes, None]) -> AsyncGenerat
 
 def _probes(service: Service) -> APIRouter:
     router = APIRouter(tags=["service"])
+
+    @router.get("/", include_in_schema=False)
+    async def start_page() -> Response:
+        """Lead a person who opens the address in a browser to what there is."""
+        return HTMLResponse(START_PAGE)
 
     @router.get("/asyncapi.json", operation_id="asyncapi")
     async def asyncapi() -> Response:
