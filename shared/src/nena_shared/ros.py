@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -50,6 +51,24 @@ def interface(name: str) -> Any | None:  # noqa: ANN401 - rclpy carries no types
         return None
 
 
+GENERATOR = "rosidl_generator_py.generate_py_impl"
+
+
+def _import_without_generator() -> None:
+    """Import the package that loads the type support of messages, but not its code generator (9 MB).
+
+    The package imports the generator too, and goes on without it if that fails.
+    """
+    if "rosidl_generator_py" in sys.modules:
+        return
+    sys.modules[GENERATOR] = None  # type: ignore[assignment] # documented: this import fails
+    try:
+        with suppress(ImportError):
+            import_module("rosidl_generator_py")
+    finally:
+        del sys.modules[GENERATOR]
+
+
 @contextmanager
 def joined_domain(domain_id: int) -> Iterator[Context]:
     """Join a ROS domain with a separate context; destroy its nodes before the end of the block."""
@@ -57,6 +76,7 @@ def joined_domain(domain_id: int) -> Iterator[Context]:
     from rclpy.context import Context  # noqa: PLC0415
     from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
+    _import_without_generator()
     context = Context()
     rclpy.init(args=[], context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
     try:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 from uuid import UUID
 
@@ -53,11 +54,18 @@ def goal_info(goal: GoalEntry) -> GoalInfo:
     return info
 
 
+STATUSES_KEPT = 10_000
+"""Maximum number of goals whose messages are kept; an array holds the goals of the last 15 minutes."""
+
+
 def status_array(goals: Iterable[GoalEntry]) -> GoalStatusArray:
     """Return the action_msgs/GoalStatusArray of the goals."""
-    return GoalStatusArray(
-        status_list=[GoalStatus(goal_info=goal_info(goal), status=int(goal.status)) for goal in goals]
-    )
+    return GoalStatusArray(status_list=[_goal_status(goal) for goal in goals])
+
+
+@lru_cache(STATUSES_KEPT)
+def _goal_status(goal: GoalEntry) -> GoalStatus:
+    return GoalStatus(goal_info=goal_info(goal), status=int(goal.status))
 
 
 def pose_message(pose: Pose) -> PoseMessage:

@@ -10,9 +10,12 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
@@ -23,6 +26,11 @@ from nena_shared import ros
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)
+
+NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""rclpy builds the wait set again for each message and timer, so each entity in it costs time."""
+NO_TYPE_DESCRIPTIONS = Parameter("start_type_description_service", value=False)
 
 
 class RosSession:
@@ -39,7 +47,9 @@ class RosSession:
             use_global_arguments=False,
             enable_rosout=False,
             start_parameter_services=False,
+            parameter_overrides=[NO_TYPE_DESCRIPTIONS],
         )
+        self._callbacks = ReentrantCallbackGroup()
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -62,7 +72,9 @@ class RosSession:
 
     def publisher(self, kind: type[Any], topic: str, qos: QoSProfile) -> Publisher:
         """Create a publisher."""
-        return self._node.create_publisher(kind, topic, qos)
+        return self._node.create_publisher(
+            kind, topic, qos, callback_group=self._callbacks, event_callbacks=NO_PUBLISHER_EVENTS
+        )
 
     def subscribe(
         self, kind: type[Any], topic: str, callback: Callable[[Any], None], qos: QoSProfile
@@ -73,7 +85,9 @@ class RosSession:
             with self._isolated(topic):
                 callback(message)
 
-        return self._node.create_subscription(kind, topic, isolated, qos)
+        return self._node.create_subscription(
+            kind, topic, isolated, qos, callback_group=self._callbacks, event_callbacks=NO_SUBSCRIPTION_EVENTS
+        )
 
     def serve(self, kind: type[Any], name: str, callback: Callable[[Any, Any], None]) -> Service:
         """Serve a service; ``callback`` fills the response, which is sent even if it fails."""
@@ -83,7 +97,7 @@ class RosSession:
                 callback(request, response)
             return response
 
-        return self._node.create_service(kind, name, isolated)
+        return self._node.create_service(kind, name, isolated, callback_group=self._callbacks)
 
     def serve_later(
         self, kind: type[Any], name: str, callback: Callable[[Any, Callable[[Any], None]], None]
@@ -92,7 +106,9 @@ class RosSession:
 
         rclpy supports late responses only by coroutines, which its executor polls continuously.
         """
-        service = self._node.create_service(kind, name, lambda request, _response: request)
+        service = self._node.create_service(
+            kind, name, lambda request, _response: request, callback_group=self._callbacks
+        )
         send = service.send_response
 
         def forward(request: object, header: object) -> None:
@@ -119,7 +135,7 @@ class RosSession:
             with self._isolated(callback.__name__):
                 callback()
 
-        return self._node.create_timer(seconds, isolated, clock=self._steady)
+        return self._node.create_timer(seconds, isolated, callback_group=self._callbacks, clock=self._steady)
 
     @contextmanager
     def _isolated(self, work: str) -> Iterator[None]:

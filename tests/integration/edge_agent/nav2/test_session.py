@@ -5,9 +5,14 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from functools import partial
 from typing import Any
 
 import pytest
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from nena_edge_agent.driver.port import SessionState
 from nena_edge_agent.nav2.session import RosSession
@@ -22,6 +27,7 @@ from support.broker import Broker
 from support.edge_agent import ended, error_types, status_of
 from support.nav2_agent import Bench, ready
 from support.robot_core import action, order
+from support.ros import BEST_EFFORT, RELIABLE, RosPeer
 from support.served_aggregator import serving
 from support.session_cycles import measured
 from support.simulator import simulated_robot
@@ -159,3 +165,63 @@ async def test_abandoned_start_leaves_no_thread(domain_id: int) -> None:
         await start
     go_on.set()
     await until(lambda: not session._thread.is_alive(), what="the thread's end")
+
+
+@asynccontextmanager
+async def session_with_node(domain_id: int) -> AsyncIterator[tuple[RosSession, Any]]:
+    session = RosSession(node_name="agent_under_test", namespace="/", domain_id=domain_id)
+    nodes: list[Any] = []
+    await session.start(nodes.append)
+    yield session, nodes[0]
+    await session.stop()
+
+
+def succeed(_: object, response: Any) -> Any:
+    response.success = True
+    return response
+
+
+async def test_a_client_is_waited_for_only_while_it_awaits_an_answer(domain_id: int) -> None:
+    async with session_with_node(domain_id) as (session, node):
+        with RosPeer(domain_id) as peer:
+            peer.node.create_service(Trigger, "check", succeed)
+            client = session.create_client(node, Trigger, "check")
+            waited_for = partial(client.callback_group.can_execute, client)
+            await until(client.service_is_ready, what="the service")
+            assert not waited_for()
+
+            answers: list[Any] = []
+            session.drop(client, session.request(client, Trigger.Request(), answers.append))
+            assert not waited_for()
+            session.request(client, Trigger.Request(), answers.append)
+            assert (await session.call(client, Trigger.Request(), seconds=PATIENCE)).success
+            await until(lambda: len(answers) == 1 and not waited_for(), what="the other answer")
+        await until(lambda: not client.service_is_ready(), what="the end of the service")
+        session.drop(client, session.request(client, Trigger.Request(), answers.append))
+        assert not waited_for()
+        assert len(answers) == 1
+
+
+async def test_an_incompatible_publisher_is_noticed_when_events_are_read(domain_id: int) -> None:
+    read: list[str] = []
+    noticed: list[object] = []
+
+    def seen() -> bool:
+        session.read_events()
+        return bool(noticed)
+
+    async with session_with_node(domain_id) as (session, node):
+        lift, _ = (
+            session.subscribe(node, String, topic, RELIABLE, read=lambda each: each.data, handle=read.append)
+            for topic in ("lift", "door")
+        )
+        for handler in lift.event_handlers:
+            handler.callback = noticed.append
+        with RosPeer(domain_id) as peer:
+            peer.node.create_publisher(String, "lift", BEST_EFFORT)
+            await until(lambda: node.count_publishers("lift") == 1, what="the publisher")
+            doors = await asyncio.to_thread(peer.publisher, String, "door")
+            doors.publish(String(data="open"))
+            await until(lambda: read == ["open"], what="a message, which wakes the thread")
+            assert not noticed
+            await until(seen, what="the event")

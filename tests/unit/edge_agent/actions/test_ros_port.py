@@ -52,16 +52,8 @@ class Silent:
         self._accepts = accepts
         self.called: list[str] = []
 
-    async def call(self, client: Any, _request: Any, *, seconds: float) -> Any:
-        assert seconds > 0
-        self.called.append(client.name)
-        return SimpleNamespace(accepted=True) if client.name == "send" and self._accepts else None
-
-
-class Services:
-    """A node on which clients of hidden services are found at once."""
-
-    def create_client(self, kind: Any, path: str) -> Any:
+    def create_client(self, _node: None, kind: Any, path: str) -> Any:
+        """Return a client that has found its service."""
         made = SimpleNamespace(goal_info=SimpleNamespace(goal_id=None))
         service = SimpleNamespace(Request=lambda: made)
         return SimpleNamespace(
@@ -70,6 +62,11 @@ class Services:
             kind=kind,
             service_is_ready=lambda: True,
         )
+
+    async def call(self, client: Any, _request: Any, *, seconds: float) -> Any:
+        assert seconds > 0
+        self.called.append(client.name)
+        return SimpleNamespace(accepted=True) if client.name == "send" and self._accepts else None
 
 
 @pytest.mark.parametrize(("accepts", "called"), [(False, ["send"]), (True, ["send", "get"])])
@@ -89,7 +86,7 @@ async def test_a_goal_without_feedback_is_cancelled(
     session = Silent(accepts=accepts)
     port = PluginRos()
     action = port.action("lift", "acme_msgs/action/Lift")
-    port.enter(session, Services())  # type: ignore[arg-type]
+    port.enter(session, None)  # type: ignore[arg-type]
 
     with pytest.raises(RosError):
         await action.run({})

@@ -14,7 +14,9 @@ OWN = 1.0
 
 
 class Controller:
-    """A node with one publisher, and those who listen to it."""
+    """A session and its node with one publisher, and those who listen to it."""
+
+    state = SessionState.ACTIVE
 
     def __init__(self) -> None:
         self.sent: list[float] = []
@@ -39,7 +41,7 @@ def controller() -> Controller:
 def limiter(controller: Controller, monkeypatch: pytest.MonkeyPatch) -> SpeedLimiter:
     monkeypatch.setattr("nena_edge_agent.nav2.speed_limit.interface", lambda _name: SimpleNamespace)
     made = SpeedLimiter("speed_limit", OWN)
-    made.enter(SimpleNamespace(state=SessionState.ACTIVE), controller)  # type: ignore[arg-type]
+    made.enter(controller, controller)  # type: ignore[arg-type]
     return made
 
 

@@ -164,10 +164,10 @@ class _Publisher:
         self._shape = installed(message_type, type_name)
         self._publisher: Any = None
 
-    def open(self, _: RosSession, node: Any) -> None:  # noqa: ANN401
+    def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
         from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
 
-        self._publisher = node.create_publisher(self._shape.make, self._topic, RELIABLE)
+        self._publisher = session.create_publisher(node, self._shape.make, self._topic, RELIABLE)
 
     @property
     def listeners(self) -> int:
@@ -235,8 +235,8 @@ class _Client:
         self._request, _ = installed(service_type, type_name)
         self._client: Any = None
 
-    def open(self, _: RosSession, node: Any) -> None:  # noqa: ANN401
-        self._client = node.create_client(self._kind, self._service)
+    def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
+        self._client = session.create_client(node, self._kind, self._service)
 
     async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:
         request = _message(fields, self._request, self._service)
@@ -258,13 +258,13 @@ class _Action:
         self._goal, self._kind = installed(action_type, type_name)
         self._send: Any = None
 
-    def open(self, _: RosSession, node: Any) -> None:  # noqa: ANN401
+    def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
         from action_msgs.srv import CancelGoal  # noqa: PLC0415 - needs rclpy
 
         services, hidden = self._kind.Impl, f"{self._name}/_action"
-        self._send = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
-        self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
-        self._cancel = node.create_client(CancelGoal, f"{hidden}/cancel_goal")
+        self._send = session.create_client(node, services.SendGoalService, f"{hidden}/send_goal")
+        self._results = session.create_client(node, services.GetResultService, f"{hidden}/get_result")
+        self._cancel = session.create_client(node, CancelGoal, f"{hidden}/cancel_goal")
 
     async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
         goal = _message(fields, self._goal, self._name)

@@ -72,8 +72,8 @@ class ActionClient:
         """Create the clients and the subscription."""
         self._session, self._node = session, node
         services, hidden = self._types.Impl, f"{self._name}/_action"
-        self._goals = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
-        self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
+        self._goals = session.create_client(node, services.SendGoalService, f"{hidden}/send_goal")
+        self._results = session.create_client(node, services.GetResultService, f"{hidden}/get_result")
         session.subscribe(
             node,
             services.FeedbackMessage,
@@ -120,11 +120,12 @@ class ActionClient:
     def request_result(self, goal_id: str) -> None:
         """Request the result of a goal, which arrives when it ends; an earlier request is dropped."""
         if self._result_request is not None:
-            self._results.remove_pending_request(self._result_request)
+            self._session.drop(self._results, self._result_request)
         request = self._types.Impl.GetResultService.Request()
         request.goal_id.uuid = list(bytes.fromhex(goal_id))
-        self._result_request = self._results.call_async(request)
-        self._result_request.add_done_callback(lambda future: self._on_result(goal_id, future))
+        self._result_request = self._session.request(
+            self._results, request, lambda answer: self._on_result(goal_id, answer)
+        )
 
     def _feedback_due(self) -> bool:
         now = time.monotonic()
@@ -133,15 +134,15 @@ class ActionClient:
         self._feedback_due_at = now + FEEDBACK_PERIOD
         return True
 
-    def _on_result(self, goal_id: str, future: Any) -> None:  # noqa: ANN401
-        """Pass a result to the event loop; runs in the ROS thread, also for an abandoned request."""
-        answer = None if future.cancelled() else future.result()
-        if answer is not None:
-            outcome = answer.result
-            # Humble has neither field, Iron the code alone.
-            code, message = int(getattr(outcome, "error_code", 0)), str(getattr(outcome, "error_msg", ""))
-            result = GoalResult(goal_id, GoalStatus.of(answer.status), code, message)
-            self._session.post(lambda: self._listeners.result(result))
+    def _on_result(self, goal_id: str, answer: Any) -> None:  # noqa: ANN401
+        """Pass a result to the event loop; runs in the ROS thread, also for a request without an answer."""
+        if answer is None:
+            return
+        outcome = answer.result
+        # Humble has neither field, Iron the code alone.
+        code, message = int(getattr(outcome, "error_code", 0)), str(getattr(outcome, "error_msg", ""))
+        result = GoalResult(goal_id, GoalStatus.of(answer.status), code, message)
+        self._session.post(lambda: self._listeners.result(result))
 
 
 def feedback_reading(message: Any) -> FeedbackReading:  # noqa: ANN401

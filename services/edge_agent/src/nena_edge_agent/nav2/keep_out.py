@@ -5,8 +5,9 @@ from __future__ import annotations
 import array
 import asyncio
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -98,13 +99,14 @@ class KeepOutMask:
         self._wanted: list[tuple[Point, ...]] = []
         """Areas of the newest mask, drawn or pending."""
         self._session: RosSession | None = None
-        self._node: Any = None
+        self._create_publisher: Callable[[Any, str, Any], Any]
         self._masks: Any = None
         self._info: Any = None
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Use a new node; publish on it once there is a mask."""
-        self._session, self._node, self._masks = session, node, None
+        self._session, self._masks = session, None
+        self._create_publisher = partial(session.create_publisher, node)
         if self._mask is not None:
             self._publish(self._mask)
 
@@ -129,12 +131,12 @@ class KeepOutMask:
     def _create_publishers(self) -> None:
         from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
 
-        from nena_edge_agent.nav2.node import LATCHED, NO_EVENTS  # noqa: PLC0415
+        from nena_edge_agent.nav2.node import LATCHED  # noqa: PLC0415
 
-        names, create = self._settings.names, self._node.create_publisher
+        names, create = self._settings.names, self._create_publisher
         self._grid, self._info = OccupancyGrid, interface(FILTER_INFO)
-        self._masks = create(OccupancyGrid, names.zone_mask, LATCHED, event_callbacks=NO_EVENTS)
-        self._infos = create(self._info, names.zone_filter_info, LATCHED, event_callbacks=NO_EVENTS)
+        self._masks = create(OccupancyGrid, names.zone_mask, LATCHED)
+        self._infos = create(self._info, names.zone_filter_info, LATCHED)
 
     def _publish(self, mask: Mask) -> None:
         if self._masks is None:

@@ -17,7 +17,6 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from nav_msgs.msg import Odometry, Path
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import BatteryState
 from std_srvs.srv import Empty, Trigger
@@ -38,9 +37,6 @@ LATCHED = QoSProfile(
 )
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Matches every publisher, and never gets a latched message."""
-
-NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
-"""No QoS events: reliable and volatile matches all but latched subscriptions, which make no sense here."""
 
 STATUS_ARRAYS = 10
 """Maximum number of status arrays waiting for the loop; each is complete, so the oldest can be dropped."""
@@ -132,6 +128,7 @@ class Nav2Node:
             self._call(self._lifecycle, Trigger.Request()), self._call(self._localiser, GetState.Request())
         )
         self._subscribe_to_volatile_poses()
+        self._session.read_events()
         return Presence(
             servers=self.servers(),
             goal_listeners=self._goals.get_subscription_count(),
@@ -163,22 +160,22 @@ class Nav2Node:
         return await self._session.call(client, request, seconds=self._settings.call_timeout)
 
     def _populate(self, node: Any) -> None:  # noqa: ANN401
-        names = self._settings.names
+        names, session = self._settings.names, self._session
         self._node = node
-        self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE, event_callbacks=NO_EVENTS)
-        self._initial_poses = node.create_publisher(
-            PoseWithCovarianceStamped, names.initial_pose, RELIABLE, event_callbacks=NO_EVENTS
+        self._goals = session.create_publisher(node, PoseStamped, names.goal_pose, RELIABLE)
+        self._initial_poses = session.create_publisher(
+            node, PoseWithCovarianceStamped, names.initial_pose, RELIABLE
         )
-        self._cancel = node.create_client(CancelGoal, f"{self._settings.action}/_action/cancel_goal")
+        self._cancel = session.create_client(node, CancelGoal, f"{self._settings.action}/_action/cancel_goal")
         controller, *others = (f"{action}/_action/cancel_goal" for action in names.motions)
-        self._controller = node.create_client(CancelGoal, controller)
-        self._motions = [self._session.late_client(node, CancelGoal, each) for each in others]
-        self._fresh_pose = self._session.late_client(node, Empty, names.fresh_pose)
-        self._lifecycle = node.create_client(Trigger, names.lifecycle)
-        self._localiser = node.create_client(GetState, names.localiser)
+        self._controller = session.create_client(node, CancelGoal, controller)
+        self._motions = [session.late_client(node, CancelGoal, each) for each in others]
+        self._fresh_pose = session.late_client(node, Empty, names.fresh_pose)
+        self._lifecycle = session.create_client(node, Trigger, names.lifecycle)
+        self._localiser = session.create_client(node, GetState, names.localiser)
         self._listen(node)
         for extension in self._extensions:
-            extension.enter(self._session, node)
+            extension.enter(session, node)
 
     def _subscribe_to_volatile_poses(self) -> None:
         """Add a volatile subscription when needed.
