@@ -325,7 +325,9 @@ async def test_row_b3_a_repeated_update(robot: BenchRobot) -> None:
 
 @pytest.mark.clause("6.1.2/B4")
 @pytest.mark.parametrize(("node_id", "first"), [("n2", 4), ("n0", 0), ("n1", 4)])
-async def test_row_b4_an_update_that_begins_at_another_node(robot: BenchRobot, node_id: str, first: int) -> None:
+async def test_row_b4_an_update_that_begins_at_another_node(
+    robot: BenchRobot, node_id: str, first: int
+) -> None:
     order_id = new_id()
     await held(robot, order_id)
 

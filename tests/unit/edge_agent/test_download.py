@@ -16,8 +16,8 @@ from nena_edge_agent.download import (
     DownloadError,
     DownloadSettings,
     _checked,
-    _Journey,
-    _Reach,
+    _Connections,
+    _NetworkRange,
     _Redirects,
     download,
 )
@@ -132,7 +132,7 @@ async def test_a_redirected_file_is_downloaded(files: Files) -> None:
     ],
 )
 def test_the_network_range_of_an_address_is_known(address: str, what: str) -> None:
-    assert _Reach.of(address) == what
+    assert _NetworkRange.of(address) == what
 
 
 class Elsewhere:
@@ -143,14 +143,14 @@ class Elsewhere:
         self._resolve = socket.getaddrinfo
         self._kinds: list[str] = []
         monkeypatch.setattr(socket, "getaddrinfo", self._look_up)
-        monkeypatch.setattr(_Journey, "check", self._check(_Journey.check))
+        monkeypatch.setattr(_Connections, "check", self._check(_Connections.check))
 
     def _look_up(self, host: str, *more: Any, **options: Any) -> Any:
         self._kinds.append(self._addresses.get(host, host))
         return self._resolve("127.0.0.1" if host in self._addresses else host, *more, **options)
 
-    def _check(self, check: Callable[[_Journey, str], None]) -> Callable[[_Journey, str], None]:
-        return lambda journey, _: check(journey, self._kinds[-1])
+    def _check(self, check: Callable[[_Connections, str], None]) -> Callable[[_Connections, str], None]:
+        return lambda connections, _: check(connections, self._kinds[-1])
 
 
 @pytest.mark.parametrize(
@@ -228,9 +228,9 @@ async def test_a_redirect_to_the_robot_itself_is_refused_behind_a_proxy(
 
 def test_a_tunnel_through_a_proxy_leads_to_the_network() -> None:
     """The proxy may run on the robot: its address was chosen by the site."""
-    request, journey = Request("https://maps.site/map.pgm"), _Journey()
+    request, connections = Request("https://maps.site/map.pgm"), _Connections()
     request.set_proxy("127.0.0.1:3128", "http")
 
-    assert _checked(HTTPSConnection, journey, request) is HTTPSConnection
+    assert _checked(HTTPSConnection, connections, request) is HTTPSConnection
     with pytest.raises(DownloadError, match="which is the robot itself"):
-        journey.check("127.0.0.1")
+        connections.check("127.0.0.1")

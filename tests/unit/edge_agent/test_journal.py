@@ -19,8 +19,8 @@ from nena_edge_agent.journal import (
     Recorder,
     UnreadableJournalError,
     check_frame,
+    lock_journal,
     read_journal,
-    sole_user,
 )
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -73,7 +73,7 @@ def test_each_robot_has_its_own_file(tmp_path: Path, one: RobotKey, other: Robot
 
     assert Journal(tmp_path, other).read() is None
     assert Journal(tmp_path, one).read() == memory
-    with sole_user(tmp_path, one), sole_user(tmp_path, other):
+    with lock_journal(tmp_path, one), lock_journal(tmp_path, other):
         pass
 
 
@@ -331,7 +331,7 @@ def test_a_full_disk_is_reported_with_a_remedy(tmp_path: Path, monkeypatch: pyte
 
     monkeypatch.setattr(Path, "open", full)
     with pytest.raises(StartError, match="No space left on device; free space on its disk"):
-        sole_user(tmp_path, ROBOT).__enter__()
+        lock_journal(tmp_path, ROBOT).__enter__()
 
 
 def test_a_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
@@ -345,19 +345,19 @@ def test_a_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
 def test_an_unwritable_folder_is_reported_before_an_order_depends_on_it(folder: str) -> None:
     with pytest.raises(StartError, match=r"set journal\.folder"):
         Journal(Path(folder), ROBOT).read()
-    with pytest.raises(StartError, match=r"set journal\.folder"), sole_user(Path(folder), ROBOT):
+    with pytest.raises(StartError, match=r"set journal\.folder"), lock_journal(Path(folder), ROBOT):
         pass
 
 
 def test_a_second_program_for_the_same_robot_is_refused_while_the_first_one_runs(
     tmp_path: Path,
 ) -> None:
-    with sole_user(tmp_path, ROBOT):
-        with pytest.raises(StartError, match="ACME/0001: stop it first"), sole_user(tmp_path, ROBOT):
+    with lock_journal(tmp_path, ROBOT):
+        with pytest.raises(StartError, match="ACME/0001: stop it first"), lock_journal(tmp_path, ROBOT):
             pass
-        with sole_user(tmp_path, RobotKey("ACME", "0002")):
+        with lock_journal(tmp_path, RobotKey("ACME", "0002")):
             pass
-    with sole_user(tmp_path, ROBOT):
+    with lock_journal(tmp_path, ROBOT):
         pass
 
 

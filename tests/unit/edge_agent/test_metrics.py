@@ -67,7 +67,7 @@ def test_a_robot_without_a_journal_has_no_journal_metric(
     *, journal: Path | None, problem: str, works: bool | None
 ) -> None:
     shown = program(journal)
-    shown.vitals = {ROBOT: SimpleNamespace(journal_problem=problem)}  # type: ignore[dict-item]
+    shown.snapshot = {ROBOT: SimpleNamespace(journal_problem=problem)}  # type: ignore[dict-item]
     (metric,) = (each for each in DISK.metrics if each.name == "nena_agent_journal_works")
     assert metric.read(shown) == ({} if works is None else {("ACME", "r1"): works})
 

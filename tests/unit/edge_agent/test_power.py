@@ -124,7 +124,7 @@ async def test_a_failure_is_logged_with_the_end_of_the_output() -> None:
 
 
 @pytest.mark.parametrize(
-    ("commands", "rehearsed", "offered"),
+    ("commands", "simulated", "offered"),
     [
         ({}, False, frozenset()),
         ({"hibernate_command": ("a",), "wake_command": ("b",)}, False, HIBERNATION),
@@ -136,10 +136,10 @@ async def test_a_failure_is_logged_with_the_end_of_the_output() -> None:
 def test_the_offered_actions_follow_from_the_commands(
     commands: dict[str, Any],
     *,
-    rehearsed: bool,
+    simulated: bool,
     offered: frozenset[str],
 ) -> None:
-    assert PowerSettings(**commands).offered(rehearsed=rehearsed) == offered
+    assert PowerSettings(**commands).offered(simulated=simulated) == offered
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from nena_edge_agent.agent import Equipment, RobotAgent
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
-from nena_edge_agent.journal import sole_user
+from nena_edge_agent.journal import lock_journal
 from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
 from nena_edge_agent.loopback.control import ControlApi, SimulationControl
 from nena_edge_agent.map_store import MapStore
@@ -56,19 +56,19 @@ log = get_logger(__name__)
 async def serve(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
     """Run every robot of ``settings`` until ``stop`` is set."""
     if not settings.journal.enabled:
-        await _serve_alone(settings, stop)
+        await _serve_robots(settings, stop)
         return
-    with sole_user(settings.journal.folder, RobotKey(settings.manufacturer, settings.serial_number)):
-        await _serve_alone(settings, stop)
+    with lock_journal(settings.journal.folder, RobotKey(settings.manufacturer, settings.serial_number)):
+        await _serve_robots(settings, stop)
 
 
-async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
+async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
     clock = SystemClock()
     robots = [RobotKey(settings.manufacturer, each) for each in settings.serial_numbers]
     controls = {robot: SimulationControl() for robot in robots}
     agents: dict[RobotKey, RobotAgent] = {}
     makers = {
-        str(robot): _noted(_agent_maker(settings, index, robot, controls[robot], clock), agents)
+        str(robot): _tracked(_agent_maker(settings, index, robot, controls[robot], clock), agents)
         for index, robot in enumerate(robots)
     }
     async with Supervisor() as supervisor:
@@ -81,8 +81,8 @@ async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None
         await _run_all(settings, makers, stop)
 
 
-def _noted(make: Callable[[], RobotAgent], agents: dict[RobotKey, RobotAgent]) -> Callable[[], RobotAgent]:
-    """Return a factory that also stores the newest agent of each robot in ``agents``."""
+def _tracked(make: Callable[[], RobotAgent], agents: dict[RobotKey, RobotAgent]) -> Callable[[], RobotAgent]:
+    """Return a factory that also stores the robot's last agent in ``agents``."""
 
     def noted() -> RobotAgent:
         agent = make()
@@ -101,8 +101,7 @@ def _serve_metrics(
     """Serve the metrics of all robots.
 
     Raises:
-        ConfigurationError: the library for it is not installed.
-
+        ConfigurationError: the extra ``metrics`` is not installed.
     """
     try:
         from nena_edge_agent.metrics import MetricsServer, Program  # noqa: PLC0415 - an extra
@@ -124,7 +123,7 @@ def _agent_maker(
     journal = settings.journal.folder if settings.journal.enabled else None
     switch = session_switch(settings.ros, journal, robot)
     map_server = _map_server(settings)
-    map_watch = watch_of_map(settings, map_server)
+    map_watch = make_map_watch(settings, map_server)
     extensions = (ros, map_watch) if ros else ()
     offers = nav2_offers(settings.ros) if ros else NO_OFFERS
     driver = driver_maker(
@@ -148,7 +147,7 @@ def _agent_maker(
     return make
 
 
-def watch_of_map(settings: EdgeAgentSettings, server: MapServer | None) -> MapWatch:
+def make_map_watch(settings: EdgeAgentSettings, server: MapServer | None) -> MapWatch:
     """Return the watch of a robot's map; ``server`` provides its map ID."""
 
     def map_id() -> str:
@@ -172,8 +171,8 @@ def _map_server(settings: EdgeAgentSettings) -> MapServer | None:
     return MapServer(settings.ros, settings.map_id)
 
 
-def operations_beside(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
-    """Return the configured operations; installed plug-ins replace default ones of the same action type."""
+def effective_operations(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
+    """Return the robot's operations; installed plug-ins replace default ones of the same action type."""
     if "operations" in settings.model_fields_set:
         return settings.operations
     return tuple(each for each in settings.operations if each.action_type not in found.action_types)
@@ -186,12 +185,12 @@ def make_registry(
     switch: SessionSwitch | None = None,
     context: PluginContext | None = None,
 ) -> ActionRegistry:
-    """Return the actions of one robot; a loopback robot also gets simulated ones, if enabled."""
+    """Return the actions of one robot, for loopback robots with simulated ones if enabled."""
     context = context or PluginContext(
         RobotKey(settings.manufacturer, settings.serial_number), RobotPorts(None, settings.actions).drive
     )
     found = installed(context, settings.actions)
-    operations = operations_beside(found, settings)
+    operations = effective_operations(found, settings)
     plugins: list[ActionPlugin] = [*ready_made(operations, context, settings.actions), Wait()]
     plugins += [
         LogReport(settings.log_report),
@@ -236,7 +235,7 @@ async def _run_all(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; return exit status 0 after a signal, 1 after a failure, 2 for invalid settings.
 
-    Parts that the settings do not need are never imported, to save the robot's memory.
+    Modules that the settings do not need are never imported, to save memory on the robot.
     """
     arguments = sys.argv[1:] if argv is None else list(argv)
     if arguments[:1] == ["doctor"]:

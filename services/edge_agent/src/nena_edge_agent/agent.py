@@ -1,4 +1,4 @@
-"""One robot's agent: connects MQTT link, protocol core, driver, actions and journal in one task."""
+"""One robot's agent: one task that connects the MQTT link, protocol core, driver, actions and journal."""
 
 from __future__ import annotations
 
@@ -31,40 +31,9 @@ from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
 from nena_edge_agent.messages import InboxCounts, RobotMessages, client_id_of
 from nena_edge_agent.nav2.offers import NO_OFFERS, Nav2Offers
 from nena_edge_agent.power import WAKE_UP_VARIABLE, run_command
+from nena_edge_agent.protocol import events
 from nena_edge_agent.protocol.conditions import journal_lost
 from nena_edge_agent.protocol.errors import error_key
-from nena_edge_agent.protocol.events import (
-    CancelAction,
-    Drive,
-    Effect,
-    ErrorSwitched,
-    Event,
-    GoOnline,
-    Halt,
-    Hibernate,
-    JournalReport,
-    KeepOut,
-    LimitSpeed,
-    LinkReport,
-    LogIgnored,
-    MapsReport,
-    OrderReceived,
-    PauseAction,
-    PluginsReport,
-    PowerCommand,
-    PowerReport,
-    ReportState,
-    ResumeAction,
-    SendFactsheet,
-    SetPosition,
-    ShutDown,
-    SignedOff,
-    StartAction,
-    Started,
-    SubscriptionsReport,
-    TimePassed,
-    Wake,
-)
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.robot_state import PowerPhase
 from nena_edge_agent.protocol.state import with_recorded_fields
@@ -86,7 +55,7 @@ from nena_shared.vda5050.visualization import Visualization
 
 
 class AgentStatistics:
-    """Counts since the start of the robot's agent, for its metrics."""
+    """Counts and last values since the start of a robot's agent, for its metrics."""
 
     def __init__(self) -> None:
         self.arrived = 0
@@ -95,14 +64,14 @@ class AgentStatistics:
         self.recoveries = 0
         self.session: SessionState | None = None
         self.localized: bool | None = None
-        """Whether the robot is localised; None: not known yet."""
+        """Whether the robot is localised; None: unknown."""
         self.posed_at: float | None = None
-        """Time of the last valid pose, in monotonic seconds."""
+        """Time of the last valid pose, monotonic, s."""
         self.fleet_clock = ClockSkew()
         """Clock skew of the order service, by the timestamps of its orders."""
         self._recoveries_of_drive = 0
 
-    def note(self, event: Event, now: float) -> None:
+    def note(self, event: events.Event, now: float) -> None:
         """Count an event."""
         match event:
             case PoseReport(localized=localized):
@@ -120,7 +89,7 @@ class AgentStatistics:
                 self._recoveries_of_drive = 0
             case SessionReport():
                 self.session = event.state
-            case OrderReceived(utc=utc) if utc and event.dated:
+            case events.OrderReceived(utc=utc) if utc and event.dated:
                 self.fleet_clock.measure(event.order.timestamp, utc)
             case _:
                 pass
@@ -135,13 +104,13 @@ COMMANDS_WAITING = 2
 """Maximum waiting power commands: the wake command waits for the end of the hibernate command."""
 TIMEOUT_INTERVAL = 1.0
 """Seconds between two checks of running timeouts."""
-LONGEST_COLLECTING = 0.2
-"""Maximum time that a due state waits for events that are already queued, seconds."""
-TO_DRIVER = (Drive, Halt, LimitSpeed, KeepOut, SetPosition)
-"""Effects that a power failure would end as well, so they need not wait for the disk."""
+MAXIMUM_BATCH_DELAY = 0.2
+"""Maximum time that a due state waits for the handling of queued events, seconds."""
+DRIVER_EFFECTS = (events.Drive, events.Halt, events.LimitSpeed, events.KeepOut, events.SetPosition)
+"""Effects that need not wait for the disk, because a power failure would also end them."""
 
-DriverMaker = Callable[[Callable[[Event], None], Pose | None], Driver]
-"""Creates a driver from the receiver of its events and the last known position."""
+DriverMaker = Callable[[Callable[[events.Event], None], Pose | None], Driver]
+"""Creates a driver, given the receiver of its events and the robot's last known pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +124,8 @@ class Equipment:
 
 
 @dataclass(frozen=True, slots=True)
-class Vitals:
-    """Values that metrics show for a robot's agent."""
+class AgentSnapshot:
+    """Current values of a robot's agent, for its metrics."""
 
     link: LinkState
     inbox: InboxCounts
@@ -169,17 +138,17 @@ class Vitals:
 
 
 class RobotAgent:
-    """One robot. Only its own task changes its state; all others put events into its mailbox.
+    """One robot. Only its own task changes its state; all other tasks put events into its mailbox.
 
-    The rule is *durable before visible*: a change is written to the journal before the driver gets a command,
-    so that it survives the end of the process, and synchronised to disk before anything else has an effect,
-    including the state that reports it.
+    The rule is *durable before visible*. A change is written to the journal before the driver gets a command,
+    so that it survives the process. It is synchronised to disk before any other effect, including the state
+    that reports it.
     """
 
     _logged_ends: frozenset[str] = frozenset()
     """Actions of the current order whose end has been logged."""
     _prepared: tuple[State, Outbound] | None = None
-    """The next state, encoded while the disk wrote what it reports; only the same turn may publish it."""
+    """The next state, encoded while the disk writes what it reports; only the same round may publish it."""
     _shuts_down = False
     """Whether fleet control shuts the robot down."""
 
@@ -227,7 +196,7 @@ class RobotAgent:
             interval=settings.interval.visualization, now=clock.monotonic()
         )
         self._greeting = False
-        self._commands: asyncio.Queue[Hibernate | Wake] = asyncio.Queue(COMMANDS_WAITING)
+        self._commands: asyncio.Queue[events.Hibernate | events.Wake] = asyncio.Queue(COMMANDS_WAITING)
         self._ending = asyncio.Event()
         self._logged_errors: tuple[ErrorEntry, ...] = ()
         self._shown = self._core.state(self._messages.headers.form(0))
@@ -242,15 +211,15 @@ class RobotAgent:
             TaskFailedError: a task of the robot failed.
 
         """
-        bind_contextvars(robot=str(self.robot))  # also in the logs of everything that it calls
+        bind_contextvars(robot=str(self.robot))  # for the logs of all called code
         if self._maps:
-            self._mailbox.put(MapsReport(self._maps))
+            self._mailbox.put(events.MapsReport(self._maps))
         if self._journal_loss:
             self._log.error("no orders are accepted: the journal is lost", reason=self._journal_loss)
-            self._mailbox.put(ErrorSwitched(journal_lost(self._journal_loss), active=True))
+            self._mailbox.put(events.ErrorSwitched(journal_lost(self._journal_loss), active=True))
         if self._registry.problems:
-            self._mailbox.put(PluginsReport(self._registry.problems))
-        self._mailbox.put(Started(self._clock.now()))  # before the driver's events
+            self._mailbox.put(events.PluginsReport(self._registry.problems))
+        self._mailbox.put(events.Started(self._clock.now()))  # before the driver's events
         await self._write_record()  # the headerIds of the first messages
         await self._recorder.sync()
         await self._driver.start()
@@ -272,9 +241,9 @@ class RobotAgent:
         if self._shuts_down:
             await self._shut_down()
 
-    def vitals(self) -> Vitals:
+    def snapshot(self) -> AgentSnapshot:
         """Return the current values for metrics."""
-        return Vitals(
+        return AgentSnapshot(
             self._link.state,
             self._inbox.counts,
             self._mailbox.dropped,
@@ -285,12 +254,12 @@ class RobotAgent:
         )
 
     def publish_map(self, found: MapImage) -> None:
-        """Publish the robot's map, retained, now and after each connect."""
+        """Publish the robot's map, retained, now and on each connection."""
         self._map = self._messages.map(found)
         self._link.publish(self._map)
 
     def cut_link(self, seconds: float) -> None:
-        """Cut the connection to the broker for ``seconds``, without a disconnect: for simulation."""
+        """Cut the connection to the broker for ``seconds``, without a disconnect, to simulate a failure."""
         self._link.cut(seconds)
 
     async def _serve(self) -> None:
@@ -298,19 +267,19 @@ class RobotAgent:
             await self._mailbox.wait(self._next_due() - self._clock.monotonic())
             effects = self._handle(self._mailbox.take())
             await self._write_record()
-            to_driver = (each for each in effects if isinstance(each, TO_DRIVER))
+            to_driver = (each for each in effects if isinstance(each, DRIVER_EFFECTS))
             written = self._recorder.has_written(self._core.durable_version)
             self._perform_all(self._drives.sift(to_driver, recorded=written))
             self._encode_ahead(effects)
             await self._recorder.sync()
-            others = (each for each in effects if not isinstance(each, TO_DRIVER))
+            others = (each for each in effects if not isinstance(each, DRIVER_EFFECTS))
             self._perform_all(self._others.sift(others, recorded=self._recorded))
             self._isolated(self._publish_due)
 
-    def _encode_ahead(self, effects: Iterable[Effect]) -> None:
+    def _encode_ahead(self, effects: Iterable[events.Effect]) -> None:
         """Encode the next state while the disk writes what it reports."""
         self._prepared = None
-        requested = any(isinstance(each, ReportState) for each in effects)
+        requested = any(isinstance(each, events.ReportState) for each in effects)
         sends = self._link.state.connected and not (self._greeting or self._core.power.silent)
         if requested and sends and self._recorder.syncing and self._states.allows(self._clock.monotonic()):
             self._isolated(self._prepare_state)
@@ -320,7 +289,7 @@ class RobotAgent:
         self._prepared = (state, self._messages.state(state, keep=False))
 
     def _begin_power(self, supervisor: Supervisor, stop: asyncio.Event) -> asyncio.Event:
-        """Serve hibernation and shutdown if the robot offers them; return what ends the agent."""
+        """Serve hibernation and shutdown if the robot offers them; return the event that ends the agent."""
         if not self._settings.power_actions:
             return stop
         supervisor.start(f"power {self.robot}", self._serve_power())
@@ -336,34 +305,35 @@ class RobotAgent:
         settings = self._settings.power
         while True:
             effect = await self._commands.get()
-            kind, environment = PowerCommand.WAKE, {}
-            if isinstance(effect, Hibernate):
-                kind = PowerCommand.HIBERNATE
+            kind, environment = events.PowerCommand.WAKE, {}
+            if isinstance(effect, events.Hibernate):
+                kind = events.PowerCommand.HIBERNATE
                 if effect.wake_up_at:
                     environment = {WAKE_UP_VARIABLE: iso(effect.wake_up_at)}
                 await self._link.drain(DISCONNECT_TIMEOUT)  # the command may slow down the network
-            self._mailbox.put(PowerReport(kind, await run_command(settings, kind, environment)))
+            self._mailbox.put(events.PowerReport(kind, await run_command(settings, kind, environment)))
 
     async def _shut_down(self) -> None:
         """Run the shutdown command, now that the robot is offline and its driver has ended.
 
         Raises:
-            StartError: it has failed; the robot has to be started again.
-
+            StartError: it has failed; start the robot again.
         """
         self._log.info("shutting down")
-        if problem := await run_command(self._settings.power, PowerCommand.SHUT_DOWN):
+        if problem := await run_command(self._settings.power, events.PowerCommand.SHUT_DOWN):
             message = f"the robot could not be shut down: {problem}; check power.shutdown_command"
             raise StartError(message)
 
-    def _handle(self, events: list[Event]) -> list[Effect]:
+    def _handle(self, received: list[events.Event]) -> list[events.Effect]:
         now = self._clock.monotonic()
         if self._core.power is not PowerPhase.AWAKE:
-            events.append(TimePassed(self._clock.now()))  # a suspended computer loses count of the time
-        elif not events and self._core.waits:
-            events = [TimePassed()]
-        effects: list[Effect] = []
-        for event in events:
+            received.append(
+                events.TimePassed(self._clock.now())
+            )  # the monotonic clock stops during a suspend
+        elif not received and self._core.waits:
+            received = [events.TimePassed()]
+        effects: list[events.Effect] = []
+        for event in received:
             self._statistics.note(event, now)
             try:
                 effects.extend(self._core.handle(event, now))
@@ -373,7 +343,7 @@ class RobotAgent:
         return effects
 
     def _log_new_errors(self) -> None:
-        """Log each new error in the state; an error of which only the text changes is logged once."""
+        """Log each new error in the state; an error whose text changes is logged once."""
         shown = self._core.robot.errors.entries
         if shown is self._logged_errors:
             return
@@ -398,62 +368,72 @@ class RobotAgent:
         await self._recorder.write(self._core.durable_version, self._core.memory)
 
     def _on_journal_record(self, problem: str) -> None:
-        """Report each change in whether the journal works."""
+        """Report it when the journal fails or works again."""
         if problem != self._core.robot.journal_problem:
             self._log.warning("journal", works=not problem, problem=problem)
-            self._mailbox.put(JournalReport(problem))
+            self._mailbox.put(events.JournalReport(problem))
 
-    def _perform_all(self, effects: Iterable[Effect]) -> None:
+    def _perform_all(self, effects: Iterable[events.Effect]) -> None:
         for effect in effects:
             self._isolated(self._perform, effect)
 
-    def _perform(self, effect: Effect) -> None:
+    def _perform(self, effect: events.Effect) -> None:
         match effect:
-            case ReportState():
+            case events.ReportState():
                 self._states.request(self._clock.monotonic())
-            case Drive(goal):
+            case events.Drive(goal):
                 self._drive(goal)
-            case Halt():
+            case events.Halt():
                 self._driver.halt()
-            case LimitSpeed(speed):
+            case events.LimitSpeed(speed):
                 self._driver.limit_speed(speed)
-            case KeepOut(areas):
+            case events.KeepOut(areas):
                 self._driver.keep_out(areas)
-            case SetPosition(pose):
+            case events.SetPosition(pose):
                 self._driver.initialize_position(pose)
-            case SendFactsheet():
+            case events.SendFactsheet():
                 self._link.publish(self._messages.factsheet(self._core.robot.reports.limits))
-            case Hibernate() | Wake() | GoOnline() | ShutDown() | LogIgnored():
+            case (
+                events.Hibernate()
+                | events.Wake()
+                | events.GoOnline()
+                | events.ShutDown()
+                | events.LogIgnored()
+            ):
                 self._change_power(effect)
-            case StartAction() | PauseAction() | ResumeAction() | CancelAction():
+            case events.StartAction() | events.PauseAction() | events.ResumeAction() | events.CancelAction():
                 self._perform_action(effect)
 
-    def _perform_action(self, effect: StartAction | PauseAction | ResumeAction | CancelAction) -> None:
+    def _perform_action(
+        self, effect: events.StartAction | events.PauseAction | events.ResumeAction | events.CancelAction
+    ) -> None:
         match effect:
-            case StartAction():
+            case events.StartAction():
                 self._runner.start(effect)
-            case PauseAction():
+            case events.PauseAction():
                 self._runner.pause(effect)
-            case ResumeAction():
+            case events.ResumeAction():
                 self._runner.resume(effect)
-            case CancelAction():
+            case events.CancelAction():
                 self._runner.cancel(effect)
 
-    def _change_power(self, effect: Hibernate | Wake | GoOnline | ShutDown | LogIgnored) -> None:
+    def _change_power(
+        self, effect: events.Hibernate | events.Wake | events.GoOnline | events.ShutDown | events.LogIgnored
+    ) -> None:
         match effect:
-            case Hibernate(wake_up_at):
+            case events.Hibernate(wake_up_at):
                 self._log.info("hibernating", wake_up_at=wake_up_at and iso(wake_up_at))
                 self._link.publish(self._messages.connection(ConnectionState.HIBERNATING))
                 self._commands.put_nowait(effect)
-            case Wake():
+            case events.Wake():
                 self._commands.put_nowait(effect)
-            case GoOnline():
+            case events.GoOnline():
                 self._log.info("awake")
                 self._link.publish(self._messages.connection(ConnectionState.ONLINE))
-            case ShutDown():
+            case events.ShutDown():
                 self._shuts_down = True
                 self._ending.set()
-            case LogIgnored(message):
+            case events.LogIgnored(message):
                 self._log.info("ignored while hibernating or shutting down", message=message)
 
     def _drive(self, goal: DriveGoal) -> None:
@@ -465,7 +445,7 @@ class RobotAgent:
             self._mailbox.put(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, text))
 
     def _isolated(self, step: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
-        """Run ``step``; log its failure, and continue the robot's task."""
+        """Run ``step``; if it fails, log that, and continue the robot's task."""
         try:
             step(*args, **kwargs)
         except Exception:
@@ -483,21 +463,21 @@ class RobotAgent:
         if self._core.power.silent:
             self._greeting = False
             return
-        if not self._mailbox.empty and now - self._states.due < LONGEST_COLLECTING:
-            return  # include it in the same message
+        if not self._mailbox.empty and now - self._states.due < MAXIMUM_BATCH_DELAY:
+            return  # one message reports their effects too
         if self._greeting or self._states.due <= now:
             self._publish_state()
             self._states.sent(now)
             ends = self._core.power is PowerPhase.SHUTTING_DOWN  # a restart is awake, so it needs no record
             if self._link.state.connected and (ends or (self._core.power.signs_off and self._recorded)):
-                self._mailbox.put(SignedOff())
+                self._mailbox.put(events.SignedOff())
         if self._visualizations.due <= now:
             if self._link.state.connected and self._core.robot.reports.pose is not None:
                 self._link.publish(self._messages.visualization(self._visualization()))
             self._visualizations.sent(now)
 
     def _publish_state(self) -> None:
-        """Publish the state; the first one after a connect is kept until the link sends it."""
+        """Publish the state; the first one on a connection is queued until the link sends it."""
         if not (self._greeting or self._link.state.connected):
             return
         header = self._messages.header(Topic.STATE)
@@ -514,7 +494,7 @@ class RobotAgent:
         self._log_ended_actions(state)
 
     def _log_ended_actions(self, state: State) -> None:
-        """Log the end of each action once; after a restart, those in the journal are logged again."""
+        """Log the end of each action, once per run of the program."""
         ended = {each.action_id: each for each in state.action_states if each.action_status.ended}
         for action_id in ended.keys() - self._logged_ends:
             self._log.info(
@@ -538,7 +518,7 @@ class RobotAgent:
                 will=lambda: self._messages.connection(ConnectionState.CONNECTION_BROKEN),
                 on_connected=self._greet,
                 on_subscribed=self._on_subscribed,
-                on_lost=lambda: self._mailbox.put(LinkReport(connected=False)),
+                on_lost=lambda: self._mailbox.put(events.LinkReport(connected=False)),
             ),
         )
         for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
@@ -546,7 +526,7 @@ class RobotAgent:
         return link
 
     def _greet(self) -> Iterator[Outbound]:
-        """Yield what is published first on each connection; the robot's task publishes the state."""
+        """Yield the first messages of a connection; the robot's task publishes the state after them."""
         sleeps = self._core.power.silent
         yield self._messages.connection(ConnectionState.HIBERNATING if sleeps else ConnectionState.ONLINE)
         yield self._messages.factsheet(self._core.robot.reports.limits)
@@ -556,8 +536,8 @@ class RobotAgent:
         self._mailbox.wake()
 
     def _on_subscribed(self) -> None:
-        self._mailbox.put(SubscriptionsReport(self._link.state.refused))
-        self._mailbox.put(LinkReport(connected=True))
+        self._mailbox.put(events.SubscriptionsReport(self._link.state.refused))
+        self._mailbox.put(events.LinkReport(connected=True))
 
     async def _disconnect(self, state: ConnectionState) -> None:
         self._link.publish(self._messages.connection(state))
@@ -567,9 +547,9 @@ class RobotAgent:
 
 @cache
 def freeze_loaded_objects() -> None:
-    """Exclude all objects loaded so far from garbage collection; a full pass would block a robot for 30 ms.
+    """Exclude all objects loaded so far from garbage collection: a full pass blocks a robot for 30 ms.
 
-    This is done once per process: a second freeze would permanently keep the remains of a failed robot, and
+    This is done once per process: a second call would keep the objects of a failed robot forever, and
     ``gc.get_freeze_count()`` walks all frozen objects.
     """
     gc.freeze()

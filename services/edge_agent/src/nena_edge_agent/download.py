@@ -41,7 +41,7 @@ class DownloadSettings(SettingsGroup):
 
 
 class DownloadError(Exception):
-    """A file was not downloaded; the text says why."""
+    """A file was not downloaded; the message contains the reason."""
 
 
 async def download(link: str, digest: str | None, settings: DownloadSettings) -> bytes:
@@ -72,7 +72,7 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
 
 
 def _fetch(link: str, settings: DownloadSettings) -> bytes:
-    """Block until the file is downloaded; both timeouts end it, even after the caller has given up."""
+    """Download the file, blocking; both timeouts end it even if the caller no longer waits."""
     request = Request(link, headers={"User-Agent": "nena-edge-agent"})  # noqa: S310 - the scheme was checked
     end = monotonic() + settings.timeout
     parts: list[bytes] = []
@@ -93,7 +93,7 @@ def _fetch(link: str, settings: DownloadSettings) -> bytes:
 
 
 def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None:
-    """Raise for a file that is too large or too slow: it must be complete at ``end``, monotonic."""
+    """Raise DownloadError if the file is too large, or incomplete at the monotonic time ``end``."""
     if size > settings.maximum_bytes:
         message = f"{link} is larger than {settings.maximum_bytes} bytes"
         raise DownloadError(message)
@@ -102,8 +102,8 @@ def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None
         raise DownloadError(message)
 
 
-class _Reach(StrEnum):
-    """The network range of an address: a server must not reach other hosts through the robot."""
+class _NetworkRange(StrEnum):
+    """The network range of an address: redirects must not reach other hosts through the robot."""
 
     NETWORK = "the network"
     ROBOT = "the robot itself"
@@ -111,8 +111,8 @@ class _Reach(StrEnum):
     MULTICAST = "a multicast address"
 
     @classmethod
-    def of(cls, address: str) -> _Reach:
-        """Return what an IP address reaches."""
+    def of(cls, address: str) -> _NetworkRange:
+        """Return the range of an IP address."""
         found = ip_address(address.partition("%")[0])
         if isinstance(found, IPv6Address):
             found = found.ipv4_mapped or found
@@ -123,62 +123,62 @@ class _Reach(StrEnum):
         return cls.MULTICAST if found.is_multicast else cls.NETWORK
 
 
-class _Journey:
-    """The connections of one download: the first by the link, the others by redirects."""
+class _Connections:
+    """Checks the connections of one download: the first one by the link, the others by redirects."""
 
     def __init__(self) -> None:
-        self._first: _Reach | None = None
+        self._first: _NetworkRange | None = None
 
     def begin_behind_proxy(self) -> None:
-        """Record that a proxy connects first, which reaches only what the network reaches."""
-        self._first = self._first or _Reach.NETWORK
+        """Record that the first connection is to a proxy, which is in the network."""
+        self._first = self._first or _NetworkRange.NETWORK
 
     def check(self, address: str) -> None:
-        """Refuse a connected address before anything is sent: a name may resolve differently a moment later.
+        """Check the address of a connection before anything is sent: names may resolve differently each time.
 
         Raises:
-            DownloadError: it must not be reached.
+            DownloadError: the address is not allowed.
         """
-        reach = _Reach.of(address)
-        if reach in (_Reach.LINK, _Reach.MULTICAST):
+        reach = _NetworkRange.of(address)
+        if reach in (_NetworkRange.LINK, _NetworkRange.MULTICAST):
             message = f"downloads from {address} are not allowed: it is {reach}"
             raise DownloadError(message)
         if self._first is None:
             self._first = reach
-        elif reach is _Reach.ROBOT and self._first is not reach:
+        elif reach is _NetworkRange.ROBOT and self._first is not reach:
             message = f"the server redirects to {address}, which is {reach}"
             raise DownloadError(message)
 
 
 class _Http(HTTPHandler):
-    def __init__(self, journey: _Journey) -> None:
+    def __init__(self, connections: _Connections) -> None:
         super().__init__()
-        self._journey = journey
+        self._connections = connections
 
     def http_open(self, req: Request) -> HTTPResponse:
-        return self.do_open(_checked(HTTPConnection, self._journey, req), req)
+        return self.do_open(_checked(HTTPConnection, self._connections, req), req)
 
 
 class _Https(HTTPSHandler):
-    def __init__(self, journey: _Journey) -> None:
+    def __init__(self, connections: _Connections) -> None:
         super().__init__()
-        self._journey = journey
+        self._connections = connections
 
     def https_open(self, req: Request) -> HTTPResponse:
-        return self.do_open(_checked(HTTPSConnection, self._journey, req), req)
+        return self.do_open(_checked(HTTPSConnection, self._connections, req), req)
 
 
-def _checked(kind: type[HTTPConnection], journey: _Journey, request: Request) -> type[HTTPConnection]:
-    """Return a connection class that checks its address; the address of a proxy is the site's choice."""
+def _checked(kind: type[HTTPConnection], connections: _Connections, request: Request) -> type[HTTPConnection]:
+    """Return a connection class that checks its address; a proxy, which the site configures, is not checked."""
     if request.has_proxy() or getattr(request, "_tunnel_host", None):
-        journey.begin_behind_proxy()
+        connections.begin_behind_proxy()
         return kind
 
     class Checked(kind):  # type: ignore[misc, valid-type] # one of two that have the same interface
         def connect(self) -> None:
             super().connect()
             try:
-                journey.check(self.sock.getpeername()[0])
+                connections.check(self.sock.getpeername()[0])
             except DownloadError:
                 self.close()
                 raise
@@ -198,14 +198,14 @@ class _Redirects(HTTPRedirectHandler):
 
 
 def _opener() -> OpenerDirector:
-    """Return an opener for http and https only: a server may redirect the robot to other schemes."""
+    """Return an opener for http and https only: a server may redirect to other schemes."""
     opener = OpenerDirector()
-    journey = _Journey()
+    connections = _Connections()
     for handler in (
         ProxyHandler(),
         UnknownHandler(),
-        _Http(journey),
-        _Https(journey),
+        _Http(connections),
+        _Https(connections),
         HTTPDefaultErrorHandler(),
         _Redirects(),
         HTTPErrorProcessor(),

@@ -14,31 +14,15 @@ from nena_edge_agent.protocol.geometry import Footprint
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.zone_sets import MAXIMUM_ZONES
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
+from nena_shared.vda5050 import factsheet
 from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE, STATION_ACTIONS, BlockingType
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
-from nena_shared.vda5050.factsheet import (
-    ActionParameterDescription,
-    ActionScope,
-    Envelope2d,
-    Envelope2dPoint,
-    Factsheet,
-    LoadSpecification,
-    MaximumArrayLengths,
-    MaximumStringLengths,
-    MobileRobotAction,
-    MobileRobotGeometry,
-    PhysicalParameters,
-    ProtocolFeatures,
-    ProtocolLimits,
-    Timing,
-    TypeSpecification,
-)
 from nena_shared.vda5050.rules import Rules
 from nena_shared.vda5050.versions import RULES
 
 
 def frame_of(settings: EdgeAgentSettings) -> str:
-    """Return a name for the frame of all coordinates; it changes with the transforms."""
+    """Return an identifier of the frame of all coordinates; it changes with the transforms."""
     if settings.driver != "nav2":
         return ""
     return "; ".join(f"{map_id}: {text}" for map_id, text in sorted(settings.map_transforms.items()))
@@ -51,13 +35,13 @@ def braking_distance(description: DescriptionSettings) -> float:
 
 
 SEVERAL_SLOWER = 3.0
-"""Factor by which Nav2's replanning period is longer through several poses than to one."""
+"""Ratio of Nav2's replanning periods for several poses and for one."""
 ANSWER_TIME = 0.5
 """Assumed time for fleet control to extend a base on request, seconds."""
 
 
 def _base_request_time(settings: EdgeAgentSettings) -> float:
-    """Return the maximum time from the request of a base until Nav2 replans for it, seconds."""
+    """Return the maximum time from a base request until Nav2 replans for the new base, seconds."""
     slower = SEVERAL_SLOWER if settings.drives_ahead else 1.0
     return settings.ros.goals.replan_period * slower + ANSWER_TIME
 
@@ -103,14 +87,14 @@ def make_factsheet(
     settings: EdgeAgentSettings,
     capabilities: Capabilities,
     limits: DriveLimits | None = None,
-) -> Factsheet:
+) -> factsheet.Factsheet:
     """Return the factsheet (section 7.10); ``limits`` are navigation's, None: not reported."""
-    return Factsheet(
+    return factsheet.Factsheet(
         **header,
         type_specification=_type(settings, capabilities),
         physical_parameters=_physical(settings),
         protocol_limits=_limits(settings, capabilities.maximum_nodes),
-        protocol_features=ProtocolFeatures(
+        protocol_features=factsheet.ProtocolFeatures(
             optional_parameters=supported(capabilities, limits.tolerance if limits else None),
             mobile_robot_actions=tuple(_action(each, capabilities.rules) for each in _offered(capabilities)),
         ),
@@ -119,9 +103,9 @@ def make_factsheet(
     )
 
 
-def _type(settings: EdgeAgentSettings, capabilities: Capabilities) -> TypeSpecification:
+def _type(settings: EdgeAgentSettings, capabilities: Capabilities) -> factsheet.TypeSpecification:
     description = settings.description
-    return TypeSpecification(
+    return factsheet.TypeSpecification(
         series_name=description.series_name,
         mobile_robot_kinematics=description.kinematics,
         mobile_robot_class=description.robot_class,
@@ -135,9 +119,9 @@ def _type(settings: EdgeAgentSettings, capabilities: Capabilities) -> TypeSpecif
     )
 
 
-def _physical(settings: EdgeAgentSettings) -> PhysicalParameters:
+def _physical(settings: EdgeAgentSettings) -> factsheet.PhysicalParameters:
     description = settings.description
-    return PhysicalParameters(
+    return factsheet.PhysicalParameters(
         minimum_speed=0.0,
         maximum_speed=description.maximum_speed,
         minimum_angular_speed=0.0,
@@ -151,17 +135,17 @@ def _physical(settings: EdgeAgentSettings) -> PhysicalParameters:
     )
 
 
-def _limits(settings: EdgeAgentSettings, maximum_nodes: int) -> ProtocolLimits:
+def _limits(settings: EdgeAgentSettings, maximum_nodes: int) -> factsheet.ProtocolLimits:
     interval = settings.interval
-    return ProtocolLimits(
-        maximum_string_lengths=MaximumStringLengths(maximum_message_length=MAXIMUM_PAYLOAD),
-        maximum_array_lengths=MaximumArrayLengths(
+    return factsheet.ProtocolLimits(
+        maximum_string_lengths=factsheet.MaximumStringLengths(maximum_message_length=MAXIMUM_PAYLOAD),
+        maximum_array_lengths=factsheet.MaximumArrayLengths(
             order_nodes=maximum_nodes,
             order_edges=maximum_nodes - 1,
             instant_actions=MESSAGE_LIMIT,
             zone_set_zones=MAXIMUM_ZONES,
         ),
-        timing=Timing(
+        timing=factsheet.Timing(
             minimum_order_interval=0.0,
             minimum_state_interval=interval.state_minimum,
             default_state_interval=interval.state_maximum,
@@ -174,9 +158,9 @@ def _offered(capabilities: Capabilities) -> list[ActionDeclaration]:
     return [each for each in capabilities.actions.values() if not each.unavailable]
 
 
-def _action(declaration: ActionDeclaration, rules: Rules) -> MobileRobotAction:
-    only_instant = declaration.scopes == (ActionScope.INSTANT,)
-    return MobileRobotAction(
+def _action(declaration: ActionDeclaration, rules: Rules) -> factsheet.MobileRobotAction:
+    only_instant = declaration.scopes == (factsheet.ActionScope.INSTANT,)
+    return factsheet.MobileRobotAction(
         action_type=declaration.action_type,
         action_description=declaration.description or None,
         action_scopes=declaration.scopes,
@@ -191,13 +175,13 @@ def _action(declaration: ActionDeclaration, rules: Rules) -> MobileRobotAction:
 
 
 def _listed_key(declaration: ActionDeclaration, parameter: Parameter, rules: Rules) -> str:
-    """Return the key of a parameter in the robot's version of VDA 5050."""
+    """Return the parameter's key in the robot's version of VDA 5050."""
     device = declaration.action_type in STATION_ACTIONS and parameter.key in LOAD_HANDLING_DEVICE
     return rules.load_handling_device_key if device else parameter.key
 
 
-def _parameter(parameter: Parameter, key: str) -> ActionParameterDescription:
-    return ActionParameterDescription(
+def _parameter(parameter: Parameter, key: str) -> factsheet.ActionParameterDescription:
+    return factsheet.ActionParameterDescription(
         key=key,
         value_data_type=parameter.data_type,
         description=parameter.words or None,
@@ -205,14 +189,18 @@ def _parameter(parameter: Parameter, key: str) -> ActionParameterDescription:
     )
 
 
-def _geometry(settings: EdgeAgentSettings, contour: tuple[tuple[float, float], ...]) -> MobileRobotGeometry:
+def _geometry(
+    settings: EdgeAgentSettings, contour: tuple[tuple[float, float], ...]
+) -> factsheet.MobileRobotGeometry:
     """Return the robot's outline from navigation, else the rectangle from the settings."""
     x, y = settings.description.length / 2, settings.description.width / 2
     corners = contour or ((x, y), (-x, y), (-x, -y), (x, -y))
-    vertices = tuple(Envelope2dPoint(x=x, y=y) for x, y in corners)
-    return MobileRobotGeometry(envelopes2d=(Envelope2d(envelope2d_id="footprint", vertices=vertices),))
+    vertices = tuple(factsheet.Envelope2dPoint(x=x, y=y) for x, y in corners)
+    return factsheet.MobileRobotGeometry(
+        envelopes2d=(factsheet.Envelope2d(envelope2d_id="footprint", vertices=vertices),)
+    )
 
 
-def _loads(capabilities: Capabilities) -> LoadSpecification:
+def _loads(capabilities: Capabilities) -> factsheet.LoadSpecification:
     carries = any(each.load for each in _offered(capabilities))
-    return LoadSpecification(load_positions=("platform",) if carries else ())
+    return factsheet.LoadSpecification(load_positions=("platform",) if carries else ())

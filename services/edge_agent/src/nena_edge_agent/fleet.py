@@ -1,4 +1,4 @@
-"""Several robots in one program: each fails and restarts on its own."""
+"""Several robots in one program: each one fails and restarts independently."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nena_shared.tasks import Supervisor, TaskFailedError, set_within
 
 log = get_logger(__name__)
 
-LONGEST_PAUSE = 60.0
+MAXIMUM_RESTART_DELAY = 60.0
 """Maximum interval between two starts of a robot, seconds."""
 
 
@@ -29,11 +29,11 @@ async def run_fleet(
 ) -> None:
     """Run the robots until ``stop`` is set; ``makers`` create their agents, by robot name.
 
-    A robot that fails is restarted up to ``restarts`` times, the first time after ``pause`` s, then after
-    twice as long, and so on. A robot that was shut down is not restarted.
+    A failed robot is restarted up to ``restarts`` times: after ``pause`` s, then after twice as long, and so
+    on. A robot that was shut down is not restarted.
 
     Raises:
-        StartError: none of them is running any more, and at least one has failed.
+        StartError: no robot is running any more, and at least one has failed.
     """
     abandoned: list[str] = []
 
@@ -60,7 +60,7 @@ async def _keep_up(
         if await _run(name, make, stop):
             return True
         if attempt < restarts:
-            seconds = min(pause * 2**attempt, LONGEST_PAUSE)
+            seconds = min(pause * 2**attempt, MAXIMUM_RESTART_DELAY)
             log.info("restarting robot", robot=name, in_seconds=seconds, restarts_left=restarts - attempt)
             if await set_within(stop, seconds):
                 return True

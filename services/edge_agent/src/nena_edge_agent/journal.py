@@ -20,24 +20,24 @@ from nena_shared.histogram import SHORT, Histogram
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
 
-LEAST_ROOM = 16 * 1024
+MINIMUM_RECORD_SPACE = 16 * 1024
 """Minimum space for one record, bytes."""
 BLOCK = 512
-"""Bytes that a disk writes atomically."""
+"""Size of a block that a disk writes atomically, bytes."""
 LABEL = 23
 """Bytes at the start of each block: checksum (8 digits) and record number (13), each followed by a space."""
 CHECKSUM = 9
-"""Bytes of the single checksum in records of earlier releases: eight digits and a space."""
+"""Bytes of the only checksum in records of earlier releases: eight digits and a space."""
 
 
 @contextmanager
-def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
-    """Lock the journal of ``robot`` in this folder against other programs until the block ends.
+def lock_journal(folder: Path, robot: RobotKey) -> Iterator[None]:
+    """Lock the journal of ``robot`` in this folder, so that no other program uses it.
 
     Raises:
         StartError: another program holds the lock, or the folder cannot be used.
     """
-    path = _at_home(folder) / f"{_file_name(robot)}.lock"
+    path = _expanded(folder) / f"{_file_name(robot)}.lock"
     with ExitStack() as stack:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -59,25 +59,25 @@ class UnreadableJournalError(Exception):
 
 
 class Journal:
-    """Keeps the newest record and the one before it, each in its half of one file.
+    """Stores the last two records, each in its half of one file.
 
-    A record overwrites the older one. The file keeps its size, so a write needs no new disk blocks; if a
+    A record overwrites the older one. The file keeps its size, so that a write needs no new disk blocks. If a
     record needs more space, a new file replaces the old one. Each disk block has its own checksum and record
-    number. So an interrupted write (whole blocks of two records) differs from damaged data (a block that does
-    not match its checksum).
+    number, so that an interrupted write (whole blocks of two records) differs from damaged data (a block that
+    does not match its checksum).
     """
 
     def __init__(self, folder: Path, robot: RobotKey) -> None:
-        self._folder = _at_home(folder)
+        self._folder = _expanded(folder)
         self._file = self._folder / f"{_file_name(robot)}.journal"
         self._number = 0
-        """Number of the newest record on the disk."""
+        """Number of the last record on disk."""
         self._begun = 0
-        """The highest number that blocks in the file may have, including those of a failed record."""
+        """Highest number that blocks of the file may have, including those of a failed record."""
         self._made = False
 
     def read(self) -> Memory | None:
-        """Return the last record, None if there is none; call it before the first :meth:`write`.
+        """Return the last record, None if there is none. Call this before the first :meth:`write`.
 
         Raises:
             StartError: the folder cannot be used; the message says what to do.
@@ -110,9 +110,9 @@ class Journal:
         raise UnreadableJournalError(message)
 
     def write(self, memory: Memory) -> None:
-        """Replace the record; on return it survives the process, and after :meth:`sync` a power failure.
+        """Write a record: it survives the process on return, and a power failure after :meth:`sync`.
 
-        Both block until the disk answers: call them outside the event loop's thread.
+        Both methods block until the disk responds: call them outside the event loop's thread.
 
         Raises:
             OSError: the record could not be written; the old one is kept.
@@ -124,10 +124,10 @@ class Journal:
             self._number, self._made = number, True
 
     def sync(self) -> None:
-        """Wait until the disk has the last record.
+        """Wait until the last record is on disk.
 
         Raises:
-            OSError: the disk failed; whether it has the record is unknown.
+            OSError: the disk has failed, and may not have the record.
         """
         with self._file.open("rb") as file:
             os.fdatasync(file.fileno())
@@ -137,15 +137,15 @@ class Journal:
         self._number = self._begun
 
     def _next(self) -> int:
-        """Return a number that no block has, for the half without the newest record.
+        """Return an unused record number for the half without the last record.
 
-        Otherwise, blocks of a failed record and of the next one would look like one record.
+        With a used number, blocks of a failed record and of the next one would look like one record.
         """
         free = self._begun + 1
         return free if (free - self._number) % 2 else free + 1
 
     def _overwrite(self, number: int, record: bytes) -> bool:
-        """Overwrite the older record; return False if there is no file with enough space."""
+        """Overwrite the older record; return False if the file is missing or too small."""
         with suppress(FileNotFoundError), self._file.open("r+b") as file:
             half = os.fstat(file.fileno()).st_size // 2
             if len(record) <= half // BLOCK * (BLOCK - LABEL):
@@ -155,7 +155,7 @@ class Journal:
         return False
 
     def _make_file(self, number: int, record: bytes) -> None:
-        half = max(LEAST_ROOM, 1 << (2 * len(record)).bit_length())
+        half = max(MINIMUM_RECORD_SPACE, 1 << (2 * len(record)).bit_length())
         halves = [b" " * half, b" " * half]
         halves[number % 2] = _framed(number, record, half)
         new = self._file.with_suffix(".new")
@@ -188,11 +188,10 @@ def _framed(number: int, record: bytes, size: int) -> bytes:
 
 
 def _newest(content: bytes) -> tuple[int, bytes]:
-    """Return the newest complete record of a journal, and its number; an interrupted write does not count.
+    """Return the number and content of the last complete record, without an interrupted one after it.
 
     Raises:
-        ValueError: there is none, or the newest one is damaged.
-
+        ValueError: there is none, or the last one is damaged.
     """
     half = len(content) // 2
     halves = content[:half], content[half:]
@@ -263,13 +262,13 @@ def _is_of_an_earlier_release(half: bytes) -> bool:
 def _file_name(robot: RobotKey) -> str:
     """Return the robot's unique file name: manufacturer, dot, serial number.
 
-    Characters of the standard stay unchanged; all others are percent-encoded as in a URL.
+    Characters that the standard allows stay unchanged; all others are percent-encoded as in a URL.
     """
     manufacturer = quote(robot.manufacturer, safe=" ").replace(".", "%2E")
     return f"{manufacturer}.{quote(robot.serial_number, safe=' :')}"
 
 
-def _at_home(folder: Path) -> Path:
+def _expanded(folder: Path) -> Path:
     """Replace ``~`` by the home directory.
 
     Raises:
@@ -301,9 +300,9 @@ def check_frame(memory: Memory | None, frame: str) -> None:
     raise StartError(message)
 
 
-AT_ONCE = 0.01
-"""Time that the event loop itself waits, seconds: the kernel usually accepts a record in 0.1 ms, faster than
-a switch to another task and back."""
+INLINE_WAIT = 0.01
+"""Maximum time that the event loop blocks for a write, seconds. The kernel usually accepts a record in
+0.1 ms, which is faster than a switch to another task and back."""
 WRITE_TIMEOUT = 2.0
 """Timeout for writing a record, seconds; a robot that must stop cannot wait longer."""
 
@@ -312,10 +311,10 @@ Version = tuple[object, ...]
 
 
 class Recorder:
-    """Writes records in a thread. A disk that fails or hangs is reported, and the robot continues.
+    """Writes records in a thread. If the disk fails or hangs, this is reported, and the robot continues.
 
-    Call :meth:`write`, then do what only needs a record that survives the process; then call :meth:`sync`,
-    and do what needs a record that survives a power failure.
+    Call :meth:`write` before effects that need a record that survives the process, and :meth:`sync` before
+    effects that need a record that survives a power failure.
     """
 
     def __init__(
@@ -326,13 +325,13 @@ class Recorder:
         on_record: Callable[[str], None],
         wake: Callable[[], None],
     ) -> None:
-        """Prepare to record what differs from ``version``.
+        """Create the recorder of ``journal``; None: nothing is recorded.
 
         Args:
-            journal: the journal; None records nothing.
+            journal: the journal.
             version: version of the journal's content.
-            on_record: called after each record with the disk's problem, "" for none.
-            wake: called when a disk that hung answers: the newest record can then be written.
+            on_record: called after each record with the disk's problem, empty without one.
+            wake: called when a disk that has hung responds: then the newest record can be written.
         """
         self._journal = journal
         self._durable: Version | None = version
@@ -346,7 +345,7 @@ class Recorder:
         """Seconds from the start of a record until it survives a power failure."""
 
     async def write(self, version: Version, memory: Callable[[], Memory]) -> None:
-        """Start writing a changed memory; return when it survives the process or the disk has failed."""
+        """Start to write a changed memory; return when it survives the process, or the disk has failed."""
         if self._journal is None or version == self._durable or self._hangs:
             return  # a newer record must not overtake an older one on a disk that hangs
         loop = asyncio.get_running_loop()
@@ -356,13 +355,13 @@ class Recorder:
         self._record = loop.run_in_executor(None, _work, self._journal, memory(), written)
         self._record.add_done_callback(_consume)
         try:
-            outlives = written.get(timeout=AT_ONCE)
+            outlives = written.get(timeout=INLINE_WAIT)
         except Empty:
             outlives = await asyncio.to_thread(_await, written, WRITE_TIMEOUT)
         self._written = version if outlives else None
 
     async def sync(self) -> None:
-        """Wait until the record is on the disk, or the disk has failed."""
+        """Wait until the record is on disk, or the disk has failed."""
         if self._record is None or self._begun is None:
             return
         version, self._begun = self._begun, None
@@ -388,7 +387,7 @@ class Recorder:
 
     @property
     def syncing(self) -> bool:
-        """Whether a record is not on the disk yet, as far as is known."""
+        """Return whether a record is being written to disk."""
         return self._begun is not None
 
     @property
@@ -397,7 +396,7 @@ class Recorder:
 
 
 def _work(journal: Journal, memory: Memory, written: SimpleQueue[bool]) -> None:
-    """Write in a thread: report when the kernel has the record, then wait for the disk."""
+    """Write a record in a thread: report when the kernel has it, then wait for the disk."""
     taken = False
     try:
         journal.write(memory)
@@ -416,6 +415,6 @@ def _await(written: SimpleQueue[bool], seconds: float) -> bool:
 
 
 def _consume(record: asyncio.Future[None]) -> None:
-    """Consume the result of a record that nothing waits for any more."""
+    """Consume the result of a record that is no longer awaited."""
     if not record.cancelled():
         record.exception()

@@ -15,7 +15,7 @@ from nena_shared.vda5050.state import Map, MapStatus
 
 
 class MapRefusedError(Exception):
-    """A map cannot be stored, enabled or deleted; the text says why."""
+    """A map cannot be stored, enabled or deleted; the message contains the reason."""
 
 
 class DuplicateMapError(MapRefusedError):
@@ -26,14 +26,14 @@ class DuplicateMapError(MapRefusedError):
 
 
 def find(maps: Iterable[Map], map_id: str, map_version: str) -> Map | None:
-    """Return the map with this ID and version."""
+    """Return the map with this ID and version, None if there is none."""
     return next((each for each in maps if (each.map_id, each.map_version) == (map_id, map_version)), None)
 
 
 class MapStore(Protocol):
     """Stores maps by mapId and mapVersion; at most one version of each mapId is enabled (3.0 section 6.3).
 
-    The methods may be slow; they are never called concurrently.
+    Methods may be slow; they are never called concurrently.
     """
 
     @property
@@ -95,7 +95,7 @@ class FolderMapStore:
         """Store a new map, DISABLED.
 
         Raises:
-            MapRefusedError: it already exists, or there is no room.
+            MapRefusedError: it already exists, the maximum number of maps is stored, or the disk fails.
         """
         if find(self.maps, map_id, map_version):
             raise DuplicateMapError(map_id, map_version)
@@ -132,7 +132,7 @@ class FolderMapStore:
         self.maps = self._read()
 
     def content(self, map_id: str, map_version: str) -> bytes:
-        """Return what was installed; empty for the robot's first map."""
+        """Return the installed content; empty for the robot's first map."""
         return (self._place(map_id, map_version) / CONTENT).read_bytes()
 
     def _expect(self, map_id: str, map_version: str) -> Map:
@@ -146,7 +146,7 @@ class FolderMapStore:
         return self._folder / _name(map_id) / _name(map_version)
 
     def _write(self, map_id: str, map_version: str, content: bytes) -> None:
-        """Write the map completely or not at all."""
+        """Write the map atomically."""
         place = self._place(map_id, map_version)
         unfinished = _beside(place)
         rmtree(unfinished, ignore_errors=True)
@@ -160,7 +160,7 @@ class FolderMapStore:
         return {CONTENT: content}
 
     def _remove(self, map_id: str, map_version: str) -> None:
-        """Remove the map as a whole before its files are deleted one by one."""
+        """Remove the map atomically, then delete its files."""
         place = self._place(map_id, map_version)
         unfinished = _beside(place)
         rmtree(unfinished, ignore_errors=True)
@@ -198,7 +198,7 @@ class FolderMapStore:
 
 
 def _beside(place: Path) -> Path:
-    """Return the temporary path of what is being written or removed."""
+    """Return the temporary path for writing or removing ``place``."""
     return place.with_name(place.name + UNFINISHED)
 
 

@@ -1,4 +1,4 @@
-"""The MQTT messages of one robot: outgoing, with headers and topics, and incoming (section 6)."""
+"""The MQTT messages of one robot: outgoing ones with header and topic, and incoming ones (section 6)."""
 
 from __future__ import annotations
 
@@ -48,19 +48,19 @@ from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
 WRAP = 2**32
 RESERVE = 100
-"""Number of headerIds that are reserved at once; a restart skips at most as many."""
+"""Number of headerIds reserved at once; a restart skips at most as many."""
 TOPICS = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
 """Topics that a robot publishes."""
 
 Reserved = tuple[tuple[Topic, int], ...]
-"""For each topic, the first headerId that is not reserved."""
+"""The first unreserved headerId of each topic."""
 
 
 class HeaderMaker:
-    """Counts the messages of each topic, from 0 or from where an earlier run may have been (section 7.2).
+    """Counts the messages of each topic, from 0 or after those of an earlier run (section 7.2).
 
-    IDs are reserved on disk before they are used, so that none is used twice. A robot whose disk fails
-    continues to count, since fleet control must accept a counter that restarts.
+    HeaderIds are reserved on disk before they are used, so that none is used twice. A robot whose disk fails
+    continues to count, because fleet control must accept a counter that restarts.
     """
 
     def __init__(self, robot: RobotKey, *, version: str, clock: Clock, reserved: Reserved = ()) -> None:
@@ -73,7 +73,7 @@ class HeaderMaker:
     def reserve(self) -> Reserved:
         """Return the first unreserved headerId of each topic (VDA 5050 3.0 section 7.2).
 
-        More are reserved once half of them are used.
+        More headerIds are reserved once half of them are used.
         """
         for topic in TOPICS:
             left = (self._reserved.get(topic, 0) - self._counts[topic]) % WRAP
@@ -82,10 +82,7 @@ class HeaderMaker:
         return tuple(self._reserved.items())
 
     def make(self, topic: Topic) -> dict[str, Any]:
-        """Return the header of the next message under ``topic``, by its neutral names.
-
-        VDA 5050 3.0 section 7.2.
-        """
+        """Return the header of the next message on ``topic``, by its neutral names (section 7.2)."""
         number = self._counts[topic]
         self._counts[topic] = (number + 1) % WRAP
         return self.form(number)
@@ -105,7 +102,7 @@ class HeaderMaker:
         return self.form(self._counts[topic])
 
     def last_id(self, topic: Topic) -> int:
-        """Return the headerId of the last message under ``topic``; 0 before the first."""
+        """Return the headerId of the last message on ``topic``; 0 before the first."""
         return max(0, self._counts[topic] - 1)
 
 
@@ -149,18 +146,18 @@ class RobotMessages:
         )
 
     def topic(self, topic: Topic) -> str:
-        """Return a topic of the robot (VDA 5050 3.0 section 4.2)."""
+        """Return the robot's MQTT topic (VDA 5050 3.0 section 4.2)."""
         return self._topics.of(self._robot, topic)
 
     def header(self, topic: Topic) -> dict[str, Any]:
-        """Return the header of the next message under ``topic`` (VDA 5050 3.0 section 7.2)."""
+        """Return the header of the next message on ``topic`` (VDA 5050 3.0 section 7.2)."""
         return self.headers.make(topic)
 
     def connection(self, state: ConnectionState) -> Outbound:
         """Return the connection message (section 6.5), retained.
 
-        It is kept while the link connects: an agent that is stopped between its ONLINE message and the end of
-        the connect must not stay ONLINE.
+        It is queued while the link connects: an agent that stops between its ONLINE message and the end of
+        the connect must not remain ONLINE.
         """
         message = Connection(**self.header(Topic.CONNECTION), connection_state=state)
         return self._outbound(Topic.CONNECTION, message, qos=1, retain=True, keep=True)
@@ -172,7 +169,7 @@ class RobotMessages:
         return self._outbound(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
 
     def state(self, message: State, *, keep: bool) -> Outbound:
-        """Return the state message (section 6.6); ``keep``: keep it until the link can send it."""
+        """Return the state message (section 6.6); ``keep``: queue it until the link can send it."""
         return self._outbound(Topic.STATE, message, qos=self._settings.qos, keep=keep)
 
     def visualization(self, message: Visualization) -> Outbound:
@@ -180,7 +177,7 @@ class RobotMessages:
         return self._outbound(Topic.VISUALIZATION, message, qos=0)
 
     def map(self, found: MapImage) -> Outbound:
-        """Return the message with the robot's map, retained; it is kept until the link can send it."""
+        """Return the message with the robot's map, retained; it is queued until the link can send it."""
         payload = found.model_dump_json(by_alias=True).encode()
         topic = FleetTopics(self._settings.topic_prefix).robot_map(self._robot)
         return Outbound(topic, payload, retain=True)
@@ -199,17 +196,17 @@ _UNTIL = {
     Topic.INSTANT_ACTIONS: Until.INSTANT_ACTION_ACCEPTED,
     Topic.ZONE_SET: Until.ZONE_SET_ACCEPTED,
 }
-"""What ends the report of a refused message, unless it is the next order."""
+"""What ends the error of a refused message; by default, the next accepted order."""
 
 
 @dataclass(slots=True)
 class InboxCounts:
-    """Numbers of messages received so far."""
+    """Numbers of received messages."""
 
     taken: int = 0
     malformed: int = 0
     repaired: int = 0
-    """Messages that violated the standard, but whose meaning was clear."""
+    """Messages that violated the standard but whose meaning was clear."""
     misdirected: int = 0
     retained: int = 0
 
@@ -239,7 +236,7 @@ class Inbox:
         self._deviations = Deviations(clock)
         self._log = log.bind(robot=str(robot))
         self._dated = True
-        """Whether the timestamp of the current message could be read."""
+        """Whether the timestamp of the current message is readable."""
         self.counts = InboxCounts()
 
     def handlers(self, *, zones: bool) -> dict[Topic, Handler]:
@@ -255,26 +252,26 @@ class Inbox:
         return always | of_zones if zones else always
 
     def take_order(self, message: Inbound) -> None:
-        """Read a message under the order topic (VDA 5050 3.0 section 7.3)."""
+        """Read a message of the topic order (VDA 5050 3.0 section 7.3)."""
         order = self._read(Order, message, Topic.ORDER)
         if order is not None:
             self._log.info("order received", order=order.order_id, update=order.order_update_id)
             self._put(OrderReceived(order, self._clock.now(), dated=self._dated))
 
     def take_instant_actions(self, message: Inbound) -> None:
-        """Read a message under the instantActions topic (VDA 5050 3.0 section 7.4)."""
+        """Read a message of the topic instantActions (VDA 5050 3.0 section 7.4)."""
         actions = self._read(InstantActions, message, Topic.INSTANT_ACTIONS)
         if actions is not None:
             self._put(InstantActionsReceived(actions, self._clock.now()))
 
     def take_zone_set(self, message: Inbound) -> None:
-        """Read a message under the zoneSet topic (VDA 5050 3.0 section 7.6)."""
+        """Read a message of the topic zoneSet (VDA 5050 3.0 section 7.6)."""
         transfer = self._read(ZoneSetTransfer, message, Topic.ZONE_SET)
         if transfer is not None:
             self._put(ZoneSetReceived(transfer))
 
     def take_responses(self, message: Inbound) -> None:
-        """Read a message under the responses topic (VDA 5050 3.0 section 7.5)."""
+        """Read a message of the topic responses (VDA 5050 3.0 section 7.5)."""
         responses = self._read(Responses, message, Topic.RESPONSES)
         if responses is not None:
             self._put(ResponsesReceived(responses, self._clock.now()))
@@ -315,7 +312,7 @@ class Inbox:
         return read
 
     def _with_values(self, message: M) -> tuple[M, tuple[Repair, ...]]:
-        """Return the message with action parameters that were sent as text converted to their types."""
+        """Return the message with action parameters converted to their types if they were sent as strings."""
         found: list[Repair] = []
         changes: dict[str, object] = {}
 

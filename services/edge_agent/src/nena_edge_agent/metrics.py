@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from nena_edge_agent.agent import RobotAgent, Vitals
+from nena_edge_agent.agent import AgentSnapshot, RobotAgent
 from nena_edge_agent.driver.port import DriveFailure, SessionState
 from nena_edge_agent.settings import MetricsSettings
 from nena_shared.clock import Clock
@@ -46,23 +46,23 @@ class Program:
     loop_lag: LoopLag
     journal: Path | None
     """The folder of the journal."""
-    vitals: Mapping[RobotKey, Vitals] = field(default_factory=dict)
+    snapshots: Mapping[RobotKey, AgentSnapshot] = field(default_factory=dict)
     disk_free: float | None = None
     """Bytes left for the journal."""
-    _asked: asyncio.Future[float | None] | None = None
+    _disk_query: asyncio.Future[float | None] | None = None
     """The last query of the disk; no other one is started while it is pending."""
 
-    async def look(self) -> None:
-        """Read the values of one scrape; wait for a disk that hangs for ``REQUEST_TIMEOUT`` s at most."""
-        self.vitals = {robot: agent.vitals() for robot, agent in self.agents.items()}
+    async def refresh(self) -> None:
+        """Read the values for a scrape; wait at most ``REQUEST_TIMEOUT`` s for a hanging disk."""
+        self.snapshots = {robot: agent.snapshot() for robot, agent in self.agents.items()}
         if self.journal is None:
             return
-        asked = self._asked
-        if asked is None or asked.done():
-            asked = asyncio.get_running_loop().run_in_executor(None, _free, self.journal)
-            self._asked = asked
-        await asyncio.wait([asked], timeout=REQUEST_TIMEOUT)
-        self.disk_free = asked.result() if asked.done() else None
+        query = self._disk_query
+        if query is None or query.done():
+            query = asyncio.get_running_loop().run_in_executor(None, _free, self.journal)
+            self._disk_query = query
+        await asyncio.wait([query], timeout=REQUEST_TIMEOUT)
+        self.disk_free = query.result() if query.done() else None
 
 
 def _free(folder: Path) -> float | None:
@@ -72,7 +72,7 @@ def _free(folder: Path) -> float | None:
         return None
 
 
-Read = Callable[[Program, Vitals], Any]
+Read = Callable[[Program, AgentSnapshot], Any]
 
 
 def _of_robot(kind: MetricKind, name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
@@ -80,8 +80,8 @@ def _of_robot(kind: MetricKind, name: str, text: str, read: Read, *labels: str) 
 
     def values(program: Program) -> dict[tuple[str, ...], Any]:
         found: dict[tuple[str, ...], Any] = {}
-        for robot, vitals in program.vitals.items():
-            value = read(program, vitals)
+        for robot, snapshot in program.snapshots.items():
+            value = read(program, snapshot)
             if isinstance(value, Mapping):
                 found |= {(*robot, str(label)): each for label, each in value.items()}
             elif value is not None:
@@ -99,17 +99,17 @@ def _counter(name: str, text: str, read: Read, *labels: str) -> Metric[Program]:
     return _of_robot(MetricKind.COUNTER, name, text, read, *labels)
 
 
-def _pose_age(program: Program, vitals: Vitals) -> float | None:
-    at = vitals.statistics.posed_at
+def _pose_age(program: Program, snapshot: AgentSnapshot) -> float | None:
+    at = snapshot.statistics.posed_at
     return None if at is None else max(0.0, program.clock.monotonic() - at)
 
 
-def _journal_works(program: Program, vitals: Vitals) -> bool | None:
-    return None if program.journal is None else not vitals.journal_problem
+def _journal_works(program: Program, snapshot: AgentSnapshot) -> bool | None:
+    return None if program.journal is None else not snapshot.journal_problem
 
 
 def _link(read: Callable[[LinkState], float]) -> Read:
-    return lambda _, vitals: read(vitals.link)
+    return lambda _, snapshot: read(snapshot.link)
 
 
 PROTOCOL: Final[Section[Program]] = Section(
@@ -263,7 +263,7 @@ class MetricsServer:
     async def _answer(self, request: list[bytes]) -> bytes:
         match request:
             case [b"GET", b"/metrics", _]:
-                await self._program.look()
+                await self._program.refresh()
                 return _response("200 OK", self._exposition.text())
             case [b"GET", _, _]:
                 return _response("404 Not Found", b"Not found; see /metrics.\n")

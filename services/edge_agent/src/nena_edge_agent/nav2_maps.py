@@ -27,9 +27,9 @@ UNPLACED = "unplaced"
 
 
 class Nav2MapStore(FolderMapStore):
-    """Unpacks each map, and makes map_server load the enabled one.
+    """Unpacks maps, and makes map_server load the enabled one.
 
-    The robot's first map has no files here: it is that of map_server's own settings.
+    The robot's first map has no files here: it is the map in map_server's own settings.
 
     Raises:
         StartError: the folder cannot be used.
@@ -49,13 +49,14 @@ class Nav2MapStore(FolderMapStore):
         """Store a new map, DISABLED.
 
         Raises:
-            MapRefusedError: it is not a Nav2 map, it already exists, or there is no room.
+            MapRefusedError: it is not a Nav2 map, it already exists, the maximum number of maps is stored, or
+                the disk fails.
         """
         await asyncio.to_thread(_unpacked, content)
         await super().install(map_id, map_version, content)
 
     async def enable(self, map_id: str, map_version: str) -> None:
-        """Make map_server use this map.
+        """Make map_server load this map, and mark it as enabled.
 
         Raises:
             MapRefusedError: it is not stored, or map_server does not accept it.
@@ -63,7 +64,7 @@ class Nav2MapStore(FolderMapStore):
         self._expect(map_id, map_version)
         if self._is_foreign(map_id, map_version):
             message = (
-                f"map '{map_id}' in version '{map_version}' was not stored for map_server: delete and "
+                f"map '{map_id}' in version '{map_version}' was not stored for map_server; delete it, then "
                 "download it again"
             )
             raise MapRefusedError(message)
@@ -121,7 +122,7 @@ class Nav2MapStore(FolderMapStore):
 
 
 def _unpacked(content: bytes) -> MapBundle:
-    """Read an archive; what reads archives is loaded for the first one.
+    """Read an archive; the modules for archives are only imported when needed.
 
     Raises:
         MapRefusedError: it is not a Nav2 map.

@@ -59,9 +59,9 @@ class PowerSettings(SettingsGroup):
             raise ValueError(message)
         return self
 
-    def offered(self, *, rehearsed: bool) -> frozenset[str]:
-        """Return the actions that the robot offers; ``rehearsed``: all, even without commands."""
-        if rehearsed:
+    def offered(self, *, simulated: bool) -> frozenset[str]:
+        """Return the actions that the robot offers; ``simulated``: all of them, even without commands."""
+        if simulated:
             return POWER_ACTIONS
         sleeps = HIBERNATION if self.hibernate_command else frozenset()
         return sleeps | (frozenset({SHUTDOWN}) if self.shutdown_command else frozenset())
@@ -88,10 +88,10 @@ def _problem(command: Command) -> str:
 async def run_command(
     settings: PowerSettings, kind: PowerCommand, environment: Mapping[str, str] | None = None
 ) -> str:
-    """Run a command, if one is set; return its failure, empty on success.
+    """Run the command of this kind, if one is set; return its failure, empty on success.
 
-    Its output is logged if it fails. At the timeout, or if the task is cancelled, it is killed. A robot must
-    wake in any case: a command that cannot be killed is left behind, and a full disk only costs the output.
+    If it fails, its output is logged. It is killed after the timeout, and if the task is cancelled. A robot
+    must always wake: a command that cannot be killed is abandoned, and a full disk only costs the output.
     """
     command = settings.command(kind)
     if not command:

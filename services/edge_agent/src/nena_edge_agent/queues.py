@@ -25,11 +25,11 @@ _SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport, DriveProgress)
 
 
 class Mailbox:
-    """Collects events for one task.
+    """Queues events for one task.
 
-    Of poses, battery reports, plans, progress and goal tables, only the newest waits. Messages beyond the
-    limit are dropped and counted: fleet control resends them until a state confirms them. All other events
-    answer requests of the core, a handful per goal and action, and are never dropped.
+    Only the newest pose, battery report, plan, progress and goal table is queued. Messages of fleet control
+    beyond the limit are dropped and counted: fleet control resends them until a state confirms them. All
+    other events are answers to the core, a handful per goal and action, and are never dropped.
     """
 
     def __init__(self) -> None:
@@ -55,11 +55,11 @@ class Mailbox:
     def take(self) -> list[events.Event]:
         """Remove and return all waiting events, in their order."""
         self._flush_newest()
-        events = list(self._events)
+        taken = list(self._events)
         self._events.clear()
         self._messages = 0
         self._filled.clear()
-        return events
+        return taken
 
     @property
     def empty(self) -> bool:
@@ -78,7 +78,7 @@ class Mailbox:
         await set_within(self._filled, seconds)
 
     def _keep_order(self, event: events.Event) -> None:
-        """Queue ``event`` after the pose that arrived before it, by which an arrival is judged."""
+        """Queue ``event`` after the pose that arrived before it, which may confirm an arrival."""
         self._flush_newest()
         self._events.append(event)
 
@@ -88,19 +88,19 @@ class Mailbox:
 
 
 STARTS = (events.Drive, events.SetPosition, events.StartAction)
-"""All other effects end or report something, and never wait."""
+"""Effects that wait for the disk; all others stop or report something."""
 
 
 class Postponed:
-    """Delays the start of drives and actions until the newest record is on disk."""
+    """Delays the start of drives and actions until the last record is on disk."""
 
     def __init__(self) -> None:
         self._waiting: list[events.Effect] = []
 
     def sift(self, effects: Iterable[events.Effect], *, recorded: bool) -> list[events.Effect]:
-        """Return the effects that may be performed now, in order; ``recorded``: the newest record is on disk.
+        """Return the effects that may be performed now, in order; ``recorded``: the last record is on disk.
 
-        A waiting start is dropped if it is ended meanwhile.
+        A waiting start is dropped if a later effect stops it.
         """
         if recorded:
             waiting, self._waiting = self._waiting, []
@@ -116,7 +116,7 @@ class Postponed:
 
 
 def _ends(effect: events.Effect, waiting: events.Effect) -> bool:
-    """Return whether ``effect`` ends what ``waiting`` would start."""
+    """Return whether ``effect`` stops what ``waiting`` would start."""
     match effect, waiting:
         case events.Halt(), events.Drive():
             return True
@@ -127,7 +127,7 @@ def _ends(effect: events.Effect, waiting: events.Effect) -> bool:
 
 
 class StateSchedule:
-    """Due times of states, in monotonic seconds; requests in quick succession cause one state."""
+    """Due times of states, monotonic, s; several requests within the minimum interval cause one state."""
 
     def __init__(self, *, minimum: float, maximum: float) -> None:
         self._minimum = minimum
@@ -154,7 +154,7 @@ class StateSchedule:
 
 
 class VisualizationSchedule:
-    """Due times of visualization messages, in monotonic seconds; an interval of 0 means never."""
+    """Due times of visualization messages, monotonic, s; an interval of 0 disables them."""
 
     def __init__(self, *, interval: float, now: float) -> None:
         self._interval = interval

@@ -20,7 +20,7 @@ from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
 
 
 class MapSettings(SettingsGroup):
-    """Where the robot's maps are kept."""
+    """Storage of the robot's maps."""
 
     store: str = Field(
         "fixed",
@@ -110,7 +110,7 @@ class DriveSettings(SettingsGroup):
 
 
 class IntervalSettings(SettingsGroup):
-    """How often messages are sent, in seconds."""
+    """Message intervals, in seconds."""
 
     state_minimum: Seconds = Field(0.1, description="Minimum state interval, seconds.")
     state_maximum: float = Field(30.0, gt=0, le=30, description="Maximum state interval, seconds.")
@@ -127,7 +127,7 @@ class IntervalSettings(SettingsGroup):
 
 
 class JournalSettings(SettingsGroup):
-    """The journal, which keeps orders and actions over a restart."""
+    """The journal, by which orders and actions survive a restart."""
 
     enabled: bool = Field(default=True, description="Keep a journal; without it no order survives a restart.")
     folder: Path = Field(
@@ -173,7 +173,7 @@ class EdgeAgentSettings(ServiceSettings):
     )
     interface_name: TopicPrefix | None = Field(
         None,
-        description="First levels of all topics. Unset: by the version, uagv or vda5050.",
+        description="First levels of all topics. Unset: uagv or vda5050, by the version.",
     )
     topic_prefix: TopicPrefix = Field(
         "nena/v1",
@@ -242,7 +242,7 @@ class EdgeAgentSettings(ServiceSettings):
     @property
     def power_actions(self) -> frozenset[str]:
         """Return the actions of hibernation and shutdown that the robot offers, if its version has them."""
-        return self.power.offered(rehearsed=self.driver == "loopback" and self.loopback.power)
+        return self.power.offered(simulated=self.driver == "loopback" and self.loopback.power)
 
     @property
     def serial_numbers(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from math import pi
 
 import pytest
 
-from nena_edge_agent.__main__ import watch_of_map
+from nena_edge_agent.__main__ import make_map_watch
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.nav2.map_image import MapWatch
 from nena_edge_agent.nav2.session import RosSession
@@ -88,6 +88,6 @@ def test_settings_name_the_map_topic_and_the_plant_transform() -> None:
             "map_transforms": {"hall": "scale=2"},
         }
     )
-    found = watch_of_map(settings, None).read(map_message(grid(), "map", 0))
+    found = make_map_watch(settings, None).read(map_message(grid(), "map", 0))
     assert found is not None
     assert (found.map_id, found.resolution) == ("hall", 0.25)

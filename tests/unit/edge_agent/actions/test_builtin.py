@@ -5,7 +5,7 @@ from typing import Literal
 import pytest
 
 from nena_edge_agent.__main__ import make_registry
-from nena_edge_agent.actions.builtin import MapTransforms, Rehearsed, TimedOperation, Unavailable
+from nena_edge_agent.actions.builtin import MapTransforms, SimulatedOperation, TimedOperation, Unavailable
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.factsheet import make_capabilities, make_factsheet
 from nena_edge_agent.loopback.control import SimulationControl
@@ -133,7 +133,7 @@ def test_an_unavailable_action_that_was_already_started_fails_with_the_reason() 
 
 async def test_a_simulated_action_takes_its_time_and_reports_charging() -> None:
     reports: list[ActionReport] = []
-    plugin = Rehearsed(LIFT, 0.01, charging=True)
+    plugin = SimulatedOperation(LIFT, 0.01, charging=True)
     plugin.start(action("a", "HARD", "lift"), (), reports.append)
     await until(lambda: reports[-1].status.ended)
 
@@ -144,7 +144,9 @@ async def test_a_simulated_action_takes_its_time_and_reports_charging() -> None:
 
 async def test_an_open_ended_action_is_simulated_until_it_is_cancelled() -> None:
     reports: list[ActionReport] = []
-    running = Rehearsed(LAMP, 0.0, charging=None).start(action("a", "NONE", "lamp"), (), reports.append)
+    running = SimulatedOperation(LAMP, 0.0, charging=None).start(
+        action("a", "NONE", "lamp"), (), reports.append
+    )
     running.pause()
     running.resume()
     assert [each.status.value for each in reports] == ["RUNNING", "PAUSED", "RUNNING"]

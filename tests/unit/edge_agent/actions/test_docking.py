@@ -5,7 +5,7 @@ from math import pi
 import pytest
 from pydantic import ValidationError
 
-from nena_edge_agent.actions.docking import Docking, beside
+from nena_edge_agent.actions.docking import Docking, offset_pose
 from nena_edge_agent.actions.robot_ports import ActionDrive
 from nena_edge_agent.actions.settings import DockOperationSettings
 from nena_edge_agent.driver.port import Arrived, Halted, Pose, PoseReport
@@ -31,7 +31,7 @@ from support.waiting import until
 def test_the_offset_is_in_the_robots_own_frame(
     theta: float, ahead: float, left: float, turn: float, place: tuple[float, float, float]
 ) -> None:
-    there = beside(Pose(1.0, 2.0, theta, "hall"), ahead, left, turn)
+    there = offset_pose(Pose(1.0, 2.0, theta, "hall"), ahead, left, turn)
 
     assert (there.x, there.y, there.theta) == pytest.approx(place)
     assert there.map_id == "hall"

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from pydantic import JsonValue
 
 from nena_edge_agent.actions.messages import (
+    ArrayShape,
     FieldError,
-    Listing,
     Record,
     Scalar,
     ScalarKind,
@@ -182,8 +182,8 @@ def test_shapes_follow_the_type_definitions() -> None:
     solid = message_type("shape_msgs/msg/SolidPrimitive")
 
     assert isinstance(pose.fields["pose"], Record)
-    assert pose.fields["covariance"] == Listing(Scalar(ScalarKind.NUMBER), exactly=36)
-    assert solid.fields["dimensions"] == Listing(Scalar(ScalarKind.NUMBER), most=3)
+    assert pose.fields["covariance"] == ArrayShape(Scalar(ScalarKind.NUMBER), exactly=36)
+    assert solid.fields["dimensions"] == ArrayShape(Scalar(ScalarKind.NUMBER), most=3)
     assert message_type("std_msgs/msg/Int8").fields["data"] == Scalar(ScalarKind.INTEGER, low=-128, high=127)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.__main__ import operations_beside
+from nena_edge_agent.__main__ import effective_operations
 from nena_edge_agent.actions.builtin import Wait
 from nena_edge_agent.actions.plugin import ActionTimeouts
 from nena_edge_agent.actions.registry import Installed
@@ -150,5 +150,5 @@ def test_plug_ins_replace_default_operations_only() -> None:
     (pick,) = plugins_of({"action_type": "pick"}, ros=None)
     found = Installed((pick,))
 
-    assert "pick" not in [each.action_type for each in operations_beside(found, EdgeAgentSettings())]
-    assert len(operations_beside(found, settings_of({"action_type": "pick"}))) == 1
+    assert "pick" not in [each.action_type for each in effective_operations(found, EdgeAgentSettings())]
+    assert len(effective_operations(found, settings_of({"action_type": "pick"}))) == 1

@@ -136,7 +136,7 @@ async def test_the_load_sensor_reports_each_change() -> None:
 
 
 async def test_an_unchanged_value_is_reported_again_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(robot_ports, "AGAIN_AFTER", 0.0)
+    monkeypatch.setattr(robot_ports, "REPEAT_INTERVAL", 0.0)
     ros, told = sensor()
     ros.say("load", data=False)
     ros.say("load", data=False)

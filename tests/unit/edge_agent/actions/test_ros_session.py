@@ -28,7 +28,7 @@ class Robot:
         self.closed: set[int] = set()
         self.told: list[SessionReport] = []
         self.switch = session_switch(SETTINGS, journal, ROBOT)
-        self.keeper = SessionManager(
+        self.manager = SessionManager(
             self.switch.address,
             begin=self._begin,
             end=self._end,
@@ -36,7 +36,7 @@ class Robot:
             clock=ManualClock(),
             retry=1.0,
         )
-        self.switch.attach(self.keeper)
+        self.switch.attach(self.manager)
 
     async def _begin(self, address: RosAddress) -> None:
         if address.domain_id in self.closed:
@@ -88,15 +88,15 @@ async def test_configure_changes_the_given_values_until_a_restart(tmp_path: Path
     await robot.does(START_ROS_SESSION)
     report = await robot.does(CONFIGURE_ROS_SESSION, namespace="r2")
     assert report.result == "ROS session ACTIVE, namespace /r2, domain 7"
-    assert Robot(tmp_path).keeper.address == RosAddress("/r1", 7)
+    assert Robot(tmp_path).manager.address == RosAddress("/r1", 7)
 
 
 async def test_configure_stores_the_address_on_request(tmp_path: Path) -> None:
     await Robot(tmp_path).does(CONFIGURE_ROS_SESSION, namespace="r2", domainId=9, keep=True)
     robot = Robot(tmp_path)
-    assert robot.keeper.address == RosAddress("/r2", 9)
+    assert robot.manager.address == RosAddress("/r2", 9)
     await robot.does(CONFIGURE_ROS_SESSION, namespace="/r1", domainId=7, keep=True)
-    assert Robot(tmp_path).keeper.address == RosAddress("/r1", 7)
+    assert Robot(tmp_path).manager.address == RosAddress("/r1", 7)
 
 
 async def test_the_current_address_can_be_stored_without_a_new_session(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ async def test_the_current_address_can_be_stored_without_a_new_session(tmp_path:
     told = len(robot.told)
     await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
     assert len(robot.told) == told
-    assert Robot(tmp_path).keeper.address == RosAddress("/r1", 9)
+    assert Robot(tmp_path).manager.address == RosAddress("/r1", 9)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ async def test_an_invalid_configure_reports_the_problem_and_changes_nothing(
     report = await robot.does(CONFIGURE_ROS_SESSION, **parameters)
     assert report.status is ActionStatus.FAILED
     assert problem in (report.result or "")
-    assert (robot.keeper.address, len(robot.told)) == (RosAddress("/r1", 7), 2)
+    assert (robot.manager.address, len(robot.told)) == (RosAddress("/r1", 7), 2)
 
 
 async def test_an_address_that_cannot_be_stored_is_reported_and_not_used(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ async def test_an_address_that_cannot_be_stored_is_reported_and_not_used(tmp_pat
     report = await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
     assert report.status is ActionStatus.FAILED
     assert "unchanged" in (report.result or "")
-    assert robot.keeper.address == RosAddress("/r1", 7)
+    assert robot.manager.address == RosAddress("/r1", 7)
 
 
 async def test_an_address_is_stored_even_if_its_session_fails_to_start(tmp_path: Path) -> None:
@@ -145,7 +145,7 @@ async def test_an_address_is_stored_even_if_its_session_fails_to_start(tmp_path:
     report = await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
     assert report.status is ActionStatus.FAILED
     assert "retried until it is stopped" in (report.result or "")
-    assert Robot(tmp_path).keeper.address == robot.keeper.address == RosAddress("/r1", 9)
+    assert Robot(tmp_path).manager.address == robot.manager.address == RosAddress("/r1", 9)
 
 
 async def test_without_a_driver_session_actions_fail() -> None:

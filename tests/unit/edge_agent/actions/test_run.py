@@ -14,14 +14,14 @@ from nena_edge_agent.actions.builtin import Wait
 from nena_edge_agent.actions.plugin import ENDED, ActionTimeouts, Report, RunningAction
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import (
-    LONGEST_RESULT,
     LOOK_EVERY,
     LOOKS,
+    MAXIMUM_RESULT,
     PROGRESS_INTERVAL,
     ActionRunner,
     Run,
     Watchdog,
-    flaw_of,
+    report_problem,
 )
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.events import ActionReport, CancelAction, PauseAction, ResumeAction, StartAction
@@ -229,7 +229,7 @@ async def test_a_long_result_is_truncated() -> None:
     trial = Trial(Puppet())
     trial.plugin.report(ActionReport("a", ActionStatus.FINISHED, "x" * 5000))
 
-    assert trial.told[0].result == "x" * LONGEST_RESULT
+    assert trial.told[0].result == "x" * MAXIMUM_RESULT
 
 
 async def test_an_abandoned_action_reports_nothing_more() -> None:
@@ -379,11 +379,11 @@ def test_plug_ins_cannot_replace_core_actions() -> None:
     ],
 )
 def test_a_valid_report_has_no_problem(report: ActionReport) -> None:
-    assert flaw_of(report, "a") is None
+    assert report_problem(report, "a") is None
 
 
 def test_a_problem_of_a_report_is_described_briefly() -> None:
-    assert len(flaw_of("x" * 10_000, "a") or "") < 200
+    assert len(report_problem("x" * 10_000, "a") or "") < 200
 
 
 async def test_an_idle_event_loop_is_not_blocked() -> None:

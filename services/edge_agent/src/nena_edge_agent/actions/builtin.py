@@ -282,7 +282,7 @@ class Unavailable:
         return ENDED
 
 
-class Rehearsed:
+class SimulatedOperation:
     """Simulates an action: takes ``seconds`` and has no other effect."""
 
     def __init__(self, declaration: ActionDeclaration, seconds: float, *, charging: bool | None) -> None:

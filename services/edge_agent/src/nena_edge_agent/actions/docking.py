@@ -56,8 +56,8 @@ class Docking:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Start the drive."""
-        asked = action.parameter(FORWARD) if self._settings.adjustable else None
-        ahead = float(asked) if isinstance(asked, int | float) else self._settings.forward
+        requested = action.parameter(FORWARD) if self._settings.adjustable else None
+        ahead = float(requested) if isinstance(requested, int | float) else self._settings.forward
         return _Drive(action.action_id, self._settings, self._drive, ahead, report)
 
 
@@ -70,40 +70,40 @@ class _Drive(BackgroundAction):
         self._settings = settings
         self._drive = drive
         self._ahead = ahead
-        self._free = asyncio.Event()
-        self._free.set()
-        self._leg: asyncio.Task[None] | None = None
+        self._resumed = asyncio.Event()
+        self._resumed.set()
+        self._drive_task: asyncio.Task[None] | None = None
         super().__init__(action_id, self._work, report)
 
     def pause(self) -> None:
         """Stop the robot; PAUSED is reported at standstill."""
         if not self.ended:
-            self._free.clear()
-            if self._leg is not None:
-                self._leg.cancel()
+            self._resumed.clear()
+            if self._drive_task is not None:
+                self._drive_task.cancel()
 
     def resume(self) -> None:
         """Continue the drive."""
-        self._free.set()
+        self._resumed.set()
 
     async def _work(self) -> ActionReport:
         start = self._drive.pose
         if start is None:
             message = "the robot is not localised"
             raise WorkFailedError(message)
-        goal = beside(start, self._ahead, self._settings.left, self._settings.turn)
-        while not await self._driven(goal):
+        goal = offset_pose(start, self._ahead, self._settings.left, self._settings.turn)
+        while not await self._drive_once(goal):
             self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
-            await self._free.wait()
+            await self._resumed.wait()
             self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
         return ActionReport(self._action_id, ActionStatus.FINISHED, charging=self._settings.charging)
 
-    async def _driven(self, goal: Pose) -> bool:
+    async def _drive_once(self, goal: Pose) -> bool:
         """Drive to ``goal``; return False if the action was paused on the way."""
-        if not self._free.is_set():
+        if not self._resumed.is_set():
             return False
         settings, task = self._settings, asyncio.current_task()
-        self._leg = asyncio.create_task(
+        self._drive_task = asyncio.create_task(
             self._drive.drive(
                 goal,
                 deviation_xy=settings.deviation_xy,
@@ -113,7 +113,7 @@ class _Drive(BackgroundAction):
             name=f"drive of action {self._action_id}",
         )
         try:
-            await self._leg
+            await self._drive_task
         except DriveError as error:
             raise WorkFailedError(str(error)) from error
         except asyncio.CancelledError:
@@ -121,11 +121,11 @@ class _Drive(BackgroundAction):
                 raise
             return False
         finally:
-            self._leg = None
+            self._drive_task = None
         return True
 
 
-def beside(pose: Pose, ahead: float, left: float, turn: float) -> Pose:
+def offset_pose(pose: Pose, ahead: float, left: float, turn: float) -> Pose:
     """Return the pose ``ahead`` and to the ``left`` (m) of ``pose``, turned by ``turn`` (rad)."""
     x = pose.x + ahead * cos(pose.theta) - left * sin(pose.theta)
     y = pose.y + ahead * sin(pose.theta) + left * cos(pose.theta)

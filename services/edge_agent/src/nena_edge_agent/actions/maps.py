@@ -33,9 +33,9 @@ from nena_shared.vda5050.state import Load
 
 MAP_LINK = "mapDownloadLink"
 MAP_HASH = "mapHash"
-_WHICH = (Parameter("mapId", ValueDataType.STRING), Parameter("mapVersion", ValueDataType.STRING))
+_MAP_PARAMETERS = (Parameter("mapId", ValueDataType.STRING), Parameter("mapVersion", ValueDataType.STRING))
 
-_PLACE = tuple(
+_POSITION_PARAMETERS = tuple(
     Parameter(key, ValueDataType.NUMBER, required=False, description=f"{unit}, robot's position on the map")
     for key, unit in (("x", "m"), ("y", "m"), ("theta", "rad"))
 )
@@ -45,15 +45,15 @@ Change = Callable[[str, str, Action], Awaitable[None]]
 
 
 def map_actions(
-    store: MapStore, settings: DownloadSettings, places: DrivePort | None = None
+    store: MapStore, settings: DownloadSettings, drive: DrivePort | None = None
 ) -> Iterable[ActionPlugin]:
     """Return the three actions on one robot's ``store`` (VDA 5050 3.0 section 6.2.3).
 
     They change the store one after the other.
 
-    With ``places``, enabling a map can set the robot's position on it.
+    With ``drive``, enabling a map can set the robot's position on it.
     """
-    turn = asyncio.Lock()
+    lock = asyncio.Lock()
 
     async def fetch(map_id: str, map_version: str, action: Action) -> None:
         if find(store.maps, map_id, map_version):
@@ -61,18 +61,18 @@ def map_actions(
         digest = action.parameter(MAP_HASH)
         link = str(action.parameter(MAP_LINK))
         content = await download(link, None if digest is None else str(digest), settings)
-        async with turn:
+        async with lock:
             await store.install(map_id, map_version, content)
 
     async def enable(map_id: str, map_version: str, action: Action) -> None:
-        place = None if places is None else _place(action, map_id)
-        async with turn:
+        position = None if drive is None else _position(action, map_id)
+        async with lock:
             await store.enable(map_id, map_version)
-        if places is not None and place is not None:
-            await places.initialize_position(place)
+        if drive is not None and position is not None:
+            await drive.initialize_position(position)
 
     async def delete(map_id: str, map_version: str, _: Action) -> None:
-        async with turn:
+        async with lock:
             await store.delete(map_id, map_version)
 
     instant, on_nodes = (ActionScope.INSTANT,), (ActionScope.INSTANT, ActionScope.NODE)
@@ -81,19 +81,21 @@ def map_actions(
     return (
         _MapAction(store, fetch, _declared(DOWNLOAD_MAP, instant, "Downloads a map.", link, digest)),
         _MapAction(
-            store, enable, _declared(ENABLE_MAP, on_nodes, "Enables a map.", *(_PLACE if places else ()))
+            store,
+            enable,
+            _declared(ENABLE_MAP, on_nodes, "Enables a map.", *(_POSITION_PARAMETERS if drive else ())),
         ),
         _MapAction(store, delete, _declared(DELETE_MAP, instant, "Deletes a map that is not enabled.")),
     )
 
 
-def _place(action: Action, map_id: str) -> Pose | None:
+def _position(action: Action, map_id: str) -> Pose | None:
     """Return the robot's pose on the map that it enables; None: the action has no such parameters."""
-    found = [action.parameter(each.key) for each in _PLACE]
+    found = [action.parameter(each.key) for each in _POSITION_PARAMETERS]
     if found == [None, None, None]:
         return None
     numbers = [float(each) for each in found if isinstance(each, int | float)]
-    if len(numbers) < len(_PLACE):
+    if len(numbers) < len(_POSITION_PARAMETERS):
         message = "x, y and theta belong together"
         raise MapRefusedError(message)
     x, y, theta = numbers
@@ -106,7 +108,7 @@ def _declared(
     return ActionDeclaration(
         action_type,
         scopes=scopes,
-        parameters=(*_WHICH, *more),
+        parameters=(*_MAP_PARAMETERS, *more),
         restartable=True,
         description=description,
     )

@@ -103,7 +103,7 @@ class Scalar:
 
 
 @dataclass(frozen=True, slots=True)
-class Listing:
+class ArrayShape:
     """An array of values of one shape: ``exactly`` as many, or at ``most``; None: no limit."""
 
     item: Shape
@@ -131,10 +131,10 @@ class Record:
     make: Callable[[], Any]
 
 
-Shape = Scalar | Listing | Record
+Shape = Scalar | ArrayShape | Record
 
 _FITTING: Final[Mapping[ScalarKind, frozenset[ValueDataType]]] = {
-    ScalarKind.TRUTH: frozenset({ValueDataType.BOOL}),
+    ScalarKind.BOOLEAN: frozenset({ValueDataType.BOOL}),
     ScalarKind.INTEGER: frozenset({ValueDataType.INTEGER}),
     ScalarKind.NUMBER: frozenset({ValueDataType.INTEGER, ValueDataType.NUMBER}),
     ScalarKind.TEXT: frozenset({ValueDataType.STRING}),
@@ -155,9 +155,9 @@ def problems(
         case dict(), Record():
             for key, value in template.items():
                 yield from _field_problems(key, value, shape, types, path)
-        case list(), Listing():
+        case list(), ArrayShape():
             yield from _item_problems(template, shape, types, path)
-        case str(), Listing() if whole(template):
+        case str(), ArrayShape() if whole(template):
             return  # an array as a whole; its items are checked when it is complete
         case _:
             try:
@@ -175,7 +175,7 @@ def conformed(value: JsonValue, shape: Shape, path: str) -> Any:  # noqa: ANN401
     match shape:
         case Scalar():
             return _scalar(value, shape, path)
-        case Listing():
+        case ArrayShape():
             return _listing(value, shape, path)
         case Record():
             return _record(value, shape, path)
@@ -193,7 +193,7 @@ def _sent(value: Any, shape: Shape) -> Any:  # noqa: ANN401
     match shape:
         case Record():
             return message(value, shape)
-        case Listing():
+        case ArrayShape():
             return [_sent(each, shape.item) for each in value]
         case Scalar(octet=True):
             return bytes((value,))
@@ -212,7 +212,7 @@ def _field_problems(
 
 
 def _item_problems(
-    items: list[JsonValue], listing: Listing, types: Mapping[str, ValueDataType], path: str
+    items: list[JsonValue], listing: ArrayShape, types: Mapping[str, ValueDataType], path: str
 ) -> Iterator[str]:
     if not listing.holds(len(items)):
         yield f"{path}: {items!r} is not {listing.words}"
@@ -222,7 +222,7 @@ def _item_problems(
 
 def _scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: ANN401
     match scalar.kind, value:
-        case ScalarKind.TRUTH, bool():
+        case ScalarKind.BOOLEAN, bool():
             return value
         case ((ScalarKind.INTEGER | ScalarKind.NUMBER), bool()):
             pass
@@ -242,7 +242,7 @@ def _limits(scalar: Scalar) -> str:
     return "" if scalar.longest is None else f" of {scalar.longest} characters at most"
 
 
-def _listing(value: JsonValue, listing: Listing, path: str) -> list[Any]:
+def _listing(value: JsonValue, listing: ArrayShape, path: str) -> list[Any]:
     if not isinstance(value, list) or not listing.holds(len(value)):
         text = f"{path}: {value!r} is not {listing.words}"
         raise FieldError(text)
@@ -364,9 +364,9 @@ def _record_of(kind: Any, name: str) -> Record:  # noqa: ANN401
 def _shape(name: str) -> Shape:
     if found := _SEQUENCE.fullmatch(name):
         most = found.group("most")
-        return Listing(_shape(found.group("item")), most=int(most) if most else None)
+        return ArrayShape(_shape(found.group("item")), most=int(most) if most else None)
     if found := _ARRAY.fullmatch(name):
-        return Listing(_shape(found.group("item")), exactly=int(found.group("exactly")))
+        return ArrayShape(_shape(found.group("item")), exactly=int(found.group("exactly")))
     scalar = _SCALARS.get(name) or _text(name)
     if scalar:
         return scalar
@@ -387,7 +387,7 @@ def _integer(bits: int, *, signed: bool) -> Scalar:
 
 
 _SCALARS: Final[Mapping[str, Scalar]] = {
-    "boolean": Scalar(ScalarKind.TRUTH),
+    "boolean": Scalar(ScalarKind.BOOLEAN),
     "octet": Scalar(ScalarKind.INTEGER, low=0, high=255, octet=True),
     "char": _integer(8, signed=False),
     **{name: Scalar(ScalarKind.NUMBER) for name in ("float", "double", "long double")},
@@ -396,7 +396,7 @@ _SCALARS: Final[Mapping[str, Scalar]] = {
 }
 
 
-CLOSE = 1e-6
+RELATIVE_TOLERANCE = 1e-6
 """Relative difference up to which two numbers count as equal: a float32 is not exactly what was written."""
 
 
@@ -414,7 +414,7 @@ def matches(value: Any, wanted: JsonValue) -> bool:  # noqa: ANN401 - a value of
     if isinstance(value, list):
         return isinstance(wanted, list) and len(value) == len(wanted) and all(map(matches, value, wanted))
     if isinstance(value, float) and isinstance(wanted, int | float):
-        return math.isclose(value, wanted, rel_tol=CLOSE)
+        return math.isclose(value, wanted, rel_tol=RELATIVE_TOLERANCE)
     return type(value) is type(wanted) and bool(value == wanted)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from nena_edge_agent.actions.builtin import Rehearsed, TimedOperation, Unavailable
+from nena_edge_agent.actions.builtin import SimulatedOperation, TimedOperation, Unavailable
 from nena_edge_agent.actions.docking import Docking
 from nena_edge_agent.actions.messages import Record, UnknownTypeError, message_type, service_type
 from nena_edge_agent.actions.nav2_operations import Nav2Operation, declaration_of
@@ -57,7 +57,7 @@ class _Parts:
     lasting: bool = False
 
     @property
-    def may_be_taken_back(self) -> bool:
+    def can_be_cancelled(self) -> bool:
         """Whether the action can be cancelled: nothing that it started continues afterwards."""
         return self.call is None and (self.command is None or self.command.on_cancel is not None)
 
@@ -89,7 +89,7 @@ def _made(
 def _by_nav2(operation: Nav2OperationSettings, ros: RosPort | None, settings: ActionSettings) -> ActionPlugin:
     declaration = declaration_of(operation)
     if ros is None and settings.without_ros == "rehearse":
-        return Rehearsed(declaration, settings.rehearsal_seconds, charging=operation.charging)
+        return SimulatedOperation(declaration, settings.rehearsal_seconds, charging=operation.charging)
     if ros is None:
         return Unavailable(declaration)
     try:
@@ -108,7 +108,7 @@ def _with_ros(
         checked = replace(declaration, check=lambda action: steps.problem(values.of(action)))
         return RosOperation(checked, steps, values, charging=operation.charging)
     if settings.without_ros == "rehearse":
-        return Rehearsed(declaration, settings.rehearsal_seconds, charging=operation.charging)
+        return SimulatedOperation(declaration, settings.rehearsal_seconds, charging=operation.charging)
     return Unavailable(declaration)
 
 
@@ -119,7 +119,7 @@ def _declaration(operation: RosOperationSettings, parts: _Parts, values: ActionV
         parameters=values.declared,
         blocking_types=operation.blocking_types,
         pause_allowed=parts.command is not None and parts.command.on_pause is not None,
-        cancel_allowed=parts.may_be_taken_back,
+        cancel_allowed=parts.can_be_cancelled,
         open_ended=parts.lasting,
         restartable=operation.restartable,
         load=operation.load_change,

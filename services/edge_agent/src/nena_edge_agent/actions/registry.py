@@ -94,7 +94,7 @@ def _is_plugin(made: object) -> bool:
     return declared and callable(getattr(made, "start", None))
 
 
-def names_installed() -> tuple[str, ...]:
+def installed_names() -> tuple[str, ...]:
     """Return the names of all plug-ins."""
     return tuple(_entry_points())
 
@@ -102,14 +102,14 @@ def names_installed() -> tuple[str, ...]:
 def _wanted(settings: ActionSettings) -> Iterator[str]:
     if settings.plugins == () and not settings.options:
         return  # without enabled plug-ins, the installed packages need not be searched
-    there = _entry_points()
-    named = tuple(there) if settings.plugins is None else settings.plugins
-    missing = [name for name in (*named, *settings.options) if name not in there]
+    available = _entry_points()
+    wanted = tuple(available) if settings.plugins is None else settings.plugins
+    missing = [name for name in (*wanted, *settings.options) if name not in available]
     if missing:
-        known = ", ".join(there) or "none"
+        known = ", ".join(available) or "none"
         text = f"unknown plug-in '{missing[0]}' of the entry points {GROUP}; installed: {known}"
-        raise ConfigurationError([f"actions.{'plugins' if missing[0] in named else 'options'}: {text}"])
-    yield from named
+        raise ConfigurationError([f"actions.{'plugins' if missing[0] in wanted else 'options'}: {text}"])
+    yield from wanted
 
 
 def _load(name: str) -> PluginFactory:
@@ -154,7 +154,9 @@ class ActionRegistry:
     @property
     def declarations(self) -> Mapping[str, ActionDeclaration]:
         """Declarations of all actions of the robot, including those of the core."""
-        own = {action_type: _guarded(plugin.declaration) for action_type, plugin in self._plugins.items()}
+        own = {
+            action_type: _with_safe_check(plugin.declaration) for action_type, plugin in self._plugins.items()
+        }
         return {**PREDEFINED, **own}
 
     def plugin(self, action_type: str) -> ActionPlugin | None:
@@ -179,13 +181,13 @@ class ActionRegistry:
         self._plugins[action_type] = plugin
 
 
-def _guarded(declaration: ActionDeclaration) -> ActionDeclaration:
+def _with_safe_check(declaration: ActionDeclaration) -> ActionDeclaration:
     """Return the declaration with a check that refuses the action instead of raising an exception."""
     check = declaration.check
     if check is None:
         return declaration
 
-    def guarded(action: Action) -> str | None:
+    def safe_check(action: Action) -> str | None:
         try:
             problem = check(action)
         except Exception as error:
@@ -193,4 +195,4 @@ def _guarded(declaration: ActionDeclaration) -> ActionDeclaration:
             return f"its plug-in failed to check it: {type(error).__name__}: {error}"
         return None if problem is None else str(problem)
 
-    return replace(declaration, check=guarded)
+    return replace(declaration, check=safe_check)

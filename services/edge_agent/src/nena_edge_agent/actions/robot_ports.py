@@ -39,8 +39,8 @@ class ActionDrive:
         self._pose: PoseReport | None = None
         self._generation = 0
         self._result: asyncio.Future[str] | None = None
-        self._placed: asyncio.Future[str] | None = None
-        self._stand: asyncio.Event = asyncio.Event()
+        self._position_set: asyncio.Future[str] | None = None
+        self._standstill: asyncio.Event = asyncio.Event()
 
     def attach(self, driver: Driver) -> None:
         """Use ``driver`` for drives."""
@@ -52,9 +52,13 @@ class ActionDrive:
             case PoseReport():
                 self._pose = event
             case Halted():
-                self._stand.set()
-            case PositionInitialized(succeeded, description) if self._placed and not self._placed.done():
-                self._placed.set_result("" if succeeded else description or "the localisation rejected it")
+                self._standstill.set()
+            case PositionInitialized(succeeded, description) if (
+                self._position_set and not self._position_set.done()
+            ):
+                self._position_set.set_result(
+                    "" if succeeded else description or "the localisation rejected it"
+                )
             case Arrived(generation) if generation == self._generation:
                 self._end("")
             case DriveFailed(generation, failure, description) if generation == self._generation:
@@ -102,22 +106,22 @@ class ActionDrive:
         Raises:
             DriveError: the localisation does not accept it.
         """
-        if self._driver is None or self._placed is not None:
+        if self._driver is None or self._position_set is not None:
             message = "another action sets the position" if self._driver else "the driver is not ready"
             raise DriveError(message)
-        self._placed = asyncio.get_running_loop().create_future()
+        self._position_set = asyncio.get_running_loop().create_future()
         try:
             self._driver.initialize_position(pose)
-            problem = await self._placed
+            problem = await self._position_set
         finally:
-            self._placed = None
+            self._position_set = None
         if problem:
             raise DriveError(problem)
 
     async def _halt(self, halt: Callable[[], None]) -> None:
-        self._stand.clear()
+        self._standstill.clear()
         halt()
-        await set_within(self._stand, HALT_TIMEOUT)
+        await set_within(self._standstill, HALT_TIMEOUT)
 
     def _end(self, problem: str) -> None:
         if self._result is not None and not self._result.done():
@@ -125,7 +129,7 @@ class ActionDrive:
 
 
 PATH = "actions.load_sensor"
-AGAIN_AFTER = 1.0
+REPEAT_INTERVAL = 1.0
 """Seconds after which the same load is reported again: an action may have reported another one meanwhile."""
 
 
@@ -152,7 +156,7 @@ class LoadSensor:
 
     def _on_message(self, message: Fields) -> None:
         loaded, now = matches(message, self._loaded), asyncio.get_running_loop().time()
-        if self.on_reading and (loaded is not self._reported or now - self._reported_at >= AGAIN_AFTER):
+        if self.on_reading and (loaded is not self._reported or now - self._reported_at >= REPEAT_INTERVAL):
             self._reported, self._reported_at = loaded, now
             self.on_reading(LoadSensed(loaded=loaded))
 
@@ -172,8 +176,8 @@ class RobotPorts:
     def __init__(self, ros: RosPort | None, settings: ActionSettings) -> None:
         self.ros = ros
         self.drive = ActionDrive()
-        sensed = settings.load_sensor if ros else None
-        self._sensor = LoadSensor(sensed, ros) if sensed and ros else None
+        sensor = settings.load_sensor if ros else None
+        self._sensor = LoadSensor(sensor, ros) if sensor and ros else None
 
     def joined(self, make_driver: DriverMaker) -> DriverMaker:
         """Return a factory of drivers whose events also pass through these ports."""

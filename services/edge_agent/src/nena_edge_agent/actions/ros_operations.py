@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pydantic import JsonValue
 
 from nena_edge_agent.actions.messages import (
+    ArrayShape,
     FieldError,
-    Listing,
     Record,
     Shape,
     conformed,
@@ -53,7 +53,7 @@ from nena_shared.vda5050.factsheet import ValueDataType
 from nena_shared.vda5050.state import Load
 
 ACTION_ID = "actionId"
-OF_LOADS = tuple(
+LOAD_PARAMETERS = tuple(
     ParameterSettings(key=key, required=False, description=f"the {what} of the load, for the state")
     for key, what in (("loadId", "id"), ("loadType", "type"))
 )
@@ -66,7 +66,7 @@ class ActionValues:
     def __init__(self, settings: OperationBase) -> None:
         """Use the configured parameters, and those of the load if one is picked up."""
         own = {each.key for each in settings.parameters}
-        more = OF_LOADS if settings.load_change is LoadChange.TAKE else ()
+        more = LOAD_PARAMETERS if settings.load_change is LoadChange.TAKE else ()
         self._parameters = (*settings.parameters, *(each for each in more if each.key not in own))
 
     @property
@@ -154,7 +154,7 @@ def _alternatives(fields: JsonValue, shape: Shape) -> Iterator[JsonValue]:
         for key, value in fields.items():
             inner = shape.fields.get(key)
             yield from ({key: each} for each in ((value,) if inner is None else _alternatives(value, inner)))
-    elif isinstance(fields, list) and not isinstance(shape, Listing):
+    elif isinstance(fields, list) and not isinstance(shape, ArrayShape):
         for value in fields:
             yield from _alternatives(value, shape)
     else:
@@ -212,7 +212,7 @@ class Answer:
         answered: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
         match = self._match.filled(values)
         failed = self._failed.filled(values) if self._failed else None
-        going_on = self._progress.filled(values) if self._progress else None
+        in_progress = self._progress.filled(values) if self._progress else None
 
         def look(message: Fields) -> None:
             if answered.done():
@@ -223,7 +223,7 @@ class Answer:
                 answered.set_exception(WorkFailedError(reason))
             elif matches(message, match):
                 answered.set_result(text)
-            elif going_on is not None and matches(message, going_on):
+            elif in_progress is not None and matches(message, in_progress):
                 progress(text or self.words)
 
         self._waiting[id(answered)] = look
@@ -302,7 +302,7 @@ class Call:
         return text
 
 
-LOOK_EVERY = 0.05
+POLL_INTERVAL = 0.05
 """Seconds between two checks for a subscriber."""
 
 
@@ -351,10 +351,10 @@ class Command:
 
         """
         timeout = self._settings.listener_timeout
-        for _ in range(int(timeout / LOOK_EVERY)):
+        for _ in range(int(timeout / POLL_INTERVAL)):
             if self._publisher.listeners:
                 return
-            await asyncio.sleep(LOOK_EVERY)
+            await asyncio.sleep(POLL_INTERVAL)
         if timeout and not self._publisher.listeners:
             message = f"no node subscribes to {self._settings.topic}"
             raise WorkFailedError(message)
@@ -443,14 +443,14 @@ class _Running(BackgroundAction):
         self._values = values
         self._charging = charging
         self._commanded = False
-        self._free = asyncio.Event()
-        self._free.set()
+        self._resumed = asyncio.Event()
+        self._resumed.set()
         super().__init__(action_id, self._work, report)
 
     def pause(self) -> None:
         """Send the command's pause message; unsent commands are held back."""
         if self._steps.command and not self.ended:
-            self._free.clear()
+            self._resumed.clear()
             if self._commanded:
                 self._steps.command.pause(self._values)
             self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
@@ -458,7 +458,7 @@ class _Running(BackgroundAction):
     def resume(self) -> None:
         """Send the command's resume message."""
         if self._steps.command and not self.ended:
-            self._free.set()
+            self._resumed.set()
             if self._commanded:
                 self._steps.command.resume(self._values)
             self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
@@ -487,7 +487,7 @@ class _Running(BackgroundAction):
             if steps.lasting:
                 await asyncio.get_running_loop().create_future()
         except asyncio.CancelledError:
-            self._take_back()
+            self._cancel_command()
             raise
         finally:
             if answered:
@@ -495,15 +495,15 @@ class _Running(BackgroundAction):
         return result
 
     async def _command(self, command: Command) -> None:
-        await self._free.wait()
+        await self._resumed.wait()
         command.begin(self._values)
         self._commanded = True
 
     def _progress(self, text: str) -> None:
-        if self._free.is_set():
+        if self._resumed.is_set():
             self._report(ActionReport(self._action_id, ActionStatus.RUNNING, text))
 
-    def _take_back(self) -> None:
+    def _cancel_command(self) -> None:
         if self._steps.command and self._commanded:
             try:
                 self._steps.command.cancel(self._values)

@@ -38,24 +38,24 @@ class SessionSwitch:
         """Keep the address across restarts in ``store``; None: nothing is kept."""
         self.settings = settings
         self.store = store
-        self._keeper: SessionManager | None = None
+        self._manager: SessionManager | None = None
 
     @property
     def address(self) -> RosAddress:
         """Namespace and domain with which the robot starts."""
         return self.store.read(self.settings) if self.store else RosAddress.of(self.settings)
 
-    def attach(self, keeper: SessionManager) -> None:
+    def attach(self, manager: SessionManager) -> None:
         """Use the session of a newly created driver."""
-        self._keeper = keeper
+        self._manager = manager
 
     @property
-    def keeper(self) -> SessionManager:
+    def manager(self) -> SessionManager:
         """The session; raises WorkFailedError if there is none."""
-        if self._keeper is None:
+        if self._manager is None:
             message = "the robot has not started yet"
             raise WorkFailedError(message)
-        return self._keeper
+        return self._manager
 
 
 def session_switch(settings: RosSettings, journal: Path | None, robot: RobotKey) -> SessionSwitch:
@@ -79,14 +79,14 @@ class SessionAction:
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:
-        keeper = self.switch.keeper
+        manager = self.switch.manager
         try:
             await self.work(self.switch, action)
         except SessionError as error:
-            message = f"{error}; {keeper.address}; retried until it is stopped"
+            message = f"{error}; {manager.address}; retried until it is stopped"
             raise WorkFailedError(message) from error
         return ActionReport(
-            action.action_id, ActionStatus.FINISHED, f"ROS session {keeper.state}, {keeper.address}"
+            action.action_id, ActionStatus.FINISHED, f"ROS session {manager.state}, {manager.address}"
         )
 
 
@@ -115,15 +115,15 @@ def session_actions(switch: SessionSwitch) -> tuple[ActionPlugin, ...]:
 
 
 async def _start(switch: SessionSwitch, _: Action) -> None:
-    await switch.keeper.start()
+    await switch.manager.start()
 
 
 async def _stop(switch: SessionSwitch, _: Action) -> None:
-    await switch.keeper.stop()
+    await switch.manager.stop()
 
 
 async def _configure(switch: SessionSwitch, action: Action) -> None:
-    address, keep = _wanted(switch.keeper.address, action), action.parameter(KEEP.key) is True
+    address, keep = _wanted(switch.manager.address, action), action.parameter(KEEP.key) is True
     if keep and switch.store is None:
         message = "nothing is kept after restarts: journal.enabled is false"
         raise WorkFailedError(message)
@@ -133,8 +133,8 @@ async def _configure(switch: SessionSwitch, action: Action) -> None:
         except OSError as error:
             message = f"unchanged: the address cannot be stored: {error}"
             raise WorkFailedError(message) from error
-    if address != switch.keeper.address:
-        await switch.keeper.move(address)
+    if address != switch.manager.address:
+        await switch.manager.move(address)
 
 
 def _wanted(address: RosAddress, action: Action) -> RosAddress:

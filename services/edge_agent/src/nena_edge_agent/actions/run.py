@@ -41,7 +41,7 @@ def _one(kind: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, kind)
 
 
-_SOUND: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
+_FIELD_CHECKS: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
     "result": (_one(str), "a text"),
     "loads": (_all_of(Load), "a tuple of Load"),
     "charging": (_one(bool), "True or False"),
@@ -52,7 +52,7 @@ _SOUND: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
 """Check of each optional field, and the name of its type."""
 
 
-def flaw_of(report: object, action_id: str) -> str | None:
+def report_problem(report: object, action_id: str) -> str | None:
     """Return what is wrong with a report of the action ``action_id``, to follow "reported"."""
     if not isinstance(report, ActionReport):
         return f"{_named(report)}, which is not an ActionReport"
@@ -60,7 +60,7 @@ def flaw_of(report: object, action_id: str) -> str | None:
         return f"on another action: {report.action_id!r}"
     if report.status not in REPORTED:
         return f"the status {report.status!r}, which plug-ins must not report"
-    for name, (sound, what) in _SOUND.items():
+    for name, (sound, what) in _FIELD_CHECKS.items():
         value = getattr(report, name)
         if value is not None and not sound(value):
             return f"{name} {_named(value)}, which is not {what}"
@@ -71,12 +71,12 @@ def _named(value: object) -> str:
     return repr(value)[:100]
 
 
-LOOK_EVERY: Final = 0.05
+SAMPLE_INTERVAL: Final = 0.05
 """Seconds between two samples."""
-LOOKS: Final = 4
+BLOCKED_SAMPLES: Final = 4
 """Samples without progress until the loop counts as blocked. Samples, not seconds: on a busy machine, samples
 are late as well."""
-LONGEST: Final = 100
+HUNG_SAMPLES: Final = 100
 """Samples without progress until the loop counts as blocked forever."""
 WAITING: Final = frozenset({"select", "poll", "epoll", "_run_once"})
 """Functions in which an event loop is idle."""
@@ -102,16 +102,16 @@ class Watchdog:
 
     def _beat(self) -> None:
         self._rounds += 1
-        self._loop.call_later(LOOK_EVERY / 2, self._beat)
+        self._loop.call_later(SAMPLE_INTERVAL / 2, self._beat)
 
     def _watch(self) -> None:
-        seen, looks = 0, 0
-        while not self._stop.wait(LOOK_EVERY):
+        seen, samples = 0, 0
+        while not self._stop.wait(SAMPLE_INTERVAL):
             stuck = self._rounds == seen and not self._idle()
-            looks, seen = (looks + 1 if stuck else 0), self._rounds
-            if looks == LOOKS:
+            samples, seen = (samples + 1 if stuck else 0), self._rounds
+            if samples == BLOCKED_SAMPLES:
                 self.blocked = self.blocked or self._place()
-            if looks == LONGEST:
+            if samples == HUNG_SAMPLES:
                 self.hangs.set()
 
     def _idle(self) -> bool:
@@ -136,7 +136,7 @@ log = get_logger(__name__)
 
 PROGRESS_INTERVAL = 0.5
 """Minimum seconds between two progress reports; of faster ones only the newest is passed on."""
-LONGEST_RESULT = 1000
+MAXIMUM_RESULT = 1000
 """Maximum characters of a result, which is part of every state; longer ones are cut."""
 
 
@@ -169,7 +169,7 @@ class Run:
         """Start the action."""
         text = f"the plug-in did not report its start within {self._timeouts.begin:g} s"
         self._expect(self._timeouts.begin, lambda: self._fail(text))
-        self._guarded(lambda: self._begin(loads))
+        self._isolated(lambda: self._begin(loads))
 
     def pause(self) -> None:
         """Pause; if the plug-in does not, the action continues and its result mentions it."""
@@ -177,12 +177,12 @@ class Run:
             return
         text = f"the plug-in did not pause within {self._timeouts.obey:g} s"
         self._expect(self._timeouts.obey, lambda: self._send(self._report_of(self._status, text)))
-        self._guarded(self._running.pause)
+        self._isolated(self._running.pause)
 
     def resume(self) -> None:
         """Resume."""
         if self._running is not None:
-            self._guarded(self._running.resume)
+            self._isolated(self._running.resume)
 
     def cancel(self) -> None:
         """Cancel; if the plug-in does not stop in time, the action fails."""
@@ -191,13 +191,13 @@ class Run:
             return
         text = f"the plug-in did not cancel within {self._timeouts.obey:g} s; check the robot"
         self._expect(self._timeouts.obey, lambda: self._fail(text))
-        self._guarded(self._running.cancel)
+        self._isolated(self._running.cancel)
 
     def abandon(self) -> None:
         """Cancel without a report."""
         if not self.ended:
             self._end()
-            self._give_up()
+            self._cancel_quietly()
 
     def take(self, report: ActionReport) -> None:
         """Handle a report of the plug-in, from any thread."""
@@ -224,7 +224,7 @@ class Run:
     def _take(self, report: ActionReport) -> None:
         if self.ended:
             self._log.warning("ignored a report after the end of an action", report=repr(report))
-        elif flaw := flaw_of(report, self._action.action_id):
+        elif flaw := report_problem(report, self._action.action_id):
             self._fail(f"the plug-in reported {flaw}")
         elif report.status is ActionStatus.FAILED:
             self._end()
@@ -233,9 +233,9 @@ class Run:
             self._end()
             self._send(report)
         else:
-            self._go_on(report)
+            self._continue(report)
 
-    def _go_on(self, report: ActionReport) -> None:
+    def _continue(self, report: ActionReport) -> None:
         before, self._status = self._status, report.status
         self._last_result = report.result or self._last_result
         if report.status is before is ActionStatus.RUNNING:
@@ -243,7 +243,7 @@ class Run:
             return
         self._progress.drop()
         if before is ActionStatus.INITIALIZING or report.status is ActionStatus.PAUSED:
-            self._stop_expecting()
+            self._stop_waiting()
         self._limit.run(on=report.status is ActionStatus.RUNNING)
         self._send(report)
 
@@ -255,13 +255,13 @@ class Run:
         if not self.ended:
             self._end()
             self._send(self._report_of(ActionStatus.FAILED, reason))
-            self._give_up()
+            self._cancel_quietly()
 
     def _report_of(self, status: ActionStatus, text: str) -> ActionReport:
         self._log.warning("an action plug-in misbehaves", problem=text)
         return ActionReport(self._action.action_id, status, text)
 
-    def _give_up(self) -> None:
+    def _cancel_quietly(self) -> None:
         """Cancel the action at the plug-in; ignore a failure."""
         running, self._running = self._running, None
         if running is not None:
@@ -272,16 +272,16 @@ class Run:
 
     def _end(self) -> None:
         self.ended = True
-        self._stop_expecting()
+        self._stop_waiting()
         self._progress.drop()
         self._limit.run(on=False)
 
     def _send(self, report: ActionReport) -> None:
-        if report.result is not None and len(report.result) > LONGEST_RESULT:
-            report = replace(report, result=report.result[:LONGEST_RESULT])
+        if report.result is not None and len(report.result) > MAXIMUM_RESULT:
+            report = replace(report, result=report.result[:MAXIMUM_RESULT])
         self._on_report(report)
 
-    def _guarded(self, step: Callable[[], None]) -> None:
+    def _isolated(self, step: Callable[[], None]) -> None:
         try:
             step()
         except Exception as error:
@@ -289,10 +289,10 @@ class Run:
             self._fail(f"the plug-in failed: {str(error) or type(error).__name__}")
 
     def _expect(self, seconds: float, otherwise: Callable[[], None]) -> None:
-        self._stop_expecting()
+        self._stop_waiting()
         self._answer = self._loop.call_later(seconds, otherwise)
 
-    def _stop_expecting(self) -> None:
+    def _stop_waiting(self) -> None:
         if self._answer is not None:
             self._answer.cancel()
             self._answer = None

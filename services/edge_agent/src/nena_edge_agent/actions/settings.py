@@ -102,7 +102,7 @@ class CommandSettings(SettingsGroup):
     )
 
     @model_validator(mode="after")
-    def _pause_whole(self) -> Self:
+    def _both_pause_and_resume(self) -> Self:
         if (self.on_pause is None) is not (self.on_resume is None):
             message = "on_pause and on_resume belong together"
             raise ValueError(message)
@@ -147,7 +147,7 @@ BATTERY = AnswerSettings(
     qos=TopicQos.BEST_EFFORT,
 )
 """Confirms that the battery is charging or full."""
-BATTERY_LEFT_ALONE = BATTERY.model_copy(update={"match": {"power_supply_status": [0, 2, 3]}})
+BATTERY_NOT_CHARGING = BATTERY.model_copy(update={"match": {"power_supply_status": [0, 2, 3]}})
 
 
 class RosOperationSettings(OperationBase):
@@ -210,7 +210,7 @@ class ChargeOperationSettings(RosOperationSettings):
     @property
     def confirmation(self) -> AnswerSettings:
         """Return the settings of the answer that confirms the end."""
-        return self.answer or (BATTERY if self.charging else BATTERY_LEFT_ALONE)
+        return self.answer or (BATTERY if self.charging else BATTERY_NOT_CHARGING)
 
 
 class TurnSignalSettings(RosOperationSettings):
@@ -236,7 +236,7 @@ class TurnSignalSettings(RosOperationSettings):
     restartable: bool = Field(default=True, description="Set again after a restart of the agent.")
 
     @model_validator(mode="after")
-    def _can_be_put_out(self) -> Self:
+    def _has_off(self) -> Self:
         if "off" not in self.values:
             message = "values must contain 'off'"
             raise ValueError(message)

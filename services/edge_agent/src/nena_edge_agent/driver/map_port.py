@@ -11,7 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from nena_edge_agent.driver.port import AreaAt, FramelessEvent, GoalAt, Mover, OwnGoalsAt, PoseReportAt
+from nena_edge_agent.driver.port import (
+    BaseArea,
+    BaseDriver,
+    BaseGoal,
+    BaseOwnGoals,
+    BasePoseReport,
+    FrameIndependentEvent,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,25 +31,25 @@ class MapPose:
     map_id: str
 
 
-class MapGoal(GoalAt[MapPose]):
+class MapGoal(BaseGoal[MapPose]):
     """A goal on the robot's map; lengths are in metres of that map."""
 
     __slots__ = ()
 
 
-class MapPoseReport(PoseReportAt[MapPose]):
+class MapPoseReport(BasePoseReport[MapPose]):
     """A pose on the robot's map."""
 
     __slots__ = ()
 
 
-class MapOwnGoals(OwnGoalsAt[MapPose]):
+class MapOwnGoals(BaseOwnGoals[MapPose]):
     """Own goals of an earlier run, on the robot's map."""
 
     __slots__ = ()
 
 
-class MapArea(AreaAt):
+class MapArea(BaseArea):
     """An area on the robot's map that it must not enter."""
 
     __slots__ = ()
@@ -56,11 +63,11 @@ class MapPlanReport:
     map_id: str
 
 
-MapDriverEvent = FramelessEvent | MapPoseReport | MapPlanReport
+MapDriverEvent = FrameIndependentEvent | MapPoseReport | MapPlanReport
 MapEmit = Callable[[MapDriverEvent], None]
 
 
-class MapDriver(Mover, Protocol):
+class MapDriver(BaseDriver, Protocol):
     """A driver on the robot's own map; otherwise like :class:`nena_edge_agent.driver.port.Driver`."""
 
     def reclaim(self, goals: MapOwnGoals) -> None:

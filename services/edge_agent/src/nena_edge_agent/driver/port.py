@@ -27,7 +27,7 @@ class SessionState(StrEnum):
 STANDING = 0.01
 """Velocity below which a robot is at standstill, m/s and rad/s."""
 
-P = TypeVar("P")
+PoseT = TypeVar("PoseT")
 """The type of a pose, which determines the frame."""
 
 
@@ -55,7 +55,7 @@ class Circle:
 
 
 @dataclass(frozen=True, slots=True)
-class GoalAt(Generic[P]):
+class BaseGoal(Generic[PoseT]):
     """A goal of the core.
 
     Attributes:
@@ -72,16 +72,16 @@ class GoalAt(Generic[P]):
     """
 
     generation: int
-    pose: P
+    pose: PoseT
     deviation_xy: float
     deviation_theta: float | None = None
     maximum_speed: float | None = None
-    ahead: tuple[P, ...] = ()
+    ahead: tuple[PoseT, ...] = ()
     behavior_tree: str = ""
-    path: tuple[P, ...] = ()
+    path: tuple[PoseT, ...] = ()
 
 
-class DriveGoal(GoalAt[Pose]):
+class DriveGoal(BaseGoal[Pose]):
     """A goal in the plant's frame."""
 
     __slots__ = ()
@@ -154,20 +154,20 @@ class VelocityReport:
 
 
 @dataclass(frozen=True, slots=True)
-class PoseReportAt(Generic[P]):
+class BasePoseReport(Generic[PoseT]):
     """The robot's pose, and its velocity in its own frame (m/s, rad/s; None: unknown).
 
     ``problem`` is why the pose is unreliable; empty if it is reliable.
     """
 
-    pose: P
+    pose: PoseT
     localized: bool
     vx: float | None = None
     omega: float | None = None
     problem: str = ""
 
 
-class PoseReport(PoseReportAt[Pose]):
+class PoseReport(BasePoseReport[Pose]):
     """A pose in the plant's frame."""
 
     __slots__ = ()
@@ -196,7 +196,7 @@ class NavigationReport:
 
 
 @dataclass(frozen=True, slots=True)
-class OwnGoalsAt(Generic[P]):
+class BaseOwnGoals(Generic[PoseT]):
     """Own goals that have not ended, possibly of an earlier run; the last one leads to ``pose``.
 
     ``given`` is the pose of a goal that is about to be sent, or was sent and is not listed yet. It will be
@@ -204,12 +204,12 @@ class OwnGoalsAt(Generic[P]):
     """
 
     goal_ids: tuple[str, ...]
-    pose: P
-    given: P | None = None
+    pose: PoseT
+    given: PoseT | None = None
     behind: str = ""
 
 
-class OwnGoals(OwnGoalsAt[Pose]):
+class OwnGoals(BaseOwnGoals[Pose]):
     """Own goals in the plant's frame."""
 
     __slots__ = ()
@@ -318,20 +318,20 @@ class SessionReport:
 
 
 @dataclass(frozen=True, slots=True)
-class AreaAt:
+class BaseArea:
     """A polygon on the map ``map_id`` that the robot must not enter: corners in m."""
 
     map_id: str
     points: tuple[tuple[float, float], ...]
 
 
-class Area(AreaAt):
+class Area(BaseArea):
     """An area in the plant's frame that the robot must not enter."""
 
     __slots__ = ()
 
 
-FramelessEvent = (
+FrameIndependentEvent = (
     Arrived
     | DriveFailed
     | Halted
@@ -349,11 +349,11 @@ FramelessEvent = (
 )
 """Events that are the same in each frame."""
 
-DriverEvent = FramelessEvent | PoseReport | PlanReport | NoRouteReport
+DriverEvent = FrameIndependentEvent | PoseReport | PlanReport | NoRouteReport
 Emit = Callable[[DriverEvent], None]
 
 
-class Mover(Protocol):
+class BaseDriver(Protocol):
     """The methods of a driver that are the same in each frame."""
 
     async def start(self) -> None:
@@ -380,7 +380,7 @@ class Mover(Protocol):
         ...
 
 
-class Driver(Mover, Protocol):
+class Driver(BaseDriver, Protocol):
     """A robot's driver in the plant's frame."""
 
     def reclaim(self, goals: OwnGoals) -> None:

@@ -12,8 +12,8 @@ from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.state import Load
 
-EVERYWHERE = (ActionScope.NODE, ActionScope.EDGE, ActionScope.INSTANT)
-LONGEST_ACTION = 86_400.0
+ALL_SCOPES = (ActionScope.NODE, ActionScope.EDGE, ActionScope.INSTANT)
+MAXIMUM_DURATION = 86_400.0
 """Seconds."""
 
 DURATION = Parameter("duration", ValueDataType.NUMBER, required=False, description="s, 0 to 86400")
@@ -39,7 +39,7 @@ class SimulatedAction:
             status = ActionStatus.FAILED if problem else ActionStatus.FINISHED
             report(ActionReport(action.action_id, status, problem or "done"))
 
-        countdown = Countdown(action.action_id, min(max(seconds, 0.0), LONGEST_ACTION), report, done)
+        countdown = Countdown(action.action_id, min(max(seconds, 0.0), MAXIMUM_DURATION), report, done)
         countdown.start()
         return countdown
 
@@ -87,7 +87,7 @@ def _declare(
 ) -> ActionDeclaration:
     return ActionDeclaration(
         action_type,
-        scopes=EVERYWHERE,
+        scopes=ALL_SCOPES,
         parameters=(DURATION, *parameters),
         pause_allowed=stoppable,
         cancel_allowed=stoppable,

@@ -85,7 +85,7 @@ class _Area(_Command):
     active: bool = True
 
     @model_validator(mode="after")
-    def _whole_place(self) -> Self:
+    def _both_coordinates(self) -> Self:
         if (self.x is None) is not (self.y is None):
             message = "specify both x and y, or neither"
             raise ValueError(message)
@@ -105,7 +105,7 @@ class MakeUnreachable(_Area):
     command: Literal["unreachable"]
 
 
-class TakeRoute(_Area):
+class RemoveRoute(_Area):
     """No route leads to nodes in the area: the robot refuses such orders."""
 
     command: Literal["noRoute"]
@@ -179,7 +179,7 @@ class SetBattery(_Command):
     state_of_charge: Annotated[float, Field(ge=0, le=100)]
 
 
-class CarryAway(_Command):
+class MoveByHand(_Command):
     """The robot is moved to another pose (m, rad) by hand, by default on the same map; it stays localised."""
 
     command: Literal["pose"]
@@ -196,14 +196,14 @@ class SetSpeed(_Command):
     speed: Positive
 
 
-class PullTrigger(_Command):
+class ReleaseTrigger(_Command):
     """A person at the robot releases the actions that wait for a trigger of this type."""
 
     command: Literal["trigger"]
     trigger_type: Name = "LOCAL"
 
 
-class LoseLink(_Command):
+class CutLink(_Command):
     """The connection to the broker breaks without a disconnect, for ``seconds``."""
 
     command: Literal["linkSilence"]
@@ -215,7 +215,7 @@ AnyCommand = (
     | SwitchLocalization
     | SwitchNavigation
     | MakeUnreachable
-    | TakeRoute
+    | RemoveRoute
     | SwitchError
     | SwitchFieldViolation
     | PressEmergencyStop
@@ -223,10 +223,10 @@ AnyCommand = (
     | SwitchPauseButton
     | SwitchCharging
     | SetBattery
-    | CarryAway
+    | MoveByHand
     | SetSpeed
-    | PullTrigger
-    | LoseLink
+    | ReleaseTrigger
+    | CutLink
 )
 
 _parser: TypeAdapter[AnyCommand] = TypeAdapter(Annotated[AnyCommand, Field(discriminator="command")])
@@ -285,17 +285,17 @@ class SimulationControl:
             message = "the robot is not running; send the command again later"
             raise CommandRefusedError(message)
         match command:
-            case LoseLink(seconds=seconds) if self.cut_link:
+            case CutLink(seconds=seconds) if self.cut_link:
                 self.cut_link(seconds)
             case SwitchFieldViolation() | PressEmergencyStop() | AcknowledgeEmergencyStop():
-                _make_safe(robot, command)
-            case SwitchOperatingMode() | SwitchError() | SwitchPauseButton() | PullTrigger():
+                _change_safety(robot, command)
+            case SwitchOperatingMode() | SwitchError() | SwitchPauseButton() | ReleaseTrigger():
                 robot.put(_event(command))
             case _:
                 _drive(robot.driver, command)
 
 
-def _make_safe(
+def _change_safety(
     robot: _Robot, command: SwitchFieldViolation | PressEmergencyStop | AcknowledgeEmergencyStop
 ) -> None:
     """Change the safety state; stop the robot before its core knows, as a safety circuit does."""
@@ -311,7 +311,7 @@ def _make_safe(
     robot.put(robot.safety)
 
 
-def _event(command: SwitchOperatingMode | SwitchError | SwitchPauseButton | PullTrigger) -> Event:
+def _event(command: SwitchOperatingMode | SwitchError | SwitchPauseButton | ReleaseTrigger) -> Event:
     match command:
         case SwitchOperatingMode(mode=mode):
             return OperatingModeSwitched(mode)
@@ -319,7 +319,7 @@ def _event(command: SwitchOperatingMode | SwitchError | SwitchPauseButton | Pull
             return ErrorSwitched(command.entry, active)
         case SwitchPauseButton(pressed=pressed):
             return PauseButton(pressed)
-        case PullTrigger(trigger_type=trigger_type):
+        case ReleaseTrigger(trigger_type=trigger_type):
             return LocalTrigger(trigger_type)
 
 
@@ -331,13 +331,13 @@ def _drive(driver: LoopbackDriver, command: AnyCommand) -> None:
             driver.set_navigation(available=available, reason="" if available else reason)
         case MakeUnreachable(active=active):
             driver.set_unreachable(command.circle, active=active)
-        case TakeRoute(active=active):
+        case RemoveRoute(active=active):
             driver.set_no_route(command.circle, active=active)
         case SwitchCharging(charging=charging):
             driver.set_charging(charging=charging)
         case SetBattery(state_of_charge=charge):
             driver.set_charge(charge)
-        case CarryAway():
+        case MoveByHand():
             driver.carry_to(command.x, command.y, command.theta, command.map_id)
         case SetSpeed(speed=speed):
             driver.set_speed(speed)
@@ -345,7 +345,7 @@ def _drive(driver: LoopbackDriver, command: AnyCommand) -> None:
 
 log = get_logger(__name__)
 
-LONGEST_PAYLOAD = 10_000
+MAXIMUM_PAYLOAD = 10_000
 """Maximum size of a command's payload, bytes."""
 
 
@@ -359,36 +359,38 @@ class ControlApi:
     def __init__(
         self, settings: MqttSettings, interface_name: str, controls: Mapping[RobotKey, SimulationControl]
     ) -> None:
-        self._benches = {f"{interface_name}/loopback/{robot}": control for robot, control in controls.items()}
+        self._controls = {
+            f"{interface_name}/loopback/{robot}": control for robot, control in controls.items()
+        }
         first = next(iter(controls))
         self._link = MqttLink(
             settings.model_copy(update={"client_id": None}),  # the configured ID is the robot's
             client_id=f"nena-loopback-control-{first.manufacturer}-{first.serial_number}",
         )
         topic_filter = f"{interface_name}/loopback/{first.manufacturer}/+/control"
-        self._link.subscribe(topic_filter, self._take)
+        self._link.subscribe(topic_filter, self._on_command)
         log.info("simulation control ready", topic=topic_filter)
 
     async def run(self) -> None:
         """Serve commands until cancelled."""
         await self._link.run()
 
-    def _take(self, message: Inbound) -> None:
+    def _on_command(self, message: Inbound) -> None:
         place = message.topic.removesuffix("/control")
-        control = self._benches.get(place)
+        control = self._controls.get(place)
         if control is None or not message.payload:
             return
-        problems = _obey(control, message)
+        problems = _execute(control, message)
         log.info("control command", topic=message.topic, accepted=not problems, problems=problems)
         self._link.publish(Outbound(f"{place}/answer", _answer(message.payload, problems), keep=False))
 
 
-def _obey(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
+def _execute(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
     """Apply a command; return its problems if it is refused."""
     if message.retained:
         return ("retained commands are ignored because they may be old; send it without the retain flag",)
-    if len(message.payload) > LONGEST_PAYLOAD:
-        return (f"the command is longer than {LONGEST_PAYLOAD} bytes",)
+    if len(message.payload) > MAXIMUM_PAYLOAD:
+        return (f"the command is longer than {MAXIMUM_PAYLOAD} bytes",)
     try:
         control.apply(parse(message.payload))
     except CommandRefusedError as refused:
@@ -401,13 +403,13 @@ def _answer(payload: bytes, problems: tuple[str, ...]) -> bytes:
     answer: dict[str, Any] = {"accepted": not problems}
     if problems:
         answer["problems"] = problems
-    return json.dumps(_named(payload) | answer).encode()
+    return json.dumps(_id_and_name(payload) | answer).encode()
 
 
-def _named(payload: bytes) -> dict[str, str]:
+def _id_and_name(payload: bytes) -> dict[str, str]:
     """Return the ID and name of a command, if they are readable."""
     try:
-        command = json.loads(payload[:LONGEST_PAYLOAD])
+        command = json.loads(payload[:MAXIMUM_PAYLOAD])
     except (ValueError, RecursionError):
         return {}
     if not isinstance(command, dict):

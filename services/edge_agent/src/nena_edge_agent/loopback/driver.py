@@ -159,7 +159,7 @@ def _turn(start: float, end: float) -> float:
     return (end - start + pi) % (2 * pi) - pi
 
 
-SLOWEST = 0.01
+MINIMUM_SPEED_LIMIT = 0.01
 """Lowest speed limit, m/s: at 0, a robot would never leave its zone."""
 BATTERY_STEP = 1.0
 """Change of charge between two reports, percent."""
@@ -207,7 +207,7 @@ class LoopbackDriver:
     async def stop(self) -> None:
         """Stop the robot and send no more events."""
         self.ended = True
-        self._stand()
+        self._stop_here()
         self._stop_charge_timer()
 
     @property
@@ -217,9 +217,9 @@ class LoopbackDriver:
 
     def go_to(self, goal: port.DriveGoal) -> None:
         """Drive straight to ``goal`` from where the robot is."""
-        self._stand()
+        self._stop_here()
         if problem := self._problem(goal):
-            self._soon(
+            self._call_soon(
                 lambda: self._emit(port.DriveFailed(goal.generation, port.DriveFailure.ABORTED, problem))
             )
             return
@@ -242,9 +242,9 @@ class LoopbackDriver:
             return  # it confirms the halt at standstill
         motion, now = self._motion, self._clock.monotonic()
         slowing = braking(motion, now, self._settings.deceleration) if motion else None
-        self._stand()
+        self._stop_here()
         if slowing is None:
-            self._soon(self._halted)
+            self._call_soon(self._halted)
         else:
             self._motion = slowing
             self._wait()
@@ -257,20 +257,20 @@ class LoopbackDriver:
 
     def limit_speed(self, speed: float | None) -> None:
         """Change the speed at once."""
-        self._speed_limit = inf if speed is None else max(speed, SLOWEST)
+        self._speed_limit = inf if speed is None else max(speed, MINIMUM_SPEED_LIMIT)
         if self._goal:
             self.go_to(self._goal)
 
     def initialize_position(self, pose: port.Pose) -> None:
         """Move to ``pose`` at once."""
-        self._stand()
+        self._stop_here()
         self._pose, self._localized = pose, True
-        self._soon(self._placed)
+        self._call_soon(self._position_set)
 
     def stop_at_once(self) -> None:
         """Stop at once, as after an emergency stop or a field violation."""
         slowing = isinstance(self._motion, Braking)
-        self._stand()
+        self._stop_here()
         self._report_pose(0.0, 0.0)
         if slowing:
             self._emit(port.Halted())
@@ -341,7 +341,7 @@ class LoopbackDriver:
             return "the goal is unreachable"
         return None
 
-    def _stand(self) -> None:
+    def _stop_here(self) -> None:
         """Drop the goal and stop at the current pose."""
         if self._timer is not None:
             self._timer.cancel()
@@ -403,7 +403,7 @@ class LoopbackDriver:
         self._report_pose(0.0, 0.0)
         self._emit(port.Halted())
 
-    def _placed(self) -> None:
+    def _position_set(self) -> None:
         self._report_pose(0.0, 0.0)
         self._emit(port.PositionInitialized(succeeded=True, description=""))
 
@@ -414,6 +414,6 @@ class LoopbackDriver:
         self._reported_charge = self._charge
         self._emit(port.BatteryReport(state_of_charge=self._reported_charge, charging=self._battery.charging))
 
-    def _soon(self, step: Callable[[], None]) -> None:
+    def _call_soon(self, step: Callable[[], None]) -> None:
         """Call ``step`` from the event loop, after the current call has returned."""
         asyncio.get_running_loop().call_soon(step)

@@ -34,7 +34,7 @@ from nena_edge_agent.actions.plugin import (
     TopicQos,
 )
 from nena_edge_agent.actions.ready_made import ready_made
-from nena_edge_agent.actions.registry import PluginBrokenError, make, names_installed
+from nena_edge_agent.actions.registry import PluginBrokenError, installed_names, make
 from nena_edge_agent.actions.ros_port import installed
 from nena_edge_agent.actions.run import Watchdog
 from nena_edge_agent.driver.port import Pose
@@ -260,12 +260,12 @@ def _plugins(name: str, settings: EdgeAgentSettings) -> tuple[ActionPlugin, ...]
     options = settings.actions.options.get(name, {})
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     context = PluginContext(robot, DryDrive(), DryRos(), options)
-    if name in names_installed():
+    if name in installed_names():
         return make(name, context)
     own = [*ready_made(settings.operations, context, settings.actions), Wait()]
     found = tuple(each for each in own if each.declaration.action_type == name)
     if not found:
-        known = ", ".join(names_installed()) or "none"
+        known = ", ".join(installed_names()) or "none"
         types = ", ".join(each.declaration.action_type for each in own)
         raise ConfigurationError([f"NAME: '{name}' is not a plug-in ({known}) or an action ({types})"])
     return found

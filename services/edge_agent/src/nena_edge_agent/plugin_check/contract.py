@@ -21,7 +21,7 @@ from typing import Any, Final
 from pydantic import JsonValue, ValidationError
 
 from nena_edge_agent.actions.plugin import ActionPlugin, ActionTimeouts, RunningAction
-from nena_edge_agent.actions.run import flaw_of
+from nena_edge_agent.actions.run import report_problem
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration, LoadChange, Parameter
@@ -155,7 +155,7 @@ class Trial:
     def sound(self) -> None:
         """Check all reports so far; raise BrokenError for an invalid one."""
         for report in self.reports:
-            if flaw := flaw_of(report, self.action.action_id):
+            if flaw := report_problem(report, self.action.action_id):
                 text = f"it reported {flaw}"
                 raise BrokenError(text, "report ActionReport(action.action_id, status, ...)")
         ends = [each for each in self.statuses if each.ended]
