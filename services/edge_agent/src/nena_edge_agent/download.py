@@ -169,7 +169,7 @@ class _Https(HTTPSHandler):
 
 
 def _checked(kind: type[HTTPConnection], connections: _Connections, request: Request) -> type[HTTPConnection]:
-    """Return a connection class that checks its address; a proxy, which the site configures, is not checked."""
+    """Return a connection class that checks its address, unless it connects to the site's proxy."""
     if request.has_proxy() or getattr(request, "_tunnel_host", None):
         connections.begin_behind_proxy()
         return kind

@@ -137,7 +137,7 @@ async def test_a_simulated_action_takes_its_time_and_reports_charging() -> None:
     plugin.start(action("a", "HARD", "lift"), (), reports.append)
     await until(lambda: reports[-1].status.ended)
 
-    assert (reports[-1].result, reports[-1].charging) == ("rehearsed", True)
+    assert (reports[-1].result, reports[-1].charging) == ("simulated", True)
     assert plugin.declaration.pause_allowed
     assert plugin.declaration.timeout is None
 

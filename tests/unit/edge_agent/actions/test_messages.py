@@ -89,16 +89,16 @@ TYPES = {"height": ValueDataType.NUMBER, "name": ValueDataType.STRING, "count": 
     ("type_name", "fields", "problem"),
     [
         ("std_msgs/msg/String", {"dat": "x"}, "fields.dat: std_msgs/msg/String has no such field, only data"),
-        ("std_msgs/msg/String", {"data": 5}, "fields.data: 5 is not a text"),
+        ("std_msgs/msg/String", {"data": 5}, "fields.data: 5 is not a string"),
         (
             "std_msgs/msg/String",
             {"data": "{height}"},
-            "fields.data: takes a text, and the parameter 'height' is of",
+            "fields.data: must be a string, but the parameter 'height' is of",
         ),
         (
             "std_msgs/msg/Float64",
             {"data": "{name}"},
-            "fields.data: takes a number, and the parameter 'name' is of",
+            "fields.data: must be a number, but the parameter 'name' is of",
         ),
         ("std_msgs/msg/Float64", {"data": "{height} m"}, "fields.data: '{height} m' is not a number"),
         ("std_msgs/msg/UInt8", {"data": 256}, "fields.data: 256 is not an integer from 0 to 255"),
@@ -109,7 +109,7 @@ TYPES = {"height": ValueDataType.NUMBER, "name": ValueDataType.STRING, "count": 
             "fields.pose.position.X: geometry_msgs/msg/Point has no such",
         ),
         (POSE, {"pose": 3}, "fields.pose: 3 is not a table of the fields position, orientation"),
-        ("sensor_msgs/msg/JointState", {"name": ["a", 1]}, "fields.name.1: 1 is not a text"),
+        ("sensor_msgs/msg/JointState", {"name": ["a", 1]}, "fields.name.1: 1 is not a string"),
         (
             "geometry_msgs/msg/PoseWithCovariance",
             {"covariance": [1.0]},

@@ -142,7 +142,7 @@ async def test_without_ros_actions_are_simulated_if_configured() -> None:
     plugin.start(action("a", "HARD", "lift", height=1), (), reports.append)
     await until(lambda: reports[-1].status.ended)
 
-    assert reports[-1].result == "rehearsed"
+    assert reports[-1].result == "simulated"
     assert [each.key for each in plugin.declaration.parameters] == ["height"]
 
 

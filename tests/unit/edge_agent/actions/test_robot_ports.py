@@ -90,7 +90,7 @@ async def test_only_one_action_drives_at_a_time() -> None:
     drive, driver = begun()
     driver.on_halt = lambda: drive.observe(Halted())
     task = await driving(drive, driver)
-    with pytest.raises(DriveError, match="another action drives"):
+    with pytest.raises(DriveError, match="another action is driving"):
         await drive.drive(PLACE, deviation_xy=0.1)
     task.cancel()
     await asyncio.wait([task], timeout=PATIENCE)

@@ -1,6 +1,6 @@
-"""Built-in actions: wait, logReport, downloadZoneSet, map transforms and timed operations.
+"""Built-in actions: wait, logReport, downloadZoneSet, map transforms, behaviour trees and timed operations.
 
-``make_registry`` of the program decides which of them a robot has.
+``make_registry`` in ``__main__`` decides which of them a robot has.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from nena_shared.vda5050.state import Load
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 LONGEST = 86_400.0
-"""Seconds."""
+"""Maximum duration, seconds."""
 
 
 class Wait:
-    """Finishes after the action's ``duration``, in seconds."""
+    """Finishes after its parameter ``duration``, s."""
 
     declaration = ActionDeclaration(
         "wait",
@@ -155,7 +155,7 @@ class MapTransforms:
     )
 
     def __init__(self, texts: Mapping[str, str]) -> None:
-        """``texts`` describes the transform of each map ID."""
+        """Report ``texts``, the transform of each map ID."""
         self._result = "; ".join(f"{map_id}: {text}" for map_id, text in sorted(texts.items()))
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
@@ -170,10 +170,7 @@ ENVELOPE = "zoneSet"
 
 
 class ZoneSetDownload:
-    """Downloads a zone set: the standard's zoneSet object as JSON, alone or in a whole message.
-
-    VDA 5050 3.0 section 6.2.3.
-    """
+    """Downloads a zone set as JSON: a zoneSet object, or a whole message (VDA 5050 3.0 section 6.2.3)."""
 
     declaration = ActionDeclaration(
         DOWNLOAD_ZONE_SET,
@@ -206,7 +203,7 @@ class ZoneSetDownload:
         except (DownloadError, MalformedMessageError, ValueError) as error:
             raise WorkFailedError(str(error)) from error
         if zone_set.zone_set_id != action.parameter("zoneSetId"):
-            message = f"{link} holds the zone set '{zone_set.zone_set_id}'"
+            message = f"{link} contains the zone set '{zone_set.zone_set_id}'"
             raise WorkFailedError(message)
         return ActionReport(action.action_id, ActionStatus.FINISHED, zone_set=zone_set)
 
@@ -248,7 +245,7 @@ NO_ROS = 'it needs ROS, which this robot does not have; actions.without_ros = "r
 
 
 class UseBehaviorTree:
-    """Selects the behaviour tree for an edge; the goal contains its name. The action ends with the edge."""
+    """Selects the behaviour tree for an edge, which its goal names; the action ends with the edge."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         which = Parameter(BEHAVIOR_TREE, ValueDataType.STRING, choices=names)
@@ -271,13 +268,13 @@ class UseBehaviorTree:
 
 
 class Unavailable:
-    """Declares an action that is not available, so that its refusal states the reason."""
+    """Declares an action that is unavailable, so that orders with it are refused with the reason."""
 
     def __init__(self, declaration: ActionDeclaration, reason: str = NO_ROS) -> None:
         self.declaration = replace(declaration, unavailable=reason)
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Fail; only an action accepted before the settings changed gets here."""
+        """Fail; called only for an action that was accepted before the settings changed."""
         report(ActionReport(action.action_id, ActionStatus.FAILED, self.declaration.unavailable))
         return ENDED
 
@@ -297,7 +294,7 @@ class SimulatedOperation:
 
         def done() -> None:
             report(
-                ActionReport(action.action_id, ActionStatus.FINISHED, "rehearsed", charging=self._charging)
+                ActionReport(action.action_id, ActionStatus.FINISHED, "simulated", charging=self._charging)
             )
 
         lasting = self.declaration.open_ended

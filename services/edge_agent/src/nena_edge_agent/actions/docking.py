@@ -1,4 +1,4 @@
-"""Docking by an offset: a short drive from the robot's pose to a nearby pose."""
+"""Docking by an offset: a short drive from the robot's pose to a pose nearby."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FORWARD = "forward"
 
 
 class Docking:
-    """Drives by the configured offset, or as far ahead as the order's parameter specifies."""
+    """Drives by the configured offset, or as far ahead as the order requests."""
 
     def __init__(self, settings: DockOperationSettings, drive: DrivePort) -> None:
         self._settings = settings
@@ -99,7 +99,7 @@ class _Drive(BackgroundAction):
         return ActionReport(self._action_id, ActionStatus.FINISHED, charging=self._settings.charging)
 
     async def _drive_once(self, goal: Pose) -> bool:
-        """Drive to ``goal``; return False if the action was paused on the way."""
+        """Drive to ``goal``; return False if the action was paused before the arrival."""
         if not self._resumed.is_set():
             return False
         settings, task = self._settings, asyncio.current_task()

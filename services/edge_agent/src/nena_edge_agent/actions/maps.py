@@ -49,9 +49,7 @@ def map_actions(
 ) -> Iterable[ActionPlugin]:
     """Return the three actions on one robot's ``store`` (VDA 5050 3.0 section 6.2.3).
 
-    They change the store one after the other.
-
-    With ``drive``, enabling a map can set the robot's position on it.
+    They change the store one after the other. With ``drive``, enableMap can set the robot's position.
     """
     lock = asyncio.Lock()
 
@@ -90,13 +88,13 @@ def map_actions(
 
 
 def _position(action: Action, map_id: str) -> Pose | None:
-    """Return the robot's pose on the map that it enables; None: the action has no such parameters."""
+    """Return the robot's pose on the enabled map, None if the action has no parameters for it."""
     found = [action.parameter(each.key) for each in _POSITION_PARAMETERS]
     if found == [None, None, None]:
         return None
     numbers = [float(each) for each in found if isinstance(each, int | float)]
     if len(numbers) < len(_POSITION_PARAMETERS):
-        message = "x, y and theta belong together"
+        message = "specify x, y and theta together, or none of them"
         raise MapRefusedError(message)
     x, y, theta = numbers
     return Pose(x, y, theta, map_id)

@@ -1,4 +1,4 @@
-"""ROS messages of configured actions: templates of their fields, their shape, their types, and matching."""
+"""ROS messages of configured actions: templates, shapes of message types, conversion and matching."""
 
 from __future__ import annotations
 
@@ -80,12 +80,12 @@ class FieldError(Exception):
 
 
 class ScalarKind(StrEnum):
-    """Kind of a single value, in words for errors."""
+    """Kind of a single value; the values are words for error messages."""
 
-    TRUTH = "true or false"
+    BOOLEAN = "true or false"
     INTEGER = "an integer"
     NUMBER = "a number"
-    TEXT = "a text"
+    TEXT = "a string"
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class Scalar:
 
 @dataclass(frozen=True, slots=True)
 class ArrayShape:
-    """An array of values of one shape: ``exactly`` as many, or at ``most``; None: no limit."""
+    """An array of values of one shape: ``exactly`` that many, or at ``most``; None: any number."""
 
     item: Shape
     exactly: int | None = None
@@ -116,7 +116,7 @@ class ArrayShape:
 
     @property
     def words(self) -> str:
-        """Description for error messages."""
+        """Return a description for error messages."""
         if self.exactly is not None:
             return f"an array of {self.exactly} values"
         return "an array" if self.most is None else f"an array of {self.most} values at most"
@@ -145,11 +145,12 @@ _FITTING: Final[Mapping[ScalarKind, frozenset[ValueDataType]]] = {
 def problems(
     template: JsonValue, shape: Shape, types: Mapping[str, ValueDataType], path: str
 ) -> Iterator[str]:
-    """Yield what cannot fit whatever the parameters' values; ``types`` are their types by name."""
+    """Yield what can never fit, whatever the values of parameters; ``types`` are their types by name."""
     match template, shape:
         case str(), Scalar() if name := whole(template):
             if types.get(name) not in _FITTING[shape.kind] and name in types:
-                yield f"{path}: takes {shape.kind.value}, and the parameter '{name}' is of type {types[name]}"
+                kind = shape.kind.value
+                yield f"{path}: must be {kind}, but the parameter '{name}' is of type {types[name]}"
         case str(), Scalar(kind=ScalarKind.TEXT):
             return
         case dict(), Record():
@@ -158,7 +159,7 @@ def problems(
         case list(), ArrayShape():
             yield from _item_problems(template, shape, types, path)
         case str(), ArrayShape() if whole(template):
-            return  # an array as a whole; its items are checked when it is complete
+            return  # a whole array, whose items are checked when the value is known
         case _:
             try:
                 conformed(template, shape, path)
@@ -287,7 +288,7 @@ def message_type(name: str) -> Record:
     """Return the shape of a message type, such as ``geometry_msgs/msg/PoseStamped``.
 
     Raises:
-        UnknownTypeError: it is not installed, or no name of a message type.
+        UnknownTypeError: it is not installed, or not the name of a message type.
 
     """
     return _record_of(_load(name, "msg"), name)
@@ -298,7 +299,7 @@ def service_type(name: str) -> tuple[Record, Record]:
     """Return the shapes of the request and the response of a service type, such as ``std_srvs/srv/Trigger``.
 
     Raises:
-        UnknownTypeError: it is not installed, or no name of a service type.
+        UnknownTypeError: it is not installed, or not the name of a service type.
 
     """
     kind = _load(name, "srv")
@@ -309,7 +310,7 @@ def action_type(name: str) -> tuple[Record, Any]:
     """Return the goal's shape of an action type, and the type.
 
     Raises:
-        UnknownTypeError: it is not installed, or no name of a type.
+        UnknownTypeError: it is not installed, or not the name of a type.
 
     """
     kind = _load(name, "action")
@@ -320,7 +321,7 @@ def class_of(name: str) -> Any:  # noqa: ANN401 - rclpy carries no types
     """Return the class of a message or service type.
 
     Raises:
-        UnknownTypeError: it is not installed, or no name of a type.
+        UnknownTypeError: it is not installed, or not the name of a type.
 
     """
     return _load(name, "srv" if "/srv/" in name else "msg")
@@ -397,13 +398,13 @@ _SCALARS: Final[Mapping[str, Scalar]] = {
 
 
 RELATIVE_TOLERANCE = 1e-6
-"""Relative difference up to which two numbers count as equal: a float32 is not exactly what was written."""
+"""Relative difference up to which two numbers are equal: a float32 differs from the configured number."""
 
 
 def matches(value: Any, wanted: JsonValue) -> bool:  # noqa: ANN401 - a value of any field
-    """Return whether ``value`` matches ``wanted``: the named fields of a table, any item of an array.
+    """Return whether ``value`` matches ``wanted``: the listed fields of a table, or any item of an array.
 
-    If ``wanted`` is an array itself, it is compared as a whole.
+    If ``value`` is an array itself, it is compared as a whole.
     """
     if isinstance(wanted, dict):
         return isinstance(value, Mapping) and all(

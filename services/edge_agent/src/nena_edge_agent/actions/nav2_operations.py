@@ -71,7 +71,7 @@ def _parameters(settings: Nav2OperationSettings) -> tuple[Parameter, ...]:
 
 
 class Nav2Operation:
-    """Sends goals to one server and reports their results."""
+    """Sends goals to one of Nav2's servers and reports their results."""
 
     def __init__(self, settings: Nav2OperationSettings, ros: RosPort) -> None:
         self.declaration = declaration_of(settings)
@@ -80,7 +80,7 @@ class Nav2Operation:
         self._client: RosActionClient = ros.action(server, type_of(settings.behavior))
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Send the goal. Cancelling the action first cancels the goal at the server."""
+        """Send the goal; if the action is cancelled, the server's goal is cancelled first."""
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:

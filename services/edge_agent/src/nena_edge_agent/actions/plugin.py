@@ -1,4 +1,4 @@
-"""The interface of action plug-ins: what a plug-in offers, and the ports of the robot that it may use."""
+"""The interface of action plug-ins: what they implement, and the ports of the robot that they may use."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from nena_shared.vda5050.topics import RobotKey
 
 @dataclass(frozen=True, slots=True)
 class ActionTimeouts:
-    """Time limits of plug-ins for reporting the start of an action, and for pausing and cancelling it."""
+    """Timeouts of plug-ins, s: to report the start of an action, and to pause or cancel it."""
 
     begin: float = 10.0
     obey: float = 10.0
@@ -63,7 +63,7 @@ class Publisher(Protocol):
 
     @property
     def listeners(self) -> int:
-        """Number of subscribers."""
+        """Return the number of subscribers."""
         ...
 
     def publish(self, fields: Mapping[str, JsonValue]) -> None:
@@ -103,13 +103,13 @@ class RosActionClient(Protocol):
 
 
 class RosPort(Protocol):
-    """ROS in the robot's namespace and domain. Endpoints persist through every new ROS session."""
+    """ROS in the robot's namespace and domain; endpoints are recreated in each new ROS session."""
 
     def publisher(self, topic: str, type_name: str) -> Publisher:
         """Return a reliable publisher on ``topic``.
 
         Raises:
-            RosError: no such type here.
+            RosError: the type is not installed here.
 
         """
         ...
@@ -125,7 +125,7 @@ class RosPort(Protocol):
         """Call ``handle`` with each message, in the event loop.
 
         Raises:
-            RosError: no such type here.
+            RosError: the type is not installed here.
 
         """
         ...
@@ -134,7 +134,7 @@ class RosPort(Protocol):
         """Return a client of ``service``.
 
         Raises:
-            RosError: no such type here.
+            RosError: the type is not installed here.
 
         """
         ...
@@ -149,11 +149,11 @@ class RosPort(Protocol):
 
 
 class DrivePort(Protocol):
-    """Short drives of an action while the order holds the robot at its node."""
+    """Short drives of an action while the order waits at a node."""
 
     @property
     def pose(self) -> Pose | None:
-        """The robot's pose in the plant's frame; None if it is not localised."""
+        """Return the robot's pose in the plant's frame, None if it is not localised."""
         ...
 
     async def drive(
@@ -166,7 +166,7 @@ class DrivePort(Protocol):
     ) -> None:
         """Drive to ``pose`` (m, rad, m/s); if cancelled, stop the robot first.
 
-        Only for node actions that are HARD or SOFT: during others, the order drives too.
+        Use it only in HARD or SOFT node actions: during others, the order drives too.
 
         Raises:
             DriveError: the robot did not reach ``pose``.
@@ -184,7 +184,7 @@ class DrivePort(Protocol):
 
 
 Report = Callable[[ActionReport], None]
-"""Reports a new status to the core, or progress as RUNNING with a result; callable from any thread."""
+"""Reports a new status to the core, or progress (RUNNING with a result); may be called from any thread."""
 
 
 class PluginUnavailableError(Exception):
@@ -215,18 +215,13 @@ class ActionPlugin(Protocol):
 
     @property
     def declaration(self) -> ActionDeclaration:
-        """Return the action's declaration, for the checks of orders and for the factsheet.
-
-        VDA 5050 3.0 section 7.10.
-        """
+        """Return the declaration, for order acceptance and the factsheet (VDA 5050 3.0 section 7.10)."""
         ...
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:
-        """Start ``action``, with ``loads`` on the robot (VDA 5050 3.0 section 6.6.9).
+        """Start ``action``, with ``loads`` on the robot, and return at once (VDA 5050 3.0 section 6.6.9).
 
-        Report RUNNING, and finally FINISHED or FAILED.
-
-        Return at once. An exception makes the action FAILED with its text.
+        Report RUNNING, and finally FINISHED or FAILED. If this raises an exception, the action is FAILED.
         """
         ...
 
@@ -264,7 +259,7 @@ class WorkFailedError(Exception):
 
 
 class BackgroundAction:
-    """Runs ``work``, which returns its final report or raises :class:`WorkFailedError`."""
+    """An action that runs a coroutine, which returns the final report or raises :class:`WorkFailedError`."""
 
     def __init__(self, action_id: str, work: Work, report: Report) -> None:
         self._action_id = action_id

@@ -1,4 +1,4 @@
-"""Creates the actions defined in the settings: timed ones, and those that use ROS without code."""
+"""Creates the actions that the settings define: timed ones, and those that use ROS without code."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class _Parts:
 
     @property
     def can_be_cancelled(self) -> bool:
-        """Whether the action can be cancelled: nothing that it started continues afterwards."""
+        """Return whether the action can be cancelled: nothing that it has started continues then."""
         return self.call is None and (self.command is None or self.command.on_cancel is not None)
 
 

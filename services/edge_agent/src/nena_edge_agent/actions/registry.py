@@ -38,7 +38,7 @@ class Installed:
 
     @property
     def action_types(self) -> frozenset[str]:
-        """Action types of the plug-ins."""
+        """Return the action types of the plug-ins."""
         return frozenset(each.declaration.action_type for each in self.plugins)
 
 
@@ -46,7 +46,7 @@ NOTHING = Installed()
 
 
 def installed(context: PluginContext, settings: ActionSettings) -> Installed:
-    """Create the actions of every enabled plug-in; a broken plug-in only loses its own actions.
+    """Create the actions of all enabled plug-ins; only the actions of a broken plug-in are missing.
 
     Raises:
         ConfigurationError: a plug-in named in the settings is not installed.
@@ -153,7 +153,7 @@ class ActionRegistry:
 
     @property
     def declarations(self) -> Mapping[str, ActionDeclaration]:
-        """Declarations of all actions of the robot, including those of the core."""
+        """Return the declarations of all actions of the robot, including those of the core."""
         own = {
             action_type: _with_safe_check(plugin.declaration) for action_type, plugin in self._plugins.items()
         }

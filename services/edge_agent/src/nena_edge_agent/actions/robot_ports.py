@@ -1,4 +1,4 @@
-"""The robot as action plug-ins see it: drives, the load sensor, and ROS."""
+"""The ports of a robot for action plug-ins: drives, the load sensor and ROS."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ HALT_TIMEOUT = 10.0
 class ActionDrive:
     """The drives of one robot's actions.
 
-    Their goals have negative numbers, which the protocol core ignores.
+    Their goals have negative generations, which the protocol core ignores.
     """
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class ActionDrive:
 
     @property
     def pose(self) -> Pose | None:
-        """The robot's pose in the plant's frame; None if it is not localised."""
+        """Return the robot's pose in the plant's frame, None if it is not localised."""
         return self._pose.pose if self._pose and self._pose.localized else None
 
     async def drive(
@@ -84,7 +84,7 @@ class ActionDrive:
 
         """
         if self._driver is None or self._result is not None:
-            message = "another action drives" if self._driver else "the driver is not ready"
+            message = "another action is driving" if self._driver else "the driver is not ready"
             raise DriveError(message)
         self._generation -= 1
         goal = DriveGoal(self._generation, pose, deviation_xy, deviation_theta, maximum_speed)
@@ -107,7 +107,7 @@ class ActionDrive:
             DriveError: the localisation does not accept it.
         """
         if self._driver is None or self._position_set is not None:
-            message = "another action sets the position" if self._driver else "the driver is not ready"
+            message = "another action is setting the position" if self._driver else "the driver is not ready"
             raise DriveError(message)
         self._position_set = asyncio.get_running_loop().create_future()
         try:
@@ -130,11 +130,11 @@ class ActionDrive:
 
 PATH = "actions.load_sensor"
 REPEAT_INTERVAL = 1.0
-"""Seconds after which the same load is reported again: an action may have reported another one meanwhile."""
+"""Interval at which an unchanged value is reported again, seconds: an action may have changed the load."""
 
 
 class LoadSensor:
-    """Reports the sensor's value: at once when it changes, and regularly otherwise.
+    """Reports the sensor's value: at once if it has changed, otherwise at intervals.
 
     Raises:
         ConfigurationError: the load sensor's message does not match its type.
@@ -180,7 +180,7 @@ class RobotPorts:
         self._sensor = LoadSensor(sensor, ros) if sensor and ros else None
 
     def joined(self, make_driver: DriverMaker) -> DriverMaker:
-        """Return a factory of drivers whose events also pass through these ports."""
+        """Return a factory of drivers whose events these ports observe."""
 
         def make(put: Put, last_place: Pose | None) -> Driver:
             def on_event(event: Event) -> None:

@@ -1,7 +1,7 @@
 """Configured operations that call the robot's services and publish on its topics.
 
-Reads top to bottom: which values of an order go into messages, how an answer is read, service calls, commands
-by topic, and the plug-in that runs them.
+From top to bottom: values of an order for messages, answers on topics, service calls, commands on topics, and
+the plug-in that runs them.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ LOAD_PARAMETERS = tuple(
 
 
 class ActionValues:
-    """Values of one action type that messages may contain, by name."""
+    """Values of an action that messages may contain, by name."""
 
     def __init__(self, settings: OperationBase) -> None:
         """Use the configured parameters, and those of the load if one is picked up."""
@@ -71,12 +71,12 @@ class ActionValues:
 
     @property
     def declared(self) -> tuple[Parameter, ...]:
-        """The parameters as declared to the core."""
+        """Return the parameters as declared to the core."""
         return tuple(each.declared for each in self._parameters)
 
     @property
     def names(self) -> frozenset[str]:
-        """All names of values."""
+        """Return the names of all values."""
         return frozenset({ACTION_ID, *(each.key for each in self._parameters)})
 
     @property
@@ -100,7 +100,7 @@ class ActionValues:
 
 
 class MessageTemplate:
-    """Fields of a message of one type, into which an action's values are inserted.
+    """A template for the fields of a message of one type, into which an action's values are inserted.
 
     Raises:
         ConfigurationError: no message can be built from them; the error names the setting under ``path``.
@@ -116,7 +116,7 @@ class MessageTemplate:
         *,
         any_of: bool = False,
     ) -> None:
-        """Check ``fields``; ``any_of``: an array in place of one value lists alternatives."""
+        """Check ``fields``; ``any_of``: an array instead of a value lists alternatives."""
         self._fields = fields
         self._shape = shape
         self._path = path
@@ -149,7 +149,7 @@ class MessageTemplate:
 
 
 def _alternatives(fields: JsonValue, shape: Shape) -> Iterator[JsonValue]:
-    """Yield each value on its own within its tables; an array of alternatives yields each item."""
+    """Yield each value separately within its tables; of an array of alternatives, yield each item."""
     if isinstance(fields, dict) and isinstance(shape, Record):
         for key, value in fields.items():
             inner = shape.fields.get(key)
@@ -190,7 +190,7 @@ class Answer:
 
     @property
     def words(self) -> str:
-        """Description of what the action waits for."""
+        """Return a description of what the action waits for."""
         return f"waits for {self._settings.topic}"
 
     def check(self, values: Mapping[str, JsonValue]) -> None:
@@ -207,7 +207,7 @@ class Answer:
     def expect(self, values: Mapping[str, JsonValue], progress: Progress) -> asyncio.Future[str | None]:
         """Return a future that the answer completes: with the result, or a WorkFailedError.
 
-        On a latched topic, the last earlier message counts too.
+        On a latched topic, the last earlier message is used too.
         """
         answered: asyncio.Future[str | None] = asyncio.get_running_loop().create_future()
         match = self._match.filled(values)
@@ -303,7 +303,7 @@ class Call:
 
 
 POLL_INTERVAL = 0.05
-"""Seconds between two checks for a subscriber."""
+"""Interval between two checks for a subscriber, seconds."""
 
 
 class Command:
@@ -360,7 +360,7 @@ class Command:
             raise WorkFailedError(message)
 
     def begin(self, values: Mapping[str, JsonValue]) -> None:
-        """Start the step.
+        """Publish the command.
 
         Raises:
             RosError: there is no ROS session.
@@ -370,15 +370,15 @@ class Command:
         self._publisher.publish(self._begin.filled(values))
 
     def pause(self, values: Mapping[str, JsonValue]) -> None:
-        """Pause the step; raises as :meth:`begin`."""
+        """Publish the pause message, if configured; raises as :meth:`begin`."""
         self._send(self._pause, values)
 
     def resume(self, values: Mapping[str, JsonValue]) -> None:
-        """Resume the step; raises as :meth:`begin`."""
+        """Publish the resume message, if configured; raises as :meth:`begin`."""
         self._send(self._resume, values)
 
     def cancel(self, values: Mapping[str, JsonValue]) -> None:
-        """Cancel the step; raises as :meth:`begin`."""
+        """Publish the cancel message, if configured; raises as :meth:`begin`."""
         self._send(self._cancel, values)
 
     def _send(self, template: MessageTemplate | None, values: Mapping[str, JsonValue]) -> None:
@@ -428,7 +428,7 @@ class RosOperation:
         self._charging = charging
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Begin."""
+        """Start the steps."""
         values = self._values.of(action)
         return _Running(action.action_id, self._steps, values, report, charging=self._charging)
 
@@ -448,7 +448,7 @@ class _Running(BackgroundAction):
         super().__init__(action_id, self._work, report)
 
     def pause(self) -> None:
-        """Send the command's pause message; unsent commands are held back."""
+        """Send the command's pause message; a command that was not sent yet waits for the resume."""
         if self._steps.command and not self.ended:
             self._resumed.clear()
             if self._commanded:
@@ -473,7 +473,7 @@ class _Running(BackgroundAction):
         return ActionReport(self._action_id, ActionStatus.FINISHED, result, charging=self._charging)
 
     async def _do(self) -> str | None:
-        """Run the steps; wait for the answer from before the first step, so that none is missed."""
+        """Run the steps; listen for the answer from before the first step, so that none is missed."""
         steps, result = self._steps, None
         answered = steps.answer.expect(self._values, self._progress) if steps.answer else None
         try:

@@ -1,4 +1,4 @@
-"""Instant actions by which fleet control starts, stops and moves a robot's ROS session."""
+"""Instant actions that start and stop a robot's ROS session, and move it to another namespace or domain."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ class SessionSwitch:
     """Access of a robot's actions to its ROS session, which exists once its driver is created."""
 
     def __init__(self, settings: RosSettings, store: SessionStore | None) -> None:
-        """Keep the address across restarts in ``store``; None: nothing is kept."""
+        """Store the address in ``store`` for restarts; None: it is not stored."""
         self.settings = settings
         self.store = store
         self._manager: SessionManager | None = None
 
     @property
     def address(self) -> RosAddress:
-        """Namespace and domain with which the robot starts."""
+        """Return the namespace and domain with which the robot starts."""
         return self.store.read(self.settings) if self.store else RosAddress.of(self.settings)
 
     def attach(self, manager: SessionManager) -> None:
@@ -51,7 +51,7 @@ class SessionSwitch:
 
     @property
     def manager(self) -> SessionManager:
-        """The session; raises WorkFailedError if there is none."""
+        """Return the session; raise WorkFailedError if there is none."""
         if self._manager is None:
             message = "the robot has not started yet"
             raise WorkFailedError(message)
@@ -59,7 +59,7 @@ class SessionSwitch:
 
 
 def session_switch(settings: RosSettings, journal: Path | None, robot: RobotKey) -> SessionSwitch:
-    """Create the switch of one robot, which keeps its address beside the robot's journal, if it has one."""
+    """Create the switch of one robot; the address is stored beside the robot's journal, if it has one."""
     return SessionSwitch(settings, SessionStore(journal, robot) if journal else None)
 
 
@@ -75,7 +75,7 @@ class SessionAction:
     switch: SessionSwitch
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
-        """Start; the action ends when the session reaches the requested state or fails to."""
+        """Start the change; the action ends when the session has the requested state, or fails."""
         return BackgroundAction(action.action_id, partial(self._work, action), report)
 
     async def _work(self, action: Action) -> ActionReport:
@@ -125,7 +125,7 @@ async def _stop(switch: SessionSwitch, _: Action) -> None:
 async def _configure(switch: SessionSwitch, action: Action) -> None:
     address, keep = _wanted(switch.manager.address, action), action.parameter(KEEP.key) is True
     if keep and switch.store is None:
-        message = "nothing is kept after restarts: journal.enabled is false"
+        message = "the address cannot be kept: journal.enabled is false"
         raise WorkFailedError(message)
     if keep and switch.store:  # first: a session that fails to start there is retried there
         try:

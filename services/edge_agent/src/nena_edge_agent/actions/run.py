@@ -1,4 +1,4 @@
-"""Run actions by their plug-ins: supervise each run, check its reports, and detect a blocked event loop."""
+"""Run actions in their plug-ins: supervise each run, check its reports, and detect a blocked event loop."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _FIELD_CHECKS: Final[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
 
 
 def report_problem(report: object, action_id: str) -> str | None:
-    """Return what is wrong with a report of the action ``action_id``, to follow "reported"."""
+    """Return what is wrong with a report of the action ``action_id``; continues "the plug-in reported"."""
     if not isinstance(report, ActionReport):
         return f"{_named(report)}, which is not an ActionReport"
     if report.action_id != action_id:
@@ -72,18 +72,18 @@ def _named(value: object) -> str:
 
 
 SAMPLE_INTERVAL: Final = 0.05
-"""Seconds between two samples."""
+"""Interval between two samples, seconds."""
 BLOCKED_SAMPLES: Final = 4
 """Samples without progress until the loop counts as blocked. Samples, not seconds: on a busy machine, samples
 are late as well."""
 HUNG_SAMPLES: Final = 100
 """Samples without progress until the loop counts as blocked forever."""
 WAITING: Final = frozenset({"select", "poll", "epoll", "_run_once"})
-"""Functions in which an event loop is idle."""
+"""Functions in which an event loop waits."""
 
 
 class Watchdog:
-    """Watches the running event loop; ``blocked`` is the line that blocked it, or empty."""
+    """Watches the running event loop; ``blocked`` is the line of code that has blocked it, or empty."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -135,9 +135,9 @@ class Watchdog:
 log = get_logger(__name__)
 
 PROGRESS_INTERVAL = 0.5
-"""Minimum seconds between two progress reports; of faster ones only the newest is passed on."""
+"""Minimum interval between two progress reports, seconds; of more frequent ones, only the newest is sent."""
 MAXIMUM_RESULT = 1000
-"""Maximum characters of a result, which is part of every state; longer ones are cut."""
+"""Maximum length of a result, characters, because every state contains it; longer ones are truncated."""
 
 
 class Run:
@@ -172,7 +172,7 @@ class Run:
         self._isolated(lambda: self._begin(loads))
 
     def pause(self) -> None:
-        """Pause; if the plug-in does not, the action continues and its result mentions it."""
+        """Pause the action; if the plug-in does not, the action continues and its result says so."""
         if self._running is None:
             return
         text = f"the plug-in did not pause within {self._timeouts.obey:g} s"
@@ -180,12 +180,12 @@ class Run:
         self._isolated(self._running.pause)
 
     def resume(self) -> None:
-        """Resume."""
+        """Resume the action."""
         if self._running is not None:
             self._isolated(self._running.resume)
 
     def cancel(self) -> None:
-        """Cancel; if the plug-in does not stop in time, the action fails."""
+        """Cancel the action; if the plug-in does not in time, the action fails anyway."""
         if self._running is None:
             self._fail("cancelled")
             return
@@ -194,7 +194,7 @@ class Run:
         self._isolated(self._running.cancel)
 
     def abandon(self) -> None:
-        """Cancel without a report."""
+        """Cancel the action without a report."""
         if not self.ended:
             self._end()
             self._cancel_quietly()
@@ -308,7 +308,7 @@ class _Progress:
         self._timer: asyncio.TimerHandle | None = None
 
     def take(self, report: ActionReport) -> None:
-        """Pass it on now, or replace the one that waits."""
+        """Send the report now, or replace the waiting one."""
         self.drop()
         due = self._sent_at + PROGRESS_INTERVAL
         if due <= self._loop.time():
@@ -317,7 +317,7 @@ class _Progress:
             self._timer = self._loop.call_at(due, self._send_now, report)
 
     def drop(self) -> None:
-        """Drop the report that waits."""
+        """Drop the waiting report."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -391,7 +391,7 @@ class ActionRunner:
             self._fail(effect.action_id, "the action was not running")
 
     def close(self) -> None:
-        """Cancel all actions without reports: the agent exits, and the journal lists the running ones."""
+        """Cancel all actions without reports: the agent exits, and the journal has the running ones."""
         runs, self._runs = self._runs, {}
         for run in runs.values():
             run.abandon()

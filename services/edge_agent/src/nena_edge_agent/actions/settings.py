@@ -45,7 +45,7 @@ class ParameterSettings(SettingsGroup):
 
     @property
     def declared(self) -> Parameter:
-        """The parameter as declared to the core."""
+        """Return the parameter as declared to the core."""
         return Parameter(
             self.key,
             self.type,
@@ -76,7 +76,7 @@ class OperationBase(SettingsGroup):
 
     @property
     def load_change(self) -> LoadChange | None:
-        """Effect of the action on the load."""
+        """Return the effect of the action on the load."""
         return LoadChange(self.load) if self.load else None
 
 
@@ -89,7 +89,7 @@ class OperationSettings(OperationBase):
 
 
 class CommandSettings(SettingsGroup):
-    """A message that is sent."""
+    """A message to publish."""
 
     topic: RosName = Field(description="Topic, relative to the robot's namespace unless it begins with '/'.")
     type: TypeName = Field(description="Message type, such as std_msgs/msg/String.")
@@ -104,7 +104,7 @@ class CommandSettings(SettingsGroup):
     @model_validator(mode="after")
     def _both_pause_and_resume(self) -> Self:
         if (self.on_pause is None) is not (self.on_resume is None):
-            message = "on_pause and on_resume belong together"
+            message = "set on_pause and on_resume together"
             raise ValueError(message)
         return self
 
@@ -214,7 +214,7 @@ class ChargeOperationSettings(RosOperationSettings):
 
 
 class TurnSignalSettings(RosOperationSettings):
-    """Sets a turn signal. With the scope EDGE alone, it is switched off at the end of the edge."""
+    """Sets a turn signal. If EDGE is the only scope, it is switched off at the end of the edge."""
 
     kind: Literal["turn_signal"]
     action_type: str = Field(
@@ -250,7 +250,7 @@ class DockOperationSettings(OperationBase):
     blocking_types: tuple[BlockingType, ...] = Field(
         (BlockingType.SOFT, BlockingType.HARD),
         min_length=1,
-        description="SOFT or HARD: the robot must stand.",
+        description="SOFT or HARD: the order must not drive meanwhile.",
     )
     forward: Metres = Field(0.5, description="Distance forward, metres; negative: backward.")
     left: Metres = Field(0.0, description="Distance to the left, metres; negative: to the right.")
@@ -293,7 +293,7 @@ class Nav2OperationSettings(OperationBase):
     blocking_types: tuple[BlockingType, ...] = Field(
         (BlockingType.SOFT, BlockingType.HARD),
         min_length=1,
-        description="SOFT or HARD: the robot must stand.",
+        description="SOFT or HARD: the order must not drive meanwhile.",
     )
     dock_id: str = Field(
         "", max_length=200, description="Default dock; orders may name another one (dockId)."
