@@ -106,7 +106,7 @@ def loopback_control(_place: Place) -> Reader:
     def read(data: bytes) -> None:
         said.clear()
         with patch.object(client._link, "publish", said.append):
-            client._take(Inbound(f"uagv/loopback/{ROBOT}/control", data, retained=False))
+            client._on_command(Inbound(f"uagv/loopback/{ROBOT}/control", data, retained=False))
         problems = [each for answer in said for each in json.loads(answer.payload).get("problems", ())]
         if problems:
             raise NotTakenError("; ".join(problems))

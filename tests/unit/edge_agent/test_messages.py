@@ -150,7 +150,7 @@ def test_header_ids_continue_after_those_of_an_earlier_run() -> None:
 
 def test_visualization_is_sent_with_qos_0_and_not_kept() -> None:
     made = messages()
-    here = Visualization(**made.header(Topic.VISUALIZATION), reference_state_header_id=0)
+    here = Visualization(**made.headers.make(Topic.VISUALIZATION), reference_state_header_id=0)
 
     found = made.visualization(here)
 

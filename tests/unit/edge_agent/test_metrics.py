@@ -41,21 +41,21 @@ async def test_a_hanging_disk_is_queried_once(monkeypatch: pytest.MonkeyPatch, t
     shown = program(tmp_path)
     try:
         for _ in range(3):
-            await shown.look()
+            await shown.refresh()
             assert shown.disk_free is None
         assert asked == [tmp_path]
     finally:
         answer.set()
-    await until(lambda: shown._asked is not None and shown._asked.done(), what="the disk")
+    await until(lambda: shown._disk_query is not None and shown._disk_query.done(), what="the disk")
     monkeypatch.setattr(metrics, "REQUEST_TIMEOUT", 5.0)
-    await shown.look()
+    await shown.refresh()
     assert shown.disk_free == 7
     assert len(asked) == 2
 
 
 async def test_a_failing_disk_shows_no_free_space(tmp_path: Path) -> None:
     shown = program(tmp_path / "gone")
-    await shown.look()
+    await shown.refresh()
     assert shown.disk_free is None
 
 
@@ -67,7 +67,7 @@ def test_a_robot_without_a_journal_has_no_journal_metric(
     *, journal: Path | None, problem: str, works: bool | None
 ) -> None:
     shown = program(journal)
-    shown.snapshot = {ROBOT: SimpleNamespace(journal_problem=problem)}  # type: ignore[dict-item]
+    shown.snapshots = {ROBOT: SimpleNamespace(journal_problem=problem)}  # type: ignore[dict-item]
     (metric,) = (each for each in DISK.metrics if each.name == "nena_agent_journal_works")
     assert metric.read(shown) == ({} if works is None else {("ACME", "r1"): works})
 

@@ -480,7 +480,7 @@ class RobotAgent:
         """Publish the state; the first one on a connection is queued until the link sends it."""
         if not (self._greeting or self._link.state.connected):
             return
-        header = self._messages.header(Topic.STATE)
+        header = self._messages.headers.make(Topic.STATE)
         if self._prepared and self._recorded and not self._greeting:
             state, message = self._prepared
         else:
@@ -507,7 +507,7 @@ class RobotAgent:
         self._logged_ends = frozenset(ended)
 
     def _visualization(self) -> Visualization:
-        header = self._messages.header(Topic.VISUALIZATION)
+        header = self._messages.headers.make(Topic.VISUALIZATION)
         return self._core.visualization(header, self._messages.headers.last_id(Topic.STATE))
 
     def _connect(self, make_link: Callable[..., MqttLink]) -> MqttLink:

@@ -149,22 +149,18 @@ class RobotMessages:
         """Return the robot's MQTT topic (VDA 5050 3.0 section 4.2)."""
         return self._topics.of(self._robot, topic)
 
-    def header(self, topic: Topic) -> dict[str, Any]:
-        """Return the header of the next message on ``topic`` (VDA 5050 3.0 section 7.2)."""
-        return self.headers.make(topic)
-
     def connection(self, state: ConnectionState) -> Outbound:
         """Return the connection message (section 6.5), retained.
 
         It is queued while the link connects: an agent that stops between its ONLINE message and the end of
         the connect must not remain ONLINE.
         """
-        message = Connection(**self.header(Topic.CONNECTION), connection_state=state)
+        message = Connection(**self.headers.make(Topic.CONNECTION), connection_state=state)
         return self._outbound(Topic.CONNECTION, message, qos=1, retain=True, keep=True)
 
     def factsheet(self, limits: DriveLimits | None = None) -> Outbound:
         """Return the factsheet message (section 6.10), retained; ``limits`` are those of navigation."""
-        header = self.header(Topic.FACTSHEET)
+        header = self.headers.make(Topic.FACTSHEET)
         message = make_factsheet(header, self._settings, self._capabilities, limits)
         return self._outbound(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
 

@@ -64,7 +64,7 @@ class Nav2MapStore(FolderMapStore):
         self._expect(map_id, map_version)
         if self._is_foreign(map_id, map_version):
             message = (
-                f"map '{map_id}' in version '{map_version}' was not stored for map_server; delete it, then "
+                f"map '{map_id}' in version '{map_version}' was not stored for map_server: delete and "
                 "download it again"
             )
             raise MapRefusedError(message)

@@ -85,7 +85,7 @@ def test_an_array_lists_alternatives_where_configured() -> None:
 
     template = MessageTemplate(names, STRING, values_of(), "p", any_of=True)
     assert template.filled({"actionId": "a1"}) == {"data": ["done a1", "ok"]}
-    with pytest.raises(ConfigurationError, match=r"is not a text"):
+    with pytest.raises(ConfigurationError, match=r"is not a string"):
         MessageTemplate(names, STRING, values_of(), "p")
 
 

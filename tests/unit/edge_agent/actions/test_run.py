@@ -14,10 +14,10 @@ from nena_edge_agent.actions.builtin import Wait
 from nena_edge_agent.actions.plugin import ENDED, ActionTimeouts, Report, RunningAction
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import (
-    LOOK_EVERY,
-    LOOKS,
+    BLOCKED_SAMPLES,
     MAXIMUM_RESULT,
     PROGRESS_INTERVAL,
+    SAMPLE_INTERVAL,
     ActionRunner,
     Run,
     Watchdog,
@@ -388,8 +388,8 @@ def test_a_problem_of_a_report_is_described_briefly() -> None:
 
 async def test_an_idle_event_loop_is_not_blocked() -> None:
     dog = Watchdog()
-    for _ in range(LOOKS * 4):
-        await time_passes(LOOK_EVERY / 2)
+    for _ in range(BLOCKED_SAMPLES * 4):
+        await time_passes(SAMPLE_INTERVAL / 2)
     dog.stop()
 
     assert dog.blocked == ""

@@ -35,7 +35,7 @@ def test_a_table_without_a_kind_has_a_fixed_duration() -> None:
         ({"kind": "topik", "action_type": "x"}, "topik"),
         ({"kind": "topic", "action_type": "x"}, "command"),
         ({"kind": "signal", "action_type": "x"}, "answer"),
-        ({"kind": "topic", "action_type": "x", "command": {**COMMAND, "on_pause": {}}}, "belong together"),
+        ({"kind": "topic", "action_type": "x", "command": {**COMMAND, "on_pause": {}}}, "together"),
         ({"kind": "topic", "action_type": "x", "command": {**COMMAND, "topic": "a b"}}, "ROS name"),
         ({"kind": "turn_signal", "values": {"left": 1}}, "must contain 'off'"),
         ({"action_type": "x", "scopes": []}, "scopes"),

@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import atan2, copysign, cos, dist, inf, pi, sin
+from math import atan2, copysign, cos, dist, inf, sin
 
 from nena_edge_agent.driver import port
 from nena_edge_agent.loopback.settings import LoopbackSettings
+from nena_edge_agent.protocol.geometry import turn
 from nena_shared.clock import Clock
 
 FULL = 100.0
@@ -98,7 +99,7 @@ class Motion:
 
     @property
     def _first_turn(self) -> float:
-        return _turn(self.start.theta, self._direction)
+        return turn(self.start.theta, self._direction)
 
     @property
     def _first_turn_time(self) -> float:
@@ -110,14 +111,14 @@ class Motion:
 
     @property
     def _last_turn(self) -> float:
-        return _turn(self._direction, self.goal.theta) if self.turn_at_end else 0.0
+        return turn(self._direction, self.goal.theta) if self.turn_at_end else 0.0
 
     def _pose(self, along: float, theta: float) -> port.Pose:
         """Return the pose ``along`` metres from the start, exactly on the goal at the end of the line."""
         done = along >= self.length
         x = self.goal.x if done else self.start.x + along * cos(self._direction)
         y = self.goal.y if done else self.start.y + along * sin(self._direction)
-        return port.Pose(x, y, _turn(0.0, theta), self.goal.map_id)
+        return port.Pose(x, y, turn(0.0, theta), self.goal.map_id)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,10 +154,6 @@ def braking(motion: Motion, now: float, deceleration: float) -> Braking | None:
         return None
     left = dist((pose.x, pose.y), (motion.goal.x, motion.goal.y))
     return Braking(pose, now, speed, min(speed**2 / (2 * deceleration), left)) if left else None
-
-
-def _turn(start: float, end: float) -> float:
-    return (end - start + pi) % (2 * pi) - pi
 
 
 MINIMUM_SPEED_LIMIT = 0.01
