@@ -1,4 +1,4 @@
-"""A real Chromium, and a hall for it to show."""
+"""A real Chromium, and a simulated hall that it shows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ARGUMENTS = [
 
 @pytest.fixture
 async def browser() -> AsyncIterator[Browser]:
-    """Return the installed Chromium; skip the test where there is none."""
+    """Return the installed Chromium; skip the test if it is not installed."""
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
         pytest.skip("these tests need a real Chromium: apt-get install chromium")

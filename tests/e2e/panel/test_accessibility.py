@@ -1,4 +1,4 @@
-"""The page for everybody: languages, screen readers, keyboard, light and dark, telephones."""
+"""Accessibility of the panel: languages, screen readers, keyboard, light and dark theme, phones."""
 
 from __future__ import annotations
 
@@ -35,7 +35,15 @@ VIEWS = {
     "place": "#/places/South%202",
 }
 NO_ORDER_SERVICE = ("502",)
-"""What the browser says of the address under which nobody answers."""
+"""The browser's error for an order service that is not running."""
+
+BROKEN_LABELS = """() => [...document.querySelectorAll("[role=tab], #new-order")].filter((label) => {
+  const text = document.createRange();
+  text.selectNodeContents(label);
+  const { right } = label.getBoundingClientRect();
+  return label.offsetParent && (text.getClientRects().length > 1 || right > innerWidth);
+}).map((label) => label.textContent)"""
+"""Labels above the lists that take more than one line, or do not fit on the screen."""
 
 UNMARKED = """() => {
   const left = [];
@@ -58,7 +66,7 @@ UNMARKED = """() => {
   }
   return left;
 }"""
-"""Texts and labels of the page with letters which are not from the catalogue, whose texts stand in ⟦ ⟧."""
+"""Texts and labels with letters that are not from the catalogue, whose texts are marked by ⟦ ⟧."""
 
 
 def populate(hall: Hall) -> None:
@@ -199,6 +207,8 @@ async def test_no_view_is_wider_than_a_phone(hall: Hall, browser: Browser, langu
         async with opened(browser, hall.url, width=390, language=language, expected=NO_ORDER_SERVICE) as page:
             for view in VIEWS:
                 await show(page, hall, view)
+                if view == "lists":
+                    assert await page.evaluate(BROKEN_LABELS) == []
                 if view == "robot":
                     for opener in await page.locator(
                         "nena-robot-commands [aria-expanded]:not([hidden])"

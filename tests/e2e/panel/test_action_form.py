@@ -1,4 +1,4 @@
-"""The form for instant actions: made from a factsheet; what is typed is sent as its type."""
+"""The form for instant actions: generated from the factsheet; values are sent with their types."""
 
 from __future__ import annotations
 

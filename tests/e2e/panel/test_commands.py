@@ -1,4 +1,4 @@
-"""What an operator does: the page in a real browser, over a real order service and a real edge agent."""
+"""Commands of an operator, with a real browser, order service and edge agent."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Operated:
         return (await awaited(look, bool, seconds=PATIENCE, what="there is an order"))[0]
 
     async def robot(self) -> dict[str, float]:
-        """Where the robot is."""
+        """Position of the robot."""
         found: dict[str, float] = (await self.orders.get("/v1/vehicles/Robot-01")).json()["precisePosition"]
         return found
 
@@ -186,7 +186,7 @@ async def test_dispatch_to_a_coordinate_typed_and_on_the_map(
 
 
 async def drag_heading(page: Page, x: float, y: float, *, turned_to: float) -> None:
-    """Press a place of the plane on the map, and drag to the left or right.
+    """Click a position on the map, and drag to the left or right.
 
     When the plant comes, the map zooms to it: a place that was looked up before would be another one.
     """

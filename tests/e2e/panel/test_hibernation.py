@@ -1,4 +1,4 @@
-"""A hibernating robot is woken at its page."""
+"""A hibernating robot is woken on its page."""
 
 from __future__ import annotations
 

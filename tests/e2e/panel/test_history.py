@@ -1,4 +1,4 @@
-"""The history: a slider over the time moves the map."""
+"""The history: the slider replays the map, and events are filtered and grouped."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 OTHER = RobotKey("ACME", "r2")
 LISTED = 60
-"""How many events or orders the page lists."""
+"""Maximum number of events or orders that the page lists."""
 
 SHOWN = """() => document.querySelector("nena-fleet-map").replayed?.robots.map(
   (robot) => [robot.id, Math.round(robot.position.x), robot.condition]
@@ -177,6 +177,23 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
             assert await findings(page) == []
             await picture(page, "history-by-order")
             await the_list_says_what_it_leaves_out(page, hall)
+        await events_are_in_the_language_of_the_panel(browser, hall)
+
+
+async def events_are_in_the_language_of_the_panel(browser: Browser, hall: Hall) -> None:
+    async with opened(browser, f"{hall.url}#/history", language="de-DE") as page:
+        events = page.locator("nena-history-page section > .history > li")
+        kind = page.get_by_label("Art")
+        for code, text in (
+            ("transportOrder", "In Ausführung"),
+            ("condition", "Frei: Kein Auftrag."),
+            ("connection", "online"),
+            ("errorRaised", "nodeUnreachable: no way"),
+            ("link", "Verbunden."),
+        ):
+            await kind.select_option(code)
+            await expect(events.first).to_contain_text(text)
+        await expect(page.get_by_text("BEING_PROCESSED")).to_have_count(0)
 
 
 async def the_list_says_what_it_leaves_out(page: Page, hall: Hall) -> None:

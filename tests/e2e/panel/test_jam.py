@@ -1,4 +1,4 @@
-"""A jam in a real browser: who waits for whom, to the head, and an order service that dies."""
+"""A jam in a real browser: the queue up to its head, and an order service that stops."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ JAM = ("--jam.robots", "3", "--jam.seconds", "0.1")
 
 
 def robot(hall: Hall, number: int, x: float, y: float, *behind: int, **fields: Any) -> None:
-    """Publish a robot that stands, and its vehicle: one ``behind`` others has the order T-number."""
+    """Publish a stationary robot and its vehicle; one ``behind`` others has the order T-number."""
     key, name = RobotKey("ACME", f"r{number:02}"), f"AMR-{number:02}"
     hall.send(Topic.CONNECTION, connection(robot=key), robot=key, retain=True)
     shown = {"mobile_robot_position": position(x, y), "last_node_id": "Middle 2", **fields}

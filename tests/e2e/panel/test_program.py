@@ -40,7 +40,7 @@ def test_a_port_in_use_is_one_clear_line() -> None:
             assert aggregator.process.wait(PATIENCE) == 1
             assert aggregator.output == (
                 f"nena-status-aggregator: cannot listen on 127.0.0.1 port {port}: Address already in use. "
-                "Set http.port to a free port (0 takes any) or end the program that has it.\n"
+                "Set http.port to a free port (0: any), or stop the program that uses it.\n"
             )
 
 

@@ -1,4 +1,4 @@
-"""A shift in a real browser: 50 robots in a hall of 300 points, and what an operator has to find and to do.
+"""A shift in a real browser: 50 robots in a hall of 300 points, and the tasks of an operator.
 
 The order service is real; it locks the path, keeps the order, and is killed. The robots and their jam are
 published by the test, on an interface that the order service does not listen to.
@@ -31,7 +31,7 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 COLUMNS, ROWS, ROBOTS, JAMMED = 20, 15, 50, 12
 STOPPED = 17
 TOLD_WITHIN = 2.0
-"""Seconds until the page says that the order service is dead, plus what a busy machine adds."""
+"""Time until the page shows that the order service is down, with a margin for a busy machine, seconds."""
 MAP = "document.querySelector('nena-fleet-map')"
 NOTE_BANNER = """() => {
   const banner = document.querySelector("nena-link-banner");
@@ -40,11 +40,11 @@ NOTE_BANNER = """() => {
   };
   new MutationObserver(look).observe(banner, { childList: true, characterData: true, subtree: true });
 }"""
-"""Note in the page when the banner appears, so that it does not count how often the test looks."""
+"""Notes the time at which the banner appears, so that the polling interval of the test does not matter."""
 
 
 def publish_robots(peer: MqttPeer, robots: TopicScheme, fleet: FleetTopics, epoch: int) -> None:
-    """Let AMR-17 stand with an emergency stop, and eleven robots wait behind it; the others are free."""
+    """Publish AMR-17 with an emergency stop, eleven robots that wait behind it, and idle ones."""
     for number in range(1, ROBOTS + 1):
         key, name = RobotKey("ACME", f"r{number:02}"), f"AMR-{number:02}"
         stopped = number == STOPPED

@@ -51,7 +51,7 @@ async def sign_in(page: Page, name: str) -> None:
     await page.get_by_role("link", name=name).click()
 
 
-async def test_an_operator_signs_in_works_and_logs_out(
+async def test_operator_signs_in_with_oidc_and_signs_out(
     hall: Hall, issuer: OidcIssuer, browser: Browser
 ) -> None:
     async with aggregator(hall, issuer), opened(browser, hall.url, expected=UNKNOWN) as page:

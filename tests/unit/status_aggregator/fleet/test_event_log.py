@@ -59,6 +59,7 @@ def test_conditions_are_logged_with_reasons() -> None:
         ("BUSY", "driving_free"),
     ]
     assert conditions[1].text == "Emergency stop active; reset it at the robot."
+    assert conditions[1].values["reasonValues"] == {"how": "at the robot"}
 
 
 def test_silence_is_logged_without_a_message() -> None:
@@ -112,6 +113,7 @@ def test_transport_orders_are_logged_on_changes_of_state_or_reason() -> None:
         "BEING_PROCESSED: Drives.",
     ]
     assert (orders[-1].order, orders[-1].values["before"]) == ("TO-1", "DISPATCHABLE")
+    assert orders[-1].values["reason"] == "Drives."
 
 
 def test_removed_robot_and_lost_link_are_logged() -> None:

@@ -64,6 +64,7 @@ class EventLog:
                 "condition": robot.condition.value,
                 "before": condition.value,
                 "reason": robot.reason.code,
+                "reasonValues": robot.reason.values,
             }
             self._of_robot(robot, Code.CONDITION, short(robot.reason.text) or "", values, at)
 
@@ -80,9 +81,10 @@ class EventLog:
         values: Values = {
             "state": now.state.value,
             "before": before.state.value if before else None,
+            "reason": short(now.reason),
             "vehicle": now.processing_vehicle,
         }
-        text = f"{now.state}: {short(now.reason)}"
+        text = f"{now.state}: {values['reason']}"
         self._publish(Event(at.utc, Code.TRANSPORT_ORDER, text, order=now.name, values=values))
 
     def link(self, *, connected: bool, at: Timestamp) -> None:

@@ -20,7 +20,7 @@ class Code(StrEnum):
     CONNECTION = "connection"
     """The connection state changed; `state`, `before`."""
     CONDITION = "condition"
-    """The condition changed, or the reason for not moving; `condition`, `before`, `reason`."""
+    """The condition or the reason for not moving changed; `condition`, `before`, `reason`, `reasonValues`."""
     OPERATING_MODE = "operatingMode"
     """The operating mode changed; `mode`, `before`."""
     ORDER_TAKEN = "orderTaken"
@@ -48,7 +48,7 @@ class Code(StrEnum):
     ROBOT_FORGOTTEN = "robotForgotten"
     """A silent robot was removed for a new one."""
     TRANSPORT_ORDER = "transportOrder"
-    """State or reason of a transport order changed; `state`, `before`."""
+    """State or reason of a transport order changed; `state`, `before`, `reason`, `vehicle`."""
     LINK = "link"
     """The broker connection was established or lost; `connected`."""
     HISTORY_GAP = "historyGap"
@@ -66,7 +66,7 @@ class Outcome(StrEnum):
     """Another order followed before a state showed the end."""
 
 
-Values = dict[str, str | float | None]
+Values = dict[str, str | float | dict[str, str | float] | None]
 
 
 @dataclass(frozen=True, slots=True)

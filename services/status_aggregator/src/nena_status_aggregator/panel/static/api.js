@@ -4,7 +4,7 @@ const URL_OF_SESSION = "api/v1/session";
 const UNKNOWN = 401;
 
 /** Return the session, or null if the server is not reachable. Redirects to the sign-in page if needed. */
-export async function whoIsIt() {
+export async function getSession() {
   const answer = await fetch(URL_OF_SESSION).catch(() => null);
   if (answer?.status === UNKNOWN) location.replace("login.html");
   return answer?.ok ? answer.json() : null;
@@ -19,7 +19,7 @@ export async function logIn(token) {
 }
 
 /** Return the URL of the single sign-on; null if it is not configured. */
-export async function startAtIssuer() {
+export async function singleSignOnUrl() {
   const answer = await fetch(`${URL_OF_SESSION}/oidc`).catch(() => null);
   return answer?.ok ? (await answer.json()).start : null;
 }
@@ -41,7 +41,7 @@ export class RefusedError extends Error {
 }
 
 /** No answer was received; the command may have been executed. */
-export class UnansweredError extends Error {}
+class UnansweredError extends Error {}
 
 /** Return whether commands are enabled. */
 export async function commandsEnabled() {

@@ -33,7 +33,12 @@ export function orderOf({ order, vehicle }, orders) {
   const id = vehicle?.transportOrder;
   if (id) return { name: id, progress: orders.get(id)?.progress ?? progress, id };
   if (!order?.active) return null;
-  return { name: order.orderId.startsWith(EVASION) ? t("orders.evasion") : order.orderId, progress, id: null };
+  return { name: nameOf(order.orderId), progress, id: null };
+}
+
+/** Return the name of a VDA 5050 order; for one that moves a robot out of the way, its purpose. */
+export function nameOf(orderId) {
+  return orderId.startsWith(EVASION) ? t("orders.evasion") : orderId;
 }
 
 /** Return the condition of a robot in one or two words; for an urgent one, what is wrong. */

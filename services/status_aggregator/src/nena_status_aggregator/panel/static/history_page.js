@@ -1,6 +1,7 @@
 // The history: a time slider that replays the map, and a list of events with filters, optionally grouped by order.
 
-import { button, element, field, foreign, refill, refillSelect, select, setAttribute, setText, verbatim } from "./dom.js";
+import { button, element, field, refill, refillSelect, select, setAttribute, setText, verbatim } from "./dom.js";
+import { details } from "./event_texts.js";
 import { byName, dateAndTime, number, plural, t } from "./i18n.js";
 import { backLink, parameters, setParameters } from "./router.js";
 
@@ -27,7 +28,7 @@ export async function loadHistory(range) {
 }
 
 /** Return the URL of the same time range as a file, `csv` or `jsonl`; if given, only of one robot or kind. */
-export function exportAddress(range, form, { robot, kind }) {
+function exportAddress(range, form, { robot, kind }) {
   return `api/v1/history.${form}?${queryOf(range, { robot: robot || null }, kind ? [kind] : CODES)}`;
 }
 
@@ -44,7 +45,7 @@ const GAP = 15_000;
  * The history by time. `entries` are those of the API, oldest first. Robots that did not move within the time range are
  * shown at their current position in the store.
  */
-export class Timeline {
+class Timeline {
   #store;
   #tracks = new Map();
   #conditions = new Map();
@@ -275,7 +276,7 @@ class HistoryPage extends HTMLElement {
     const jump = button(dateAndTime(entry.time), () => this.#go(Date.parse(entry.time)), { class: "time", translate: "no" });
     const who = entry.robot ? (names[entry.robot] ?? entry.robot) : (entry.order ?? "");
     const what = element("div", {}, element("strong", {}, t(`eventLog.${entry.code}`)), " ", verbatim("span", who));
-    return element("li", {}, jump, what, foreign("span", entry.text));
+    return element("li", {}, jump, what, details(entry));
   }
 
   #go(time) {

@@ -1,6 +1,6 @@
 // The sign-in page.
 
-import { logIn, startAtIssuer } from "./api.js";
+import { logIn, singleSignOnUrl } from "./api.js";
 import { setText } from "./dom.js";
 import { chosenLanguage, t } from "./i18n.js";
 import "./header.js";
@@ -24,7 +24,7 @@ form.addEventListener("submit", async (event) => {
 const reported = new URLSearchParams(location.search).get("problem");
 if (PROBLEMS.includes(reported)) setText(problem, t(`login.problem.${reported}`));
 
-const start = await startAtIssuer();
+const start = await singleSignOnUrl();
 if (start !== null) {
   const issuer = document.getElementById("issuer");
   issuer.href = start;

@@ -1,6 +1,6 @@
 // Entry point of the panel: one store, one event stream, and the components that show them.
 
-import { commandsEnabled, whoIsIt } from "./api.js";
+import { commandsEnabled, getSession } from "./api.js";
 import { EventLink, FleetStore, PlantStore } from "./fleet.js";
 import { unsentForm } from "./forms.js";
 import { chosenLanguage, t } from "./i18n.js";
@@ -21,7 +21,7 @@ const part = (name) => document.querySelector(`nena-${name}`);
 const store = new FleetStore();
 const plant = new PlantStore(store);
 const link = new EventLink(store, "api/v1/events");
-const session = await whoIsIt();
+const session = await getSession();
 const enabled = await commandsEnabled();
 const noCommands = enabled ? { viewer: "login.noCommands" }[session?.role] : "command.off";
 const fleet = { store, plant, link, enabled, noCommands };
@@ -76,7 +76,7 @@ followView(([name, id]) => {
 store.addEventListener("change", () => document.body.classList.toggle("orders-old", store.orderService.up === false));
 link.addEventListener("state", () => {
   document.body.classList.toggle("stale", !link.connected);
-  if (!link.connected) whoIsIt(); // the user may have been removed
+  if (!link.connected) getSession(); // the user may have been removed
 });
 if (enabled) plant.followLocks();
 link.start();

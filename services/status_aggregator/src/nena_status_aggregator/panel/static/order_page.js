@@ -2,6 +2,7 @@
 
 import { ask, command, newKey } from "./api.js";
 import { button, element, field, foreign, numberInput, numberOf, progressBar, refill, select, setAttribute, setText, verbatim } from "./dom.js";
+import { details } from "./event_texts.js";
 import { causesOfOrder } from "./explanations.js";
 import { shownState } from "./fleet.js";
 import { commandForm, PlaceFields, run, vehicles } from "./forms.js";
@@ -112,14 +113,14 @@ async function ofOrderService(name) {
   return (status?.history ?? []).map((each) => ({
     time: each.timestamp,
     text: has(`event.${each.eventCode}`) ? t(`event.${each.eventCode}`) : each.eventCode,
-    words: each.supplements.join(" · "),
+    words: foreign("span", each.supplements.join(" · ")),
   }));
 }
 
 async function ofAggregator(name) {
   const answer = await fetch(`api/v1/history?order=${encodeURIComponent(name)}`).catch(() => null);
   const page = answer?.ok ? await answer.json() : { entries: [] };
-  return page.entries.reverse().map((each) => ({ time: each.time, text: t(`eventLog.${each.code}`), words: each.text }));
+  return page.entries.reverse().map((each) => ({ time: each.time, text: t(`eventLog.${each.code}`), words: details(each) }));
 }
 
 function section(key, ...content) {
@@ -127,7 +128,7 @@ function section(key, ...content) {
 }
 
 function entry({ time, text, words }) {
-  return element("li", {}, element("time", { datetime: time }, dateAndTime(time)), element("strong", {}, text), foreign("span", words));
+  return element("li", {}, element("time", { datetime: time }, dateAndTime(time)), element("strong", {}, text), words);
 }
 
 function stop(each) {

@@ -6,7 +6,7 @@ import { orderOf, reasonOf } from "./explanations.js";
 import { commandForm, outcome, PlaceFields, PoseFields, run } from "./forms.js";
 import { t } from "./i18n.js";
 
-export function dispatchForm(vehicle, plant) {
+function dispatchForm(vehicle, plant) {
   const place = new PlaceFields(plant);
   const pose = new PoseFields();
   const priority = numberInput({ name: "priority", value: 0, min: -1000, max: 1000, step: 1 });
@@ -39,7 +39,7 @@ function placeBody(place) {
   return place.isPoint ? { point: locationName, operation } : { locationName, operation };
 }
 
-export function positionForm(vehicle, position) {
+function positionForm(vehicle, position) {
   const pose = new PoseFields({ headingRequired: true });
   const form = commandForm({
     label: t("position.title"),
@@ -57,7 +57,7 @@ export function positionForm(vehicle, position) {
   return form;
 }
 
-export function sessionForm(vehicle, { namespace, domainId }) {
+function sessionForm(vehicle, { namespace, domainId }) {
   const pattern = "/?([A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?"; // as ROS takes it
   const space = element("input", { type: "text", name: "namespace", required: true, pattern, maxlength: 200, spellcheck: "false" });
   space.value = namespace;
@@ -88,7 +88,7 @@ const STANDARD = ["factsheetRequest", "stateRequest", "startPause", "stopPause",
 /** Needs a pose; has its own form. */
 const ELSEWHERE = "initializePosition";
 
-export async function actionForm(vehicle, robot) {
+async function actionForm(vehicle, robot) {
   const known = await knownActions(robot);
   const actions = instantActions(known ?? []);
   const options = actions.map((each) => [each.actionType, each.actionType, true]);

@@ -177,13 +177,18 @@ function factsOf(robot, now) {
     ["fact.battery", robot.battery && batteryText(robot.battery)],
     ["fact.loads", robot.loads && loadsText(robot.loads), Boolean(robot.loads?.length)],
     ["fact.map", at?.mapId, true],
-    ["fact.maps", robot.maps?.length && robot.maps.map((map) => `${map.mapId} ${map.mapVersion} ${map.status}`).join(", "), true],
+    ["fact.maps", robot.maps?.length && robot.maps.map(mapText).join(", "), true],
     ["fact.body", robot.body && t("fact.bodyText", { ...robot.body, length: number(robot.body.length, 2), width: number(robot.body.width, 2) })],
     ["fact.topics", `${robot.manufacturer} / ${robot.serialNumber}`, true],
     ["fact.version", robot.protocolVersion, true],
     ["fact.clock", robot.clockSkew !== null && t("robots.skew", { seconds: number(robot.clockSkew) })],
     ["fact.since", dateAndTime(robot.conditionSince), true],
   ].filter(([, text]) => text);
+}
+
+function mapText({ mapId, mapVersion, status }) {
+  const map = `${mapId} ${mapVersion}`;
+  return status === "DISABLED" ? t("fact.mapDisabled", { map }) : map;
 }
 
 function rows(facts) {

@@ -80,7 +80,7 @@ class RobotTable extends LiveTable {
       marks: element("span", { class: "detail marks" }),
       battery: element("span", { class: "number" }),
       charging: element("span", { class: "detail" }),
-      order: verbatim("span", "", { class: "order" }),
+      order: verbatim("a", "", { class: "order" }),
       progress: progressBar(),
       age: element("span", { class: "number" }),
     };
@@ -145,6 +145,7 @@ function updateBattery(parts, battery) {
 function updateOrder(parts, order) {
   setText(parts.order, order?.name ?? t("none"));
   setAttribute(parts.order, "title", order?.name);
+  setAttribute(parts.order, "href", order?.id && address("orders", order.id));
   for (const part of [parts.order, parts.progress.box]) part.classList.toggle("of-orders", Boolean(order?.id));
   const progress = order?.progress ?? null;
   parts.progress.box.hidden = progress === null;

@@ -12,17 +12,17 @@ const KEY = "nena-hidden-layers";
 const OLD_KEY = "nena-layers"; // choices of panels without the layer that is hidden by default
 
 /** The layers from bottom to top; named by the texts under `layer.`. */
-export const LAYERS = ["grids", "blocks", "paths", "points", "locations", "names", "routes", "goals", "plans", "traffic", "robots", "robotNames"];
+const LAYERS = ["grids", "blocks", "paths", "points", "locations", "names", "routes", "goals", "plans", "traffic", "robots", "robotNames"];
 const HIDDEN = "traffic"; // polls the order service
 
 /** Return the stored choice; all layers except the traffic plan are visible by default. */
-export function readLayers() {
+function readLayers() {
   const hidden = (localStorage.getItem(KEY) ?? `${localStorage.getItem(OLD_KEY) ?? ""} ${HIDDEN}`).split(" ");
   return Object.fromEntries(LAYERS.map((name) => [name, !hidden.includes(name)]));
 }
 
 /** Store a choice. */
-export function keepLayers(layers) {
+function storeLayers(layers) {
   localStorage.setItem(KEY, LAYERS.filter((name) => !layers[name]).join(" "));
 }
 
@@ -42,7 +42,7 @@ class MapLayers extends HTMLElement {
     box.checked = this.chosen[name];
     box.addEventListener("change", () => {
       this.chosen = { ...this.chosen, [name]: box.checked };
-      keepLayers(this.chosen);
+      storeLayers(this.chosen);
       this.dispatchEvent(new Event("layers"));
     });
     return element("label", {}, box, t(`layer.${name}`));

@@ -51,7 +51,7 @@ function split(id) {
 }
 
 /** Return the image in one colour, with its opacity unchanged. */
-export function tinted(image, colour) {
+function tinted(image, colour) {
   const sheet = document.createElement("canvas");
   Object.assign(sheet, { width: image.width, height: image.height });
   const context = sheet.getContext("2d");

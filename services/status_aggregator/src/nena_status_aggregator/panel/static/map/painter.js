@@ -8,7 +8,7 @@ import { paintTraffic } from "./traffic.js";
 const LENGTH = 44;
 const HEAD = 11;
 
-export function paintPose(context, [x, y], theta, colour) {
+function paintPose(context, [x, y], theta, colour) {
   context.save();
   context.translate(x, y);
   context.strokeStyle = context.fillStyle = colour;

@@ -1,0 +1,41 @@
+// The events of the history in words.
+
+import { element, foreign, verbatim } from "./dom.js";
+import { conditionText, nameOf, reasonOf } from "./explanations.js";
+import { plural, t } from "./i18n.js";
+
+/** Create the text of an event. Events of earlier releases may lack the values for it, and show the English sentence instead. */
+export function details({ code, text, values }) {
+  const parts = PARTS[code]?.(values) ?? { words: text };
+  const shown = [
+    parts.name && verbatim("span", parts.name),
+    parts.text,
+    parts.words && foreign("span", parts.words),
+  ].filter(Boolean);
+  return element("span", {}, ...shown.flatMap((part, at) => (at ? [": ", part] : [part])));
+}
+
+// By code: `name` is the same in all languages, `text` is in the panel's, `words` are English ones of another program.
+const PARTS = {
+  actionEnded: ({ actionType, actionId, status, result }) => ({ name: actionType ?? actionId, text: t(`action.${status}`), words: result }),
+  charging: ({ charging }) => ({ text: t(charging ? "eventLog.charging.started" : "eventLog.charging.stopped") }),
+  condition,
+  connection: ({ state }) => ({ text: t(`connection.${state ?? "NONE"}`) }),
+  errorCleared: ({ errorType }) => ({ name: errorType }),
+  errorRaised: ({ errorType, description }) => ({ name: errorType, words: description }),
+  historyGap: ({ dropped }) => ({ text: plural("eventLog.historyGap", dropped) }),
+  link: ({ connected }) => ({ text: t(connected ? "link.back" : "eventLog.link.lost") }),
+  loads: ({ loads }) => ({ text: loads ? plural("robots.loads", loads) : t("fact.noLoads") }),
+  map: ({ mapId }) => ({ name: mapId }),
+  operatingMode: ({ mode }) => ({ text: t(`mode.${mode}`) }),
+  orderEnded: ({ orderId, outcome }) => ({ name: nameOf(orderId), text: t(`eventLog.orderEnded.${outcome}`) }),
+  orderTaken: ({ orderId }) => ({ name: nameOf(orderId) }),
+  transportOrder: ({ state, reason }) => (reason === undefined ? null : { text: t(`state.${state}`), words: reason }),
+};
+
+function condition({ condition: name, reason: reasonCode, reasonValues }) {
+  if (!reasonValues) return null;
+  const text = conditionText({ condition: name });
+  if (reasonCode === "idle_why") return { text, words: reasonValues.why };
+  return { text: `${text}: ${reasonOf({ reasonCode, reasonValues })}` };
+}
