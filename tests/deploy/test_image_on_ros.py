@@ -31,7 +31,7 @@ def ros_image() -> str:
     return name
 
 
-def test_the_agent_finds_ros_in_its_image(ros_image: str) -> None:
+def test_agent_image_contains_ros(ros_image: str) -> None:
     name, file = "nena/edge-agent:jazzy-test", "services/edge_agent/Dockerfile.jazzy"
     arguments = ("--quiet", "--build-arg", f"ROS_IMAGE={ros_image}", "--tag", name, "--file", file, ".")
     built = docker("build", *arguments, timeout=BUILD_SECONDS)

@@ -18,7 +18,7 @@ END_WITHIN = PATIENCE
 
 
 class AggregatorProcess:
-    """``nena-status-aggregator`` with options; its log is read as JSON lines."""
+    """The process of ``nena-status-aggregator``; its log is read as JSON lines."""
 
     def __init__(self, *options: str) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="nena-test-aggregator-")
@@ -42,7 +42,7 @@ class AggregatorProcess:
 
     @property
     def output(self) -> str:
-        """What it has written to standard error."""
+        """Its standard error so far."""
         return self._stderr.read_text(encoding="utf-8")
 
     def events(self, event: str) -> list[dict[str, Any]]:
@@ -56,7 +56,7 @@ class AggregatorProcess:
         return found[0]
 
     async def url(self) -> str:
-        """Wait until it serves, and return its URL."""
+        """Wait until it answers requests, and return its URL."""
         return str((await self.logged("http listening"))["url"])
 
     def end(self) -> int:

@@ -39,13 +39,13 @@ log_type all
 """
 
 CONNECTED_WITHIN = PATIENCE
-"""Seconds that broker and clients have to be ready."""
+"""Timeout for broker and clients to be ready, seconds."""
 
 _client_numbers = itertools.count()
 
 
 PORTS = range(15_000, 32_000)
-"""None that the system gives to a client's end of a connection, between the choice of a port and its use."""
+"""Ports that the system does not assign to clients between the choice of a port and its use."""
 
 
 def free_port() -> int:
@@ -58,7 +58,7 @@ def free_port() -> int:
 
 
 def mosquitto() -> str:
-    """Return the path of Mosquitto; the test fails with what to do where there is none."""
+    """Return the path of Mosquitto; if it is not installed, the test fails with instructions."""
     path = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin")
     if path is None:
         pytest.fail("these tests need a real MQTT broker: apt-get install mosquitto", pytrace=False)
@@ -66,7 +66,7 @@ def mosquitto() -> str:
 
 
 class BrokerAddress:
-    """Where a broker is."""
+    """Address of a broker."""
 
     host = "127.0.0.1"
 
@@ -75,7 +75,7 @@ class BrokerAddress:
 
     @property
     def settings(self) -> MqttSettings:
-        """What a link needs to reach this broker; quick to come back after a break."""
+        """Settings of a link to this broker, with quick reconnects."""
         return MqttSettings(host=self.host, port=self.port, reconnect_min=0.02, reconnect_max=0.1)
 
 
@@ -100,12 +100,12 @@ class Broker(BrokerAddress):
 
     @property
     def pid(self) -> int:
-        """The process's number."""
+        """Process ID."""
         return self._running.pid
 
     @property
     def log(self) -> str:
-        """What the broker has logged."""
+        """The broker's log."""
         file = self._folder / "mosquitto.log"
         return file.read_text(encoding="utf-8") if file.exists() else ""
 
@@ -120,18 +120,18 @@ class Broker(BrokerAddress):
         wait_until(self._listens, timeout=CONNECTED_WITHIN, what=f"mosquitto on port {self.port}")
 
     def kill(self) -> None:
-        """End the process as a power cut would."""
+        """Kill the process, as a power failure would."""
         self._signal(signal.SIGKILL)
         self._running.wait()
 
     def restart(self) -> None:
-        """Kill the process if it still runs, and start it on the same port, with nothing retained."""
+        """Restart the process on the same port, without retained messages."""
         if self._running.poll() is None:
             self.kill()
         self.start()
 
     def freeze(self) -> None:
-        """Make the process hang: connections stay open, nothing is answered."""
+        """Suspend the process: connections stay open, nothing is answered."""
         self._signal(signal.SIGSTOP)
 
     def thaw(self) -> None:
@@ -202,7 +202,7 @@ class MqttPeer:
         """Called in the thread of the client."""
         self._order: list[Inbound] = []
         self.history: list[Inbound] = []
-        """All that ever came, also what was cleared."""
+        """All received messages, including cleared ones."""
         self._lock = threading.Lock()
         self._subscribed = threading.Event()
         self._topic_filters = topic_filters
@@ -226,7 +226,7 @@ class MqttPeer:
         self._client.loop_stop()
 
     def publish(self, topic: str, payload: bytes | str, *, qos: int = 1, retain: bool = False) -> None:
-        """Publish and wait until it is on its way."""
+        """Publish and wait until the message is sent."""
         self._client.publish(topic, payload, qos, retain).wait_for_publish(CONNECTED_WITHIN)
 
     def send(self, topic: str, payload: bytes | str, *, retain: bool = False) -> None:
@@ -243,16 +243,16 @@ class MqttPeer:
         assert self._caught_up.wait(PATIENCE), "the broker delivered nothing"
 
     def received(self, topic_filter: str = "#") -> list[Inbound]:
-        """Return what came under ``topic_filter`` so far, in the order of arrival."""
+        """Return the messages received under ``topic_filter``, in order."""
         with self._lock:
             return [each for each in self._order if _matches(topic_filter, each.topic)]
 
     def payloads(self, topic_filter: str = "#") -> list[bytes]:
-        """Return the payloads that came under ``topic_filter`` so far."""
+        """Return the payloads received under ``topic_filter``, in order."""
         return [each.payload for each in self.received(topic_filter)]
 
     def clear(self) -> None:
-        """Forget what came so far."""
+        """Clear the recorded messages."""
         with self._lock:
             self._order.clear()
 

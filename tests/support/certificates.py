@@ -1,4 +1,4 @@
-"""Certificates for tests: an authority of the test's own, and whom it vouches for."""
+"""Certificates for tests, and the CA that issues them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Files(NamedTuple):
 
 
 class Authority:
-    """Signs for a day; ``ca`` is its own certificate's file."""
+    """A CA whose certificates are valid for a day; ``ca`` is the file of its certificate."""
 
     def __init__(self, folder: Path, name: str = "authority") -> None:
         self._folder = folder
@@ -34,7 +34,7 @@ class Authority:
         self.ca.write_bytes(own.sign(self._key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM))
 
     def sign(self, name: str, *, host: str = "127.0.0.1") -> Files:
-        """Make a certificate for ``name``, which is reached at the address ``host``."""
+        """Issue a certificate for ``name`` at the address ``host``."""
         key = ec.generate_private_key(ec.SECP256R1())
         address = x509.SubjectAlternativeName([x509.IPAddress(ip_address(host))])
         signed = (

@@ -31,13 +31,13 @@ IN_POSTGRESQL = {
     "HISTORY_URL": "postgresql+psycopg://nena@postgres/nena",
     "STORE_URL": "postgresql://nena@postgres/nena",
 }
-"""As docs/installation.md has it: one database serves both services."""
+"""As in docs/installation.md: one database for both services."""
 BUILD_SECONDS = 1500.0
 STARTED_WITHIN = 120.0
 
 
 def skip_without_docker() -> None:
-    """Skip the test, with instructions, if images cannot be built and run."""
+    """Skip the test with instructions if images cannot be built and run."""
     if "NENA_COMPOSE_TEST" not in os.environ:
         pytest.skip("builds every image, which takes minutes: `make compose-test` runs it")
     if not shutil.which("docker") or docker("info").returncode:
@@ -100,7 +100,7 @@ class Compose:
         return done.stdout
 
     def url(self, port: str) -> str:
-        """Return the address of a door by the name of its port variable."""
+        """Return the address of a published port by the name of its variable."""
         scheme = "https" if self._site and port in SERVED_BY_NENA else "http"
         return f"{scheme}://127.0.0.1:{self.ports[port]}"
 
@@ -128,7 +128,7 @@ class Compose:
         }
 
     async def all_healthy(self, names: set[str]) -> None:
-        """Wait until there are these containers, no others, and each one's health check is content."""
+        """Wait until exactly these containers exist and are healthy."""
         try:
             await until(
                 lambda: (health := self.health()).keys() == names and set(health.values()) == {"healthy"},
@@ -140,7 +140,7 @@ class Compose:
             raise AssertionError(text) from error
 
     def lose_volume(self, service: str, volume: str) -> None:
-        """Remove a service's container, and what it kept."""
+        """Remove a service's container and its data."""
         self.run("rm", "--force", "--stop", service)
         removed = docker("volume", "rm", f"{self.name}_{volume}")
         assert removed.returncode == 0, removed.stderr
@@ -151,7 +151,7 @@ class Compose:
 
     @property
     def login(self) -> dict[str, str]:
-        """The header of requests to REST and panel: the token that the first start has made."""
+        """Headers of requests to REST API and panel, with the token that the first start created."""
         if not self._token:
             file = "/var/lib/nena-access/users.toml.token"
             self._token = self.execute("order-service", "cat", file).stdout.strip()
@@ -177,7 +177,7 @@ class Compose:
         return order
 
     def logs(self) -> str:
-        """Return what all of them logged of late."""
+        """Return the recent log lines of all containers."""
         return self.run("logs", "--no-color", "--tail", "30")
 
     def close(self) -> None:
@@ -201,7 +201,7 @@ def names_certified(service: str) -> tuple[str, ...]:
 
 
 def read(url: str, trust: ssl.SSLContext | bool = True, **headers: str) -> Any:  # noqa: FBT001, FBT002 - httpx's
-    """Return the JSON at a URL, or None while there is none."""
+    """Return the JSON at a URL; None if unavailable."""
     try:
         answer = httpx.get(url, headers=headers, timeout=5.0, verify=trust)
     except httpx.HTTPError:
@@ -223,7 +223,7 @@ def image_is_there(image: str) -> bool:
 
 
 def docker(*arguments: str, timeout: float = 60.0, text: str = "") -> subprocess.CompletedProcess[str]:
-    """Run a command of Docker's in the project's root; ``text`` is what it reads."""
+    """Run a Docker command in the project's root; ``text`` is its standard input."""
     command = ["docker", *arguments]
     return subprocess.run(
         command, cwd=ROOT, input=text, capture_output=True, text=True, timeout=timeout, check=False

@@ -1,4 +1,4 @@
-"""Messages that went wrong on their way, or were made to do harm; the same for the same seed."""
+"""Damaged and hostile messages; equal for equal seeds."""
 
 from __future__ import annotations
 
@@ -40,23 +40,23 @@ VALUES: tuple[Any, ...] = (
     [1] * 10_000,
     {"actionId": "a", "actionType": "cancelOrder", "blockingType": "HARD"},
 )
-"""What a field may be given instead of what belongs there."""
+"""Values that replace those of a field."""
 
 DEPTH = 100_000
 
 
 def stream(name: str) -> Random:
-    """Return the chance by which one test's messages go wrong; FUZZ_SEED chooses another one."""
+    """Return the random generator of a test; FUZZ_SEED selects another one."""
     return Random(f"{FUZZ_SEED}{name}")
 
 
 def damaged(payload: bytes, chance: Random) -> bytes:
-    """Return one message made from ``payload``: cut, bent, blown up, or another one altogether."""
+    """Return a damaged ``payload``: cut, altered, inflated, or replaced."""
     return chance.choice(WAYS)(payload, chance)
 
 
 def damaged_text(text: bytes, chance: Random) -> bytes:
-    """Return a text of any form, cut, bent, in another encoding, or nested deep."""
+    """Return a damaged text: cut, altered, in another encoding, or deeply nested."""
     return chance.choice((_cut, _bent, _bent, _other_encoding, _deep, _deep_toml))(text, chance)
 
 
@@ -122,7 +122,7 @@ def _as_it_was(payload: bytes, _chance: Random) -> bytes:
 
 
 def _spots(value: Any) -> list[tuple[Any, Any]]:
-    """Return all places in a JSON value, each by what holds it and its key there."""
+    """Return all positions in a JSON value, as container and key."""
     if isinstance(value, dict):
         inside = list(value.items())
     elif isinstance(value, list):

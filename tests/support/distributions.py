@@ -1,4 +1,4 @@
-"""Distributions that tests make and install, each into a separate folder, as pip does for a user."""
+"""Distributions that tests build and install, each into a separate folder, as pip does for a user."""
 
 from __future__ import annotations
 

@@ -41,12 +41,12 @@ def header(number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0) -> dict
 def connection(
     state: str = "ONLINE", number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0
 ) -> Connection:
-    """Make a connection message."""
+    """Return a connection message."""
     return Connection(connection_state=ConnectionState(state), **header(number, robot=robot, at=at))
 
 
 def state(number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0, **fields: Any) -> State:
-    """Make the state of a robot that is free, but for ``fields`` (in snake case)."""
+    """Return the state of an idle robot, changed by ``fields`` (in snake case)."""
     content = {
         **header(number, robot=robot, at=at),
         "order_id": "",
@@ -68,12 +68,12 @@ def state(number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0, **fields
 
 
 def position(x: float, y: float, theta: float = 0.0, *, localized: bool = True) -> dict[str, Any]:
-    """Make a position on the sample plant's map."""
+    """Return a position on the sample plant's map."""
     return {"x": x, "y": y, "theta": theta, "map_id": "hall", "localized": localized}
 
 
 def way(*node_ids: str, first: int = 2, released: int | None = None) -> dict[str, Any]:
-    """Make the node and edge states of the way over ``node_ids``; ``first``: sequence id of the first."""
+    """Return the node and edge states of a route through ``node_ids``; ``first``: sequenceId of the first."""
     base = len(node_ids) if released is None else released
     nodes = [
         {"node_id": name, "sequence_id": first + 2 * at, "released": at < base}
@@ -90,7 +90,7 @@ def way(*node_ids: str, first: int = 2, released: int | None = None) -> dict[str
 def visualization(
     number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0, x: float = 0.0, y: float = 0.0
 ) -> Visualization:
-    """Make a visualization."""
+    """Return a visualization."""
     return Visualization.model_validate(
         {
             **header(number, robot=robot, at=at),
@@ -104,7 +104,7 @@ def visualization(
 def factsheet(
     number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0, state_interval: float | None = None
 ) -> Factsheet:
-    """Make a factsheet of a small carrier."""
+    """Return the factsheet of a small carrier."""
     return Factsheet.model_validate(
         {
             **header(number, robot=robot, at=at),
@@ -144,7 +144,7 @@ def factsheet(
 
 
 def vehicle_status(name: str = "Vehicle-1", *, robot: RobotKey = ROBOT, **fields: Any) -> VehicleStatus:
-    """Make the order service's status of a free vehicle, changed by ``fields``."""
+    """Return the order service's status of an idle vehicle, changed by ``fields``."""
     content: dict[str, Any] = {
         "name": name,
         "manufacturer": robot.manufacturer,
@@ -164,7 +164,7 @@ def order_status(
     state: TransportOrderState = TransportOrderState.BEING_PROCESSED,
     **fields: Any,
 ) -> TransportOrderStatus:
-    """Make the status of an order with two destinations, on its way to the first, but for ``fields``."""
+    """Return the status of an order on its way to the first of two destinations, changed by ``fields``."""
     content: dict[str, Any] = {
         "name": name,
         "version": version,
@@ -188,7 +188,7 @@ def order_status(
 def drive_order(
     place: str, operation: str, state: DriveOrderState, route: tuple[str, ...] | None = None
 ) -> DriveOrderStatus:
-    """Make the status of one destination."""
+    """Return the status of a destination."""
     return DriveOrderStatus(
         destination=Destination(location_name=place, operation=operation), state=state, route=route
     )
@@ -200,10 +200,10 @@ def sample_plant() -> PlantModel:
 
 
 def power(percent: float, *, charging: bool = False) -> dict[str, Any]:
-    """Make the battery fields of a state."""
+    """Return the battery fields of a state."""
     return {"power_supply": {"state_of_charge": percent, "charging": charging}}
 
 
 def timestamp(seconds: float) -> Timestamp:
-    """Make the time so many seconds after :data:`START`, as the aggregator has it."""
+    """Return the time ``seconds`` after :data:`START` in the aggregator's form."""
     return Timestamp(seconds, START + timedelta(seconds=seconds))

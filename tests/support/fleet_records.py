@@ -18,17 +18,17 @@ H = TypeVar("H", bound=Header)
 
 
 def state(number: int = 1, **content: Any) -> State:
-    """Make the record of a state, see :func:`fleet_examples.state`."""
+    """Return the record of a state, see :func:`fleet_examples.state`."""
     return recorded(State, fleet_examples.state(number, **content))
 
 
 def visualization(number: int = 1, **content: Any) -> Visualization:
-    """Make the record of a visualization, see :func:`fleet_examples.visualization`."""
+    """Return the record of a visualization, see :func:`fleet_examples.visualization`."""
     return recorded(Visualization, fleet_examples.visualization(number, **content))
 
 
 def recorded(kind: type[H], message: H) -> H:
-    """Make the record of a message; it goes over the wire of the newest version, which has most fields."""
+    """Return the record of a message, encoded in the newest version, which has most fields."""
     record: Any = record_of(kind, CODEC, json.loads(CODEC.encode(message)))
     assert record is not None
     again: H = replace(record, version=message.version)
@@ -36,5 +36,5 @@ def recorded(kind: type[H], message: H) -> H:
 
 
 def place(x: float, y: float, *, map_id: str = "hall", localized: bool = True) -> MobileRobotPosition:
-    """Make a position, m."""
+    """Return a position, m."""
     return MobileRobotPosition(x=x, y=y, theta=0.0, map_id=map_id, localized=localized)

@@ -1,4 +1,4 @@
-"""Frame rate of a page, and the processor time that it takes."""
+"""Frame rate and CPU time of a page."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _DRAW = """async (frames) => {
   }
   return drawn;
 }"""
-"""Draws some frames in one turn, so that nothing else comes between them."""
+"""Draws some frames in one task, so that nothing else runs between them."""
 
 
 _YARDSTICK = """() => {
@@ -56,37 +56,37 @@ _YARDSTICK = """() => {
   }
   return found;
 }"""
-"""Work like the map's, always the same: JSON and circles."""
+"""A fixed workload similar to the map's: JSON and circles."""
 
 
 async def frames_per_second(page: Page, seconds: float, *, move: bool) -> float:
-    """Count the frames; with ``move`` the panel's map moves, so that nothing of it is kept."""
+    """Return the frames per second; with ``move`` the panel's map moves, so that nothing is cached."""
     counted: float = await page.evaluate(_FRAMES, {"seconds": seconds, "move": move})
     return counted
 
 
 async def busy_clock(page: Page) -> CDPSession:
-    """Make the browser measure the processor time of a page's main thread, see :func:`busy_seconds`."""
+    """Let the browser measure the CPU time of a page's main thread, see :func:`busy_seconds`."""
     session = await page.context.new_cdp_session(page)
     await session.send("Performance.enable", {"timeDomain": "threadTicks"})
     return session
 
 
 async def busy_seconds(session: CDPSession) -> float:
-    """Return the processor time that the page's main thread has used."""
+    """Return the CPU time of the page's main thread, seconds."""
     metrics = (await session.send("Performance.getMetrics"))["metrics"]
     return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
 
 
 async def seconds_for_a_frame(page: Page, session: CDPSession, frames: int = 60) -> float:
-    """Return the processor time for drawing the panel's map while it moves."""
+    """Return the CPU time for drawing the panel's map while it moves, seconds."""
     before = await busy_seconds(session)
     drawn: int = await page.evaluate(_DRAW, frames)
     return (await busy_seconds(session) - before) / drawn
 
 
 async def seconds_for_the_yardstick(page: Page, session: CDPSession) -> float:
-    """Return the processor time for work that is always the same: how fast the machine is at the moment."""
+    """Return the CPU time of a fixed workload, as a measure of the machine's current speed, seconds."""
     before = await busy_seconds(session)
     await page.evaluate(_YARDSTICK)
     return await busy_seconds(session) - before

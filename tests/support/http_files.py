@@ -13,7 +13,7 @@ from support.waiting import PATIENCE
 class Files:
     """The server's files, by path.
 
-    For ``slow`` paths it announces an answer and then sends nothing; for ``trickling`` ones it sends a byte
+    For ``slow`` paths it sends only the head of a response; for ``trickling`` ones it sends a byte
     now and then, for ``cut`` ones it closes the connection in the middle; ``moved`` ones are redirected.
     """
 
@@ -24,9 +24,9 @@ class Files:
         self.cut: set[str] = set()
         self.moved: dict[str, str] = {}
         self.asked: list[str] = []
-        """Paths, in the order in which they were asked for."""
+        """Requested paths, in order."""
         self.open = 0
-        """Answers that are being given."""
+        """Responses in progress."""
         self.closing = Event()
         self.address = ""
 

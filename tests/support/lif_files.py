@@ -1,4 +1,4 @@
-"""LIF files for tests, made of a few words."""
+"""LIF files for tests, from short descriptions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def node(name: str, x: float = 0.0, y: float = 0.0, *types: str, **more: Any) -> dict[str, Any]:
-    """Make a node on map ``m`` that is open to these types (``t`` where none is named)."""
+    """Return a node on map ``m`` that these types may use; default: ``t``."""
     uses = [{"vehicleTypeId": each} for each in types or ("t",)]
     place = {"x": x, "y": y}
     return {
@@ -20,12 +20,12 @@ def node(name: str, x: float = 0.0, y: float = 0.0, *types: str, **more: Any) ->
 
 
 def use(vehicle_type: str = "t", **more: Any) -> dict[str, Any]:
-    """Make an edge's properties for a vehicle type."""
+    """Return the properties of an edge for a vehicle type."""
     return {"vehicleTypeId": vehicle_type, "rotationAllowed": False, **more}
 
 
 def edge(ends: str, *uses: dict[str, Any], **more: Any) -> dict[str, Any]:
-    """Make an edge from ``"A B"``, called ``A-B``, for these types or for ``t``."""
+    """Return the edge ``A-B`` from ``"A B"``, for these types; default: ``t``."""
     start, end = ends.split()
     return {
         "edgeId": f"{start}-{end}",
@@ -41,7 +41,7 @@ def action(action_type: str, **more: Any) -> dict[str, Any]:
 
 
 def layout(*parts: dict[str, Any], **more: Any) -> dict[str, Any]:
-    """Make a layout of nodes, edges and stations."""
+    """Return a layout of nodes, edges and stations."""
     return {
         "layoutId": "hall",
         "layoutVersion": "1",
@@ -53,7 +53,7 @@ def layout(*parts: dict[str, Any], **more: Any) -> dict[str, Any]:
 
 
 def lif(*layouts: dict[str, Any], version: str = "1.0.0") -> bytes:
-    """Make a file of these layouts."""
+    """Return a file of these layouts."""
     meta = {
         "projectIdentification": "plant",
         "creator": "tests",
@@ -64,13 +64,13 @@ def lif(*layouts: dict[str, Any], version: str = "1.0.0") -> bytes:
 
 
 def robot_types(names: str) -> list[dict[str, str]]:
-    """Make types of mobile robots, from ``"ACME.T1 ACME.T2"``."""
+    """Return types of mobile robots, from ``"ACME.T1 ACME.T2"``."""
     split = (name.partition(".") for name in names.split())
     return [{"manufacturer": maker, "seriesName": series} for maker, _, series in split]
 
 
 def robot_node(name: str, x: float = 0.0, y: float = 0.0, types: str = "M.t", **rules: Any) -> dict[str, Any]:
-    """Make a node of LIF 2.0 on map ``m`` with rules for these types."""
+    """Return a node of LIF 2.0 on map ``m`` with rules for these types."""
     return {
         "nodeId": name,
         "mapId": "m",
@@ -80,7 +80,7 @@ def robot_node(name: str, x: float = 0.0, y: float = 0.0, types: str = "M.t", **
 
 
 def robot_edge(ends: str, types: str = "M.t", **rules: Any) -> dict[str, Any]:
-    """Make an edge of LIF 2.0 from ``"A B"``, called ``A-B``, with rules for these types."""
+    """Return the LIF 2.0 edge ``A-B`` from ``"A B"``, with rules for these types."""
     start, end = ends.split()
     return {
         "edgeId": f"{start}-{end}",
@@ -99,7 +99,7 @@ def origin(*layouts: dict[str, Any], **more: Any) -> dict[str, Any]:
 
 
 def lif_2_0(*origins: dict[str, Any], version: str = "2.0.0") -> bytes:
-    """Make a file of LIF 2.0 of these origins."""
+    """Return a LIF 2.0 file of these origins."""
     meta = {
         "lifId": "plant",
         "creator": "tests",
@@ -110,10 +110,10 @@ def lif_2_0(*origins: dict[str, Any], version: str = "2.0.0") -> bytes:
 
 
 def lif_2_0_of(*parts: dict[str, Any]) -> bytes:
-    """Make a file of LIF 2.0 of one layout."""
+    """Return a LIF 2.0 file of one layout."""
     return lif_2_0(origin(layout(*parts)))
 
 
 def lif_of(*parts: dict[str, Any]) -> bytes:
-    """Make a file of one layout."""
+    """Return a file of one layout."""
     return lif(layout(*parts))

@@ -20,9 +20,9 @@ from support.waiting import PATIENCE
 
 PUBLISH, PUBACK = 3, 4
 HOLD_LOOK = 0.02
-"""Seconds between two looks at whether a held way is free again."""
+"""Interval between checks whether a held direction is released, seconds."""
 LONGEST_LENGTH = 4
-"""Bytes that tell the length of a packet."""
+"""Maximum bytes of the remaining length of a packet."""
 
 
 class Way(StrEnum):
@@ -34,18 +34,18 @@ class Way(StrEnum):
 
 @dataclass
 class Conduct:
-    """What happens to packets; may be changed at any time, from any thread."""
+    """Treatment of packets; may be changed at any time, from any thread."""
 
     held: set[Way] = field(default_factory=set)
-    """As on a network that is cut in one direction: what is sent arrives once it is whole again."""
+    """Held directions, as if the network were cut there; the data arrives once they are released."""
     delay: float = 0.0
-    """Seconds, each way."""
+    """Delay in each direction, seconds."""
     swapped: float = 0.0
-    """Share of the messages from the broker that the following message overtakes."""
+    """Share of the broker's messages that are overtaken by the following one."""
     repeated: float = 0.0
-    """Share of the messages, each way, that arrive twice."""
+    """Share of the messages in each direction that arrive twice."""
     swallowed: bool = False
-    """Whether messages from the broker are lost, and acknowledged to it."""
+    """Whether the broker's messages are dropped, but acknowledged."""
 
 
 class MqttLine(BrokerAddress):
@@ -55,7 +55,7 @@ class MqttLine(BrokerAddress):
         self.port = free_port()
         self.conduct = Conduct()
         self.messages = 0
-        """That have come from the broker."""
+        """Packets received from the broker."""
         self._broker = broker
         self._chance = Random(seed)
 
@@ -94,7 +94,7 @@ class MqttLine(BrokerAddress):
     async def _carry(
         self, way: Way, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, back: asyncio.StreamWriter
     ) -> None:
-        """Carry packets one way until a side closes; ``back`` leads to the side that they come from."""
+        """Forward packets in one direction until a side closes; ``back`` leads to their sender."""
         kept: bytes | None = None
         with suppress(OSError, asyncio.IncompleteReadError):
             while True:
@@ -128,7 +128,7 @@ async def _packet(reader: asyncio.StreamReader) -> bytes:
 
 
 def _acknowledgement(publish: bytes) -> bytes:
-    """Return the PUBACK of a message; nothing for one of QoS 0."""
+    """Return the PUBACK of a message; empty for QoS 0."""
     if not publish[0] >> 1 & 3:
         return b""
     start = 1 + next(number for number, byte in enumerate(publish[1:], 1) if not byte & 0x80)

@@ -29,28 +29,28 @@ TUNSETIFF = 0x400454CA
 IFF_TAP, IFF_NO_PI = 0x0002, 0x1000
 LONGEST_FRAME = 65_536
 MOST_WAITING = 1.0
-"""Seconds of a slow line's capacity that wait at its end; what comes on top is lost, as at a router."""
+"""Queue of a slow line, in seconds of its capacity; beyond it, frames are lost, as at a router."""
 IDLE = 0.2
-"""Seconds between two looks at whether it is over."""
+"""Interval between checks whether it has ended, seconds."""
 
 _numbers = itertools.count()
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """What the line does to frames, in both directions."""
+    """Treatment of frames in both directions."""
 
     delay: float = 0.0
-    """Seconds, one way."""
+    """Delay in one direction, seconds."""
     loss: float = 0.0
-    """Share of the frames that do not arrive, 0 to 1."""
+    """Share of lost frames, 0 to 1."""
     rate: float = float("inf")
-    """Bits per second, each way."""
+    """Bandwidth in each direction, bits per second."""
 
 
 FINE = Condition()
 SILENT = Condition(loss=1.0)
-"""A cut without a FIN: each side thinks that the other one is still there."""
+"""Whether the line is cut, without a FIN: each side assumes that the other one is still connected."""
 
 
 @dataclass(slots=True)
@@ -59,18 +59,18 @@ class _Way:
 
     into: int
     free_at: float = 0.0
-    """When the frames before have been sent."""
+    """Time at which the frames before have been sent."""
 
 
 @dataclass
 class Line:
-    """Between this side (``near``) and the namespace (``far``)."""
+    """The line between this side (``near``) and the namespace (``far``)."""
 
     near: str
     far: str
     namespace: str
     device: str
-    """The namespace's own."""
+    """Address of the namespace."""
     condition: Condition = FINE
     _ends: tuple[int, int] = (-1, -1)
     _waiting: list[tuple[float, int, int, bytes]] = field(default_factory=list)
@@ -95,7 +95,7 @@ class Line:
         self.condition = replace(self.condition, **conditions)
 
     def carry(self) -> None:
-        """Carry frames until the line is taken down."""
+        """Forward frames until the line is closed."""
         chance = Random(1)
         ways = {self._ends[0]: _Way(self._ends[1]), self._ends[1]: _Way(self._ends[0])}
         while not self._over.is_set():
@@ -106,7 +106,7 @@ class Line:
                 self._take(ways[end], os.read(end, LONGEST_FRAME), chance)
 
     def end(self) -> None:
-        """Make :meth:`carry` return."""
+        """Let :meth:`carry` return."""
         self._over.set()
 
     def _take(self, way: _Way, frame: bytes, chance: Random) -> None:
@@ -128,7 +128,7 @@ class Line:
 
 @contextmanager
 def line() -> Iterator[Line]:
-    """Yield a line to a new namespace; the test is skipped if none can be made."""
+    """Yield a line to a new namespace; skip the test if none can be created."""
     number = os.getpid() % 30_000 * 8 + next(_numbers) % 8
     third, fourth = number // 64 % 256, number % 64 * 4
     names = f"nena{number}a", f"nena{number}b"

@@ -1,4 +1,4 @@
-"""The control panel in a real browser, and a hall of the test's own that it shows."""
+"""The control panel in a real browser, and a simulated hall that it shows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from support.robot_maps import robot_map
 from support.waiting import PATIENCE, awaited
 
 PICTURES = os.environ.get("NENA_SCREENSHOTS")
-"""Folder for pictures of the panel; without one none are kept."""
+"""Folder for screenshots of the panel; unset: none are saved."""
 
 
 COLOUR_NEAR = """([x, y, colour]) => {
@@ -41,11 +41,11 @@ COLOUR_NEAR = """([x, y, colour]) => {
   }
   return count;
 }"""
-"""How many pixels about a place of the plane have a colour of the style sheet."""
+"""Counts the pixels near a position of the plant that have a colour of the style sheet."""
 
 
 LABELS = "() => (document.querySelector('nena-fleet-map').labels ?? []).map((each) => each.text)"
-"""The texts on the map."""
+"""The labels on the map."""
 
 OVERLAPPING = """() => {
   const labels = document.querySelector("nena-fleet-map").labels ?? [];
@@ -53,25 +53,25 @@ OVERLAPPING = """() => {
   const pairs = labels.flatMap((one, at) => labels.slice(at + 1).map((other) => [one, other]));
   return pairs.filter((pair) => covers(pair[0].box, pair[1].box)).map((pair) => pair.map(({ text }) => text));
 }"""
-"""Pairs of texts on the map of which one covers the other."""
+"""Pairs of labels on the map that overlap."""
 
 
 WITHIN = PATIENCE
-"""Seconds that something in the page may take to come true."""
+"""Timeout for conditions in the page, seconds."""
 
 
 AGE = timedelta(minutes=4)
-"""Of the orders in the hall."""
+"""Age of the orders in the hall."""
 
 
 def seconds_now() -> float:
-    """Seconds from the examples' start to now, so that robots' clocks are right."""
+    """Return the seconds from the examples' start to now, so that robots' clocks are right."""
     return (datetime.now(UTC) - START).total_seconds()
 
 
 @dataclass
 class Hall:
-    """Robots and order service of the test's own, beside the aggregator that watches them."""
+    """Simulated robots and order service, and the aggregator that monitors them."""
 
     peer: MqttPeer
     port: int
@@ -81,7 +81,7 @@ class Hall:
 
     @classmethod
     def of(cls, broker: Broker, peer: MqttPeer, interface_name: str) -> Hall:
-        """Make one with topics below ``interface_name``."""
+        """Create a hall with topics below ``interface_name``."""
         port = free_port()
         fleet = FleetTopics(f"{interface_name}/nena")
         addresses = ("--http.port", str(port), "--mqtt.port", str(broker.port))
@@ -90,7 +90,7 @@ class Hall:
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """URL of the panel."""
         return f"http://127.0.0.1:{self.port}/"
 
     def send(self, topic: Topic, message: Header, *, robot: RobotKey = ROBOT, retain: bool = False) -> None:
@@ -115,7 +115,7 @@ class Hall:
         self.peer.publish(self.fleet.order_status(name), status, retain=True)
 
     def aggregator(self, *options: str) -> AggregatorProcess:
-        """Start the aggregator that watches this hall."""
+        """Start the aggregator that monitors this hall."""
         return AggregatorProcess(*self.options, *options)
 
     @asynccontextmanager
@@ -137,7 +137,7 @@ async def opened(
     language: str = "en-GB",
     expected: tuple[str, ...] = (),
 ) -> AsyncIterator[Page]:
-    """Open the page; whatever the browser complains about fails the test, but for what is ``expected``."""
+    """Open the page; errors of the browser fail the test, except ``expected`` ones."""
     expect.set_options(timeout=1e3 * WITHIN)
     page = await browser.new_page(
         viewport={"width": width, "height": height},
@@ -150,7 +150,7 @@ async def opened(
     page.set_default_timeout(1e3 * WITHIN)
     await page.goto(url)
     yield page
-    passed_over = ("net::ERR_", *expected)  # the first is said by the browser while the aggregator is away
+    passed_over = ("net::ERR_", *expected)  # the browser reports it while the aggregator is down
     assert [each for each in complaints if not any(part in each for part in passed_over)] == []
     await page.close()
 
@@ -158,19 +158,19 @@ async def opened(
 async def becomes(page: Page, script: str, argument: Any, accept: Callable[[Any], bool]) -> Any:
     """Evaluate a script in the page until ``accept`` is true for its result.
 
-    The page's policy allows no more.
+    The page's content security policy allows nothing else.
     """
     return await awaited(lambda: page.evaluate(script, argument), accept, seconds=WITHIN, what=script)
 
 
 async def picture(page: Page, name: str) -> None:
-    """Keep a picture of the page for the documentation, where a folder is named."""
+    """Save a screenshot for the documentation, if a folder is set."""
     if PICTURES:
         await page.screenshot(path=Path(PICTURES) / f"{name}.png", animations="disabled")
 
 
 async def findings(page: Page) -> list[str]:
-    """What axe finds in a page, serious and critical."""
+    """Return axe's serious and critical findings in a page."""
     results = await Axe().run(page)
     return [
         f"{each['id']}: {json.dumps([node['html'] for node in each['nodes']])}"

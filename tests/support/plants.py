@@ -1,4 +1,4 @@
-"""Plant models for tests: made of a few words, a grid of any size, and openTCS XML of any version."""
+"""Plant models for tests: from short descriptions, grids of any size, and openTCS XML of any version."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ def point(name: str, x_mm: int = 0, y_mm: int = 0, **more: Any) -> Point:
 
 
 def path(ends: str, length_mm: int = 1000, **more: Any) -> Path:
-    """Make a path from ``"A B"``: it leads from A to B and is called ``A --- B`` unless it gets a name."""
+    """Return a path from A to B for ``"A B"``; default name: ``A --- B``."""
     source, destination = ends.split()
     more.setdefault("name", f"{source} --- {destination}")
     return Path(source=source, destination=destination, length_mm=length_mm, **more)
 
 
 def plant(*paths: Path, points: str = "", **more: Any) -> PlantModel:
-    """Make a model with these paths and their end points, and with further points named in ``points``."""
+    """Return a model with these paths, their end points, and further ``points``."""
     ends = [end for each in paths for end in (each.source, each.destination)]
     names = dict.fromkeys([*points.split(), *ends])
     return PlantModel(name="test", points=tuple(point(name) for name in names), paths=paths, **more)
@@ -32,7 +32,7 @@ def grid_name(column: int, row: int) -> str:
 
 
 def grid_plant(columns: int, rows: int) -> PlantModel:
-    """Make a grid of points 2 m apart with a path in each direction between neighbours."""
+    """Return a grid of points 2 m apart, with paths in both directions between neighbours."""
     points = [
         point(grid_name(column, row), column * GRID_MM, row * GRID_MM)
         for row in range(rows)

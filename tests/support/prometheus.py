@@ -27,12 +27,12 @@ LOOK_EVERY = 0.05
 
 
 async def eventually(ask: Callable[[], Awaitable[T]], what: str) -> T:
-    """Return the first true answer."""
+    """Repeat a call until its result is true, and return it."""
     return await awaited(ask, bool, what=what, every=LOOK_EVERY)
 
 
 def program(name: str) -> str:
-    """Return the path of `prometheus` or `promtool`; skip the test where there is none."""
+    """Return the path of `prometheus` or `promtool`; skip the test if it is not installed."""
     path = shutil.which(name)
     if path is None:
         pytest.skip(f"{name} is not there: apt-get install prometheus")
@@ -40,10 +40,10 @@ def program(name: str) -> str:
 
 
 class Prometheus:
-    """Scrapes and evaluates each second, and is queried by its API."""
+    """A Prometheus that scrapes and evaluates every second."""
 
     def __init__(self, folder: Path, *aggregators: str, order_service: str = "") -> None:
-        """Start over the aggregators at these addresses (host and port), with its files in ``folder``."""
+        """Start with these aggregators (host and port) as targets, and its files in ``folder``."""
         text = (CONFIGURATION / "prometheus.yml").read_text(encoding="utf-8")
         text = text.replace('"127.0.0.1:8080"', ", ".join(f'"{each}"' for each in aggregators)).replace(
             "15s", "1s"
@@ -77,14 +77,14 @@ class Prometheus:
         self._process.wait(END_WITHIN)
 
     async def query(self, expression: str) -> list[dict[str, Any]]:
-        """Return the samples of an instant query; it must be a good one."""
+        """Return the samples of an instant query; an invalid one fails the test."""
         answer = (await self.http.get("/query", params={"query": expression})).json()
         assert answer["status"] == "success", f"{expression}: {answer}"
         found: list[dict[str, Any]] = answer["data"]["result"]
         return found
 
     async def rules(self) -> list[dict[str, Any]]:
-        """Return all rules, with what became of them."""
+        """Return all rules with their state."""
         groups = (await self.http.get("/rules")).json()["data"]["groups"]
         return [rule for group in groups for rule in group["rules"]]
 

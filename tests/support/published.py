@@ -24,7 +24,7 @@ LEVELS = 4
 
 
 class Publications:
-    """What was written since the last look, as far as it breaks a schema."""
+    """Schema violations of the messages written since the last check."""
 
     def __init__(self) -> None:
         self.problems: list[str] = []
@@ -41,7 +41,7 @@ class Publications:
         self.problems += [f"{topic} of {version}: {each} in {payload[:300]!r}" for each in found]
 
     def take(self) -> list[str]:
-        """Return what was found, and forget it."""
+        """Return and clear the violations."""
         found, self.problems = self.problems, []
         return found
 
@@ -67,13 +67,13 @@ def watched() -> Iterator[Publications]:
 
 
 def robots_problems(messages: Iterable[Inbound]) -> list[str]:
-    """Return :func:`problems_in` of the robots' messages only: a test may send them anything."""
+    """Return :func:`problems_in` of the robots' messages only, as tests may send them anything."""
     said = (Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET, Topic.VISUALIZATION)
     return problems_in(each for each in messages if each.topic.rsplit("/", 1)[-1] in said)
 
 
 def problems_in(messages: Iterable[Inbound]) -> list[str]:
-    """Return what is wrong with messages that programs have published."""
+    """Return the schema violations of published messages."""
     publications = Publications()
     if not is_there("vda5050-schemas"):
         return []

@@ -18,7 +18,7 @@ def room(width: int = 40, height: int = 20) -> bytes:
 def robot_map(
     digest: str = "0123456789abcdef", *, width: int = 40, height: int = 20, **fields: Any
 ) -> MapImage:
-    """Make the map of such a room with cells of half a metre, but for ``fields``."""
+    """Return the map of such a room with cells of 0.5 m, changed by ``fields``."""
     png = occupancy_image(room(width, height), width, height, side_limit=SIDE_LIMIT).png
     content = {"map_id": "hall", "resolution": 0.5, "x": 0.0, "y": 0.0, "theta": 0.0, **fields}
     return MapImage.model_validate({"digest": digest, "png": b64encode(png), **content})

@@ -1,4 +1,4 @@
-"""A site of nena-deploy at a real Mosquitto that runs with the site's files, and its clients."""
+"""A site of nena-deploy with a real Mosquitto that uses the site's files, and its clients."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class Client:
 
     @property
     def topics(self) -> list[str]:
-        """Under which topics something came."""
+        """Topics of the received messages."""
         return [each.topic for each in self.came]
 
 
 def identity_in(folder: Path) -> MqttTlsSettings:
-    """Return what nena-deploy has put into an identity's folder."""
+    """Return the settings that nena-deploy has written for an identity."""
     return MqttTlsSettings(
         ca=folder / "ca.pem", certificate=folder / "certificate.pem", key=folder / "key.pem"
     )
@@ -79,7 +79,7 @@ class RunningSite:
         self.process = self._start()
 
     def restart(self) -> None:
-        """End the broker, and start it with what the site has now."""
+        """Restart the broker with the current files of the site."""
         self.end()
         self.process = self._start()
 
@@ -105,7 +105,7 @@ class RunningSite:
     @asynccontextmanager
     async def client(self, who: tuple[Kind, str], *filters: str) -> AsyncIterator[Client]:
         """Connect as a client, until the block ends."""
-        name = f"{who[1]}-{next(self._numbers)}"  # a client id is one connection's
+        name = f"{who[1]}-{next(self._numbers)}"  # client IDs must be unique
         async with connected(Client(self.settings_in(self.folder_of(*who)), name, *filters)) as client:
             await until(lambda: client.link.state.connected, what=f"{who[1]} is let in")
             yield client

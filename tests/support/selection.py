@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 QUARANTINE = Path("tests/quarantine.toml")
-"""Below pytest's root folder."""
+"""Path below pytest's root folder."""
 LEFT_OUT = pytest.StashKey[Mapping[str, list[str]]]()
-"""Ids of tests by why they were left out: "long" or "quarantine"."""
+"""Deselected tests by reason: "long" or "quarantine"."""
 
 
 def quarantine(root: Path) -> dict[str, str]:
@@ -57,14 +57,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Pass on from a worker what it has left out."""
+    """Pass on the deselected tests of a worker."""
     output: dict[str, Any] | None = getattr(session.config, "workeroutput", None)
     if output is not None:
         output["left_out"] = session.config.stash.get(LEFT_OUT, {})
 
 
 class Summary:
-    """The part of the report about what was left out, from this process or from the workers."""
+    """The report's section about deselected tests, of this process or of the workers."""
 
     def __init__(self) -> None:
         self._of_workers: Mapping[str, list[str]] = {}
@@ -75,7 +75,7 @@ class Summary:
         self._of_workers = getattr(node, "workeroutput", {}).get("left_out", self._of_workers)
 
     def pytest_terminal_summary(self, terminalreporter: Any, config: pytest.Config) -> None:
-        """Print it."""
+        """Print the section."""
         left_out = self._of_workers or config.stash.get(LEFT_OUT, {})
         for line in lines(left_out, quarantine(config.rootpath)):
             terminalreporter.write_line(line)

@@ -1,4 +1,4 @@
-"""An aggregator with its real link and its real HTTP server, in the test's own event loop."""
+"""An aggregator with its MQTT link and HTTP server, in the event loop of the test."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ class Served:
         return (await self.http.get(path)).json()
 
     async def until(self, path: str, accept: Callable[[Any], bool], *, seconds: float = PATIENCE) -> Any:
-        """Request ``path`` until ``accept`` is true for the answer."""
+        """Request ``path`` until ``accept`` is true for the response."""
         return await awaited(lambda: self.get(path), accept, seconds=seconds, what=path, every=LOOK_EVERY)
 
     async def metric(self, line: str, *, seconds: float = PATIENCE) -> None:
-        """Wait until ``/metrics`` holds this line."""
+        """Wait until ``/metrics`` contains this line."""
 
         async def text() -> str:
             return (await self.http.get("/metrics")).text

@@ -1,4 +1,4 @@
-"""Conversations of VDA 5050 for the tests of the checker, made message by message."""
+"""VDA 5050 conversations for tests of the checker, built message by message."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ HEADER = example_state().model_dump(include=set(Header.model_fields))
 
 
 class Talk:
-    """A conversation in the making; a second passes from message to message."""
+    """A conversation under construction, with a second between messages."""
 
     def __init__(self, version: str = "3.0.0") -> None:
         self.version = version
@@ -103,6 +103,6 @@ def doing(*statuses: tuple[str, str]) -> tuple[ActionState, ...]:
 
 
 def conversation(file: Path) -> list[ReceivedMessage]:
-    """Return the messages of a recording that could be read."""
+    """Return the readable messages of a recording."""
     messages = (parse(entry, number) for number, entry in enumerate(read_file(file), start=1))
     return [each for each in messages if each]

@@ -1,4 +1,4 @@
-"""Waiting for a condition with a bound, so that no test sleeps for a fixed time."""
+"""Wait for conditions with a timeout, so that no test sleeps for a fixed time."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ T = TypeVar("T")
 LOOK_EVERY = 0.005
 """Seconds."""
 REST = 2.0
-"""Pause after a look as a multiple of how long it took: what is waited for needs the processor too."""
+"""Pause after a check as a multiple of its duration, as the awaited work needs the CPU too."""
 LONGEST_REST = 0.1
 """Seconds, unless ``every`` is longer."""
 
 PATIENCE = 90.0
-"""Seconds that a test waits for what is sure to come, on however slow a machine; no measure of speed."""
+"""Timeout for conditions that are certain to become true, even on a slow machine, seconds."""
 
 
 async def until(
@@ -28,7 +28,7 @@ async def until(
     timeout: float = PATIENCE,  # noqa: ASYNC109 - the bound is the point
     what: str = "the condition",
 ) -> T:
-    """Return the first true value of ``predicate``; AssertionError when there is none for ``timeout`` s."""
+    """Return the first true value of ``predicate``; AssertionError after ``timeout`` s."""
 
     async def look() -> T | None:
         return predicate()
@@ -46,10 +46,10 @@ async def awaited(
     what: str,
     every: float = LOOK_EVERY,
 ) -> T:
-    """Poll every ``every`` s, less often if a look takes long, until ``accept`` is true; return the answer.
+    """Poll every ``every`` s, less often if a check takes long, until ``accept`` is true; return the result.
 
     Raises:
-        AssertionError: there was no such answer within ``seconds``.
+        AssertionError: no result was accepted within ``seconds``.
     """
     loop = asyncio.get_running_loop()
     began = loop.time()
@@ -63,7 +63,7 @@ async def awaited(
 
 
 def _pause(every: float, spent: float) -> float:
-    """Return the seconds until the next look after one that took ``spent`` seconds."""
+    """Return the pause after a check that took ``spent`` seconds."""
     return max(every, min(REST * spent, LONGEST_REST))
 
 
@@ -74,7 +74,7 @@ def wait_until(
     what: str = "the condition",
     every: float = LOOK_EVERY,
 ) -> None:
-    """Keep this thread waiting until ``condition`` holds; AssertionError after ``timeout`` seconds."""
+    """Block this thread until ``condition`` holds; AssertionError after ``timeout`` seconds."""
     began = time.monotonic()
     end = began + timeout
     while not condition():

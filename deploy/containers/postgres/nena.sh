@@ -1,6 +1,6 @@
 #!/bin/sh
-# Run once by the image of PostgreSQL, when it makes an empty database: the services' user owns a database and is no
-# superuser, and the superuser has no password, so that it logs in from within the container only.
+# Run once by the PostgreSQL image, when it creates the database: the services' user owns its database but is not a
+# superuser, and the superuser has no password, so that it can log in only from within the container.
 set -eu
 psql --set ON_ERROR_STOP=1 --set "password=$POSTGRES_PASSWORD" --username "$POSTGRES_USER" --dbname postgres --no-password <<'SQL'
 CREATE ROLE nena LOGIN PASSWORD :'password';

@@ -8,7 +8,7 @@ from collections import deque
 from nena_shared.clock import Clock
 
 INTERVAL = 0.1
-"""Interval between measurements, seconds; shorter blocks may go unnoticed."""
+"""Interval between measurements, seconds; shorter delays may go unnoticed."""
 
 WINDOW = 60.0
 """Period covered by the maximum, seconds."""

@@ -164,7 +164,7 @@ def link_metrics(prefix: str, state: Callable[[S], LinkState]) -> tuple[Metric[S
         ),
         gauge(
             f"{prefix}subscriptions_refused",
-            "Subscriptions that the broker refuses by its access list.",
+            "Subscriptions refused by the broker's access list.",
             lambda s: len(state(s).refused),
         ),
     )

@@ -113,13 +113,13 @@ class MqttSettings(SettingsGroup):
     outgoing_limit: int = Field(
         1000,
         ge=1,
-        description="Maximum queued outgoing messages; beyond, the oldest is dropped. Retained messages "
+        description="Maximum queued outgoing messages; beyond it, the oldest is dropped. Retained messages "
         "do not count: the last one of each topic is always queued.",
     )
     incoming_limit: int = Field(
         10_000,
         ge=1,
-        description="Maximum queued incoming messages while connecting; beyond, new ones are dropped.",
+        description="Maximum queued incoming messages while connecting; beyond it, new ones are dropped.",
     )
 
     def secret(self) -> str | None:

@@ -75,7 +75,11 @@ def test_every_alert_has_an_entry_in_the_runbook_to_which_it_points() -> None:
     entries = dict(re.findall(r"^### (\w+)\n(.*?)(?=^##|\Z)", runbook, re.MULTILINE | re.DOTALL))
     assert sorted(entries) == sorted(names)
     for name, entry in entries.items():
-        assert re.findall(r"^\*\*(\w+)\.\*\*", entry, re.MULTILINE) == ["Meaning", "Look", "Do"], name
+        assert re.findall(r"^\*\*(\w+)\.\*\*", entry, re.MULTILINE) == [
+            "Meaning",
+            "Diagnosis",
+            "Mitigation",
+        ], name
     pointers = re.findall(r'runbook: "docs/runbook.md#(\w+)"', rules)
     assert pointers == [name.lower() for name in names]
 

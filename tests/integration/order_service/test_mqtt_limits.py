@@ -128,7 +128,7 @@ async def test_only_a_host_over_its_rate_limit_is_refused(fleet: Fleet, service:
     assert (await hosts.told_of("T-2"))["status"] == 429, "orders and commands are counted together"
 
     assert (refused["status"], refused["problem"]["status"]) == (429, 429)
-    assert "Ask again in" in refused["problem"]["detail"]
+    assert "Retry in" in refused["problem"]["detail"]
     assert (await hosts.order("T-3", host="mes"))["status"] == 201
     assert (await client.get("/v1/transportOrders/T-1")).status_code == 200
     assert await names(client) == {"T-1", "T-3"}

@@ -17,7 +17,7 @@ async def test_peer_records_by_topic_in_order(broker: Broker, interface_name: st
         assert peer.payloads(f"{interface_name}/a") == [b"0", b"1", b"2"]
 
 
-async def test_restart_forgets_what_was_retained(own_broker: Broker) -> None:
+async def test_restart_discards_retained_messages(own_broker: Broker) -> None:
     with MqttPeer(own_broker) as peer:
         peer.publish("kept", "x", retain=True)
     own_broker.restart()

@@ -15,8 +15,8 @@ SERVICES = {
     "nena-order-service": ["nena_order_service", "--plant", str(sample_plant_path())],
     "nena-status-aggregator": ["nena_status_aggregator"],
 }
-WITHOUT_TLS = "setting http.host: 0.0.0.0 is reached from other machines, without TLS."
-WITHOUT_A_LOGIN = "setting http.host: 0.0.0.0 is reached from other machines, without a login."
+WITHOUT_TLS = "setting http.host: 0.0.0.0 is reachable from other machines, without TLS."
+WITHOUT_A_LOGIN = "setting http.host: 0.0.0.0 is reachable from other machines, without a login."
 
 
 @pytest.mark.parametrize("service", SERVICES)

@@ -6,9 +6,9 @@ import asyncio
 import json
 from contextlib import suppress
 
-from nena_shared.web.oidc.issuer import BoundedHttp, KeySet, metadata_of, place_of
+from nena_shared.web.oidc.issuer import BoundedHttp, KeySet, metadata_of, metadata_url
 from nena_shared.web.oidc.tokens import TokenHeader, header_of, verified
-from nena_shared.web.oidc.users import IssuerAwayError, TokenRefusedError
+from nena_shared.web.oidc.users import IssuerUnavailableError, TokenRefusedError
 from nena_shared.web.settings import OidcSettings
 from support.damage import damaged_text
 from support.oidc_issuer import AUDIENCE, DISCOVERY, KEYS, OidcIssuer, ec_key, oidc_issuer, rsa_key
@@ -27,9 +27,9 @@ def discovery(place: Place) -> Reader:
 
     def read(data: bytes) -> object:
         issuer.broken[DISCOVERY] = data
-        return metadata_of(asyncio.run(http.get(place_of(issuer.address))), issuer.address)
+        return metadata_of(asyncio.run(http.get(metadata_url(issuer.address))), issuer.address)
 
-    return Reader(read, (json.dumps(issuer.description()).encode(),), (IssuerAwayError,))
+    return Reader(read, (json.dumps(issuer.description()).encode(),), (IssuerUnavailableError,))
 
 
 def keys(place: Place) -> Reader:
@@ -48,7 +48,7 @@ def keys(place: Place) -> Reader:
                         verified(token, key, header, issuer=issuer.address, audience=AUDIENCE, leeway=0)
 
     document = json.dumps({"keys": [rsa_key().public, ec_key().public]}).encode()
-    return Reader(read, (document,), (IssuerAwayError, ValueError))
+    return Reader(read, (document,), (IssuerUnavailableError, ValueError))
 
 
 def tokens(place: Place) -> Reader:

@@ -30,7 +30,7 @@ def test_stop_is_read(text: str, expected: Destination) -> None:
 @pytest.mark.parametrize(
     "text", ["", ":Load", "Goods in:", "@", "@1", "@1,2,3,4", "@a,b", "@1,2,99", "@nan,0"]
 )
-def test_what_is_no_stop_is_told(text: str) -> None:
+def test_invalid_stop_is_reported(text: str) -> None:
     with pytest.raises(typer.BadParameter, match="Invalid"):
         parse_stop(text)
 

@@ -76,7 +76,7 @@ async def test_the_active_one_is_found_and_asked_first_from_then_on() -> None:
         connection.close()
 
 
-async def test_nobody_active_names_everybody_who_was_asked() -> None:
+async def test_missing_active_service_lists_all_queried_urls() -> None:
     away = f"http://127.0.0.1:{free_port()}"
     async with served(make_standby_app(lambda: "", lambda: "")) as standby:
         connection = Connection([away, standby], None)
@@ -87,7 +87,7 @@ async def test_nobody_active_names_everybody_who_was_asked() -> None:
         connection.close()
 
 
-async def test_refusals_say_all_that_is_wrong() -> None:
+async def test_refusal_lists_all_errors() -> None:
     async with served(active([])) as url:
         connection = Connection([url], None)
         with pytest.raises(RefusedError, match=r"It has ended\.\n- one\n- two"):
@@ -139,7 +139,7 @@ class Breaking(Connection):
         yield iter(lines)
 
 
-def test_a_broken_stream_is_taken_up_behind_the_last_event(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_broken_stream_resumes_after_the_last_event(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "RETRY_PAUSE", 0.0)
     connection = Breaking(STREAM.split("\n"), None, STREAM.split("\n"))
     told: list[str] = []
@@ -149,6 +149,6 @@ def test_a_broken_stream_is_taken_up_behind_the_last_event(monkeypatch: pytest.M
     assert told == ["away"]
 
 
-def test_nobody_there_at_the_first_try_is_an_error() -> None:
+def test_unreachable_service_at_the_first_attempt_is_an_error() -> None:
     with pytest.raises(UnreachableError):
         next(follow(Breaking(None), {}))

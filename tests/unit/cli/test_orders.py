@@ -17,7 +17,7 @@ from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, Vehicle
 @pytest.mark.parametrize(
     "content", [b"\xff", b"{", b'{"destinations": [{"locationName": "\xff"}]}', b"[" * 100_000]
 )
-def test_an_order_that_is_none(content: bytes, tmp_path: Path) -> None:
+def test_invalid_order(content: bytes, tmp_path: Path) -> None:
     file = tmp_path / "order.json"
     file.write_bytes(content)
     done = CliRunner().invoke(orders.app, ["create", "--file", str(file)])
@@ -27,7 +27,7 @@ def test_an_order_that_is_none(content: bytes, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"\xff", b"{", b'{"mapId": NaN}', b"[" * 100_000])
-def test_a_zone_set_that_is_none(content: bytes, tmp_path: Path) -> None:
+def test_invalid_zone_set(content: bytes, tmp_path: Path) -> None:
     file = tmp_path / "zones.json"
     file.write_bytes(content)
     done = CliRunner().invoke(zones.app, ["put", str(file)])
@@ -36,7 +36,7 @@ def test_a_zone_set_that_is_none(content: bytes, tmp_path: Path) -> None:
     assert done.stderr.startswith(f"nena: {file}: ")
 
 
-def test_what_is_watched_ends_with_the_end_of_a_line(
+def test_watch_output_ends_with_a_newline(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     status = VehicleStatus(

@@ -13,7 +13,9 @@ from nena_cli.output import REFUSED, WRONG, echo, fail, print_json, print_object
 from nena_shared.fleet_api.transport_order import Problem
 
 
-def test_people_are_told_on_standard_error_to_the_letter(capsys: pytest.CaptureFixture[str]) -> None:
+def test_messages_for_people_are_printed_verbatim_on_standard_error(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     echo("nena: [red]no[/] 'x'" + " y" * 100, style="red")
 
     told = capsys.readouterr()
@@ -22,7 +24,7 @@ def test_people_are_told_on_standard_error_to_the_letter(capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize("status", [WRONG, REFUSED])
-def test_a_command_that_gives_up_says_why_and_ends_with_its_status(
+def test_failed_command_prints_the_reason_and_sets_the_status(
     status: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(typer.Exit) as ended:
@@ -40,7 +42,7 @@ def test_scripts_get_one_line_in_the_names_on_the_wire(capsys: pytest.CaptureFix
     assert json.loads(told)["title"] == "A\nB"
 
 
-def test_a_table_that_nobody_sees_on_a_screen_is_wide(capsys: pytest.CaptureFixture[str]) -> None:
+def test_table_for_a_pipe_is_wide(capsys: pytest.CaptureFixture[str]) -> None:
     table = Table("name", "why")
     table.add_row("T-1", "w" * 150)
     print_table(table)

@@ -37,14 +37,14 @@ def odd_lif(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_good_model_is_shown_with_what_is_in_it() -> None:
+def test_valid_model_is_shown_with_its_contents() -> None:
     done = nena("check", SAMPLE)
     assert done.exit_code == 0
     assert "Sample hall (opentcs)" in done.stdout
     assert "0 errors, " in done.stderr
 
 
-def test_check_says_all_that_is_wrong_and_ends_with_one(tmp_path: Path) -> None:
+def test_check_lists_all_errors_and_exits_with_1(tmp_path: Path) -> None:
     file = tmp_path / "plant.xml"
     file.write_bytes(opentcs_xml('<block name="[b]K[/b]" type="QUEUE"><member name="Q"/></block>'))
     done = nena("check", str(file))
@@ -99,7 +99,7 @@ def test_check_names_files_of_the_old_plant_overview(tmp_path: Path, data: bytes
     assert "openTCS 4" in finding["text"]
 
 
-def test_check_tells_scripts_in_json(odd_lif: Path) -> None:
+def test_check_prints_json_for_scripts(odd_lif: Path) -> None:
     done = nena("check", str(odd_lif), "--json")
     assert done.exit_code == 0
     found = json.loads(done.stdout)
@@ -121,7 +121,7 @@ def test_check_tells_scripts_in_json(odd_lif: Path) -> None:
     assert found["findings"][0]["severity"] == "error"
 
 
-def test_a_file_may_come_by_standard_input() -> None:
+def test_file_is_read_from_standard_input() -> None:
     done = nena("check", "-", "--json", stdin=sample_plant_path().read_bytes())
     assert json.loads(done.stdout)["model"]["name"] == "Sample hall"
 
@@ -148,7 +148,7 @@ def test_lif_and_own_json_are_converted(kind: str, odd_lif: Path, tmp_path: Path
     assert set(files.read(out.read_bytes()).model.paths_by_name) == {"A-B", "B-A"}
 
 
-def test_conversion_to_standard_output_tells_the_rest_on_standard_error() -> None:
+def test_conversion_to_standard_output_reports_on_standard_error() -> None:
     more = ("--map", "hall", "--vehicle-type", "t", "--vehicle-type", "u", "--json")
     done = nena("convert", SAMPLE, "--format", "lif", "-o", "-", *more)
     (first, *_) = json.loads(done.stdout)["layouts"][0]["nodes"]
@@ -168,7 +168,7 @@ def test_a_model_with_errors_is_not_written(command: tuple[str, ...], tmp_path: 
     assert not out.exists()
 
 
-def test_a_file_that_is_there_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
+def test_existing_file_is_kept_unless_replaced_explicitly(tmp_path: Path) -> None:
     out = tmp_path / "out.json"
     out.write_text("mine")
     done = nena("import", SAMPLE, "-o", str(out))
@@ -178,7 +178,7 @@ def test_a_file_that_is_there_is_kept_unless_told_otherwise(tmp_path: Path) -> N
     assert out.read_text() != "mine"
 
 
-def test_work_that_cannot_be_done_ends_with_two(tmp_path: Path) -> None:
+def test_failed_work_exits_with_2(tmp_path: Path) -> None:
     done = nena("check", str(tmp_path / "nowhere.xml"))
     assert done.exit_code == 2
     assert "No such file" in done.stderr

@@ -36,7 +36,7 @@ def called(*arguments: str) -> tuple[Service, str, int]:
     return seen.pop()
 
 
-def test_a_command_has_its_own_options_and_those_of_the_service() -> None:
+def test_command_has_its_own_options_and_the_service_options() -> None:
     service, word, times = called("hello", "--times", "3", "--url", "http://a", "--url", "http://b", "--json")
 
     assert (word, times) == ("hello", 3)
@@ -58,7 +58,7 @@ def test_the_environment_names_it_too(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (service.urls, service.token) == (["http://c"], "secret")
 
 
-def test_the_help_tells_all_options_and_what_the_command_does() -> None:
+def test_help_lists_all_options_and_describes_the_command() -> None:
     told = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"}).stdout
     for each in ("Say a word.", "--times", "--url", "--token-file", "--json", "How often."):
         assert each in told
@@ -69,7 +69,7 @@ def service(**fields: object) -> Service:
     return Service(**given)  # type: ignore[arg-type] # any of its fields
 
 
-def test_the_token_may_lie_in_a_file(tmp_path: Path) -> None:
+def test_token_is_read_from_a_file(tmp_path: Path) -> None:
     file = tmp_path / "token"
     file.write_text("from the file\n")
     with service(token="of the option", token_file=file).connected() as connection:
@@ -85,7 +85,7 @@ def test_the_token_may_lie_in_a_file(tmp_path: Path) -> None:
         (KeyboardInterrupt(), 0, ""),
     ],
 )
-def test_what_goes_wrong_is_one_line_and_a_status(
+def test_error_is_one_line_and_a_status(
     capsys: pytest.CaptureFixture[str], error: BaseException, status: int, words: str
 ) -> None:
     with pytest.raises(typer.Exit) as caught, service().connected():
@@ -97,7 +97,7 @@ def test_what_goes_wrong_is_one_line_and_a_status(
 @pytest.mark.parametrize(
     ("token", "words"), [(None, "Set NENA_TOKEN or --token-file"), ("x", "Unknown token.")]
 )
-def test_who_is_not_let_in_is_told_how_to_give_a_token(
+def test_missing_token_is_reported_with_the_options_for_it(
     capsys: pytest.CaptureFixture[str], token: str | None, words: str
 ) -> None:
     with pytest.raises(typer.Exit) as caught, service(token=token).connected():

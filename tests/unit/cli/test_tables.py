@@ -43,11 +43,11 @@ def test_orders_say_where_they_are_and_no_markup_is_read() -> None:
         assert part in shown
 
 
-def test_vehicle_that_is_only_meant_stands_in_brackets() -> None:
+def test_intended_vehicle_is_shown_in_parentheses() -> None:
     assert "(V-2)" in text_of(tables.orders_table([dispatchable_order(intended_vehicle="V-2").status]))
 
 
-def test_details_name_the_delivery_and_leave_out_what_is_empty() -> None:
+def test_details_include_the_delivery_and_omit_empty_values() -> None:
     delivery = DeliveryStatus(
         transport_order="T-1", phase=DeliveryPhase.SENT, order_id="T-1-0", note="no state echoes it yet"
     )
@@ -106,7 +106,7 @@ def test_vehicles_that_wait_in_a_circle_are_named() -> None:
     assert "V-3 > V-2 (circle: V-2, V-3)" in shown
 
 
-def test_the_traffic_plan_says_where_vehicles_will_be_and_for_whom_they_wait() -> None:
+def test_traffic_plan_shows_future_positions_and_waits() -> None:
     wait = TrafficWait(vehicles=("V-2",), at="[B]", cause=WaitCause.PASSES, reason="it waits for V-2")
     ahead = (PlannedPoint(point="[B]", held=True, seconds=2.4), PlannedPoint(point="C", held=False))
     one = VehiclePlan(
@@ -118,7 +118,7 @@ def test_the_traffic_plan_says_where_vehicles_will_be_and_for_whom_they_wait() -
         assert part in shown
 
 
-def test_rerouting_says_what_became_of_it() -> None:
+def test_rerouting_result_is_shown() -> None:
     done = ReroutingAnswer(
         vehicle="V-1",
         transport_order="T-1",
@@ -146,7 +146,7 @@ def test_board_shows_the_newest_of_each_and_lets_old_ends_go() -> None:
     assert "T-5 " in shown
 
 
-def test_a_late_order_and_what_a_vehicle_accepts_are_shown() -> None:
+def test_late_order_and_accepted_order_types_are_shown() -> None:
     late = assigned_order("A", deadline=NOW, dispensable=True).overdue(NOW + timedelta(seconds=1))
     delivery = DeliveryStatus(transport_order="T", phase=DeliveryPhase.NONE)
     shown = text_of(tables.order_details(late.status, delivery))

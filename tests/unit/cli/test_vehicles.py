@@ -34,7 +34,7 @@ FLEET = (
 )
 
 
-def test_a_list_of_some_vehicles_follows_the_queue_through_all_others(
+def test_filtered_list_follows_queues_through_all_vehicles(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def call(

@@ -70,7 +70,7 @@ def test_statuses_change_as_the_figure_allows(before: str, after: str, *, fine: 
         ({"edge_actions": {"n1-n2": [action("a")]}}, "RUNNING", [Rule.ACTION_EARLY]),
     ],
 )
-def test_an_action_begins_when_the_robot_is_there(
+def test_action_starts_only_when_its_node_is_reached(
     place: dict[str, Any], status: str, rules: list[Rule]
 ) -> None:
     edges = tuple(
@@ -109,7 +109,7 @@ def test_instant_actions_run_beside_any_other() -> None:
     ("blocking", "rules"),
     [("NONE", []), ("SINGLE", []), ("SOFT", [Rule.BLOCKING]), ("HARD", [Rule.BLOCKING])],
 )
-def test_beside_some_actions_the_robot_stands(blocking: str, rules: list[Rule]) -> None:
+def test_robot_stands_during_blocking_actions(blocking: str, rules: list[Rule]) -> None:
     talk = Talk().order("n0", "n1", node_actions={"n0": [action("a", blocking)]})
     talk.state("n0", "n1", driving=True, action_states=doing(("a", "RUNNING")))
 
@@ -140,7 +140,7 @@ def test_an_instant_action_is_answered(version: str) -> None:
     assert answered.findings == []
 
 
-def test_what_is_sent_again_after_its_answer_needs_no_other() -> None:
+def test_repetition_after_the_answer_needs_no_other_answer() -> None:
     talk = Talk().act(action("a", "NONE", "startPause"))
     talk.state("n0", of="", instant_action_states=doing(("a", "FINISHED")))
     talk.act(action("a", "NONE", "startPause"))
@@ -151,7 +151,7 @@ def test_what_is_sent_again_after_its_answer_needs_no_other() -> None:
 
 
 @pytest.mark.parametrize("version", CODECS)
-def test_a_cancel_ends_with_no_node_left(version: str) -> None:
+def test_finished_cancellation_leaves_no_node(version: str) -> None:
     talk = Talk(version).order("n0", "n1").state("n0", "n1").act(CANCEL)
 
     assert talk.state("n0", "n1", instant_action_states=doing(("c", "RUNNING"))).rules == []
@@ -160,7 +160,7 @@ def test_a_cancel_ends_with_no_node_left(version: str) -> None:
 
 
 @pytest.mark.parametrize("version", CODECS)
-def test_a_cancel_ends_with_no_action_under_way(version: str) -> None:
+def test_finished_cancellation_leaves_no_running_action(version: str) -> None:
     talk = Talk(version).order("n0", node_actions={"n0": [action("a")]})
     talk.act(CANCEL, action("m", "NONE", "downloadMap"))
     instant = doing(("c", "FINISHED"), ("m", "RUNNING"))
@@ -173,14 +173,14 @@ def test_a_cancel_ends_with_no_action_under_way(version: str) -> None:
     assert "have not ended: a" in running.texts
 
 
-def test_a_cancel_that_fails_ends_nothing() -> None:
+def test_failed_cancellation_ends_nothing() -> None:
     talk = Talk().order("n0", "n1", "n2").state("n0", "n1", "n2").act(CANCEL)
     talk.state("n0", "n1", "n2", instant_action_states=doing(("c", "FAILED"))).state("n1")
 
     assert talk.rules == [Rule.PROGRESS]
 
 
-def test_a_cancel_goes_on_while_other_orders_are_refused() -> None:
+def test_cancellation_continues_while_other_orders_are_refused() -> None:
     talk = Talk().order("n0", "n1", "n2").state("n0", "n1", "n2").act(CANCEL)
     talk.state("n0", "n1", "n2", instant_action_states=doing(("c", "RUNNING"))).order("n0", order_id="o2")
     talk.state("n0", instant_action_states=doing(("c", "FINISHED")))
@@ -188,7 +188,7 @@ def test_a_cancel_goes_on_while_other_orders_are_refused() -> None:
     assert talk.rules == [Rule.OTHER_ORDER]
 
 
-def test_a_cancel_that_names_an_order_ends_no_other() -> None:
+def test_cancellation_of_a_named_order_ends_no_other() -> None:
     other = action("c", "NONE", "cancelOrder", orderId="o7")
     talk = Talk().order("n0", "n1", "n2").state("n0", "n1", "n2").act(other).state("n1")
 

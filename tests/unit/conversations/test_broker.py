@@ -17,7 +17,7 @@ from nena_shared.settings import MqttTlsSettings
         ("mqtts://host:1", MqttTlsSettings(ca=Path("ca.pem")), True, 1),
     ],
 )
-def test_an_address_says_whether_it_is_encrypted(
+def test_url_scheme_selects_encryption(
     url: str,
     tls: MqttTlsSettings | None,
     encrypted: bool,  # noqa: FBT001 - a table's column
@@ -38,11 +38,11 @@ def test_name_password_and_filter_stand_in_the_address() -> None:
 
 
 @pytest.mark.parametrize("url", ["http://host", "mqtt://", "mqtt://host:port", "host:1883"])
-def test_what_is_no_broker_is_refused(url: str) -> None:
+def test_invalid_broker_url_is_refused(url: str) -> None:
     with pytest.raises(BrokerError, match="Invalid broker URL"):
         parse_address(url)
 
 
-def test_files_are_told_from_brokers() -> None:
+def test_files_and_brokers_are_distinguished() -> None:
     assert is_broker("mqtts://host")
     assert not is_broker("mqtt.jsonl")

@@ -35,7 +35,7 @@ def test_an_order_that_is_driven_to_its_end_is_fine(version: str) -> None:
     assert talk.findings == []
 
 
-def test_other_topics_and_cleared_messages_are_passed_over() -> None:
+def test_other_topics_and_clearing_messages_are_ignored() -> None:
     checker = Checker()
     for entry in Talk().raw("house/kitchen/light", b"on").raw("fleet/v3/ACME/0001/connection", b"").entries:
         assert list(checker.add(entry)) == []
@@ -44,7 +44,7 @@ def test_other_topics_and_cleared_messages_are_passed_over() -> None:
     assert list(checker.end()) == []
 
 
-def test_robots_are_followed_each_for_itself() -> None:
+def test_robots_are_checked_separately() -> None:
     talk = Talk().order("n0", "n1").state("n0", "n1")
     other = Talk().order("n0", "n1", order_id="o9").state("n0", of="o9", node_states=())
     talk.entries += [
@@ -57,14 +57,14 @@ def test_robots_are_followed_each_for_itself() -> None:
     assert talk.findings == []
 
 
-def test_a_robot_that_changes_its_version_begins_anew() -> None:
+def test_robot_that_changes_its_version_starts_a_new_conversation() -> None:
     talk = Talk("2.1.0").order("n0", "n1").state("n0", "n1")
     talk.entries += Talk("3.0.0").online().state("n0", of="").entries
 
     assert talk.findings == []
 
 
-def test_numbers_count_what_is_passed_over_as_well() -> None:
+def test_numbers_include_skipped_messages() -> None:
     checker = Checker()
     checker.skip()
     (finding,) = checker.add(Entry(START, "fleet/v2/ACME/1/state", b"?"))
@@ -89,7 +89,7 @@ def test_a_finding_is_an_object_for_scripts() -> None:
     }
 
 
-def test_each_rule_has_a_code_of_its_own_and_a_section_in_some_version() -> None:
+def test_rules_have_unique_codes_and_a_section() -> None:
     assert len({rule.code for rule in Rule}) == len(Rule)
     assert set(MESSAGES) == set(Topic)
     for rule in Rule:
@@ -123,9 +123,7 @@ def test_a_message_in_order_is_fine(version: str) -> None:
         ("2.1.0", "responses", "6.5"),
     ],
 )
-def test_what_is_no_message_is_named_with_the_section_that_describes_it(
-    version: str, topic: str, section: str
-) -> None:
+def test_malformed_message_is_reported_with_its_section(version: str, topic: str, section: str) -> None:
     talk = sent(version, topic, json.dumps({"version": version}).encode())
 
     assert {each.rule for each in talk.findings} == {Rule.MESSAGE}
@@ -134,7 +132,7 @@ def test_what_is_no_message_is_named_with_the_section_that_describes_it(
     assert str(finding.robot) == "ACME/r1"
 
 
-def test_deviations_are_named_in_the_words_of_the_services() -> None:
+def test_deviations_are_described_as_by_the_services() -> None:
     found = changed("2.1.0", errors=None, orderUpdateId="0").findings
     assert [(each.rule, each.severity) for each in found] == [(Rule.MESSAGE, Severity.ERROR)] * 2
     words = [each.text for each in found]
@@ -144,14 +142,14 @@ def test_deviations_are_named_in_the_words_of_the_services() -> None:
     ]
 
 
-def test_deviations_of_a_fleet_control_are_named_as_the_agent_does() -> None:
+def test_deviations_of_a_fleet_control_are_described_as_by_the_agent() -> None:
     payload = codec_for("2.1.0").encode(order("n0", "n1"))
     changed_payload = payload.replace(b'"orderUpdateId":0', b'"orderUpdateId":"0"')
     (finding,) = sent("2.1.0", "order", changed_payload).findings
     assert finding.text == 'order.orderUpdateId "0": text as number'
 
 
-def test_what_is_no_json_is_read_by_the_version_of_its_topic() -> None:
+def test_version_of_invalid_json_is_taken_from_the_topic() -> None:
     (finding,) = sent("2.1.0", "state", b"hello").findings
 
     assert (finding.rule, finding.version) == (Rule.MESSAGE, "2.1.0")
@@ -175,7 +173,7 @@ def test_a_field_that_the_version_does_not_have_is_a_warning(version: str) -> No
     assert finding.text.startswith("colour ")
 
 
-def test_a_field_of_another_version_is_none_of_this_one() -> None:
+def test_field_of_another_version_is_unknown() -> None:
     zone_sets: list[Any] = []
 
     assert changed("3.0.0", zoneSets=zone_sets).findings == []
@@ -189,7 +187,7 @@ def test_fields_deep_inside_are_named_by_their_path() -> None:
     assert sent("2.1.0", "order", json.dumps(payload).encode()).texts.startswith("nodes.1.nodePosition.z ")
 
 
-def test_what_is_understood_in_spite_of_its_spelling_is_named() -> None:
+def test_accepted_misspelling_is_reported() -> None:
     (finding,) = changed("3.0.0", operatingMode="TEACHIN").findings
 
     assert (finding.rule, finding.severity, finding.section) == (Rule.SPELLING, Severity.ERROR, "7.1")
@@ -208,7 +206,7 @@ def test_an_instant_action_of_3_blocks_nothing() -> None:
     assert "actions.0.blockingType is written 'HARD'; this version writes 'NONE'" in finding.text
 
 
-def test_a_stop_that_acknowledges_itself_is_a_word_of_2() -> None:
+def test_autoack_is_a_value_of_2_x() -> None:
     stop = {"eStop": "AUTOACK", "fieldViolation": False}
 
     assert changed("2.1.0", safetyState=stop).findings == []
@@ -228,13 +226,13 @@ def test_times_are_written_in_utc(timestamp: str, rules: list[Rule]) -> None:
 
 
 @pytest.mark.parametrize("version", CODECS)
-def test_what_the_versions_write_differently_is_compared_as_it_stands(version: str) -> None:
+def test_values_are_compared_in_the_form_of_their_version(version: str) -> None:
     places = {"n0": position(0.0), "n1": position(10.0, radius=0.5)}
 
     assert Talk(version).order("n0", "n1", positions=places).findings == []
 
 
-def test_only_so_many_are_told_of_one_message() -> None:
+def test_findings_per_message_are_limited() -> None:
     assert len(changed("3.0.0", **{f"x{number}": 1 for number in range(50)}).findings) == 5
 
 
@@ -244,7 +242,7 @@ def test_a_topic_of_another_major_version_is_named() -> None:
     assert talk.rules == [Rule.VERSION]
 
 
-def test_a_header_of_another_robot_is_named() -> None:
+def test_header_of_another_robot_is_reported() -> None:
     assert Talk().say(example_state(), serial_number="0002").rules == [Rule.ADDRESS]
 
 
@@ -255,7 +253,7 @@ def test_header_ids_are_counted(number: int, rules: list[Rule]) -> None:
     assert talk.rules == rules
 
 
-def test_header_ids_begin_anew_behind_the_last_number() -> None:
+def test_header_ids_restart_after_the_last_number() -> None:
     talk = Talk().say(example_state(), header_id=2**32 - 1).say(example_state(), header_id=0)
 
     assert talk.rules == []
@@ -280,7 +278,7 @@ def test_a_last_will_may_be_old() -> None:
     assert talk.say(will, timestamp=START - timedelta(hours=1), header_id=0).findings == []
 
 
-def test_what_the_broker_has_kept_is_of_another_time() -> None:
+def test_retained_message_belongs_to_an_earlier_time() -> None:
     talk = Talk().state("", of="")
     kept = Entry(START, "fleet/v3/ACME/r1/state", codec_for("3.0.0").encode(example_state()), retain=True)
     talk.entries.insert(0, kept)
@@ -289,7 +287,7 @@ def test_what_the_broker_has_kept_is_of_another_time() -> None:
 
 
 @pytest.mark.parametrize("version", CODECS)
-def test_a_state_comes_each_half_minute(version: str) -> None:
+def test_state_is_due_every_30_seconds(version: str) -> None:
     fine = Talk(version).online().state("n0", of="").wait(29).state("n0", of="")
     late = Talk(version).online().state("n0", of="").wait(40).state("n0", of="")
 
@@ -299,7 +297,7 @@ def test_a_state_comes_each_half_minute(version: str) -> None:
     assert finding.section == ("6.6" if version >= "3" else "6.10")
 
 
-def test_silence_is_told_while_others_speak() -> None:
+def test_silence_is_reported_while_others_send() -> None:
     talk = Talk().online().state("n0", of="").wait(60)
     talk.entries.append(Entry(talk.now, "fleet/v3/ACME/0002/state", b"?"))
 
@@ -309,7 +307,7 @@ def test_silence_is_told_while_others_speak() -> None:
 
 
 @pytest.mark.parametrize("away", ["OFFLINE", "HIBERNATING", "CONNECTION_BROKEN"])
-def test_a_robot_that_is_away_says_nothing(away: str) -> None:
+def test_disconnected_robot_sends_no_states(away: str) -> None:
     talk = Talk().online().state("n0", of="").online(away).wait(400).online().state("n0", of="")
 
     assert talk.findings == []
@@ -323,7 +321,7 @@ def test_a_robot_that_is_away_says_nothing(away: str) -> None:
         ("CONNECTION_BROKEN", Severity.WARNING),
     ],
 )
-def test_a_robot_that_is_away_sends_no_states(away: str, severity: Severity) -> None:
+def test_states_of_a_disconnected_robot_are_reported(away: str, severity: Severity) -> None:
     talk = Talk().online().state("n0", of="").online(away).state("n0", of="").state("n0", of="")
 
     (finding,) = talk.findings
@@ -350,7 +348,7 @@ def test_a_robot_hibernates_and_wakes_as_the_standard_has_it(version: str) -> No
 
 
 @pytest.mark.parametrize("status", ["RUNNING", None])
-def test_a_robot_that_hibernates_before_it_has_said_so_is_an_error(status: str | None) -> None:
+def test_hibernation_before_its_announcement_is_an_error(status: str | None) -> None:
     talk = Talk().online().state("n0", of="").act(hibernation())
     if status:
         talk.state("n0", of="", instant_action_states=reported(status))
@@ -360,7 +358,7 @@ def test_a_robot_that_hibernates_before_it_has_said_so_is_an_error(status: str |
     assert finding.text == "the robot hibernates before a state shows the end of 's'"
 
 
-def test_orders_and_other_instant_actions_to_a_hibernating_robot_are_told() -> None:
+def test_commands_to_a_hibernating_robot_are_reported() -> None:
     talk = Talk().online().state("n0", of="").online("HIBERNATING")
     talk.act(action("i", "NONE", "stateRequest"), action("w", "NONE", "stopHibernation")).order("n0", "n1")
 
@@ -377,7 +375,7 @@ def test_a_wake_up_time_is_written_in_utc(at: str) -> None:
     assert f'"{at}"' in finding.text
 
 
-def test_a_robot_whose_connection_was_not_heard_may_be_there() -> None:
+def test_robot_without_a_recorded_connection_may_be_connected() -> None:
     assert Talk().state("n0", of="").findings == []
 
 
@@ -419,12 +417,12 @@ def test_instant_actions_are_offered() -> None:
     assert not_here.findings[0].section == "7.10"
 
 
-def test_without_a_factsheet_nobody_knows() -> None:
+def test_transform_is_unknown_without_a_factsheet() -> None:
     assert Talk().act(action("a", "NONE", "dance")).rules == []
 
 
 @pytest.mark.parametrize(("version", "section"), [("2.0.0", "6.7"), ("2.1.0", "6.6.6"), ("3.0.0", "7.3")])
-def test_an_action_id_stands_for_one_type(version: str, section: str) -> None:
+def test_action_id_identifies_one_type(version: str, section: str) -> None:
     talk = Talk(version).act(action("a", "NONE", "startPause")).act(action("a", "NONE", "stopPause"))
 
     (finding,) = talk.findings
@@ -441,7 +439,7 @@ def test_an_action_id_belongs_to_one_order() -> None:
 
 
 @pytest.mark.parametrize("version", CODECS)
-def test_what_is_sent_again_has_its_id_again(version: str) -> None:
+def test_repetition_may_reuse_its_ids(version: str) -> None:
     again = {"n0": [action("a")]}
     talk = Talk(version).order("n0", node_actions=again).order("n0", node_actions=again)
     talk.act(action("i", "NONE", "startPause")).act(action("i", "NONE", "startPause"))
@@ -459,17 +457,17 @@ REQUEST = ZoneRequest(
 
 
 @pytest.mark.parametrize(("request_id", "rules"), [("r", []), ("q", [Rule.RESPONSE])])
-def test_fleet_control_answers_what_it_was_asked(request_id: str, rules: list[Rule]) -> None:
+def test_fleet_control_answers_only_requests(request_id: str, rules: list[Rule]) -> None:
     talk = Talk().state("n0", of="", zone_requests=(REQUEST,)).state("n0", of="")
 
     assert talk.say(responses(request_id, "GRANTED")).rules == rules
 
 
-def test_an_answer_to_what_was_not_heard_may_be_right() -> None:
+def test_answer_to_an_unrecorded_request_is_accepted() -> None:
     assert Talk().say(responses("r", "GRANTED")).rules == []
 
 
-def test_a_command_that_the_broker_has_kept_is_of_another_time() -> None:
+def test_retained_command_belongs_to_an_earlier_time() -> None:
     talk = Talk().order("n3", "n4", first=6, update=4)
     talk.entries = [replace(each, retain=True) for each in talk.entries]
     for _ in range(4):

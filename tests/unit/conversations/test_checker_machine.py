@@ -39,9 +39,7 @@ class RecordedBench(Bench):
 
 
 @pytest.mark.parametrize("version", CODECS)
-def test_nothing_is_found_wrong_with_what_the_core_says(
-    version: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_checker_accepts_conversations_of_the_core(version: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(histories, "Bench", RecordedBench)
     checked = 0
 

@@ -136,7 +136,7 @@ def comparable(state: State) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_the_robots_core_says_the_same_again(file: Path) -> None:
+def test_replay_to_the_robot_core_gives_the_same_messages(file: Path) -> None:
     messages = conversation(file)
     replay = Replay(messages[0].codec.version)
     compared = 0

@@ -143,7 +143,7 @@ def test_fleet_control_understands_refusals(version: str) -> None:
 
 
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
-def test_fleet_control_cancels_what_has_failed(version: str) -> None:
+def test_fleet_control_may_cancel_a_failed_order(version: str) -> None:
     fleet = replayed(version, "failure")
     (order,) = fleet.orders
 
@@ -157,7 +157,7 @@ def test_fleet_control_cancels_what_has_failed(version: str) -> None:
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_the_fleet_model_shows_what_the_robot_said(file: Path) -> None:
+def test_fleet_model_shows_the_robots_messages(file: Path) -> None:
     messages = conversation(file)
     model = FleetModel(ModelLimits())
     start = messages[0].time

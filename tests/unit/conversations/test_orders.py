@@ -15,18 +15,18 @@ from support.talk import Talk, doing
 
 
 @pytest.mark.parametrize(("version", "rules"), [("2.1.0", []), ("3.0.0", [Rule.FIRST_UPDATE_ID])])
-def test_a_new_order_begins_with_update_0_where_the_version_says_so(version: str, rules: list[Rule]) -> None:
+def test_new_order_starts_with_update_0_if_the_version_requires_it(version: str, rules: list[Rule]) -> None:
     talk = Talk(version).state("n0", of="").order("n0", "n1", update=3)
 
     assert talk.rules == rules
 
 
 @pytest.mark.parametrize("version", CODECS)
-def test_a_new_order_begins_with_sequence_id_0(version: str) -> None:
+def test_new_order_starts_with_sequence_id_0(version: str) -> None:
     assert Talk(version).state("n0", of="").order("n1", "n2", first=2).rules == [Rule.FIRST_SEQUENCE_ID]
 
 
-def test_an_order_whose_beginning_was_not_heard_is_no_new_one() -> None:
+def test_order_without_a_recorded_start_does_not_count_as_new() -> None:
     assert Talk().state("n1", "n2", of="o1").order("n2", "n3", first=4, update=1).rules == []
 
 
@@ -55,7 +55,7 @@ def test_an_order_comes_in_modes_that_take_it(mode: OperatingMode, rules: list[R
 
 
 @pytest.mark.parametrize("version", CODECS)
-def test_an_update_begins_at_the_decision_point(version: str) -> None:
+def test_update_starts_at_the_decision_point(version: str) -> None:
     fine = Talk(version).order("n0", "n1", "n2", released=2).order("n1", "n3", first=2, update=1)
     horizon = Talk(version).order("n0", "n1", "n2", released=2).order("n2", "n3", first=4, update=1)
     earlier = Talk(version).order("n0", "n1", "n2").order("n1", "n2", "n3", first=2, update=1)
@@ -67,7 +67,7 @@ def test_an_update_begins_at_the_decision_point(version: str) -> None:
 
 
 @pytest.mark.parametrize(("version", "rules"), [("2.1.0", []), ("3.0.0", [Rule.STITCHING_NODE])])
-def test_the_decision_point_is_repeated_in_full_where_the_version_says_so(
+def test_decision_point_is_repeated_unchanged_if_the_version_requires_it(
     version: str, rules: list[Rule]
 ) -> None:
     work = {"n1": [action("a")]}
@@ -87,7 +87,7 @@ def test_update_ids_rise(version: str) -> None:
 
 
 @pytest.mark.parametrize(("version", "rules"), [("2.1.0", []), ("3.0.0", [Rule.SAME_UPDATE_ID])])
-def test_the_same_update_id_says_the_same(version: str, rules: list[Rule]) -> None:
+def test_repeated_update_id_has_the_same_content(version: str, rules: list[Rule]) -> None:
     repeated = Talk(version).order("n0", "n1").order("n0", "n1")
     changed = Talk(version).order("n0", "n1").order("n0", "n2")
 
@@ -96,7 +96,7 @@ def test_the_same_update_id_says_the_same(version: str, rules: list[Rule]) -> No
 
 
 @pytest.mark.parametrize(("version", "rules"), [("2.1.0", []), ("3.0.0", [Rule.UPDATE_AFTER_CANCEL])])
-def test_a_cancelled_order_gets_no_update(version: str, rules: list[Rule]) -> None:
+def test_cancelled_order_receives_no_update(version: str, rules: list[Rule]) -> None:
     update = {"first": 2, "update": 1}
     during = Talk(version).order("n0", "n1").state("n0", "n1").act(action("c", "NONE", "cancelOrder"))
     nothing_cancelled = Talk(version).order("n0", "n1").state("n0", "n1").state("n1")
@@ -158,7 +158,7 @@ def test_several_nodes_may_be_reached_between_two_states() -> None:
     assert driving("n0", "n1", "n2", "n3").state("n2", "n3").findings == []
 
 
-def test_no_node_comes_back() -> None:
+def test_no_node_reappears() -> None:
     talk = driving("n0", "n1", "n2").state("n1", "n2").state("n1", "n1", "n2")
 
     assert talk.rules == [Rule.PROGRESS]
@@ -189,7 +189,7 @@ def test_sequence_ids_rise() -> None:
 
 
 @pytest.mark.parametrize(("version", "rules"), [("2.1.0", []), ("3.0.0", [Rule.FIRST_NODE])])
-def test_the_first_node_counts_as_reached_where_the_version_says_so(version: str, rules: list[Rule]) -> None:
+def test_first_node_counts_as_reached_if_the_version_requires_it(version: str, rules: list[Rule]) -> None:
     talk = Talk(version).order("n0", "n1").state("n0", "n0", "n1")
 
     assert talk.rules == rules
@@ -207,7 +207,7 @@ def test_the_last_node_is_one_of_the_order() -> None:
     assert "'n9' is not node 2" in talk.texts
 
 
-def test_an_order_does_not_vanish() -> None:
+def test_order_does_not_disappear() -> None:
     gone = driving("n0", "n1", "n2").state("n1")
     manual = driving("n0", "n1", "n2").state("n1", operating_mode=OperatingMode.MANUAL)
     back = driving("n0", "n1", "n2").state("n0", "n1", "n2", operating_mode=OperatingMode.STARTUP).state("n1")
@@ -221,7 +221,7 @@ def test_an_order_does_not_vanish() -> None:
     assert cancelled.findings == []
 
 
-def test_a_horizon_may_be_taken_back() -> None:
+def test_horizon_may_be_withdrawn() -> None:
     talk = Talk().order("n0", "n1", "n2", released=2)
     talk.state("n0", node_states=({"node_id": "n1", "sequence_id": 2, "released": True},))
     talk.order("n1", first=2, update=1).state("n0", "n1", update=1).state("n1", update=1)
@@ -229,7 +229,7 @@ def test_a_horizon_may_be_taken_back() -> None:
     assert talk.rules == []
 
 
-def test_what_was_not_heard_from_the_beginning_is_not_judged() -> None:
+def test_order_without_a_recorded_start_is_not_checked() -> None:
     talk = Talk().state("n1", "n2", of="o1").order("n2", "n3", first=4, update=1).state("n1", "n9", update=1)
 
     assert talk.rules == []
@@ -266,13 +266,13 @@ def test_an_order_is_answered_by_an_echo_or_an_error(version: str) -> None:
     assert echoed.findings == []
 
 
-def test_an_order_is_overdue_also_while_the_conversation_goes_on() -> None:
+def test_unanswered_order_is_reported_during_the_conversation() -> None:
     talk = Talk().order("n0", "n1").state("n0", of="").wait(15).state("n0", of="").state("n0", of="")
 
     assert talk.rules == [Rule.ANSWER]
 
 
-def test_a_robot_that_has_said_nothing_yet_is_waited_for() -> None:
+def test_robot_without_a_message_yet_is_awaited() -> None:
     assert Talk().order("n0", "n1").wait(15).online().findings == []
 
 
@@ -301,7 +301,7 @@ def test_an_error_about_the_order_that_the_robot_has_answers_no_update() -> None
     assert talk.rules == [Rule.ANSWER]
 
 
-def test_a_refused_update_leaves_the_order_as_it_was() -> None:
+def test_refused_update_keeps_the_order_unchanged() -> None:
     entry = refusal(order_id="o1", order_update_id=1)
     talk = Talk().order("n0", "n1").state("n0", "n1").order("n1", "n2", first=2, update=1)
     talk.state("n0", "n1", errors=(entry,)).order("n1", "n3", first=2, update=2)
@@ -330,7 +330,7 @@ def test_a_robot_may_have_an_order_from_before_the_recording() -> None:
     assert Talk().state("n1", "n2", of="old").state("n2", of="old").rules == []
 
 
-def test_where_fleet_control_is_not_recorded_its_orders_are_not_missed() -> None:
+def test_orders_are_not_required_without_fleet_control() -> None:
     assert Talk().state("n1", of="o1").state("n2", of="o2").state("n3", of="o3").rules == []
 
 

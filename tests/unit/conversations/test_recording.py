@@ -27,7 +27,7 @@ entries = st.builds(
 
 
 @given(st.lists(entries))
-def test_what_is_written_is_read_again(recorded: list[Entry]) -> None:
+def test_written_entries_are_read_unchanged(recorded: list[Entry]) -> None:
     file = io.StringIO()
     for entry in recorded:
         append(entry, file)
@@ -51,7 +51,7 @@ def test_text_stays_readable_in_the_file() -> None:
         ('{"time": "2026-01-01T12:00:00Z", "topic": "t", "payload_base64": "?"}', "line 2: "),
     ],
 )
-def test_a_line_that_is_no_message_is_named(line: str, problem: str) -> None:
+def test_invalid_line_is_reported(line: str, problem: str) -> None:
     with pytest.raises(RecordingError, match=problem):
         list(read(["\n", line + "\n"], "it"))
 
@@ -64,7 +64,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         list(read_file(tmp_path / "bytes"))
 
 
-def test_a_last_line_that_was_cut_off_is_passed_over() -> None:
+def test_incomplete_last_line_is_skipped() -> None:
     whole = Entry(NOON, "t", b"x").to_json()
 
     assert len(list(read([whole + "\n", whole[:-9]], "it"))) == 1
@@ -72,7 +72,7 @@ def test_a_last_line_that_was_cut_off_is_passed_over() -> None:
         list(read([whole[:-9]], "it"))
 
 
-def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
+def test_existing_file_is_not_overwritten(tmp_path: Path) -> None:
     file = tmp_path / "it.jsonl"
     file.write_text("precious")
 
@@ -82,7 +82,7 @@ def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("recorded", "left"), [([], False), ([Entry(NOON, "t", b"x")], True)])
-def test_after_a_failure_only_what_was_recorded_is_left(
+def test_failed_recording_keeps_the_recorded_messages_only(
     tmp_path: Path, recorded: list[Entry], *, left: bool
 ) -> None:
     file = tmp_path / "it.jsonl"
@@ -125,7 +125,7 @@ def test_pauses_are_those_of_the_recording() -> None:
 
 
 @pytest.mark.parametrize(("last", "kept"), [("connection", True), ("factsheet", True), ("state", False)])
-def test_what_robots_leave_at_the_broker_is_left_there(last: str, *, kept: bool) -> None:
+def test_topics_that_robots_publish_retained(last: str, *, kept: bool) -> None:
     assert is_retained(f"uagv/v2/ACME/1/{last}") is kept
 
 
@@ -142,5 +142,5 @@ def test_fresh_headers_count_for_each_topic_and_tell_the_time() -> None:
 
 
 @pytest.mark.parametrize("payload", [b"\xff", b"hello", b"[1]", b'{"x": 1}'])
-def test_what_has_no_header_stays_as_it_is(payload: bytes) -> None:
+def test_message_without_a_header_stays_unchanged(payload: bytes) -> None:
     assert FreshHeaders().apply(entry(payload=payload), NOON) == entry(payload=payload)

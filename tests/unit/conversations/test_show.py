@@ -31,7 +31,7 @@ def shown(talk: Talk, **options: Any) -> str:
     return out.getvalue()
 
 
-def test_a_state_is_told_by_what_has_changed_since_the_robots_own_one_before() -> None:
+def test_state_is_compared_with_the_previous_one_of_the_same_robot() -> None:
     talk = Talk().state("n0", of="")
     talk.raw("fleet/v3/ACME/0002/state", talk.codec.encode(state(robot=RobotKey("ACME", "0002"))))
     text = shown(talk.state("n0", of="", driving=True))
@@ -39,7 +39,7 @@ def test_a_state_is_told_by_what_has_changed_since_the_robots_own_one_before() -
     assert text.split("state 3.0.0")[-1] == "\n    driving: yes\n"
 
 
-def test_it_says_who_speaks_to_whom() -> None:
+def test_sender_and_receiver_are_shown() -> None:
     text = shown(Talk().order("n0", "n1").state("n0", "n1"))
 
     assert "fleet → ACME/0001 order 3.0.0" in text
@@ -53,7 +53,7 @@ def test_a_state_that_changes_nothing_is_left_out_unless_all_is_asked_for() -> N
     assert "no change" in shown(talk, everything=True)
 
 
-def test_what_is_not_readable_says_why() -> None:
+def test_unreadable_message_is_shown_with_the_reason() -> None:
     assert "malformed: " in shown(Talk().raw("fleet/v3/ACME/0001/state", b"?"))
 
 
@@ -63,7 +63,7 @@ def test_one_robot_is_picked_out() -> None:
 
 
 @pytest.mark.parametrize("file", sorted(FOLDER.glob("*.jsonl")), ids=lambda file: file.stem)
-def test_each_recorded_message_is_told(file: Path) -> None:
+def test_every_recorded_message_is_shown(file: Path) -> None:
     entries = list(read_file(file))
 
     out = io.StringIO()
@@ -135,7 +135,7 @@ def changed(fields: dict[str, Any], before: dict[str, Any] | None = None) -> lis
         ({"instant_action_states": doing(("a", "RUNNING"))}, "work 'a' RUNNING"),
     ],
 )
-def test_of_a_state_it_is_told_what_has_changed_and_nothing_else(fields: dict[str, Any], line: str) -> None:
+def test_only_changes_of_a_state_are_shown(fields: dict[str, Any], line: str) -> None:
     assert changed(fields) == [line]
 
 
@@ -158,22 +158,22 @@ def test_of_a_state_it_is_told_what_has_changed_and_nothing_else(fields: dict[st
         ({"mobile_robot_position": {**position(4.0, 2.0), "map_id": "yard"}}, "at x 4.00, y 2.00 on 'yard'"),
     ],
 )
-def test_what_is_over_is_told_too(fields: dict[str, Any], line: str) -> None:
+def test_ends_are_shown(fields: dict[str, Any], line: str) -> None:
     assert changed(fields, FULL) == [line]
 
 
 @pytest.mark.parametrize(("by", "told"), [(0.99 * MOVED, False), (1.01 * MOVED, True)])
-def test_a_move_is_told_from_some_centimetres_on(by: float, *, told: bool) -> None:
+def test_movement_is_shown_from_some_centimetres_on(by: float, *, told: bool) -> None:
     lines = changed({"mobile_robot_position": position(4.0 + by, 2.0)}, FULL)
     assert lines == (["at x 4.05, y 2.00 on 'hall'"] if told else ["no change"])
 
 
-def test_a_place_that_was_not_known_is_told_with_whether_it_is_sure() -> None:
+def test_first_position_is_shown_with_its_localisation() -> None:
     lines = changed({"mobile_robot_position": position(1.0, 2.0, localized=False)})
     assert lines == ["at x 1.00, y 2.00 on 'hall'", "not localised"]
 
 
-def test_the_first_state_tells_where_the_robot_stands_and_of_nothing_that_is_not() -> None:
+def test_first_state_shows_the_position_and_no_empty_values() -> None:
     assert describe(state(), None) == [
         "no order yet",
         "last node '' (0)",
@@ -186,14 +186,14 @@ def test_the_first_state_tells_where_the_robot_stands_and_of_nothing_that_is_not
     assert not any("paused" in each or "emergency" in each for each in first)
 
 
-def test_an_action_tells_its_result() -> None:
+def test_action_result_is_shown() -> None:
     done = ActionState(
         action_id="a", action_type=None, action_status=ActionStatus.FAILED, action_result="dropped it"
     )
     assert changed({"action_states": (done,)}) == ["action 'a' FAILED: dropped it"]
 
 
-def test_several_errors_come_and_go_each_by_itself() -> None:
+def test_errors_are_raised_and_cleared_independently() -> None:
     other = error(ErrorType.ACTION_FAILED, "slipped")
     assert changed({"errors": (other,)}, {"errors": (WALL,)}) == [
         f"{other.error_level} ACTION_FAILED: slipped",
@@ -210,9 +210,7 @@ def test_the_same_again_is_nothing_new(fields: dict[str, Any]) -> None:
 
 
 @given(FIELDS, FIELDS)
-def test_whatever_is_told_of_one_way_is_told_of_the_way_back(
-    one: dict[str, Any], other: dict[str, Any]
-) -> None:
+def test_change_and_reversal_are_both_shown(one: dict[str, Any], other: dict[str, Any]) -> None:
     there = describe(state(2, **other), state(1, **one))
     back = describe(state(3, **one), state(2, **other))
     assert (there == ["no change"]) == (back == ["no change"])
@@ -246,7 +244,7 @@ def test_an_order_shows_its_way_and_its_actions(message: Order, lines: list[str]
     assert describe(message, None) == lines
 
 
-def test_the_other_messages_are_told_in_a_line() -> None:
+def test_other_messages_are_shown_in_one_line() -> None:
     def instant(*actions: Action) -> InstantActions:
         return InstantActions(**HEADER, actions=actions)
 

@@ -16,7 +16,7 @@ from nena_demo.session import ProgressPrinter
 from support.waiting import PATIENCE
 
 
-async def test_a_stop_that_is_lost_on_its_way_is_said_again(
+async def test_lost_cancellation_is_repeated(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     stops = 0

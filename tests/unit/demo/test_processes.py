@@ -28,9 +28,7 @@ async def test_children_are_ended_the_newest_first(tmp_path: Path) -> None:
     assert first.process.returncode == second.process.returncode == -15
 
 
-async def test_a_child_that_does_not_listen_is_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_child_that_ignores_sigterm_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "STOP_SECONDS", 0.2)
     async with Processes(tmp_path) as processes:
         child = await processes.start("stubborn", STUBBORN)
@@ -39,7 +37,7 @@ async def test_a_child_that_does_not_listen_is_killed(
     assert child.process.returncode == -9
 
 
-async def test_an_ended_child_is_told_with_the_end_of_its_log(tmp_path: Path) -> None:
+async def test_ended_child_is_reported_with_the_end_of_its_log(tmp_path: Path) -> None:
     async with Processes(tmp_path) as processes:
         child = await processes.start(
             "broken", (sys.executable, "-c", "print('no broker'); raise SystemExit(3)")
@@ -61,7 +59,7 @@ async def test_variables_reach_the_child(tmp_path: Path) -> None:
         assert child.tail().strip() == "seen"
 
 
-async def test_without_mosquitto_the_python_broker_is_taken(
+async def test_python_broker_is_used_without_mosquitto(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "mosquitto_path", lambda: None)
@@ -72,7 +70,7 @@ async def test_without_mosquitto_the_python_broker_is_taken(
         assert not (tmp_path / "mosquitto.conf").exists()
 
 
-async def test_mosquitto_gets_its_limits_and_no_delay(tmp_path: Path) -> None:
+async def test_mosquitto_configuration_has_limits_and_no_delay(tmp_path: Path) -> None:
     assert mosquitto_path() is not None
     async with Processes(tmp_path) as processes:
         await start_broker(processes, free_port(), "mosquitto")
@@ -82,7 +80,7 @@ async def test_mosquitto_gets_its_limits_and_no_delay(tmp_path: Path) -> None:
         assert line in configuration.splitlines()
 
 
-async def test_a_broker_that_cannot_start_is_told_with_its_log(tmp_path: Path) -> None:
+async def test_broker_that_cannot_start_is_reported_with_its_log(tmp_path: Path) -> None:
     async with Processes(tmp_path) as processes:
         port = free_port()
         await start_broker(processes, port, "mosquitto")

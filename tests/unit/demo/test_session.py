@@ -38,7 +38,7 @@ def test_agreement_is_silent() -> None:
     assert list(check_metrics(metrics(2), ORDERS, ROBOTS)) == []
 
 
-def test_an_order_in_another_state_or_missing_is_told() -> None:
+def test_order_in_another_state_or_missing_is_reported() -> None:
     problems = list(check_fleet(fleet(first="BEING_PROCESSED"), ORDERS, ROBOTS))
 
     assert problems == [
@@ -47,7 +47,7 @@ def test_an_order_in_another_state_or_missing_is_told() -> None:
     ]
 
 
-def test_a_robot_that_is_missing_or_not_idle_is_told_with_its_reason() -> None:
+def test_missing_or_busy_robot_is_reported_with_its_reason() -> None:
     seen = fleet(**ORDERS)
     seen["robots"] = [{"serialNumber": "robot-01", "condition": "SILENT", "reason": "no state for 40 s"}]
 
@@ -65,5 +65,5 @@ def test_a_robot_that_is_missing_or_not_idle_is_told_with_its_reason() -> None:
         (metrics(2, robots=1), "nena_robot_state_age_seconds has no sample for robot-02"),
     ],
 )
-def test_metrics_that_differ_are_told(text: str, problem: str) -> None:
+def test_differing_metrics_are_reported(text: str, problem: str) -> None:
     assert list(check_metrics(text, ORDERS, ROBOTS)) == [problem]

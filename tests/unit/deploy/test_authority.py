@@ -18,7 +18,7 @@ def authority() -> Authority:
     return Authority.new("site", NOW)
 
 
-def test_it_vouches_for_a_server_under_each_of_its_names(authority: Authority) -> None:
+def test_server_certificate_is_valid_for_each_of_its_names(authority: Authority) -> None:
     made = authority.for_server(["broker.example", "192.0.2.1"], NOW, 30)
     certificate = x509.load_pem_x509_certificate(made.certificate)
 
@@ -30,7 +30,7 @@ def test_it_vouches_for_a_server_under_each_of_its_names(authority: Authority) -
     assert list(purpose) == [ExtendedKeyUsageOID.SERVER_AUTH]
 
 
-def test_a_client_is_no_server_and_no_authority(authority: Authority) -> None:
+def test_client_certificate_is_valid_for_neither_server_nor_ca(authority: Authority) -> None:
     made = authority.for_client("ACME/1", NOW, 30)
     certificate = x509.load_pem_x509_certificate(made.certificate)
 
@@ -42,7 +42,7 @@ def test_a_client_is_no_server_and_no_authority(authority: Authority) -> None:
     assert certificate.not_valid_before_utc < NOW, "a robot's clock may be behind"
 
 
-def test_what_is_taken_back_is_on_the_list(authority: Authority) -> None:
+def test_revoked_certificate_is_on_the_list(authority: Authority) -> None:
     made = authority.for_client("ACME/1", NOW, 30)
     revoked = x509.load_pem_x509_crl(authority.revocations([made.serial_number], NOW))
 

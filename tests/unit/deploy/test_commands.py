@@ -18,7 +18,7 @@ from nena_deploy.commands import app
 from nena_shared.fleet_api.base import Role
 from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import MqttSettings
-from nena_shared.web.users import UserBook
+from nena_shared.web.users import UsersFile
 from support.waiting import PATIENCE
 
 
@@ -85,21 +85,21 @@ def test_a_service_serves_https_under_the_names_it_was_given(site: Path) -> None
         shake_hands(made, "192.0.2.3")
 
 
-def test_a_service_has_no_certificate_of_a_host_that_is_no_name(site: Path) -> None:
+def test_invalid_host_name_yields_no_certificate(site: Path) -> None:
     done = run("https", site, "order-service", "--host", "büro.example")
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
     assert "--host büro.example" in done.stderr
     assert not (site / "https").exists()
 
 
-def test_a_host_that_is_no_name_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_invalid_host_name_creates_no_files(tmp_path: Path) -> None:
     done = run("init", tmp_path / "site", "--host", "büro.example")
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
     assert "--host büro.example" in done.stderr
     assert not (tmp_path / "site").exists()
 
 
-def test_a_robot_gets_files_that_its_agent_can_use(site: Path) -> None:
+def test_robot_files_are_usable_by_its_agent(site: Path) -> None:
     done = run("robot", "add", site, "ACME", "0001")
     assert done.exit_code == 0, done.stderr
     folder = site / "robots" / "ACME" / "0001"
@@ -111,7 +111,7 @@ def test_a_robot_gets_files_that_its_agent_can_use(site: Path) -> None:
     assert ["robot", "ACME/0001"] in [line[:2] for line in listed(site)]
 
 
-def test_a_robot_that_is_removed_has_nothing_left(site: Path) -> None:
+def test_removed_robot_leaves_no_files(site: Path) -> None:
     run("robot", "add", site, "ACME", "0001")
     before = (site / "broker" / "revoked.pem").read_bytes()
     assert run("robot", "remove", site, "ACME", "0001").exit_code == 0
@@ -123,7 +123,7 @@ def test_a_robot_that_is_removed_has_nothing_left(site: Path) -> None:
     assert (again.exit_code, "No robot ACME/0001" in again.stderr) == (2, True)
 
 
-def test_a_new_certificate_takes_the_place_of_the_old_one(site: Path) -> None:
+def test_new_certificate_replaces_the_old_one(site: Path) -> None:
     run("host", "add", site, "wms")
     first = (site / "hosts" / "wms" / "certificate.pem").read_bytes()
     run("host", "add", site, "wms")
@@ -134,7 +134,7 @@ def test_a_new_certificate_takes_the_place_of_the_old_one(site: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["{", "[" * 100_000, f'{{"hosts": {[5] * 10_000}}}', "null"])
-def test_a_register_that_is_damaged_is_told_in_a_line(site: Path, content: str) -> None:
+def test_damaged_register_is_reported_in_one_line(site: Path, content: str) -> None:
     (site / "site.json").write_text(content)
     done = run("list", site)
 
@@ -143,7 +143,7 @@ def test_a_register_that_is_damaged_is_told_in_a_line(site: Path, content: str) 
     assert len(done.stderr) < 1000
 
 
-def test_an_authority_with_a_key_of_a_kind_that_nobody_knows_is_told_in_a_line(site: Path) -> None:
+def test_unsupported_ca_key_is_reported_in_one_line(site: Path) -> None:
     file, kind = site / "authority" / "ca-key.pem", bytes.fromhex("06072a8648ce3d0201")
     first, *middle, last = file.read_text().splitlines()
     other = b64encode(b64decode("".join(middle)).replace(kind, bytes.fromhex("06072a8648c0fd0201"))).decode()
@@ -167,7 +167,7 @@ def test_an_authority_with_a_key_of_a_kind_that_nobody_knows_is_told_in_a_line(s
         (("user", "remove", "{users}", "bob"), "No user bob"),
     ],
 )
-def test_what_cannot_be_done_is_one_clear_line(
+def test_failure_is_one_clear_line(
     site: Path, tmp_path: Path, arguments: tuple[str, ...], complaint: str
 ) -> None:
     users = tmp_path / "users.toml"
@@ -179,23 +179,23 @@ def test_what_cannot_be_done_is_one_clear_line(
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_users_come_and_go(tmp_path: Path) -> None:
+def test_users_are_added_and_removed(tmp_path: Path) -> None:
     users = tmp_path / "users.toml"
     first = run("user", "add", users, "ann", "--role", "viewer").stdout.strip()
     token = run("user", "add", users, "ann", "--role", "operator").stdout.strip()
     run("user", "add", users, "bob", "--role", "admin")
-    book = UserBook(users)
+    loaded = UsersFile(users)
 
-    assert book.who(first) is None, "the new token has taken its place"
-    ann = book.who(token)
+    assert loaded.user_of(first) is None, "the new token has taken its place"
+    ann = loaded.user_of(token)
     assert ann is not None
     assert (ann.name, ann.role) == ("ann", Role.OPERATOR)
     assert run("user", "list", users).stdout == "ann\toperator\nbob\tadmin\n"
     run("user", "remove", users, "ann")
-    assert book.who(token) is None
+    assert loaded.user_of(token) is None
 
 
-def test_services_read_the_file_of_users_by_their_group(tmp_path: Path) -> None:
+def test_services_can_read_the_users_file_through_their_group(tmp_path: Path) -> None:
     file, group = tmp_path / "users.toml", grp.getgrgid(os.getgroups()[-1] if os.geteuid() else 65534)
     done = run("user", "add", file, "ann", "--role", "viewer", "--group", group.gr_name)
     assert done.exit_code == 0, done.stderr
@@ -206,7 +206,7 @@ def test_services_read_the_file_of_users_by_their_group(tmp_path: Path) -> None:
     assert (status.st_gid, stat.S_IMODE(status.st_mode)) == (group.gr_gid, 0o640)
 
 
-def test_a_group_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_unknown_group_is_reported(tmp_path: Path) -> None:
     done = run("user", "add", tmp_path / "users.toml", "ann", "--role", "viewer", "--group", "no-such-group")
 
     assert done.exit_code == 2

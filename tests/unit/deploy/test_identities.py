@@ -13,14 +13,14 @@ from nena_deploy.identities import (
 )
 
 
-def test_a_robot_is_called_as_in_its_topics() -> None:
+def test_robot_is_named_as_in_its_topics() -> None:
     assert robot_name("ACME Robots", "AGV-0001") == "ACME Robots/AGV-0001"
 
 
 @pytest.mark.parametrize(
     "level", ["", "a/b", "a+", "#", "a\n", "../x", ".", "$SYS", "x" * 65, " a", "a ", " ", "a\x7f"]
 )
-def test_what_cannot_stand_in_a_topic_is_no_name(level: str) -> None:
+def test_name_must_be_valid_in_a_topic(level: str) -> None:
     with pytest.raises(IdentityError, match=r"manufacturer .* is not valid in a topic"):
         robot_name(level, "1")
     with pytest.raises(IdentityError, match=r"serial number .* is not valid in a topic"):
@@ -65,7 +65,7 @@ def rules_of(kind: Kind, name: str) -> list[str]:
     return [each.removeprefix("topic ") for each in rules]
 
 
-def test_a_robot_writes_what_robots_write_and_reads_what_is_for_it_alone() -> None:
+def test_robot_writes_and_reads_only_its_own_topics() -> None:
     rules = rules_of(Kind.ROBOT, "ACME/1")
 
     assert "write uagv/v2/ACME/1/state" in rules
@@ -78,7 +78,7 @@ def test_a_robot_writes_what_robots_write_and_reads_what_is_for_it_alone() -> No
     assert not [each for each in rules if each.startswith("readwrite")]
 
 
-def test_a_host_speaks_under_its_own_name() -> None:
+def test_host_publishes_under_its_own_name() -> None:
     rules = rules_of(Kind.HOST, "wms")
 
     assert [each for each in rules if "write" in each] == [

@@ -60,7 +60,7 @@ def test_times_outside_years_of_utc_are_refused(year: int, hours: int) -> None:
 
 
 @given(st.datetimes(timezones=st.just(UTC)))
-def test_what_is_written_has_milliseconds_and_four_digits_of_a_year(moment: datetime) -> None:
+def test_written_time_has_milliseconds_and_a_four_digit_year(moment: datetime) -> None:
     written = iso(moment)
 
     assert len(written) == len("2026-01-01T00:00:00.000Z")

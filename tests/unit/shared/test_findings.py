@@ -41,7 +41,7 @@ def test_each_finding_is_a_line_with_the_place_and_plain_words(given: object, li
     assert in_words(refused.value.errors(), whole="all of it") == [line]
 
 
-def test_where_the_place_begins_is_left_out_once() -> None:
+def test_root_is_omitted_once() -> None:
     finding = {"loc": ("body", "body"), "type": "missing", "msg": ""}
 
     assert in_words([finding, {**finding, "loc": ("body",)}], whole="all of it", root="body") == [
@@ -50,7 +50,7 @@ def test_where_the_place_begins_is_left_out_once() -> None:
     ]
 
 
-def test_what_somebody_sent_is_repeated_in_brief() -> None:
+def test_received_text_is_shortened() -> None:
     finding = {"loc": ("x" * 1000,), "type": "value_error", "msg": f"Value error, {'y' * 1000} is no colour"}
 
     (line,) = in_words([finding], whole="all of it")

@@ -48,7 +48,7 @@ def test_nena_passes_its_arguments_on(plant: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["no plant", '{"name": "empty"}'])
-def test_what_is_no_plant_to_drive_in_is_refused_with_a_reason(tmp_path: Path, text: str) -> None:
+def test_unusable_plant_is_refused_with_a_reason(tmp_path: Path, text: str) -> None:
     file = tmp_path / "plant.json"
     file.write_text(text, encoding="utf-8")
 

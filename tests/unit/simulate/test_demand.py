@@ -44,13 +44,13 @@ def test_recorded_orders_count_from_the_first_of_their_times_of_day(tmp_path: Pa
     assert orders[0].request.destinations[1].location_name == THIRD
 
 
-def test_seconds_count_from_the_beginning(tmp_path: Path) -> None:
+def test_seconds_are_counted_from_the_start(tmp_path: Path) -> None:
     orders = read_orders(written(tmp_path, f"at,from,to\n90,{ONE},{OTHER}\n"), PLANT).orders
 
     assert [each.at for each in orders] == [90.0]
 
 
-def test_what_the_order_service_tells_is_done_again(tmp_path: Path) -> None:
+def test_orders_of_an_order_service_are_repeated(tmp_path: Path) -> None:
     told = {
         "transportOrders": [
             {
@@ -85,7 +85,7 @@ def test_requests_with_a_time(tmp_path: Path) -> None:
         ("orders.json", "[", "orders.json"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_said(tmp_path: Path, name: str, text: str, what: str) -> None:
+def test_error_in_a_file_is_reported(tmp_path: Path, name: str, text: str, what: str) -> None:
     with pytest.raises(DemandError, match=what):
         read_orders(written(tmp_path, text, name), PLANT)
 

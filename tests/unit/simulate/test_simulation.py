@@ -35,14 +35,14 @@ def test_the_same_seed_gives_the_same_result(seed: int, loss: float) -> None:
 
 
 @pytest.mark.long
-def test_processes_of_their_own_give_the_same_result_as_each_other() -> None:
+def test_separate_processes_give_equal_results() -> None:
     one, same, other = simulate_all([CASE, CASE, replace(CASE, seed=2)], jobs=2)
 
     assert one == same
     assert one != other
 
 
-def test_one_robot_alone_does_what_nothing_keeps_it_from() -> None:
+def test_single_robot_reaches_the_throughput_bound() -> None:
     one_by_one = replace(CASE, plant=HALL.with_robots(1), robots=1, hours=0.3, demand=Demand(backlog=1))
 
     found = simulate(one_by_one)
@@ -56,7 +56,7 @@ def test_one_robot_alone_does_what_nothing_keeps_it_from() -> None:
     assert len(found.finished_by_minute) == 18
 
 
-def test_robots_in_each_others_way_wait_and_it_is_said_where_and_why() -> None:
+def test_conflicting_robots_wait_with_place_and_reason() -> None:
     found = simulate(replace(CASE, plant=HALL.with_robots(10), robots=10))
 
     waited = found.doing[Doing.WAITS] * 10 * 60

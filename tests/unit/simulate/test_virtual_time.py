@@ -14,7 +14,7 @@ from nena_simulate.virtual_time import BEGINNING, TimeStoodStillError, VirtualCl
 HOUR = 3600.0
 
 
-def test_a_long_wait_takes_no_time_and_moves_the_clock() -> None:
+def test_long_wait_only_advances_the_clock() -> None:
     async def work(clock: VirtualClock) -> Clock:
         await asyncio.wait_for(asyncio.Event().wait(), timeout=8 * HOUR)
         return clock
@@ -46,7 +46,7 @@ def test_timers_fire_in_their_order() -> None:
     assert run(work) == [1, 2, 3]
 
 
-def test_a_timer_that_is_asked_for_again_for_less_than_the_clock_counts_ends() -> None:
+def test_timer_shorter_than_the_clock_resolution_ends() -> None:
     async def work(clock: VirtualClock) -> float:
         loop, done = asyncio.get_running_loop(), asyncio.Event()
         end = 1e5 + 1e-12
@@ -65,7 +65,7 @@ def test_a_timer_that_is_asked_for_again_for_less_than_the_clock_counts_ends() -
     assert run(work) >= 1e5
 
 
-def test_what_can_never_happen_is_said_instead_of_waited_for() -> None:
+def test_waiting_for_an_impossible_event_is_an_error() -> None:
     async def work(_: VirtualClock) -> None:
         await asyncio.Event().wait()
 
@@ -73,7 +73,7 @@ def test_what_can_never_happen_is_said_instead_of_waited_for() -> None:
         run(work)
 
 
-def test_what_goes_to_a_thread_is_done_on_the_spot_and_its_failure_told() -> None:
+def test_thread_work_runs_immediately_and_reports_failures() -> None:
     async def work(_: VirtualClock) -> int:
         with pytest.raises(ZeroDivisionError):
             await asyncio.to_thread(lambda: 1 // 0)

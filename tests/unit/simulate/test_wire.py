@@ -56,14 +56,14 @@ def test_messages_come_in_their_order_after_their_delay() -> None:
     assert min(times[-MESSAGES:]) >= 2 * SUBSCRIBING_SECONDS + 0.5
 
 
-def test_a_share_of_the_messages_gets_lost_and_no_retained_one() -> None:
+def test_given_share_of_messages_is_lost_but_no_retained_ones() -> None:
     messages, _ = heard(Conditions(loss=0.3))
 
     assert 0.6 * MESSAGES < len([each for each in messages if each.topic != "hello"]) < 0.8 * MESSAGES
     assert any(each.topic == "hello" for each in messages)
 
 
-def test_a_cut_link_publishes_its_will_and_comes_back() -> None:
+def test_interrupted_link_publishes_its_will_and_reconnects() -> None:
     messages, _ = heard(Conditions(), cut=True)
     topics = [each.topic for each in messages]
 

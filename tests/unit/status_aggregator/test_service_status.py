@@ -12,7 +12,7 @@ from nena_status_aggregator.mqtt import FleetSubscriber
 from nena_status_aggregator.settings import AggregatorSettings
 
 
-async def test_an_order_service_whose_retained_status_is_cleared_is_awaited_no_more() -> None:
+async def test_order_service_is_forgotten_once_its_retained_status_is_cleared() -> None:
     clock, model = SystemClock(), FleetModel(ModelLimits())
     link = FleetSubscriber(AggregatorSettings(), model, clock)
     topic = FleetTopics().service_status

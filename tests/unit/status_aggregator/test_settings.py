@@ -22,7 +22,7 @@ def test_defaults() -> None:
     assert settings.silence_limit is None
 
 
-def test_a_single_value_leaves_its_neighbours_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_single_value_does_not_affect_others(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NENA_HTTP__HOST", "::1")
     settings = loaded("--events.backlog", "7", "--silence_limit", "4")
     assert (settings.http.host, settings.http.port) == ("::1", 8080)
@@ -66,7 +66,7 @@ def test_a_table_of_roles_is_the_sites_own(tmp_path: Path) -> None:
         (("--http.oidc.algorithms", "HS256"), "algorithms"),
     ],
 )
-def test_an_issuer_that_would_be_no_protection_is_refused(more: tuple[str, ...], complaint: str) -> None:
+def test_insecure_issuer_is_refused(more: tuple[str, ...], complaint: str) -> None:
     with pytest.raises(ConfigurationError, match=complaint):
         loaded(*OIDC, *more)
 
@@ -105,6 +105,6 @@ def test_share_of_a_robot_never_changes() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "1/0", "-1/2", "1/2/3", "a/b", "1/1000", "1/²"])
-def test_what_is_no_share_is_refused_with_an_example(text: str) -> None:
+def test_invalid_share_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(ValueError, match="1/2 for the first of two"):
         Share.read(text)

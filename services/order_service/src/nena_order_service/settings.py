@@ -74,7 +74,7 @@ class EventSettings(SettingsGroup):
     backlog: int = Field(
         1000,
         ge=1,
-        description="Maximum number of events a client may be behind; beyond it receives a snapshot.",
+        description="Maximum number of events a client may be behind; beyond it, they receive a snapshot.",
     )
     replay_limit: int = Field(
         10_000, ge=0, description="Maximum number of changed orders replayed to a client that reconnects."

@@ -99,13 +99,13 @@ class EventSettings(SettingsGroup):
     """The event stream."""
 
     interval: float = Field(
-        0.05, gt=0, le=5, description="Interval between events, seconds; changes in between are combined."
+        0.05, gt=0, le=5, description="Interval between events, seconds; changes in between are merged."
     )
     history: int = Field(1000, ge=1, description="Number of events kept for clients that reconnect.")
     backlog: int = Field(
         200,
         ge=1,
-        description="Maximum number of events a client may be behind; beyond it receives a snapshot.",
+        description="Maximum number of events a client may be behind; beyond it, they receive a snapshot.",
     )
     clients: int = Field(100, ge=1, description="Maximum number of event stream clients.")
 
@@ -133,7 +133,7 @@ class HistorySettings(SettingsGroup):
     queue_limit: int = Field(
         20_000,
         ge=1,
-        description="Maximum number of entries waiting for the database; beyond, the oldest are dropped.",
+        description="Maximum number of entries waiting for the database; beyond it, the oldest are dropped.",
     )
     batch_limit: int = Field(1000, ge=1, le=10_000, description="Maximum number of entries per transaction.")
     interval: float = Field(0.5, gt=0, le=60, description="Interval between writes, seconds.")
@@ -154,15 +154,18 @@ class JamSettings(SettingsGroup):
     """Limits above which waiting robots are reported as a jam."""
 
     robots: int = Field(
-        3, ge=0, description="Number of robots waiting behind one vehicle above which they are a jam."
+        3, ge=0, description="Queue length (robots behind one vehicle) above which a jam is reported."
     )
     seconds: float = Field(
-        60.0, ge=0, le=86400, description="Time above that number until a jam is reported, seconds."
+        60.0,
+        ge=0,
+        le=86400,
+        description="Time that a queue must exceed `jam.robots` before a jam is reported, seconds.",
     )
 
 
 class OrderServiceSettings(SettingsGroup):
-    """Access to the order service, which executes the commands of the control panel."""
+    """Access to the order service, which executes the control panel's commands."""
 
     url: HttpUrl | None = Field(
         None,
@@ -209,7 +212,7 @@ class AggregatorSettings(ServiceSettings):
         "intervals of its factsheet, at least 35.",
     )
     clock_skew_limit: float = Field(
-        2.0, gt=0, description="Clock deviation of a robot from which it is shown, seconds."
+        2.0, gt=0, description="Minimum clock deviation of a robot that is reported, seconds."
     )
     strict: bool = Field(
         default=False,
@@ -218,7 +221,7 @@ class AggregatorSettings(ServiceSettings):
     robots_limit: int = Field(
         10_000,
         ge=1,
-        description="Maximum number of robots; beyond, a new robot replaces a silent one or is ignored.",
+        description="Maximum number of robots; beyond it, a new robot replaces a silent one or is ignored.",
     )
     messages_per_second: float = Field(
         200.0,
@@ -232,7 +235,7 @@ class AggregatorSettings(ServiceSettings):
     orders_limit: int = Field(
         1000,
         ge=1,
-        description="Maximum number of transport orders; beyond, the one that ended first is removed.",
+        description="Maximum number of transport orders; beyond it, the one that ended first is removed.",
     )
     jam: JamSettings = Field(
         default_factory=JamSettings, description="Limits above which waiting robots are reported as a jam."

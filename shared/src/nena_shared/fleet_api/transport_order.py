@@ -176,7 +176,7 @@ class TransportOrderRequest(Request):
     """Request to create a transport order; same body over REST and MQTT."""
 
     name: OrderName | None = None
-    """None: the order service makes one."""
+    """None: the order service generates one."""
     incomplete_name: bool = False
     """Whether the order service completes ``name`` to a unique one."""
     idempotency_key: IdempotencyKey | None = None
@@ -302,7 +302,7 @@ class OrderSequenceRequest(Request):
     """Request to create an empty order sequence; orders join it with ``wrappingSequence``."""
 
     name: OrderName | None = None
-    """None: the order service makes one."""
+    """None: the order service generates one."""
     incomplete_name: bool = False
     """Whether the order service completes ``name`` to a unique one."""
     idempotency_key: IdempotencyKey | None = None

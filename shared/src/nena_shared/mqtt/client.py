@@ -57,13 +57,13 @@ OWN_PACKET_IDS = range(0x8000, 0x10000)
 
 CLOSED_AT_ONCE = "the broker closed the connection right after it accepted it"
 NOT_ACCEPTED = (
-    "before it accepted the connection; check whether it expects TLS on this port, or a different "
+    "before it accepted the connection; check whether it expects TLS on this port or a different "
     "certificate (mqtt.tls)"
 )
 NO_ANSWER = "the broker did not answer in time"
 CLOSED_UNANSWERED = "the connection ended before the broker answered a subscription"
 NOT_CONNECTED = "not connected"
-NOT_PERMITTED = "the program no longer has the right to publish"
+NOT_PERMITTED = "the program may no longer publish"
 
 Receive = Callable[[Inbound], None]
 Confirmed = Callable[[], None]
@@ -362,7 +362,7 @@ class Client:
         return made
 
     def _connect(self) -> None:
-        """Open the connection; runs in a thread. The event loop writes CONNECT."""
+        """Open the connection, in a thread. The event loop writes CONNECT."""
         self._paho.connect(self._settings.host, self._settings.port, self._settings.keep_alive)
 
     def _begin(self) -> None:

@@ -249,7 +249,7 @@ def _dangling(kind: ObjectKind, name: str, wanted: ObjectKind, reference: str) -
 def _name_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     for kind, name in _names(model):
         if name != name.strip() or not name.isprintable():
-            text = "the name has leading or trailing blanks or invisible characters; it is kept unchanged"
+            text = "the name has leading or trailing spaces or invisible characters; it is kept unchanged"
             yield PlantProblem("SUSPICIOUS_NAME", kind, name, text)
         if len(name) > LONGEST_NAME:
             text = f"the name has {len(name)} characters; requests can name objects of up to {LONGEST_NAME}"

@@ -27,7 +27,7 @@ def fault(trajectory: PathTrajectory) -> str:
     if any(after < before for before, after in pairwise(knots)):
         return "has knots that decrease"
     if knots[trajectory.degree] == knots[-trajectory.degree - 1]:
-        return "has no knots between which it runs"
+        return "has no span between its knots"
     return ""
 
 

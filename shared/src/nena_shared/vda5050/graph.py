@@ -19,7 +19,7 @@ def _violations(order: Order) -> Iterator[str]:
         yield "an order has at least one node"
         return
     if len(edges) != len(nodes) - 1:
-        yield f"{len(nodes)} nodes need {len(nodes) - 1} edges, there are {len(edges)}"
+        yield f"{len(nodes)} nodes require {len(nodes) - 1} edges, but the order has {len(edges)}"
         return
     yield from _sequence_violations(order)
     yield from _release_violations(order)
@@ -29,7 +29,7 @@ def _violations(order: Order) -> Iterator[str]:
 def _sequence_violations(order: Order) -> Iterator[str]:
     first = order.nodes[0].sequence_id
     if first % 2:
-        yield f"node {order.nodes[0].node_id!r} has the odd sequenceId {first}; nodes have even ones"
+        yield f"node {order.nodes[0].node_id!r} has the odd sequenceId {first}; sequenceIds of nodes are even"
     for index, node in enumerate(order.nodes):
         if node.sequence_id != first + 2 * index:
             yield f"node {node.node_id!r} has sequenceId {node.sequence_id}, not {first + 2 * index}"

@@ -82,7 +82,7 @@ def problems_of(error: ValidationError, most: int | None = None) -> list[str]:
     Beyond TOO_MANY they are only counted, as listing 100,000 errors takes seconds.
     """
     if error.error_count() > TOO_MANY:
-        return [f"message: {error.error_count()} values do not fit"]
+        return [f"message: {error.error_count()} invalid values"]
     found = error.errors(include_url=False, include_context=False, include_input=False)
     return in_words(found, whole="message", most=most)
 

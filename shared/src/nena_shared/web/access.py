@@ -18,11 +18,11 @@ from nena_shared.fleet_api.base import Role
 from nena_shared.log import get_logger
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, OidcUser, TokenRefusedError
+from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.problem import refusal
 from nena_shared.web.server_sent_events import LastingAnswer
 from nena_shared.web.settings import HttpSettings
-from nena_shared.web.users import User, UserBook, users_of
+from nena_shared.web.users import User, UsersFile, users_of
 
 if TYPE_CHECKING:
     from nena_shared.web.oidc.issuer import AccessTokens
@@ -69,7 +69,7 @@ RoleNeeded = Callable[[str, str], Role | None]
 class TokenReader(Protocol):
     """Reads users from tokens signed by an OIDC issuer."""
 
-    async def who(self, token: str) -> OidcUser:
+    async def user_of(self, token: str) -> OidcUser:
         """Return the user of a token; raises the errors of :mod:`nena_shared.web.oidc.tokens`."""
         ...
 
@@ -91,13 +91,13 @@ class AccessControl:
     app: ASGIApp
     settings: HttpSettings
     role_needed: RoleNeeded
-    book: UserBook | None
+    users: UsersFile | None
     """Users with NeNa's own tokens."""
     clock: Clock = field(default_factory=SystemClock)
     cookies: bool = False
     """Whether tokens are accepted in a cookie; only for services that refuse requests of other origins."""
     oidc: TokenReader | None = None
-    """Users with tokens of an OIDC issuer. Without this and ``book``, no login is required."""
+    """Users with tokens of an OIDC issuer. Without this and ``users``, no login is required."""
     _requests: RateLimit = field(init=False)
     _wrong_tokens: RateLimit = field(init=False)
 
@@ -122,7 +122,7 @@ class AccessControl:
 
     @property
     def _login_required(self) -> bool:
-        return self.book is not None or self.oidc is not None
+        return self.users is not None or self.oidc is not None
 
     async def _authenticate(self, scope: Scope) -> KnownUser | None:
         address = scope["client"][0] if scope.get("client") else "unknown"
@@ -155,7 +155,7 @@ class AccessControl:
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(Headers(scope=scope), cookies=self.cookies)
         try:
-            user = self.book.who(token) if self.book else None
+            user = self.users.user_of(token) if self.users else None
         except ConfigurationError:
             return False
         return user is not None and (role is None or user.role >= role)
@@ -169,7 +169,7 @@ class AccessControl:
 
     def _own(self, token: str) -> User | None:
         try:
-            return self.book.who(token) if self.book else None
+            return self.users.user_of(token) if self.users else None
         except ConfigurationError as error:
             log.error("all logins are refused: the users file is invalid", problems=error.problems)  # noqa: TRY400
             detail = "The users file is invalid; see the service's log."
@@ -179,7 +179,7 @@ class AccessControl:
         if self.oidc is None or token.count(".") != DOTS_OF_JWT:
             return None
         try:
-            return await self.oidc.who(token)
+            return await self.oidc.user_of(token)
         except TokenRefusedError as error:
             self._count_wrong(address)
             log.warning("invalid OIDC token", address=address, reason=str(error))
@@ -189,7 +189,7 @@ class AccessControl:
             self._count_wrong(address)
             log.warning("user without a role", address=address, reason=str(error))
             raise Refused(HTTPStatus.FORBIDDEN, str(error)) from error
-        except IssuerAwayError as error:
+        except IssuerUnavailableError as error:
             self._count_wrong(address)
             log.warning("token could not be checked", address=address, reason=str(error))
             detail = (
@@ -205,7 +205,7 @@ class AccessControl:
 
     def _check_rate(self, limit: RateLimit, asker: str) -> None:
         if seconds := limit.wait(asker, self.clock.monotonic()):
-            detail = f"Too many requests. Ask again in {seconds:.1f} s."
+            detail = f"Too many requests. Retry in {seconds:.1f} s."
             raise Refused(HTTPStatus.TOO_MANY_REQUESTS, detail, **{"retry-after": str(ceil(seconds))})
 
 

@@ -87,7 +87,7 @@ class HttpConnection(H11Protocol):
     _deadline: asyncio.TimerHandle | None = None
     _awaited: type[h11.IDLE | h11.SEND_BODY] | None = None
     _head = b""
-    """The head of an answer whose body follows at once: both are written together."""
+    """The head of a response, kept to be written together with its body."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start waiting for the first request."""
@@ -129,7 +129,7 @@ class HttpConnection(H11Protocol):
         return event
 
     def _joined(self, event: h11.Event) -> bytes | None:
-        """Return what to write of an answer: the head of one of known length only with its body."""
+        """Return the bytes to write now: the head of a response of known length waits for its body."""
         data = self._encode(event)
         if isinstance(event, h11.Response) and any(name == b"content-length" for name, _ in event.headers):
             self._head = data or b""
@@ -403,7 +403,7 @@ def _listen(settings: HttpSettings) -> socket.socket:
     except OSError as error:
         message = (
             f"cannot listen on {settings.host} port {settings.port}: {error.strerror}. "
-            "Set http.port to a free port (0 takes any) or end the program that has it."
+            "Set http.port to a free port (0: any), or stop the program that uses it."
         )
         raise StartError(message) from error
     return listener

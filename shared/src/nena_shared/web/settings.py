@@ -49,7 +49,7 @@ ProtectedPlace = Annotated[ProtectedUrl, AfterValidator(_without_query)]
 class OidcSettings(SettingsGroup):
     """The OIDC issuer, and the roles of its users."""
 
-    issuer: ProtectedPlace = Field(description="OIDC issuer URL, exactly as the issuer writes it.")
+    issuer: ProtectedPlace = Field(description="OIDC issuer URL, exactly as in the issuer's metadata.")
     audience: str = Field(min_length=1, description="Required audience (aud) of the issuer's tokens.")
     roles_claim: str = Field(
         "roles",
@@ -94,7 +94,7 @@ class HttpSettings(SettingsGroup):
     tls_certificate: Path | None = Field(None, description="Certificate (PEM) of the service; enables HTTPS.")
     tls_key: Path | None = Field(None, description="Private key (PEM) of the certificate.")
     reverse_proxy: bool = Field(
-        default=False, description="A reverse proxy in front of this address terminates TLS."
+        default=False, description="Whether a reverse proxy in front of this address terminates TLS."
     )
     trusted_proxies: tuple[IPvAnyNetwork, ...] = Field(
         (IPv4Network("127.0.0.0/8"), IPv6Network("::1")),
@@ -143,11 +143,11 @@ def check_exposure(settings: HttpSettings) -> None:
     if (settings.tls_certificate is None) is not (settings.tls_key is None):
         problems.append("http.tls_certificate and http.tls_key belong together: set both or neither.")
     if not is_loopback(settings.host):
-        where = f"http.host: {settings.host} is reached from other machines"
+        where = f"http.host: {settings.host} is reachable from other machines"
         if settings.tls_certificate is None and not settings.reverse_proxy:
             problems.append(
                 f"{where}, without TLS. Set http.tls_certificate and http.tls_key; or http.reverse_proxy = "
-                "true behind a proxy that does TLS and cannot be bypassed; or listen on 127.0.0.1."
+                "true behind a proxy that terminates TLS and cannot be bypassed; or listen on 127.0.0.1."
             )
         if settings.users is None and settings.oidc is None:
             problems.append(

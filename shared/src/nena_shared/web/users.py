@@ -74,7 +74,7 @@ def hash_of(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()
 
 
-def users_of(settings: HttpSettings) -> UserBook | None:
+def users_of(settings: HttpSettings) -> UsersFile | None:
     """Return the users of a service; None: no login required.
 
     Raises:
@@ -84,7 +84,7 @@ def users_of(settings: HttpSettings) -> UserBook | None:
         return None
     if settings.first_user and (secret := make_first_user(settings.users)):
         log.warning("first user created: admin", token_file=str(secret))
-    return UserBook(settings.users)
+    return UsersFile(settings.users)
 
 
 def read_users(path: Path) -> tuple[User, ...]:
@@ -111,7 +111,7 @@ def read_users(path: Path) -> tuple[User, ...]:
 
 def write_users(path: Path, users: Iterable[User]) -> None:
     """Write a users file atomically, readable by its owner and group only."""
-    lines = ["# Who may log in to NeNa; `nena-deploy user` writes this file.\n"]
+    lines = ["# Users of NeNa, written by `nena-deploy user`.\n"]
     for user in users:
         lines += ["\n[[user]]\n", f'name = "{user.name}"\n', f'role = "{user.role.name.lower()}"\n']
         lines += [f'token_sha256 = "{user.token_sha256}"\n']
@@ -151,7 +151,7 @@ def make_first_user(path: Path) -> Path | None:
     return secret
 
 
-class UserBook:
+class UsersFile:
     """Users by token. Changes of the file apply at once, so a removed user is locked out immediately."""
 
     def __init__(self, path: Path) -> None:
@@ -165,7 +165,7 @@ class UserBook:
         self._seen = self._stamp()
         self._users = read_users(path)
 
-    def who(self, token: str) -> User | None:
+    def user_of(self, token: str) -> User | None:
         """Return the user of a token, or None.
 
         Raises:

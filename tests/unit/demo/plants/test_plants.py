@@ -12,7 +12,7 @@ def test_the_sample_plant_has_no_findings() -> None:
     assert read(sample_plant_path().read_bytes()).warnings == ()
 
 
-def test_it_has_what_demo_and_guide_speak_of() -> None:
+def test_sample_plant_has_the_objects_of_demo_and_guide() -> None:
     plant = sample_plant()
     assert len(plant.points) == 20
     assert set(plant.locations_by_name) == {"Goods in", "Goods out", "Packing", "Storage", "Charging station"}
@@ -42,7 +42,7 @@ def test_lengths_are_distances() -> None:
         assert path.length_mm == round(hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm)), path.name
 
 
-def test_every_robot_gets_from_everywhere_to_everywhere() -> None:
+def test_every_point_is_reachable_from_every_other() -> None:
     plant = sample_plant()
     router = Router(plant)
     for vehicle in plant.vehicles:

@@ -98,7 +98,7 @@ def test_a_corridor_without_a_trajectory_is_driven_along_its_centre() -> None:
     [
         ({"knot_vector": (0, 0, 1, 1)}, ErrorType.VALIDATION_FAILURE, "has 4 knots and needs 6"),
         ({"knot_vector": (0, 0, 0.5, 0.4, 1, 1)}, ErrorType.VALIDATION_FAILURE, "decrease"),
-        ({"knot_vector": (0,) * 6}, ErrorType.VALIDATION_FAILURE, "no knots between"),
+        ({"knot_vector": (0,) * 6}, ErrorType.VALIDATION_FAILURE, "no span between"),
         ({"degree": 3, "knot_vector": None}, ErrorType.VALIDATION_FAILURE, "3 control points for degree 3"),
         ({"degree": 40}, ErrorType.VALIDATION_FAILURE, "invalid degree"),
         (

@@ -22,7 +22,7 @@ def test_each_host_has_its_own_rate_limit_that_recovers() -> None:
     assert statuses(limits, "wms", "wms", "wms", "mes") == [None, None, 429, None]
     refused = limits.refusal("wms", 0)
     assert refused
-    assert refused.detail == "Too many requests. Ask again in 0.5 s."
+    assert refused.detail == "Too many requests. Retry in 0.5 s."
 
     clock.seconds += 0.5
     assert statuses(limits, "wms", "wms") == [None, 429]
@@ -99,5 +99,5 @@ def test_thousands_of_conflicts_give_a_readable_answer(count: int) -> None:
     assert len(problem.errors) <= FINDINGS_SHOWN + 1
     assert problem.errors[-1] in {
         f"message: {count - FINDINGS_SHOWN} more invalid values",
-        f"message: {count} values do not fit",
+        f"message: {count} invalid values",
     }

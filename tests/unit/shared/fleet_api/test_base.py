@@ -18,7 +18,7 @@ def test_a_moment_is_written_with_milliseconds() -> None:
 
 
 @given(st.datetimes(timezones=st.just(UTC)))
-def test_what_is_written_of_a_moment_can_be_read_again(moment: datetime) -> None:
+def test_written_time_is_read_back_in_milliseconds(moment: datetime) -> None:
     read = MOMENT.validate_json(MOMENT.dump_json(moment))
     assert read == moment.replace(microsecond=moment.microsecond // 1000 * 1000)
 

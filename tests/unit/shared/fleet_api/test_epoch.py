@@ -16,7 +16,7 @@ def test_a_status_carries_its_epoch() -> None:
 
 
 @pytest.mark.parametrize("body", [b"", b"{}", b"[1]", b'{"epoch":"x"}', b"\xff"])
-def test_what_has_none_counts_as_the_first(body: bytes) -> None:
+def test_missing_epoch_counts_as_0(body: bytes) -> None:
     assert epoch_of(body) == 0
 
 

@@ -34,7 +34,7 @@ def test_map_image_round_trip() -> None:
         {"x": float("nan")},
     ],
 )
-def test_what_is_no_map_is_refused(wrong: dict[str, Any]) -> None:
+def test_invalid_map_is_refused(wrong: dict[str, Any]) -> None:
     content = {**robot_maps.robot_map().model_dump(), **wrong}
     with pytest.raises(ValidationError, match=next(iter(wrong))):
         MapImage.model_validate(content)
@@ -51,5 +51,5 @@ def test_the_largest_image_fits_into_a_message() -> None:
     assert len(b64encode(bytes(PNG_LIMIT))) + 10_000 < PAYLOAD_LIMIT
 
 
-def test_what_is_no_image_has_no_size() -> None:
+def test_non_image_has_no_size() -> None:
     assert png_size(b"") is None

@@ -26,7 +26,7 @@ from support.order_service import request
         ([{"do": "RETRY"}] * 21, "at most 20"),
     ],
 )
-def test_a_policy_that_makes_no_sense_is_refused(steps: list[dict[str, object]], problem: str) -> None:
+def test_contradictory_policy_is_refused(steps: list[dict[str, object]], problem: str) -> None:
     with pytest.raises(ValidationError, match=problem):
         request("A", onFailure=steps)
 

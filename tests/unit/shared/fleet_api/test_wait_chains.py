@@ -35,7 +35,7 @@ def test_unknown_vehicle_is_a_head() -> None:
     assert wait_chains({"A": ["nobody heard of it"]})["A"].head == "nobody heard of it"
 
 
-def test_a_stuck_vehicle_heads_its_queue_though_it_waits_too() -> None:
+def test_stuck_vehicle_is_the_head_of_its_queue_even_if_it_waits() -> None:
     chains = wait_chains({"A": ["B"], "B": ["C"], "C": ["A"]}, {"B"})
     assert chains == {"A": WaitChain("B", "B"), "C": WaitChain("A", "B")}
 
@@ -52,7 +52,7 @@ def test_vehicle_does_not_wait_for_itself() -> None:
     assert wait_chains({"A": ["A"], "B": ["A"], "C": []}) == {"B": WaitChain("A", "A")}
 
 
-def test_a_long_queue_is_followed_at_once() -> None:
+def test_long_queue_is_followed_in_one_step() -> None:
     waits = {str(number): [str(number + 1)] for number in range(5000)}
     chains = wait_chains(waits)
     assert {chain.head for chain in chains.values()} == {"5000"}

@@ -39,7 +39,7 @@ def test_clearing_a_topic_waits_behind_its_last_status() -> None:
     assert drained(outbox) == [status("a", b"1"), status("a", b""), status("b", b"1")]
 
 
-def test_a_status_after_clearing_is_the_last_word() -> None:
+def test_status_after_clearing_prevails() -> None:
     outbox = Outbox(limit=10)
     for message in (status("a", b"1"), status("a", b""), status("a", b"2")):
         outbox.add(message)

@@ -43,7 +43,7 @@ def test_names_are_unique_over_all_kinds_of_object() -> None:
     ]
 
 
-def test_a_name_must_not_be_that_of_a_backward_edge() -> None:
+def test_name_of_a_backward_edge_is_reserved() -> None:
     block = Block(name="A --- B:backward")
     two_ways = (path("A B", max_reverse_velocity_mm_s=1), path("B A"))
     assert ("DUPLICATE_NAME", "A --- B") in codes(plant(*two_ways, blocks=(block,)))
@@ -95,7 +95,7 @@ def test_suspicious_names_are_reported_unchanged(name: str) -> None:
         ),
     ],
 )
-def test_what_was_probably_not_intended(more: dict[str, Any], finding: tuple[str, str]) -> None:
+def test_suspicious_content_is_found(more: dict[str, Any], finding: tuple[str, str]) -> None:
     assert finding in codes(good(**more))
 
 
@@ -172,7 +172,7 @@ def test_properties_of_all_kinds_of_object_are_looked_at() -> None:
     assert [problem.name for problem in find_property_warnings(model)] == ["m", "A", "P"]
 
 
-def test_a_charging_place_is_missed_where_there_are_vehicles() -> None:
+def test_missing_charging_location_is_reported_if_there_are_vehicles() -> None:
     loading = LocationType(name="T", allowed_operations=("CHARGE",))
     model = plant(vehicles=(Vehicle(name="V"),), location_types=(loading,))
     (found,) = find_property_warnings(model)
@@ -225,5 +225,5 @@ def test_the_smaller_part_is_the_one_cut_off() -> None:
     assert disconnected_points(model) == ("X", "Y")
 
 
-def test_an_empty_model_has_nothing_to_cut_off() -> None:
+def test_empty_model_has_no_unreachable_points() -> None:
     assert disconnected_points(PlantModel(name="empty")) == ()

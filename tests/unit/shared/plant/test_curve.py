@@ -69,7 +69,7 @@ def test_scaling_changes_the_knots_and_not_the_curve() -> None:
     [
         (1, [0, 0, 1], "needs 4"),
         (1, [0, 1, 0, 1], "decrease"),
-        (1, [0, 0, 0, 0], "between which"),
+        (1, [0, 0, 0, 0], "no span between"),
         (2, [0, 0, 1, 1], "for degree 2"),
     ],
 )

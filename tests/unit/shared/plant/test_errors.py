@@ -17,11 +17,11 @@ def test_error_lists_all_problems_with_their_objects() -> None:
     assert "path 'P2': not [B]" in str(error)
 
 
-def test_a_finding_about_something_without_a_name_leaves_the_name_out() -> None:
+def test_finding_about_an_unnamed_object_omits_the_name() -> None:
     assert str(PlantProblem("A", ObjectKind.MODEL, "", "no XML")) == "model: no XML [A]"
 
 
-def test_an_unknown_name_suggests_those_most_like_it() -> None:
+def test_unknown_name_suggests_similar_ones() -> None:
     error = UnknownObjectError(ObjectKind.POINT, "Dok 1", ["Dock 1", "Storage"])
 
     assert (error.kind, error.name, error.suggestions) == (ObjectKind.POINT, "Dok 1", ("Dock 1",))

@@ -23,12 +23,12 @@ def code_of(error: pytest.ExceptionInfo[PlantModelError]) -> str:
 
 
 @given(VALUES)
-def test_what_is_json_is_read(value: object) -> None:
+def test_json_is_read(value: object) -> None:
     assert parse_json(json.dumps(value).encode()) == value
 
 
 @pytest.mark.parametrize("text", [b"", b"{", b"[1,]", b"\xff", b'{"a": NaN}', b"[Infinity]"])
-def test_what_is_none_is_refused(text: bytes) -> None:
+def test_invalid_json_is_refused(text: bytes) -> None:
     with pytest.raises(PlantModelError) as error:
         parse_json(text)
     assert code_of(error) == "MALFORMED_JSON"
@@ -43,7 +43,7 @@ def test_what_is_none_is_refused(text: bytes) -> None:
     ],
     ids=["too deep", "too long", "too many"],
 )
-def test_what_would_cost_too_much_is_refused(text: bytes, limits: JsonLimits) -> None:
+def test_json_beyond_the_limits_is_refused(text: bytes, limits: JsonLimits) -> None:
     with pytest.raises(PlantModelError) as error:
         parse_json(text, limits)
     assert code_of(error) == "LIMIT_EXCEEDED"

@@ -43,7 +43,7 @@ def test_own_json_is_checked_as_files_of_others_are() -> None:
         (b'{"a":' * 300 + b"1" + b"}" * 300, "LIMIT_EXCEEDED"),
     ],
 )
-def test_what_is_no_plant_model_is_refused(data: bytes, code: str) -> None:
+def test_other_file_is_refused(data: bytes, code: str) -> None:
     with pytest.raises(PlantModelError) as caught:
         read(data)
     assert caught.value.problems[0].code == code

@@ -31,7 +31,7 @@ def test_without_numbers_nothing_is_changed() -> None:
     assert (there.x_m, there.y_m, there.heading_rad) == (1.5, -2.5, 0.5)
 
 
-def test_a_place_of_the_plant_is_none_of_a_map_though_the_numbers_are_the_same() -> None:
+def test_plant_and_map_positions_are_never_equal() -> None:
     place: object = PlantPlace(1.0, 2.0)
     assert MapTransform().to_map(PlantPlace(1.0, 2.0)) == MapPlace(1.0, 2.0)
     assert MapPlace(1.0, 2.0) != place

@@ -225,7 +225,7 @@ def test_each_map_has_its_own() -> None:
 @pytest.mark.parametrize(
     "text", ["", "90", "scale=0", "scale=-1", "x=", "x=inf", "x=1 z=2", "x=1 x=2", "x = 1"]
 )
-def test_what_is_no_transform_makes_the_model_unusable(text: str) -> None:
+def test_invalid_transform_makes_the_model_unusable(text: str) -> None:
     with pytest.raises(ValueError, match=r"transform|form|float"):
         parse_transform(text)
     model = plant(points="A", properties={"nena:mapTransform.hall": text})

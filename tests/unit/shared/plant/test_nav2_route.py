@@ -60,7 +60,7 @@ def test_one_map_is_written_in_its_own_frame() -> None:
     ]
 
 
-def test_what_a_route_graph_does_not_have_is_left_out_with_a_warning() -> None:
+def test_content_without_a_counterpart_is_omitted_with_a_warning() -> None:
     model = PlantModel(
         name="hall",
         points=(point("A"), point("B")),

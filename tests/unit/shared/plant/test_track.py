@@ -36,7 +36,7 @@ def edges(box: BoundingBox) -> tuple[float, float, float, float]:
 
 
 @given(BOXES, BOXES)
-def test_a_box_holds_what_sticks_out_of_it_on_no_side(outer: BoundingBox, inner: BoundingBox) -> None:
+def test_box_contains_only_boxes_within_all_sides(outer: BoundingBox, inner: BoundingBox) -> None:
     behind, ahead, right, left = edges(outer)
     other = edges(inner)
     lies_within = behind <= other[0] and other[1] <= ahead and right <= other[2] and other[3] <= left

@@ -79,7 +79,7 @@ def test_timestamp_is_read_with_any_decimals_and_as_utc_without_zone(
     "written",
     ["yesterday", "2026-01-01", "", 5, None, "0001-01-01T00:00:00+01:00", "9999-12-31T23:59:59-01:00"],
 )
-def test_what_is_no_time_in_utc_is_refused(state: JsonObject, written: object) -> None:
+def test_invalid_time_is_refused(state: JsonObject, written: object) -> None:
     assert refusal(State, state | {"timestamp": written}).problems[0].startswith("timestamp: ")
 
 
@@ -111,7 +111,7 @@ def test_an_integer_is_a_number(state: JsonObject) -> None:
 
 @pytest.mark.clause("7.1/types")
 @pytest.mark.parametrize("value", [0, 1, "true", None])
-def test_a_truth_value_is_neither_number_nor_text(state: JsonObject, value: object) -> None:
+def test_boolean_is_neither_number_nor_text(state: JsonObject, value: object) -> None:
     assert refusal(State, state | {"driving": value}).problems[0].startswith("driving: ")
 
 
@@ -122,7 +122,7 @@ def test_an_unknown_word_of_a_closed_list_is_refused(state: JsonObject, value: o
 
 
 @pytest.mark.clause("7.1/unknown")
-def test_unknown_fields_are_passed_over(order: JsonObject) -> None:
+def test_unknown_fields_are_ignored(order: JsonObject) -> None:
     order["vendorField"] = {"deep": [1]}
     order["nodes"][0]["vendorField"] = "x"
 
@@ -159,7 +159,7 @@ def test_action_parameter_without_a_value_is_refused(instant_action: JsonObject,
         ActionParameter(key="x", value=value)
 
 
-def test_parameter_that_is_not_there_is_none(instant_action: JsonObject) -> None:
+def test_missing_parameter_is_none(instant_action: JsonObject) -> None:
     assert read(InstantActions, instant_action).actions[0].parameter("y") is None
 
 
@@ -178,7 +178,7 @@ def test_parameter_that_is_not_there_is_none(instant_action: JsonObject) -> None
     ],
     ids=["empty", "cut off", "list", "null", "text", "no utf-8", "deep", "long number"],
 )
-def test_what_is_no_message_is_refused_without_references(payload: bytes) -> None:
+def test_malformed_message_is_refused_without_references(payload: bytes) -> None:
     error = refusal(Order, payload)
 
     assert error.problems[0].startswith(("message: ", "headerId: "))
@@ -224,7 +224,7 @@ def test_a_version_has_three_short_numbers(order: JsonObject, version: object) -
 
 
 @pytest.mark.clause("6.1.4.1")
-def test_refusal_names_what_could_be_read(order: JsonObject) -> None:
+def test_refusal_contains_readable_references(order: JsonObject) -> None:
     order |= {"headerId": 12, "orderId": "o7", "orderUpdateId": 3, "nodes": "none"}
 
     error = refusal(Order, order)
@@ -249,8 +249,8 @@ def test_order_that_breaks_the_graph_rules_is_neither_read_nor_written(order: Js
     message = read(Order, order)
     order["edges"] = []
 
-    assert refusal(Order, order).problems == ("2 nodes need 1 edges, there are 0",)
-    with pytest.raises(MalformedMessageError, match="2 nodes need 1 edges"):
+    assert refusal(Order, order).problems == ("2 nodes require 1 edges, but the order has 0",)
+    with pytest.raises(MalformedMessageError, match="2 nodes require 1 edges"):
         CODEC.encode(message.model_copy(update={"edges": ()}))
 
 

@@ -80,7 +80,7 @@ def test_number_of_edges() -> None:
     order = graph("+++")
 
     assert violations(order.model_copy(update={"edges": order.edges * 2})) == (
-        "2 nodes need 1 edges, there are 2",
+        "2 nodes require 1 edges, but the order has 2",
     )
 
 
@@ -88,7 +88,7 @@ def test_number_of_edges() -> None:
 def test_nodes_are_even() -> None:
     order = change_node(graph("+"), 0, sequence_id=1)
 
-    assert violations(order) == ("node 'n0' has the odd sequenceId 1; nodes have even ones",)
+    assert violations(order) == ("node 'n0' has the odd sequenceId 1; sequenceIds of nodes are even",)
 
 
 @pytest.mark.clause("6.1.1")

@@ -145,7 +145,7 @@ def test_zone_needs_what_belongs_to_its_type() -> None:
 
 
 @pytest.mark.clause("4.3")
-def test_message_or_version_that_there_is_not() -> None:
+def test_unknown_message_or_version() -> None:
     with pytest.raises(MalformedMessageError, match=r"2\.1\.0 has no such message"):
         json_schema("2.1.0", Topic.ZONE_SET)
     with pytest.raises(UnknownVersionError):

@@ -21,7 +21,7 @@ class Way(BaseModel):
     nodes: list[Node]
 
 
-def test_what_can_still_be_read_names_the_message() -> None:
+def test_readable_fields_identify_the_message() -> None:
     payload = json.dumps({"headerId": 7, "orderId": "o1", "orderUpdateId": 0, "nodes": 3}).encode()
 
     error = MalformedMessageError("order", ["nodes: no list"], payload)
@@ -40,7 +40,7 @@ def test_what_can_still_be_read_names_the_message() -> None:
         json.dumps({"orderId": "x" * (REFERENCE_LENGTH + 1)}).encode(),
     ],
 )
-def test_what_cannot_be_read_or_names_nothing_is_left_out(payload: bytes) -> None:
+def test_unreadable_or_empty_references_are_omitted(payload: bytes) -> None:
     assert MalformedMessageError("order", [], payload).references == {}
 
 

@@ -61,7 +61,7 @@ def test_a_message_that_deviates_is_repaired_and_reported_until_it_is_right_agai
     assert reports == [(TOPIC, (number,)), (TOPIC, (number, charge)), (TOPIC, (number,))]
 
 
-def test_what_cannot_be_repaired_is_all_that_the_refusal_names() -> None:
+def test_refusal_names_only_unrepairable_values() -> None:
     payload = CODEC_2_1.encode(state()).replace(b'"orderId":""', b'"orderId":[]')
     broken = payload.replace(b'"batteryCharge":80.0', b'"batteryCharge":101.3')
     with pytest.raises(MalformedMessageError) as caught:
@@ -123,9 +123,7 @@ def test_refused_command_is_quoted_as_sent(order: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity", "1e999", "9" * 400])
 @pytest.mark.parametrize("field", ["x", "y", "theta"])
-def test_a_number_that_is_none_leaves_no_position_also_where_another_field_always_deviates(
-    field: str, value: str
-) -> None:
+def test_position_with_nan_is_omitted_despite_other_usual_deviations(field: str, value: str) -> None:
     messages = MessageReader()
     turned = json.loads(CODEC_2_1.encode(state()))
     position = {"x": 1.0, "y": 2.0, "theta": 3.2, "mapId": "hall", "positionInitialized": True}

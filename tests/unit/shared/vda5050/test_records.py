@@ -100,7 +100,7 @@ def test_a_message_of_another_version_is_read_or_refused_as_by_the_codec(
 @EACH_KIND
 @settings(max_examples=2 * MESSAGES)
 @given(st.data())
-def test_what_is_put_into_a_message_is_judged_as_by_the_codec(
+def test_inserted_values_are_accepted_as_by_the_codec(
     codec: Codec, kind: type[Any], data: st.DataObject
 ) -> None:
     text = codec.encode(data.draw(strategy(kind))).decode()
@@ -139,7 +139,7 @@ def test_times_are_in_utc() -> None:
     assert read_record(State, CODEC_2_1, payload).timestamp.isoformat() == "2026-01-01T00:00:00+00:00"
 
 
-def test_maps_are_passed_over() -> None:
+def test_maps_are_ignored() -> None:
     held = {"map_id": "hall", "map_version": "1", "map_status": "ENABLED"}
     payload = CODEC_2_1.encode(state(maps=(held,)))
     assert read_record(State, CODEC_2_1, payload).maps
@@ -155,7 +155,7 @@ def test_parameters_have_their_neutral_names() -> None:
     assert entry.error_references[0].reference_value == "order.edges.maximumSpeed"
 
 
-def test_what_2_1_spells_otherwise_is_read_as_the_codec_reads_it() -> None:
+def test_names_of_2_1_are_read_as_by_the_codec() -> None:
     action = {"action_id": "a", "action_type": "initializePosition", "action_status": "RUNNING"}
     said = state(operating_mode="TEACH_IN", action_states=(action,))
     payload = CODEC_2_1.encode(said).replace(b'"NONE"', b'"AUTOACK"')
@@ -196,7 +196,7 @@ def test_older_names_are_read_as_the_newer_ones() -> None:
     assert record.instant_action_states[0].action_type == "initializePosition"
 
 
-def test_what_watchers_do_not_need_is_checked_too() -> None:
+def test_unused_fields_are_validated_too() -> None:
     trajectory = {"control_points": ({"x": 0.0, "y": 0.0, "weight": 0.5}, {"x": 1.0, "y": 0.0})}
     payload = CODEC_3_0.encode(state(planned_path={"trajectory": trajectory}))
     assert read_record(State, CODEC_3_0, payload).header_id == 1
@@ -213,7 +213,7 @@ def test_parsed_message_yields_the_same_record(codec: Codec, kind: type[Any], da
     assert record is None or same(record, codec.decode(kind, payload))
 
 
-def test_what_a_version_lacks_is_none() -> None:
+def test_fields_missing_in_a_version_are_none() -> None:
     record = read_record(State, CODEC_2_1, CODEC_2_1.encode(state()))
     assert isinstance(record, Struct)
     assert (record.zone_requests, record.planned_path, record.instant_action_states) == (None, None, ())

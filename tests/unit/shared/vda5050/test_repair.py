@@ -152,7 +152,7 @@ REPAIRED: list[tuple[str, Any, str | None, str, Any]] = [
     REPAIRED,
     ids=[f"{path}={'missing' if value is MISSING else value}"[:60] for path, value, *_ in REPAIRED],
 )
-def test_what_the_meaning_survives_is_repaired_and_reported(
+def test_clear_deviation_is_repaired_and_reported(
     path: str, value: Any, kind: str | None, field: str, expected: Any
 ) -> None:
     message, repairs = read(deviating(path, value))
@@ -201,7 +201,7 @@ def test_a_byte_order_mark_is_skipped() -> None:
         ("version", "3.0.0"),
     ],
 )
-def test_what_cannot_be_acted_on_safely_costs_the_message(path: str, value: Any) -> None:
+def test_unsafe_deviation_rejects_the_message(path: str, value: Any) -> None:
     with pytest.raises(MalformedMessageError) as caught:
         read(deviating(path, value))
     assert caught.value.problems[0].startswith(path.removesuffix(".0"))
@@ -219,7 +219,7 @@ def test_quoted_values_are_short() -> None:
     assert len(repairs[0].received) <= QUOTED + len("...")
 
 
-def test_a_connection_in_other_letters_is_read() -> None:
+def test_connection_state_in_other_case_is_read() -> None:
     payload = CODEC.encode(connection()).replace(b'"ONLINE"', b'"online"')
     read_message = MessageReader().read(Connection, "uagv/v2/ACME/r1/connection", payload, "v2")
     assert read_message.connection_state is ConnectionState.ONLINE

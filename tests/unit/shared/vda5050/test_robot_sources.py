@@ -60,7 +60,7 @@ def test_newer_of_two_retained_messages_decides() -> None:
     assert not other.hears(OLD, retained=True, at=1)
 
 
-def test_a_robot_that_speaks_elsewhere_now_is_believed() -> None:
+def test_robot_that_moved_to_another_topic_is_accepted() -> None:
     ear = Ear()
     ear.hears(OLD, retained=False)
 
@@ -76,7 +76,7 @@ def test_live_message_outranks_a_newer_retained_one() -> None:
     assert not ear.hears(NEW, retained=True, at=9)
 
 
-def test_what_is_expected_counts_as_spoken() -> None:
+def test_expected_source_counts_as_current() -> None:
     ear = Ear()
     ear.sources.expect(ROBOT, NEW)
 
@@ -84,7 +84,7 @@ def test_what_is_expected_counts_as_spoken() -> None:
     assert ear.hears(OLD, retained=False)
 
 
-def test_each_robot_is_a_matter_of_its_own() -> None:
+def test_robots_are_checked_independently() -> None:
     ear = Ear()
     ear.hears(NEW, retained=False)
 

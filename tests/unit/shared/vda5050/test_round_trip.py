@@ -52,9 +52,7 @@ def test_encoded_message_fits_the_official_schema(codec: Codec, topic: Topic, da
 @EACH_MESSAGE
 @settings(max_examples=MESSAGES)
 @given(st.data())
-def test_what_was_read_can_be_written_again_unchanged(
-    codec: Codec, topic: Topic, data: st.DataObject
-) -> None:
+def test_round_trip_is_lossless(codec: Codec, topic: Topic, data: st.DataObject) -> None:
     payload = codec.encode(data.draw(messages(codec.kinds[topic])))
 
     assert codec.encode(codec.decode(codec.kinds[topic], payload)) == payload

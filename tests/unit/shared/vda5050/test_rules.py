@@ -37,7 +37,7 @@ def kept(values: type[StrEnum], told: list[StrEnum]) -> frozenset[StrEnum]:
     return frozenset(value for value, other in zip(values, told, strict=True) if value is other)
 
 
-def test_there_is_a_row_for_each_version() -> None:
+def test_every_version_has_a_row() -> None:
     assert list(RULES) == list(CODECS)
 
 
@@ -81,7 +81,7 @@ def test_names_and_levels_of_errors(version: str, neutral: State) -> None:
 
 @pytest.mark.clause("6.6.9/instant")
 @EACH_VERSION
-def test_where_states_of_instant_actions_are(version: str, neutral: State) -> None:
+def test_array_of_instant_action_states_by_version(version: str, neutral: State) -> None:
     instant = (ActionState(action_id="i", action_status=ActionStatus.RUNNING),)
     told = arrived(version, neutral.model_copy(update={"instant_action_states": instant}))
 

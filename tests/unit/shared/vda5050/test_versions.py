@@ -68,7 +68,7 @@ def test_topics_of_an_unknown_version() -> None:
         ("3.0.2", "3.0.1"),
     ],
 )
-def test_robot_is_met_in_the_nearest_older_version(version: str, spoken: str) -> None:
+def test_robot_is_answered_in_the_nearest_older_version(version: str, spoken: str) -> None:
     payload = json.dumps({"headerId": 1, "version": version, "connectionState": "ONLINE"}).encode()
 
     codec = codec_of_header(payload)
@@ -128,6 +128,6 @@ def test_a_version_as_people_write_it(text: str, version: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "1.1", "4", "two", "2.", "2.0.0.0", "-2", "2" * 9])
-def test_what_is_no_version_that_is_spoken_here_is_refused(text: str) -> None:
+def test_unsupported_version_is_refused(text: str) -> None:
     with pytest.raises(UnknownVersionError):
         codec_named(text)

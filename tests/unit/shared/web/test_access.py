@@ -27,7 +27,7 @@ from nena_shared.web.access import (
 )
 from nena_shared.web.oidc.issuer import LOOKS_AT_ONCE, AccessTokens
 from nena_shared.web.settings import HttpSettings, OidcSettings
-from nena_shared.web.users import User, UserBook, hash_of, write_users
+from nena_shared.web.users import User, UsersFile, hash_of, write_users
 from support.clocks import ManualClock
 from support.oidc_issuer import AUDIENCE, DISCOVERY, LIFE, OidcIssuer, ec_key
 
@@ -60,9 +60,9 @@ class Door:
             [User(name=role.name.lower(), role=role, token_sha256=hash_of(role.name)) for role in Role],
         )
         settings = HttpSettings(port=0, requests_per_second=1, burst=REQUESTS)
-        book = UserBook(self.file) if login else None
+        users = UsersFile(self.file) if login else None
         app = Starlette(routes=[Route("/{path:path}", who, methods=["GET", "POST", "DELETE"])])
-        guard = AccessControl(app, settings, rule, book, self.clock, cookies)
+        guard = AccessControl(app, settings, rule, users, self.clock, cookies)
         self.client = httpx.AsyncClient(
             transport=httpx.ASGITransport(guard, client=(address, 123)), base_url="http://door"
         )
@@ -156,7 +156,7 @@ async def test_too_many_requests_are_delayed(door: Door) -> None:
     assert (await door.ask("GET", token="VIEWER")).status_code == 200
 
 
-async def test_an_address_that_calls_itself_a_user_uses_up_nothing_of_theirs(tmp_path: Path) -> None:
+async def test_address_named_like_a_user_has_its_own_limit(tmp_path: Path) -> None:
     """Simulate a misconfigured proxy that passes on the addresses claimed by clients."""
     door = Door(tmp_path, address="user viewer")
     statuses = [(await door.ask("GET", "/healthz")).status_code for _ in range(REQUESTS + 1)]
@@ -318,7 +318,7 @@ async def test_unchecked_tokens_are_rate_limited(issuer: OidcIssuer) -> None:
     assert [each["event"] for each in logged].count("token could not be checked") == WRONG_TOKENS_AT_ONCE
 
 
-async def test_a_key_that_may_not_be_looked_up_now_is_no_reason_to_refuse(issuer: OidcIssuer) -> None:
+async def test_key_beyond_the_request_limit_does_not_reject_the_token(issuer: OidcIssuer) -> None:
     async with guarded(issuer) as client:
         for number in range(LOOKS_AT_ONCE):
             made_up = issuer.token(key=ec_key(f"made-up-{number}"))
@@ -346,7 +346,7 @@ def test_missing_libraries_error_names_the_extra(monkeypatch: pytest.MonkeyPatch
         access_tokens_of(HttpSettings(port=0, oidc=OIDC))
 
 
-def test_a_service_without_it_loads_none_of_its_libraries() -> None:
+def test_service_without_oidc_loads_none_of_its_libraries() -> None:
     code = "import nena_order_service.app, nena_status_aggregator.__main__, sys; print('jwt' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
 

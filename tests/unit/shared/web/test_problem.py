@@ -11,7 +11,7 @@ from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.web.problem import MEDIA_TYPE, answer, describe_problems, refusal
 
 
-def test_a_problem_is_answered_with_its_status_in_its_own_media_type() -> None:
+def test_problem_response_has_its_status_and_media_type() -> None:
     problem = Problem(title="Conflict", status=409, detail="It has ended.", errors=("one", "two"))
 
     found = answer(problem, {"Retry-After": "3"})

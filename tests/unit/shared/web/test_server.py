@@ -226,7 +226,7 @@ async def test_connections_of_a_proxy_are_not_counted(monkeypatch: pytest.Monkey
         assert all([await answered(each) for each in lines])
 
 
-async def test_an_offer_of_another_protocol_is_answered_and_no_line_of_the_log(
+async def test_http_2_offer_is_answered_without_a_log_line(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     offer = b"Connection: Upgrade, HTTP2-Settings\r\nUpgrade: %b\r\nHTTP2-Settings: AA\r\n\r\n"

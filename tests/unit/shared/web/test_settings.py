@@ -94,7 +94,7 @@ def test_tls_and_login_allow_any_address(tls: dict[str, Any], login: dict[str, A
         ({**USERS, "tls_certificate": Path("c.pem")}, ["belong together"]),
     ],
 )
-def test_each_thing_that_is_missing_is_named(given: dict[str, Any], complaints: list[str]) -> None:
+def test_every_missing_setting_is_listed(given: dict[str, Any], complaints: list[str]) -> None:
     with pytest.raises(ConfigurationError) as caught:
         check_exposure(HttpSettings(host="192.0.2.1", port=0, **given))
 

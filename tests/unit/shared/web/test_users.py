@@ -13,7 +13,7 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import (
     User,
-    UserBook,
+    UsersFile,
     hash_of,
     make_first_user,
     new_token,
@@ -31,7 +31,7 @@ def someone(name: str, token: str, role: Role = Role.VIEWER) -> User:
 
 
 @given(st.lists(users, unique_by=lambda user: user.name, max_size=5))
-def test_what_is_written_is_read(found: list[User]) -> None:
+def test_written_users_are_read_unchanged(found: list[User]) -> None:
     import tempfile  # noqa: PLC0415 - a folder for each example
 
     with tempfile.TemporaryDirectory() as folder:
@@ -68,34 +68,34 @@ def test_tokens_are_long_and_unique() -> None:
 
 def test_user_is_found_by_token(tmp_path: Path) -> None:
     write_users(tmp_path / "u", [someone("ann", "a", Role.ADMIN), someone("bob", "b")])
-    book = UserBook(tmp_path / "u")
+    users = UsersFile(tmp_path / "u")
 
-    assert book.who("b") == someone("bob", "b")
-    assert book.who("a") == someone("ann", "a", Role.ADMIN)
-    assert [book.who(each) for each in ("", "c", "ann", hash_of("a"))] == [None] * 4
+    assert users.user_of("b") == someone("bob", "b")
+    assert users.user_of("a") == someone("ann", "a", Role.ADMIN)
+    assert [users.user_of(each) for each in ("", "c", "ann", hash_of("a"))] == [None] * 4
 
 
 def test_user_removed_from_the_file_is_locked_out_immediately(tmp_path: Path) -> None:
     write_users(tmp_path / "u", [someone("ann", "a"), someone("bob", "b")])
-    book = UserBook(tmp_path / "u")
+    users = UsersFile(tmp_path / "u")
     write_users(tmp_path / "u", [someone("bob", "b"), someone("cid", "c")])
 
-    assert book.who("a") is None
-    assert book.who("c") == someone("cid", "c")
+    assert users.user_of("a") is None
+    assert users.user_of("c") == someone("cid", "c")
 
 
 def test_invalid_users_file_locks_everyone_out(tmp_path: Path) -> None:
     write_users(tmp_path / "u", [someone("ann", "a")])
-    book = UserBook(tmp_path / "u")
+    users = UsersFile(tmp_path / "u")
     (tmp_path / "u").unlink()
     with pytest.raises(ConfigurationError, match="No such file"):
-        book.who("a")
+        users.user_of("a")
     (tmp_path / "u").write_text("[[user]]\nname = 1")
     with pytest.raises(ConfigurationError):
-        book.who("a")
+        users.user_of("a")
     write_users(tmp_path / "u", [someone("ann", "a")])
 
-    assert book.who("a") == someone("ann", "a")
+    assert users.user_of("a") == someone("ann", "a")
 
 
 def test_first_user_is_created_once_with_a_private_token_file(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_first_user_is_created_once_with_a_private_token_file(tmp_path: Path) ->
 
     assert secret is not None
     assert stat.S_IMODE(secret.stat().st_mode) == 0o600
-    user = UserBook(file).who(secret.read_text().strip())
+    user = UsersFile(file).user_of(secret.read_text().strip())
     assert user is not None
     assert (user.name, user.role) == ("admin", Role.ADMIN)
     assert make_first_user(file) is None
@@ -117,7 +117,7 @@ def test_programs_that_start_together_agree_on_the_first_user(tmp_path: Path) ->
         made = [each for each in pool.map(lambda _: make_first_user(file), range(8)) if each]
 
     assert len(made) == 1
-    assert UserBook(file).who(made[0].read_text().strip()) is not None
+    assert UsersFile(file).user_of(made[0].read_text().strip()) is not None
 
 
 def test_unwritable_path_is_reported(tmp_path: Path) -> None:

@@ -89,7 +89,7 @@ async def client(far: Far) -> AsyncIterator[httpx.AsyncClient]:
         yield made
 
 
-async def test_a_command_is_passed_on_with_its_answer(client: httpx.AsyncClient, far: Far) -> None:
+async def test_command_is_forwarded_with_its_response(client: httpx.AsyncClient, far: Far) -> None:
     answer = await client.post("/transportOrders", json=ORDER, headers={"cookie": "secret=1"})
     assert (answer.status_code, answer.json()) == (201, {"name": "TO-1"})
     assert "set-cookie" not in answer.headers
@@ -182,7 +182,7 @@ async def test_own_page_may_send_commands(client: httpx.AsyncClient) -> None:
     assert (await client.post("/transportOrders", json=ORDER, headers=headers)).status_code == 201
 
 
-async def test_what_a_form_of_another_page_could_send_is_refused(client: httpx.AsyncClient, far: Far) -> None:
+async def test_content_types_of_html_forms_are_refused(client: httpx.AsyncClient, far: Far) -> None:
     answer = await client.post("/transportOrders", content=b"{}", headers={"content-type": "text/plain"})
     assert answer.status_code == 415
     assert far.asked == []

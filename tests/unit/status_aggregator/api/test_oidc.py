@@ -51,7 +51,7 @@ async def came_back(
     return dict(parse_qsl(urlsplit(where).query))
 
 
-async def test_the_browser_is_sent_with_everything_that_protects_it(issuer: OidcIssuer) -> None:
+async def test_redirect_to_the_issuer_has_all_protections(issuer: OidcIssuer) -> None:
     attempt = Attempt.new()
     place = urlsplit(await sign_in(issuer).begin(attempt))
     asked = dict(parse_qsl(place.query))

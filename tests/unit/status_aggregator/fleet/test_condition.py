@@ -138,7 +138,7 @@ def test_a_robot_between_two_drive_orders_is_not_idle() -> None:
     )
 
 
-def test_a_robot_without_an_order_that_makes_room_for_others_waits_only_for_others() -> None:
+def test_evading_robot_without_an_order_waits_only_for_other_robots() -> None:
     assert conclude(wait=TrafficWait(reason="it makes room"))[0] is Condition.IDLE
     assert conclude(wait=BEHIND)[0] is Condition.WAITING
 
@@ -157,9 +157,7 @@ def test_a_robot_without_an_order_that_makes_room_for_others_waits_only_for_othe
         ),
     ],
 )
-def test_robot_that_drives_works_or_is_stuck_does_not_wait(
-    fields: dict[str, Any], condition: Condition
-) -> None:
+def test_driving_working_or_stuck_robot_does_not_wait(fields: dict[str, Any], condition: Condition) -> None:
     assert conclude(state=state(**fields), transport_order="T-1", wait=BEHIND)[0] is condition
 
 
@@ -211,7 +209,7 @@ def test_the_worst_error_is_the_reason() -> None:
 
 
 @pytest.mark.parametrize("level", ["WARNING", "URGENT"])
-def test_a_warning_does_not_stop_anybody(level: str) -> None:
+def test_warnings_do_not_change_the_status(level: str) -> None:
     errors = ({"error_type": "small", "error_level": level},)
     assert conclude_of(errors=errors)[0] is Condition.IDLE
 
@@ -320,7 +318,7 @@ def test_the_state_of_a_node(condition: Condition, last: State | None, session: 
     assert session_of(condition, last).value == session
 
 
-def test_where_the_session_is() -> None:
+def test_ros_session_of_a_state() -> None:
     assert ros_session(reporting("FAILED")) == RosSession(SessionState.FAILED, "/r1", "7")
     assert ros_session(state()) is None
 

@@ -54,7 +54,7 @@ def test_clock_set_back_does_not_block_the_robot() -> None:
     assert assessed((5, 1000), (6, 10), (7, 11)) == ["NEW"] * 3
 
 
-def test_a_restart_at_one_with_an_older_clock_is_believed_at_its_second_message() -> None:
+def test_restart_at_1_with_an_older_clock_is_accepted_with_the_second_message() -> None:
     assert assessed((50, 1000), (1, 10), (2, 11), (3, 12)) == ["NEW", "LATE", "NEW", "NEW"]
 
 

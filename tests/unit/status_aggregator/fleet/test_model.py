@@ -115,7 +115,7 @@ def test_silence_is_detected_without_a_message() -> None:
     assert fleet.flush(at(37)) is None
 
 
-def test_a_clock_that_is_off_is_noticed() -> None:
+def test_wrong_clock_is_detected() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(at=61), at(1))
     assert view_of(fleet)["clockSkew"] == 60
@@ -134,7 +134,7 @@ def test_robot_with_only_unreadable_messages_is_listed() -> None:
     assert (shown["counts"], shown["lastProblem"]) == ({"state": 1}, "headerId: missing")
 
 
-def test_a_malformed_message_leaves_the_last_state_alone() -> None:
+def test_malformed_message_keeps_the_last_state() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(), at(0))
     fleet.on_malformed(MessageKind.STATE, "t", "bad", at(1), key=ROBOT)

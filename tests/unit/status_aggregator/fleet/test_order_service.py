@@ -40,7 +40,7 @@ def test_it_is_up_while_it_sends_heartbeats() -> None:
     assert bench.up() is True
 
 
-def test_its_last_will_ends_it_at_once() -> None:
+def test_last_will_takes_effect_immediately() -> None:
     bench = Bench()
     bench.receive(online=True)
     bench.receive(online=False)

@@ -84,7 +84,7 @@ def test_a_chain_changes_with_a_robot_further_ahead() -> None:
     assert site.wait(1)["head"] == "V-3"
 
 
-def test_a_robot_with_an_emergency_stop_heads_its_queue_whatever_it_waits_for() -> None:
+def test_robot_with_an_emergency_stop_is_the_head_of_its_queue() -> None:
     site = Site()
     site.robot(1, 2)
     site.robot(2, 3, **STOP)
@@ -93,7 +93,7 @@ def test_a_robot_with_an_emergency_stop_heads_its_queue_whatever_it_waits_for() 
     assert site.wait(2)["next"] is None
 
 
-def test_a_robot_that_is_away_or_unknown_heads_its_queue() -> None:
+def test_disconnected_or_unknown_robot_is_the_head_of_its_queue() -> None:
     site = Site()
     site.robot(1, 2)
     assert site.wait(1)["head"] == "V-2"
@@ -201,7 +201,7 @@ def service(*, online: bool, at: float) -> ServiceStatus:
     return ServiceStatus(online=online, timestamp=START + timedelta(seconds=at), store_ready=online)
 
 
-def test_a_dead_order_service_is_published_with_its_last_sign_of_life() -> None:
+def test_stopped_order_service_is_published_with_its_last_heartbeat() -> None:
     site = Site()
     assert site.view()["orderService"] == {"up": None, "lastSign": None}
     site.model.on_service_status(service(online=True, at=0), timestamp(0), retained=False)

@@ -30,7 +30,7 @@ def condition_of(robot: Robot, seconds: float) -> Condition:
     return robot.condition
 
 
-def test_silence_begins_after_35_s_unless_the_robot_names_a_longer_interval() -> None:
+def test_silence_limit_is_35_s_unless_the_factsheet_has_a_longer_interval() -> None:
     robot = Robot(ROBOT, at(0))
     assert robot.silence_limit(None) == 35
     robot.factsheet = factsheet(state_interval=5.0)
@@ -85,7 +85,7 @@ def test_repeated_retained_connection_changes_nothing() -> None:
     assert robot.connection_since == at(0).utc
 
 
-def test_a_visualization_moves_the_robot_and_proves_no_state() -> None:
+def test_visualization_updates_the_position_only() -> None:
     robot = Robot(ROBOT, at(0))
     robot.on_state(state(), at(0), retained=False)
     robot.on_visualization(visualization(x=4.0))
@@ -202,7 +202,7 @@ def xy(position: MobileRobotPosition | None) -> tuple[float, float] | None:
     [(sheet("pick"), (0.0, 5.0)), (sheet(SHOW_MAP_TRANSFORMS), (10.0, 0.0)), (None, None)],
     ids=["of its map", "of the plant", "nobody knows yet"],
 )
-def test_by_the_frame_in_which_the_robot_speaks(
+def test_position_is_converted_from_the_robots_frame(
     sheet: Factsheet | None, shown: tuple[float, float] | None
 ) -> None:
     position = TURNED.position(place(10.0, 0.0), sheet)

@@ -18,7 +18,7 @@ def test_labels_stay_bounded() -> None:
     assert [labels.of(each) for each in ("known", "a", "b", "a")] == ["known", "a", "other", "a"]
 
 
-def test_labels_that_make_no_sense_are_other() -> None:
+def test_odd_labels_count_as_other() -> None:
     labels = BoundedLabels(10)
     assert labels.of("x" * (LABEL_LENGTH + 1)) == "other"
     assert labels.of("two\nlines") == "other"

@@ -98,7 +98,7 @@ def test_an_order_as_hosts_know_it() -> None:
     assert [each["place"] for each in view["destinations"]] == ["Goods in", "Packing"]
 
 
-def test_who_holds_an_order() -> None:
+def test_hold_of_an_order() -> None:
     hold = Hold(by="Ann", reason="tea", since=START)
     view = view_order(TrackedOrder(order_status(held=hold)), None)
     assert view["held"] == {"by": "Ann", "reason": "tea", "since": "2026-01-01T00:00:00.000Z"}

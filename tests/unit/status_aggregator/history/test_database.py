@@ -24,7 +24,7 @@ def texts(engine: Engine, wanted: HistoryFilter) -> list[str]:
     return [each["text"] for each in database.read_newest(engine, wanted, before=None, limit=100)]
 
 
-def test_what_is_written_is_read_newest_first(engine: Engine) -> None:
+def test_written_events_are_read_newest_first(engine: Engine) -> None:
     database.write(engine, [event(1, robot="A/1", order="TO-1"), event(2.5)])
     newest, oldest = database.read_newest(engine, ALL, before=None, limit=10)
     assert newest["id"] > oldest["id"]
@@ -110,7 +110,7 @@ def test_tables_are_created_once_and_other_versions_refused(engine: Engine) -> N
         ("oracle+nothing://host", "unusable"),
     ],
 )
-def test_a_url_that_cannot_be_is_refused_with_what_to_write(url: str, reason: str) -> None:
+def test_invalid_url_is_refused_with_an_example(url: str, reason: str) -> None:
     with pytest.raises(HistoryError, match=f"{reason}.*sqlite:///nena-history.db"):
         database.make_engine(url)
 
@@ -122,7 +122,7 @@ def test_a_password_that_is_written_wrongly_is_not_repeated(end: str) -> None:
     assert "secret" not in f"{caught.value}{caught.value.__cause__}"
 
 
-def test_a_folder_that_is_not_there_is_an_error_of_the_database(tmp_path: Path) -> None:
+def test_missing_folder_is_a_database_error(tmp_path: Path) -> None:
     engine = database.make_engine(f"sqlite:///{tmp_path / 'missing' / 'history.db'}")
     with pytest.raises(OperationalError):
         database.prepare(engine)

@@ -60,7 +60,7 @@ async def test_events_are_written_promptly_in_order(engine: Engine) -> None:
         assert (writer.waiting, writer.dropped, writer.failures) == (0, 0, 0)
 
 
-async def test_the_end_writes_what_is_left(engine: Engine) -> None:
+async def test_shutdown_writes_remaining_events(engine: Engine) -> None:
     writer = writer_of(engine)
     async with running(writer):
         writer.add(event(1))

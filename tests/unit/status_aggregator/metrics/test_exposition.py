@@ -86,7 +86,7 @@ def value(aggregator: Aggregator, name: str, **labels: str) -> float | None:
     return None
 
 
-def test_the_tables_name_exactly_what_is_exposed(aggregator: Aggregator) -> None:
+def test_documented_metrics_equal_the_exposed_ones(aggregator: Aggregator) -> None:
     tables: list[Documented[Any]] = [each for section in SECTIONS for each in section.metrics]
     tables += documented()
     found = {
@@ -130,7 +130,7 @@ def test_durations_are_a_histogram(aggregator: Aggregator) -> None:
     assert value(aggregator, f"{name}_sum", state="FINISHED") == 60
 
 
-def test_prometheus_finds_nothing_to_complain_about(aggregator: Aggregator) -> None:
+def test_prometheus_accepts_the_metrics(aggregator: Aggregator) -> None:
     promtool = shutil.which("promtool")
     if promtool is None:
         pytest.skip("promtool is not there: apt-get install prometheus")
@@ -145,7 +145,7 @@ def test_prometheus_finds_nothing_to_complain_about(aggregator: Aggregator) -> N
     assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
 
 
-async def test_the_loop_handles_what_has_come_between_the_families(aggregator: Aggregator) -> None:
+async def test_event_loop_runs_other_tasks_between_metric_families(aggregator: Aggregator) -> None:
     turns = 0
 
     async def count() -> None:

@@ -93,7 +93,7 @@ def test_odd_names_are_escaped() -> None:
     assert figures(robot(odd))[odd.serial_number]["nena_robot_condition"] == 1
 
 
-def test_only_robots_that_are_there_are_written_and_remembered() -> None:
+def test_only_current_robots_are_written_and_cached() -> None:
     series = RobotSeries()
     now = Timestamp.of(CLOCK)
     first, second = robot(), robot(RobotKey("ACME", "r2"))

@@ -56,7 +56,7 @@ class Page(HTMLParser):
 
 
 @pytest.mark.parametrize("name", ["index.html", "login.html"])
-def test_there_is_nothing_inline(name: str) -> None:
+def test_pages_contain_nothing_inline(name: str) -> None:
     page = Page()
     page.feed((PANEL / name).read_text(encoding="utf-8"))
     assert page.inline == []
@@ -92,7 +92,7 @@ def test_every_language_has_every_text_with_the_same_values(language: str) -> No
     assert all(text.strip() for text in other.values())
 
 
-def test_everything_that_has_a_code_has_its_words() -> None:
+def test_every_code_has_a_text() -> None:
     wanted = {f"condition.{each}" for each in Condition}
     wanted |= {f"state.{each}" for each in TransportOrderState}
     wanted |= {f"why.order.{each}" for each in TransportOrderState}

@@ -102,7 +102,9 @@ Dispensable = Annotated[
 Dependencies = Annotated[
     list[str] | None, typer.Option("--after", help="Order that must be FINISHED first; repeatable.")
 ]
-OnDependencyFailure = Annotated[DependencyFailure, typer.Option(help="What to do if such an order fails.")]
+OnDependencyFailure = Annotated[
+    DependencyFailure, typer.Option(help="What to do if one of these orders fails.")
+]
 Sequence = Annotated[str | None, typer.Option("--sequence", help="Order sequence to add the order to.")]
 Properties = Annotated[list[str] | None, typer.Option("--property", help="KEY=VALUE; repeatable.")]
 OnFailure = Annotated[

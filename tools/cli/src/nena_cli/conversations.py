@@ -39,7 +39,7 @@ User = Annotated[str | None, typer.Option("--username", help="User name at the b
 Password = Annotated[Path | None, typer.Option("--password-file", help="File with the password.")]
 Filters = Annotated[list[str] | None, typer.Option("--topic", help="Topic filter; repeatable.")]
 Interface = Annotated[
-    str, typer.Option("--interface", help="interfaceName: first topic levels; by default any one level.")
+    str, typer.Option("--interface", help="interfaceName (topic prefix). Unset: any single level.")
 ]
 Robot = Annotated[str | None, typer.Option("--robot", help="Only this robot: manufacturer/serialNumber.")]
 Seconds = Annotated[float | None, typer.Option(min=0, help="Stop after this many seconds.")]

@@ -109,7 +109,7 @@ def _blocking(now: State, running: list[Action]) -> Iterator[Problem]:
     for action in running:
         if action.blocking_type in ALONE and len(running) > 1:
             others = ", ".join(f"'{each.action_id}'" for each in running if each is not action)
-            text = f"action '{action.action_id}' is {action.blocking_type} and runs beside {others}"
+            text = f"action '{action.action_id}' is {action.blocking_type} but runs in parallel with {others}"
             yield Rule.BLOCKING, Severity.ERROR, text
         if action.blocking_type in STANDING and now.driving:
             text = f"the robot drives while the {action.blocking_type} action '{action.action_id}' runs"

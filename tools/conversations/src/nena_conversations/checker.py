@@ -88,7 +88,7 @@ HEADER_IDS: Final = 2**32
 
 
 class HeaderChecks:
-    """Check headers: ids rise by one on each topic, timestamps do not go back (7.2)."""
+    """Check headers: IDs increase by one on each topic, timestamps do not go back (7.2)."""
 
     def __init__(self) -> None:
         self._last: dict[Topic, tuple[int, datetime]] = {}

@@ -188,7 +188,7 @@ def _last_node_problems(now: State, order: StitchedOrder) -> Iterator[Problem]:
 
 def _not_rising(numbers: Sequence[int], what: str) -> Iterator[Problem]:
     if list(numbers) != sorted(set(numbers)):
-        yield _error(f"the sequenceIds of {what} do not rise: {', '.join(map(str, numbers))}")
+        yield _error(f"the sequenceIds of {what} do not increase: {', '.join(map(str, numbers))}")
 
 
 def _first_node_problems(now: State) -> Iterator[Problem]:

@@ -80,7 +80,7 @@ class Rule(Enum):
     ADDRESS = "address", _both("6.4", "7.2")
     """The header names the robot of the topic."""
     HEADER_ID = "headerId", _both("6.4", "7.2")
-    """headerId rises by one from message to message of a topic."""
+    """headerId increases by one from message to message of a topic."""
     TIMESTAMP = "timestamp", _both("6.4", "7.2")
     """Timestamps do not go back."""
 

@@ -68,18 +68,22 @@ def init(
     ],
     port: Annotated[int, typer.Option(min=1, max=65535, help="TCP port of the broker.")] = 8883,
     days: Days = 825,
-    interface_name: Annotated[str, typer.Option(help="First levels of VDA 5050 2.x topics.")] = "uagv",
-    interface_name_v3: Annotated[str, typer.Option(help="First levels of VDA 5050 3.x topics.")] = "vda5050",
-    topic_prefix: Annotated[
-        str, typer.Option(help="First levels of the order service's topics.")
-    ] = "nena/v1",
+    interface_name: Annotated[
+        str, typer.Option(help="Interface name (topic prefix) of robots with VDA 5050 2.x.")
+    ] = "uagv",
+    interface_name_v3: Annotated[
+        str, typer.Option(help="Interface name (topic prefix) of robots with VDA 5050 3.x.")
+    ] = "vda5050",
+    topic_prefix: Annotated[str, typer.Option(help="Prefix of NeNa's own topics.")] = "nena/v1",
     broker_folder: Annotated[
         str | None,
-        typer.Option(help="Folder of these files on the broker's machine. Unset: where they are created."),
+        typer.Option(
+            help="Folder of these files on the broker's machine. Unset: the folder where they are created."
+        ),
     ] = None,
     data_folder: Annotated[str, typer.Option(help="Folder for the broker's data.")] = "/var/lib/mosquitto",
     longest_message: Annotated[
-        int, typer.Option(min=4, max=255, help="Longest message that the broker accepts, MiB.")
+        int, typer.Option(min=4, max=255, help="Maximum message size that the broker accepts, MiB.")
     ] = LONGEST_MESSAGE,
 ) -> None:
     """Create a site: a CA, the broker's certificate and configuration, and the services' identities."""

@@ -12,7 +12,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
 LEVEL = re.compile(r"(?! )[^\x00-\x1f\x7f/+#.$][^\x00-\x1f\x7f/+#]{0,63}(?<! )")
-"""Valid topic level and folder name. Brokers strip leading and trailing blanks of names in an access list,
+"""Valid topic level and folder name. Brokers strip leading and trailing spaces of names in an access list,
 which would assign the rights to another name."""
 
 
@@ -86,7 +86,7 @@ def _level(what: str, text: str) -> str:
     if not LEVEL.fullmatch(text):
         message = (
             f"The {what} {text!r} is not valid in a topic: use 1 to 64 characters without / + #, "
-            "no leading dot, $ or blank, no trailing blank."
+            "no leading dot, $ or space, no trailing space."
         )
         raise IdentityError(message)
     return text

@@ -20,7 +20,7 @@ def heat_map(plant: PlantModel, waiting: Mapping[str, float], title: str) -> str
         places[name.removesuffix(BACKWARD_SUFFIX)] += value
     most = max(places.values())
     lines = [*view.paths(places, most), *view.points(places, most)]
-    legend = f"{title}; maximum: {most:.1f} robot minutes an hour"
+    legend = f"{title}; maximum: {most:.1f} robot minutes per hour"
     height = view.height + 2 * MARGIN_PX + 20
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH_PX + 2 * MARGIN_PX} {height:.0f}" '

@@ -100,7 +100,7 @@ class Report:
         """Return tables in Markdown."""
         parts = [f"# {self.plant}, seed {self.seed}", _markdown(self._rows())]
         for each in self.figures:
-            parts.append(f"## Waiting with {each.robots} robots, robot minutes an hour")
+            parts.append(f"## Waiting with {each.robots} robots, robot minutes per hour")
             parts.append(_markdown([("why", "minutes"), *_first(each.waiting_by_cause, CAUSES)]))
             parts.append(_markdown([("where", "minutes"), *_first(each.waiting_by_place, PLACES)]))
         return "\n\n".join(parts) + "\n"
@@ -109,7 +109,7 @@ class Report:
         """Return tables for a terminal."""
         parts = [f"{self.plant}, seed {self.seed}", _text(self._rows())]
         for each in self.figures:
-            parts.append(f"Waiting with {each.robots} robots, robot minutes an hour:")
+            parts.append(f"Waiting with {each.robots} robots, robot minutes per hour:")
             parts.append(_text(_first(each.waiting_by_cause, CAUSES)))
             parts.append(_text(_first(each.waiting_by_place, PLACES)))
         return "\n\n".join(filter(None, parts)) + "\n"

@@ -13,7 +13,7 @@ T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
 BEGINNING = datetime(2026, 1, 5, 6, 0, tzinfo=UTC)
-"""Date and time at which every simulation begins: a Monday morning."""
+"""Start time of every simulation: a Monday morning."""
 
 TURN_SECONDS = 1e-6
 

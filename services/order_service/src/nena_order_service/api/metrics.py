@@ -365,7 +365,7 @@ WORK: Final[Section[Monitored]] = Section(
         ),
         gauge(
             "nena_event_loop_lag_seconds",
-            "Longest time in the last minute for which the event loop kept work waiting.",
+            "Longest delay of the event loop in the last minute.",
             lambda s: s.loop_lag.longest,
         ),
     ),

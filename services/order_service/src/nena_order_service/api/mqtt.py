@@ -106,7 +106,7 @@ class MqttLimits:
     def refusal(self, host: str, in_work: int) -> Problem | None:
         """Count a request; return why it is refused while ``in_work`` are in progress, None if accepted."""
         if seconds := self._requests.wait(host, self._clock.monotonic()):
-            detail = f"Too many requests. Ask again in {seconds:.1f} s."
+            detail = f"Too many requests. Retry in {seconds:.1f} s."
             return _too_many(HTTPStatus.TOO_MANY_REQUESTS, detail)
         if in_work >= REQUESTS_LIMIT:
             detail = f"{REQUESTS_LIMIT} requests are in progress. Retry when they are answered."

@@ -116,14 +116,14 @@ class Lead:
 
     async def close(self) -> None:
         """Give up leadership, even while the database does not answer."""
-        self._lock.hang_up()
+        self._lock.close_connections()
         await self._run(self._lock.release)
         self._thread.shutdown()
 
     async def _hang_up_at(self, stop: asyncio.Event) -> None:
         """Close the connection without waiting for a database that does not answer."""
         await stop.wait()
-        self._lock.hang_up()
+        self._lock.close_connections()
 
     async def _renew_until_lost(self, store: Store) -> None:
         """Renew until the lock is lost; while the database hangs, accept no orders."""

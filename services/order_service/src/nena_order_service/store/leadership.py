@@ -22,7 +22,7 @@ from sqlalchemy.exc import DBAPIError
 
 from nena_order_service.store import schema
 from nena_order_service.store.schema import FencedError, make_engine
-from nena_shared.database_lines import hang_up
+from nena_shared.database_connections import close_connections
 
 STORE_ID = "storeId"
 """Kind of the document that names the store."""
@@ -175,9 +175,9 @@ class LeaderLock:
             connection.invalidate()  # closes it in any state
             connection.close()
 
-    def hang_up(self) -> None:
+    def close_connections(self) -> None:
         """End the connection from another thread; the lock's own thread may wait for an answer forever."""
-        hang_up(self._engine)
+        close_connections(self._engine)
 
     def _connected(self) -> sa.Connection:
         if self._connection is None:

@@ -8,7 +8,7 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.pool import ConnectionPoolEntry, NullPool
 
-from nena_shared.database_lines import remember
+from nena_shared.database_connections import register_connection
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
 
@@ -260,7 +260,7 @@ def make_engine(url: str, *, pooled: bool = True) -> sa.Engine:
             return engine
         given = {name: value for name, value in TIMEOUTS.items() if name not in parsed.query}
         engine = sa.create_engine(parsed, poolclass=pool, connect_args=given)
-        sa.event.listen(engine, "connect", lambda connection, _: remember(engine, connection))
+        sa.event.listen(engine, "connect", lambda connection, _: register_connection(engine, connection))
     except ImportError as error:
         message = f"{error}; pip install nena-order-service[postgresql]"
         raise unusable(message) from error

@@ -18,7 +18,7 @@ from nena_order_service.store.database import Changes, OrderFilter, Unfinished, 
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.schema import PASSING, StoreLostError, reason_of
-from nena_shared.database_lines import hang_up
+from nena_shared.database_connections import close_connections
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
 from nena_shared.tasks import set_within
@@ -187,7 +187,7 @@ class Store:
 
     def close(self) -> None:
         """Stop the threads, close the database and release its lock; pending queries are abandoned."""
-        hang_up(self._engine)
+        close_connections(self._engine)
         self._writer.shutdown()
         self._reader.shutdown()
         self._engine.dispose()

@@ -128,7 +128,7 @@ def make_app(
         AccessControl,
         settings=http,
         role_needed=make_rule(http),
-        book=users_of(http),
+        users=users_of(http),
         cookies=True,
         oidc=tokens,
     )

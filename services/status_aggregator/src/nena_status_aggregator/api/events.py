@@ -28,7 +28,7 @@ class EventStream(EventRing[bytes]):
 
         Args:
             settings: the limits.
-            epoch: identifies this run; without blanks and ``-``.
+            epoch: identifies this run; without spaces and ``-``.
             snapshot: returns the number of the last event, and the fleet as of it as JSON.
 
         """

@@ -23,7 +23,7 @@ from typing_extensions import TypedDict
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.rate_limit import RateLimit
-from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, OidcUser, TokenRefusedError
+from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.settings import protected_url
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.api.session import SIGN_IN, TOKEN_LIMIT, keep
@@ -118,7 +118,7 @@ class SignIn:
         """
         try:
             place = (await self._issuer.metadata()).authorization_endpoint
-        except IssuerAwayError as error:
+        except IssuerUnavailableError as error:
             raise SignInError("away", str(error)) from error
         asked = {
             "response_type": "code",
@@ -147,7 +147,7 @@ class SignIn:
             )
         try:
             return await self._exchange(attempt, query["code"])
-        except IssuerAwayError as error:
+        except IssuerUnavailableError as error:
             raise SignInError("away", str(error)) from error
         except NoRoleError as error:
             raise SignInError("role", str(error)) from error
@@ -176,7 +176,7 @@ class SignIn:
             raise SignInError("unfit", "the ID token belongs to another sign-in (nonce)")
         if claims.get("azp", self._client) != self._client:
             raise SignInError("unfit", "the ID token belongs to another client (azp)")
-        user = await self._tokens.who(access)
+        user = await self._tokens.user_of(access)
         if user.subject != claims["sub"]:
             raise SignInError("unfit", "access token and ID token belong to different users (sub)")
         return SignedIn(user, access)

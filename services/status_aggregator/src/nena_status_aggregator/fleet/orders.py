@@ -30,16 +30,16 @@ class OrderRegistry:
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
-        self._living: dict[str, TrackedOrder] = {}
+        self._open: dict[str, TrackedOrder] = {}
         self._ended: dict[str, TrackedOrder] = {}
 
     def __iter__(self) -> Iterator[TrackedOrder]:
-        yield from self._living.values()
+        yield from self._open.values()
         yield from self._ended.values()
 
     def get(self, name: str) -> TrackedOrder | None:
         """Return an order by its name."""
-        return self._living.get(name) or self._ended.get(name)
+        return self._open.get(name) or self._ended.get(name)
 
     def take(self, status: TransportOrderStatus) -> bool:
         """Apply a status; return False if it is older than or equal to the known one.
@@ -51,8 +51,8 @@ class OrderRegistry:
             was_confirmed, known.confirmed = known.confirmed, True
             return not was_confirmed
         self.remove(status.name)
-        book = self._ended if status.state.final else self._living
-        book[status.name] = TrackedOrder(status)
+        orders = self._ended if status.state.final else self._open
+        orders[status.name] = TrackedOrder(status)
         return True
 
     def clear(self, name: str) -> bool:
@@ -60,25 +60,25 @@ class OrderRegistry:
 
         After the final status this is normal. An open order is removed: its final status was missed.
         """
-        return self._living.pop(name, None) is not None
+        return self._open.pop(name, None) is not None
 
     def remove(self, name: str) -> None:
         """Remove an order."""
-        self._living.pop(name, None)
+        self._open.pop(name, None)
         self._ended.pop(name, None)
 
     def mark_unconfirmed(self) -> None:
         """Mark all open orders as unconfirmed after a loss of the broker connection."""
-        for order in self._living.values():
+        for order in self._open.values():
             order.confirmed = False
 
     def shrink(self) -> list[str]:
         """Remove orders beyond the limit; return their names."""
         gone = []
-        while len(self._living) + len(self._ended) > self._limit:
-            book = self._ended or self._living
-            name = next(iter(book))
-            del book[name]
+        while len(self._open) + len(self._ended) > self._limit:
+            orders = self._ended or self._open
+            name = next(iter(orders))
+            del orders[name]
             gone.append(name)
         return gone
 

@@ -33,7 +33,7 @@ from sqlalchemy.pool import ConnectionPoolEntry
 from typing_extensions import TypedDict
 
 from nena_shared.clock import iso
-from nena_shared.database_lines import remember
+from nena_shared.database_connections import register_connection
 from nena_shared.program import StartError
 from nena_status_aggregator.fleet.events import Code, Event, Values
 
@@ -129,7 +129,7 @@ def make_engine(url: str) -> Engine:
             raise HistoryError(message)
         event.listen(engine, "connect", _set_up_sqlite)
     if engine.dialect.driver == "psycopg":
-        event.listen(engine, "connect", lambda connection, _: remember(engine, connection))
+        event.listen(engine, "connect", lambda connection, _: register_connection(engine, connection))
     return engine
 
 

@@ -14,7 +14,7 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 
 from nena_shared.clock import Clock
-from nena_shared.database_lines import hang_up
+from nena_shared.database_connections import close_connections
 from nena_shared.log import get_logger
 from nena_status_aggregator.fleet.events import Code, Event
 from nena_status_aggregator.history import database
@@ -179,7 +179,7 @@ class HistoryWriter:
                 "events lost at shutdown: the history database did not answer in time",
                 waiting=len(self._queue),
             )
-        hang_up(self._engine)
+        close_connections(self._engine)
         self._thread.shutdown(wait=False, cancel_futures=True)
         self._engine.dispose()
 

@@ -263,7 +263,7 @@ PROGRAM: Final[Section[Aggregator]] = Section(
         *link_metrics("nena_mqtt_", lambda s: s.link.mqtt.state),
         gauge(
             "nena_event_loop_lag_seconds",
-            "Longest time in the last minute for which the event loop kept work waiting.",
+            "Longest delay of the event loop in the last minute.",
             lambda s: s.loop_lag.longest,
         ),
         gauge("nena_event_clients", "Event stream clients.", lambda s: s.events.clients),

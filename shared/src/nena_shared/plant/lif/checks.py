@@ -346,7 +346,7 @@ def _closed_ends(edge: LifEdge, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
         open_to = {use.vehicle_type_id for use in node.vehicle_type_node_properties}
         for use in edge.vehicle_type_edge_properties:
             if use.vehicle_type_id not in open_to:
-                yield f"vehicle type {use.vehicle_type_id!r} may not use its node {node.node_id!r}"
+                yield f"vehicle type {use.vehicle_type_id!r} is not allowed on its node {node.node_id!r}"
 
 
 def _heading(heading: float | None) -> Iterator[str]:
@@ -369,7 +369,7 @@ def _bounds(bounds: DeviationBounds | None) -> Iterator[str]:
         if least is not None and most is not None and least > most:
             yield f"allowedDeviationXY allows no ellipse: {axis} is at least {least} and at most {most}"
     if bounds.theta is not None and abs(bounds.theta) > pi / 2 + _ELLIPSE_MARGIN:
-        yield f"allowedDeviationXY is turned by {bounds.theta}, not between -pi/2 and pi/2"
+        yield f"allowedDeviationXY has the rotation {bounds.theta}, which is not between -pi/2 and pi/2"
 
 
 def _actions(actions: tuple[TypeAction, ...]) -> Iterator[str]:
@@ -380,12 +380,12 @@ def _actions(actions: tuple[TypeAction, ...]) -> Iterator[str]:
 
 def _load(restriction: LoadRestriction | None) -> Iterator[str]:
     if restriction and restriction.load_set_names and not restriction.loaded:
-        yield "it lists load sets but forbids loads"
+        yield "it lists load sets, but does not allow loads"
 
 
 def _trajectory(trajectory: PathTrajectory, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
     if fault := curve.fault(trajectory):
-        yield f"the trajectory {fault}; it is dropped"
+        yield f"the trajectory {fault}; it is ignored"
         return
     if trajectory.knot_vector[0] < 0 or trajectory.knot_vector[-1] > 1:
         yield "the trajectory has knots outside 0 to 1; they are scaled"

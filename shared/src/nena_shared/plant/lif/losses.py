@@ -47,27 +47,27 @@ def in_1_0(model: PlantModel) -> Iterator[tuple[str, int]]:
     actions = [action for use in everywhere for action in use.actions]
     layers = model.visual_layout.properties
     origins = {value for key, value in layers.items() if key.endswith(".originId")}
-    yield "origins beyond the first, whose layouts will have its frame", max(0, len(origins) - 1)
+    yield "origins beyond the first, whose layouts then use its frame", max(0, len(origins) - 1)
     yield "bounds of deviations at nodes", sum(use.allowed_deviation_xy is not None for use in at_points)
     yield "load restrictions of nodes", sum(use.load_restriction is not None for use in at_points)
     yield (
-        "forbidden actions, which will be unmentioned",
+        "forbidden actions, which are omitted",
         sum(len(use.forbidden_action_types) for use in everywhere),
     )
     yield "orientations beyond the first", sum(len(use.other_orientations) for use in on_paths)
     yield "corridors", sum(use.corridor is not None for use in on_paths)
     yield "properties of line guidance", sum(use.line_guidance is not None for use in on_paths)
     yield (
-        "blockingType SINGLE, which will be HARD",
+        "blockingType SINGLE, written as HARD",
         sum(action.blocking_type is PlantBlockingType.SINGLE for action in actions),
     )
     yield (
-        "values of action parameters that are no text, which will be JSON text",
+        "action parameter values other than text, written as JSON",
         sum(parameter.is_json for action in actions for parameter in action.action_parameters),
     )
     yield "types of stations", sum(keys.LIF_STATION_TYPE in each.properties for each in model.locations)
     yield (
-        "unknown heights of stations, which will be 0",
+        "unknown heights of stations, written as 0",
         sum(
             any(key.endswith(".originId") for key in layers)
             and keys.LIF_STATION_HEIGHT not in each.properties
@@ -87,13 +87,13 @@ def in_2_0(model: PlantModel) -> Iterator[tuple[str, int]]:
         for use in uses
         for action in use.actions
     )
-    yield "actions that are OPTIONAL or without a requirementType, which will be feasible", optional
+    yield "actions that are OPTIONAL or without a requirementType, written as feasible actions", optional
     both = sum({keys.LIF_NAME, keys.LIF_DESCRIPTION} <= each.properties.keys() for each in model.points)
-    yield "names of nodes, which will begin the descriptor", both
+    yield "names of nodes, which are put in front of the descriptor", both
     known = {key.removeprefix(keys.LIF_MANUFACTURER) for key in model.properties}
     types = {use.vehicle_type_id for use in uses}
     yield (
-        "manufacturers of vehicle types without a dot, which will be empty",
+        "manufacturers of vehicle types without a dot, written as empty",
         sum("." not in each and each not in known for each in types),
     )
 
@@ -102,20 +102,26 @@ def _of_points(model: PlantModel) -> Iterator[tuple[str, int]]:
     points = model.points
     sizes = (BoundingBox(), UNLIMITED_SIZE)
     yield "parking positions", sum(point.type is PointType.PARK_POSITION for point in points)
-    yield "largest vehicles at points", sum(point.max_vehicle_bounding_box not in sizes for point in points)
+    yield (
+        "maximum vehicle sizes at points",
+        sum(point.max_vehicle_bounding_box not in sizes for point in points),
+    )
     yield "envelopes of points", sum(bool(point.envelopes) for point in points)
     yield "heights (z) of points", sum(point.z_mm != 0 for point in points)
 
 
 def _of_paths(model: PlantModel) -> Iterator[tuple[str, int]]:
     paths = model.paths
-    yield "locks of paths, which will be open", sum(path.locked for path in paths)
+    yield "path locks, which are dropped", sum(path.locked for path in paths)
     yield "envelopes of paths", sum(bool(path.envelopes) for path in paths)
     yield "peripheral operations of paths", sum(len(path.peripheral_operations) for path in paths)
-    yield "lengths that are not the distance of the ends", sum(_has_length(model, path) for path in paths)
+    yield (
+        "path lengths other than the distance between the end points",
+        sum(_has_length(model, path) for path in paths),
+    )
     direct = ConnectionType.DIRECT
     drawn = (path for path in paths if not _trajectories(path) and path.layout.connection_type is not direct)
-    yield "drawn courses of paths, which will be straight", sum(1 for _ in drawn)
+    yield "drawn shapes of paths, which become straight", sum(1 for _ in drawn)
 
 
 def _has_length(model: PlantModel, path: Path) -> bool:
@@ -131,7 +137,7 @@ def _trajectories(path: Path) -> bool:
 def _of_the_rest(model: PlantModel) -> Iterator[tuple[str, int]]:
     locations = model.locations
     yield "locations without a link", sum(not location.links for location in locations)
-    yield "locks of locations, which will be open", sum(location.locked for location in locations)
+    yield "location locks, which are dropped", sum(location.locked for location in locations)
     operations = (each.allowed_peripheral_operations for each in model.location_types)
     yield "peripheral operations of location types", sum(map(len, operations))
     yield "blocks", len(model.blocks)

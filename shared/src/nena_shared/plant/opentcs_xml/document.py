@@ -322,7 +322,7 @@ class XmlObject:
         value = self._value(attribute)
         if value is None or COLOR.fullmatch(value):
             return value
-        self.warn("DRAWING_DROPPED", f"{attribute} {value!r} is not a colour #RRGGBB; the default is used")
+        self.warn("DRAWING_DROPPED", f"{attribute} {value!r} is not a #RRGGBB colour; the default is used")
         return None
 
     def children(self, tag: str) -> Iterator["XmlObject"]:

@@ -216,7 +216,7 @@ def _drawn_by_properties(values: Mapping[str, str], layer_id: int) -> Drawn:
     position = tuple(_integer(values[key]) for key in ("POSITION_X", "POSITION_Y") if key in values)
     color = values.get("ROUTE_COLOR") or values.get("COLOR")
     if color is not None and COLOR.fullmatch(color) is None:
-        msg = f"{color!r} is not a colour #RRGGBB"
+        msg = f"{color!r} is not a #RRGGBB colour"
         raise ValueError(msg)
     return Drawn(
         position_mm=(position[0], position[1]) if len(position) == len("xy") else None,

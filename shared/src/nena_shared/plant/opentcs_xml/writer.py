@@ -279,7 +279,7 @@ def _layer_groups(model: PlantModel, layers: tuple[Layer, ...]) -> Iterator[Laye
 
 def _export_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     if any(point.vehicle_types for point in model.points) or any(path.vehicle_types for path in model.paths):
-        text = "rules for vehicle types (LIF) are lost: what is closed for some types will be open to all"
+        text = "rules per vehicle type (LIF) are lost: elements closed to some types become open to all"
         yield PlantProblem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
         for what, times in rules_of_types(model):
             if times:
@@ -287,7 +287,7 @@ def _export_warnings(model: PlantModel) -> Iterator[PlantProblem]:
                 yield PlantProblem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
     for location in model.locations:
         if location.layout.position is not None:
-            text = "its separate drawing position is lost"
+            text = "its separate position in the drawing is lost"
             yield PlantProblem("NOT_EXPORTED", ObjectKind.LOCATION, location.name, text)
 
 

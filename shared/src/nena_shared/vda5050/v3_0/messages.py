@@ -291,7 +291,7 @@ class BatteryChargingV30(BatteryCharging):
 
 
 class MobileRobotConfigurationV30(MobileRobotConfiguration):
-    """Configuration of this robot (section 7.10); the schema of 3.0.0 has a name with a trailing blank."""
+    """Configuration of this robot (section 7.10); the schema of 3.0.0 has a name with a trailing space."""
 
     battery_charging: Annotated[
         BatteryChargingV30 | None,

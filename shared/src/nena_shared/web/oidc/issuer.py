@@ -21,7 +21,7 @@ from nena_shared.log import get_logger
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.oidc.tokens import TokenHeader, header_of, verified
-from nena_shared.web.oidc.users import IssuerAwayError, OidcUser, TokenRefusedError, user_of
+from nena_shared.web.oidc.users import IssuerUnavailableError, OidcUser, TokenRefusedError, user_of
 from nena_shared.web.settings import OidcSettings, ProtectedUrl
 
 ANSWER_LIMIT = 512 * 1024
@@ -50,12 +50,12 @@ class BoundedHttp:
         """Fetch a JSON object.
 
         Raises:
-            IssuerAwayError: no JSON object was received in time.
+            IssuerUnavailableError: no JSON object was received in time.
         """
         status, found = await self.ask("GET", url)
         if status != HTTPStatus.OK:
             message = f"{url} answered {status}"
-            raise IssuerAwayError(message)
+            raise IssuerUnavailableError(message)
         return found
 
     async def ask(
@@ -68,7 +68,7 @@ class BoundedHttp:
         """Send a request with ``form`` as body and ``login`` as user name and password.
 
         Raises:
-            IssuerAwayError: no JSON object was received in time.
+            IssuerUnavailableError: no JSON object was received in time.
 
         """
         try:
@@ -80,16 +80,16 @@ class BoundedHttp:
                 found = json.loads(await _body(answer))
         except TimeoutError as error:
             message = f"{url} has not answered within {self._timeout:g} s"
-            raise IssuerAwayError(message) from error
+            raise IssuerUnavailableError(message) from error
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             message = f"{url}: {str(error) or type(error).__name__}"
-            raise IssuerAwayError(message) from error
+            raise IssuerUnavailableError(message) from error
         except (ValueError, RecursionError) as error:
             message = f"{url} answered {answer.status_code}, which is not JSON"
-            raise IssuerAwayError(message) from error
+            raise IssuerUnavailableError(message) from error
         if not isinstance(found, dict):
             message = f"{url} answered with JSON that is not an object"
-            raise IssuerAwayError(message)
+            raise IssuerUnavailableError(message)
         return answer.status_code, found
 
 
@@ -103,7 +103,7 @@ async def _body(answer: httpx.Response) -> bytes:
         body += chunk
         if len(body) > ANSWER_LIMIT:
             message = f"{answer.url} answered with more than {ANSWER_LIMIT} bytes"
-            raise IssuerAwayError(message)
+            raise IssuerUnavailableError(message)
     return bytes(body)
 
 
@@ -122,7 +122,7 @@ class Metadata(BaseModel):
     token_endpoint_auth_methods_supported: tuple[str, ...] = Field(default=("client_secret_basic",))
 
 
-def place_of(issuer: str) -> str:
+def metadata_url(issuer: str) -> str:
     """Return the URL of an issuer's metadata."""
     return f"{issuer.rstrip('/')}/.well-known/openid-configuration"
 
@@ -131,17 +131,17 @@ def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
     """Parse the metadata of ``issuer``.
 
     Raises:
-        IssuerAwayError: required fields are missing, or the metadata belongs to another issuer.
+        IssuerUnavailableError: required fields are missing, or the metadata belongs to another issuer.
     """
     try:
         found = Metadata.model_validate(document)
     except ValidationError as error:
         problems = "; ".join(in_words(error.errors(), whole="the document", most=PROBLEMS_SHOWN))
-        message = f"{place_of(issuer)} is invalid: {problems}"
-        raise IssuerAwayError(message) from error
+        message = f"{metadata_url(issuer)} is invalid: {problems}"
+        raise IssuerUnavailableError(message) from error
     if found.issuer != issuer:
         message = f"its issuer is {shortened(repr(found.issuer))}: set http.oidc.issuer to exactly this value"
-        raise IssuerAwayError(message)
+        raise IssuerUnavailableError(message)
     return found
 
 
@@ -253,7 +253,7 @@ class Issuer:
         """Return the issuer's metadata.
 
         Raises:
-            IssuerAwayError: the issuer is unavailable.
+            IssuerUnavailableError: the issuer is unavailable.
         """
         return (await self._current(lambda _: True)).metadata
 
@@ -262,12 +262,12 @@ class Issuer:
 
         Raises:
             TokenRefusedError: the issuer has no such key.
-            IssuerAwayError: the issuer is unavailable, or the limit of requests to it is reached.
+            IssuerUnavailableError: the issuer is unavailable, or the limit of requests to it is reached.
         """
         known = await self._current(lambda known: known.keys.has(header.kid, header.algorithm))
         key = known.keys.find(header.kid, header.algorithm)
         if key is None and self.problem:
-            raise IssuerAwayError(self.problem)
+            raise IssuerUnavailableError(self.problem)
         if key is None:
             message = "the issuer does not have this key (kid)"
             raise TokenRefusedError(message)
@@ -284,7 +284,7 @@ class Issuer:
         known = self._known
         if known and (answered or serves(known)) and self._is_younger(known, KEPT):
             return known
-        raise IssuerAwayError(self.problem or "too many requests to the issuer")
+        raise IssuerUnavailableError(self.problem or "too many requests to the issuer")
 
     def _begin_to_renew(self) -> None:
         """Start renewing the keys in the background, unless a renewal is running."""
@@ -310,10 +310,10 @@ class Issuer:
 
     async def _look(self) -> None:
         try:
-            found = await self.http.get(place_of(self.settings.issuer))
+            found = await self.http.get(metadata_url(self.settings.issuer))
             metadata = metadata_of(found, self.settings.issuer)
             keys = await self._keys(metadata.jwks_uri)
-        except IssuerAwayError as error:
+        except IssuerUnavailableError as error:
             if str(error) != self.problem:
                 log.warning("OIDC issuer unavailable; only NeNa's own tokens are accepted", reason=str(error))
             self.problem = str(error)
@@ -328,7 +328,7 @@ class Issuer:
             return KeySet.of(await self.http.get(url))
         except ValueError as error:
             message = f"{url}: {error}"
-            raise IssuerAwayError(message) from error
+            raise IssuerUnavailableError(message) from error
 
     def _is_younger(self, known: _KnownKeys, seconds: float) -> bool:
         return self._clock.monotonic() - known.at < seconds
@@ -340,13 +340,13 @@ class AccessTokens:
     def __init__(self, issuer: Issuer) -> None:
         self.issuer = issuer
 
-    async def who(self, token: str) -> OidcUser:
+    async def user_of(self, token: str) -> OidcUser:
         """Return the user of a token.
 
         Raises:
             TokenRefusedError: the token is invalid.
             NoRoleError: its user has no role here.
-            IssuerAwayError: the issuer's keys are not available, so the token cannot be checked.
+            IssuerUnavailableError: the issuer's keys are not available, so the token cannot be checked.
         """
         settings = self.issuer.settings
         return user_of(await self.claims(token, settings.audience), settings)
@@ -356,7 +356,7 @@ class AccessTokens:
 
         Raises:
             TokenRefusedError: the token is invalid.
-            IssuerAwayError: as in :meth:`who`.
+            IssuerUnavailableError: as in :meth:`user_of`.
         """
         settings = self.issuer.settings
         header = header_of(token, settings.algorithms)

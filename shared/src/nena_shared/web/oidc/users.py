@@ -19,7 +19,7 @@ class NoRoleError(Exception):
     """The token is valid, but its user has no role; the message explains what to do."""
 
 
-class IssuerAwayError(Exception):
+class IssuerUnavailableError(Exception):
     """The issuer is unavailable, so its tokens cannot be checked; the message explains why."""
 
 

@@ -91,7 +91,7 @@ def test_a_trajectory_ends_within_a_centimetre_of_its_nodes(off: float, nodes: l
 def test_of_a_trajectory_that_cannot_be_followed_its_ends_are_not_looked_at() -> None:
     drawn = {"knotVector": [0, 1], "controlPoints": [{"x": 9, "y": 9}, {"x": 9, "y": 9}]}
     (only,) = deviations(of(*RING[:2], edge("A B", use(trajectory=drawn)), RING[3]))
-    assert only.text.endswith("it is dropped")
+    assert only.text.endswith("it is ignored")
 
 
 def test_an_edge_belongs_to_the_layout_of_its_start() -> None:
@@ -101,13 +101,13 @@ def test_an_edge_belongs_to_the_layout_of_its_start() -> None:
     assert codes_and_names(deviations(file(down, up))) == [("NOT_LIF", "B-A"), ("NOT_LIF", "A-B")]
 
 
-def test_who_may_drive_an_edge_may_be_at_both_its_ends() -> None:
+def test_vehicle_type_of_an_edge_must_be_allowed_at_both_nodes() -> None:
     found = deviations(of(node("A", 0, 0, "t", "u"), node("B"), edge("A B", use("t"), use("u"))))
-    assert [each.text for each in found] == ["vehicle type 'u' may not use its node 'B'"]
+    assert [each.text for each in found] == ["vehicle type 'u' is not allowed on its node 'B'"]
 
 
 @pytest.mark.parametrize(("loaded", "told_of"), [(True, False), (False, True)])
-def test_load_sets_are_for_those_who_may_be_loaded(loaded: bool, told_of: bool) -> None:  # noqa: FBT001 - examples
+def test_load_sets_require_allowed_loads(loaded: bool, told_of: bool) -> None:  # noqa: FBT001 - examples
     load = {"loaded": loaded, "unloaded": True, "loadSetNames": ["pallet"]}
     found = of(*RING[:3], edge("B A", use(loadRestriction=load)))
     assert codes_and_names(deviations(found)) == ([("NOT_LIF", "B-A")] if told_of else [])
@@ -189,7 +189,7 @@ def test_headings_within_a_turn_are_radians(highest: float) -> None:
 
 
 @pytest.mark.parametrize("highest", [90, -90, "90", 6.3])
-def test_one_heading_beyond_a_turn_makes_all_of_them_degrees(highest: Any) -> None:
+def test_heading_beyond_a_turn_means_all_are_degrees(highest: Any) -> None:
     raw: list[dict[str, Any]] = [{"theta": 3}, {"vehicleOrientation": highest}, {"theta": None}]
     assert [code for code, _ in put(raw)] == ["HEADINGS_IN_DEGREES"]
     assert raw == [{"theta": radians(3)}, {"vehicleOrientation": radians(float(highest))}, {"theta": None}]
@@ -251,13 +251,13 @@ def test_types_that_get_everywhere_and_back_are_not_mentioned() -> None:
     assert told_of_reach(A, B, THERE, BACK) == []
 
 
-def test_a_type_that_cannot_come_back_is_named_with_what_is_cut_off() -> None:
+def test_type_that_cannot_return_is_listed_with_its_unreachable_points() -> None:
     (only,) = told_of_reach(A, B, THERE, open_path("B A", "t"))
     assert only.startswith("vehicles of type 'u' cannot reach every point and return: ")
     assert only.count("'") == 4, "one type and one point"
 
 
-def test_what_is_closed_to_a_type_is_not_missed_by_it() -> None:
+def test_points_closed_to_a_type_need_not_be_reachable() -> None:
     """It may not be at C, so no way there is wanted, and none that leads through it."""
     own = (open_point("C", "t"), open_path("A C", "t u"), open_path("C A", "t u"))
     assert told_of_reach(A, B, THERE, BACK, *own) == []

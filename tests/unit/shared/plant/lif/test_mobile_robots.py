@@ -90,7 +90,7 @@ def test_examples_come_back_from_own_json_with_the_same_meaning() -> None:
         assert OriginsFile.model_validate(again) == OriginsFile.model_validate(content), example.name
 
 
-def test_examples_as_1_0_keep_to_1_0_and_name_what_is_lost() -> None:
+def test_examples_written_as_1_0_are_valid_and_list_losses() -> None:
     lossless = 0
     for example in examples():
         model = files.read(example.read_bytes()).model
@@ -212,9 +212,12 @@ def test_the_length_of_line_guidance_is_that_of_the_path() -> None:
     [
         ({"allowedDeviationXY": {"aMinimum": 2, "aMaximum": 1}}, "allows no ellipse: a is at least 2.0"),
         ({"allowedDeviationXY": {"bMinimum": 2, "aMaximum": 1}}, "allows no ellipse: the shorter semi-axis"),
-        ({"allowedDeviationXY": {"theta": 2}}, "is turned by 2.0"),
+        ({"allowedDeviationXY": {"theta": 2}}, "has the rotation 2.0"),
         ({"theta": 3.2}, "heading 3.2 is not between"),
-        ({"loadRestriction": {"unloaded": True, "loaded": False, "loadSetNames": ["p"]}}, "forbids loads"),
+        (
+            {"loadRestriction": {"unloaded": True, "loaded": False, "loadSetNames": ["p"]}},
+            "does not allow loads",
+        ),
         (
             {"feasibleActions": [robot_action("x", actionParameters=[{"key": "k", "value": None}])]},
             "must not be null",
@@ -251,7 +254,7 @@ def test_degrees_are_recognized_in_lists_of_orientations() -> None:
     assert model.path("A-B").vehicle_types[0].orientations == pytest.approx((0.0, pi))
 
 
-def test_what_1_0_cannot_hold_is_named_and_left_out() -> None:
+def test_losses_of_1_0_are_listed_and_omitted() -> None:
     first = robot_node(
         "A",
         allowedDeviationXY={"aMaximum": 1},
@@ -274,17 +277,17 @@ def test_what_1_0_cannot_hold_is_named_and_left_out() -> None:
     )
     assert losses(data, LifVersion.V2_0) == []
     assert losses(data, LifVersion.V1_0) == [
-        "origins beyond the first, whose layouts will have its frame (1 times)",
+        "origins beyond the first, whose layouts then use its frame (1 times)",
         "bounds of deviations at nodes (1 times)",
         "load restrictions of nodes (1 times)",
-        "forbidden actions, which will be unmentioned (2 times)",
+        "forbidden actions, which are omitted (2 times)",
         "orientations beyond the first (1 times)",
         "corridors (1 times)",
         "properties of line guidance (1 times)",
-        "blockingType SINGLE, which will be HARD (1 times)",
-        "values of action parameters that are no text, which will be JSON text (1 times)",
+        "blockingType SINGLE, written as HARD (1 times)",
+        "action parameter values other than text, written as JSON (1 times)",
         "types of stations (1 times)",
-        "unknown heights of stations, which will be 0 (1 times)",
+        "unknown heights of stations, written as 0 (1 times)",
     ]
     report = write(read(data).model, at=NOW)
     assert {each.code for each in read(report.data, strict=True).warnings} >= {"NO_PARK_POSITION"}
@@ -302,7 +305,7 @@ def test_what_1_0_cannot_hold_is_named_and_left_out() -> None:
     }
 
 
-def test_what_opentcs_cannot_hold_is_named() -> None:
+def test_losses_of_opentcs_are_listed() -> None:
     way = robot_edge(
         "A B", corridor={"maximumLeftWidth": 1, "maximumRightWidth": 1}, forbiddenActionTypes=["x"]
     )
@@ -311,7 +314,7 @@ def test_what_opentcs_cannot_hold_is_named() -> None:
     assert [text.partition(" (")[0] for text in told[1:]] == ["LIF: forbidden actions", "LIF: corridors"]
 
 
-def test_1_0_becomes_2_0_and_names_what_is_lost() -> None:
+def test_conversion_from_1_0_to_2_0_lists_losses() -> None:
     some = [
         action("pick"),
         action("beep", requirementType="REQUIRED"),
@@ -328,9 +331,9 @@ def test_1_0_becomes_2_0_and_names_what_is_lost() -> None:
         edge("A B", use("A.t", vehicleOrientation=pi, rotationAllowed=True, maxSpeed=2), edgeName="ramp"),
     )
     assert losses(data, LifVersion.V2_0) == [
-        "actions that are OPTIONAL or without a requirementType, which will be feasible (1 times)",
-        "names of nodes, which will begin the descriptor (1 times)",
-        "manufacturers of vehicle types without a dot, which will be empty (1 times)",
+        "actions that are OPTIONAL or without a requirementType, written as feasible actions (1 times)",
+        "names of nodes, which are put in front of the descriptor (1 times)",
+        "manufacturers of vehicle types without a dot, written as empty (1 times)",
     ]
     report = write(read(data).model, LifVersion.V2_0, at=NOW)
     assert read(report.data).model.path("A-B").max_velocity_mm_s == 2000
@@ -378,7 +381,7 @@ def test_a_missing_rule_of_rotation_is_none_in_1_0() -> None:
         ({"a_maximum": 0.1, "b_minimum": 0.2}, 0.5, (0.1, 0.1)),
     ],
 )
-def test_an_ellipse_is_as_near_to_what_is_wanted_as_its_bounds_allow(
+def test_ellipse_is_clamped_to_its_bounds(
     bounds: dict[str, float], wanted: float, ellipse: tuple[float, float]
 ) -> None:
     assert DeviationBounds(**bounds).ellipse(wanted) == ellipse

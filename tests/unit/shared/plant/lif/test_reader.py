@@ -58,7 +58,7 @@ def test_a_right_file_is_read_strictly_and_without_a_warning() -> None:
     assert PlantModel.from_json(model.to_json()) == model
 
 
-def test_a_heading_counts_for_all_only_where_all_types_agree() -> None:
+def test_heading_applies_to_all_only_if_all_types_agree() -> None:
     one, other = {"vehicleTypeId": "t", "theta": pi / 2}, {"vehicleTypeId": "u", "theta": 0.0}
     alone = model_of(node("A", vehicleTypeNodeProperties=[one]))
     assert alone.point("A").heading_rad == pytest.approx(pi / 2)
@@ -75,7 +75,7 @@ def test_a_path_is_as_fast_as_the_fastest_type_and_open_to_those_named() -> None
     assert model_of(*RING).path("A-B").max_velocity_mm_s == 100_000
 
 
-def test_a_station_offers_what_the_actions_of_its_nodes_offer() -> None:
+def test_station_has_the_operations_of_its_nodes() -> None:
     picks = [{"vehicleTypeId": "t", "actions": [action("pick"), action("startCharging")]}]
     station = {"stationId": "S", "interactionNodeIds": ["A", "B"], "stationHeight": 1.5}
     model = model_of(node("A", vehicleTypeNodeProperties=picks), node("B", 4, 2), station)
@@ -142,7 +142,7 @@ KNOT_FAULTS = [[0, 1], [0, 1, 0, 1], [0.5, 0.5, 0.5, 0.5]]
 
 
 @pytest.mark.parametrize("knots", KNOT_FAULTS)
-def test_a_trajectory_that_cannot_be_followed_is_left_out(knots: list[float]) -> None:
+def test_invalid_trajectory_is_omitted(knots: list[float]) -> None:
     trajectory = {"knotVector": knots, "controlPoints": [{"x": 0, "y": 0}, {"x": 3, "y": 4}]}
     data = lif_of(node("A"), node("B", 3, 4), edge("A B", use(trajectory=trajectory)), edge("B A"))
     assert ("NOT_LIF", "A-B") in warnings(data)
@@ -187,7 +187,7 @@ DEPARTURES = {
     "unknown field": (lif_of(node("A", colour="red")), "unknown field 'colour'"),
     "no map": (lif_of(node("A", mapId=None)), "has no mapId"),
     "a type twice": (lif_of(node("A", 0, 0, "t", "t")), "2 times"),
-    "closed end": (lif_of(node("A"), node("B"), edge("A B", use("u"))), "may not use its node"),
+    "closed end": (lif_of(node("A"), node("B"), edge("A B", use("u"))), "is not allowed on its node"),
     "half a load": (
         lif_of(
             *RING[:3],
@@ -233,7 +233,7 @@ DEPARTURES = {
 
 
 @pytest.mark.parametrize("fault", DEPARTURES)
-def test_what_real_files_get_wrong_is_a_warning_and_strictly_an_error(fault: str) -> None:
+def test_deviation_of_real_files_is_a_warning_or_strictly_an_error(fault: str) -> None:
     data, text = DEPARTURES[fault]
     assert text in texts(data)
     with pytest.raises(PlantModelError) as caught:
@@ -277,7 +277,7 @@ def test_headings_in_degrees_are_turned_all_together() -> None:
         (lif_of(*RING[:3], edge("B A", vehicleTypeEdgeProperties=[])), "NO_VEHICLE_TYPE", "B-A"),
     ],
 )
-def test_what_cannot_be_used_is_refused(data: bytes, code: str, name: str) -> None:
+def test_unusable_file_is_refused(data: bytes, code: str, name: str) -> None:
     assert (code, name) in refusals(data)
 
 
@@ -299,7 +299,7 @@ def test_unsupported_content_is_reported_once() -> None:
     assert all("found 2 times" in text for text in found)
 
 
-def test_a_type_that_cannot_get_everywhere_is_named() -> None:
+def test_type_that_cannot_reach_every_point_is_reported() -> None:
     both = ("t", "u")
     data = lif_of(
         node("A", 0, 0, *both),
@@ -340,7 +340,7 @@ def station(name: str, *nodes: str, **more: Any) -> Station:
     return Station(station_id=name, interaction_node_ids=nodes, **more)
 
 
-def test_each_link_offers_what_some_type_can_do_there() -> None:
+def test_link_allows_operations_of_any_vehicle_type() -> None:
     made = maker()
     location = made.location(station("S", "A", "B", "C", "A"), 3)
     links = {link.point: set(link.allowed_operations) for link in location.links}
@@ -380,7 +380,7 @@ def test_where_it_is(nodes: str, position: StationPosition | None, place: tuple[
     assert ("lif:stationPosition" in location.properties) is (position is not None)
 
 
-def test_what_it_does_not_say_is_no_property() -> None:
+def test_missing_field_becomes_no_property() -> None:
     bare = maker().location(station("S"), 0)
     assert bare.properties == {"lif:id": "S"}
     whole = maker().location(

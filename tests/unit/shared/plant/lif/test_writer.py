@@ -142,7 +142,7 @@ def test_a_path_for_both_directions_becomes_two_edges() -> None:
     assert (backward["vehicleOrientation"], backward["maxSpeed"]) == (pi, 0.3)
 
 
-def test_what_can_be_done_at_a_location_becomes_actions_of_its_nodes() -> None:
+def test_operations_of_a_location_become_actions_of_its_nodes() -> None:
     model = plant(
         points="A B",
         location_types=(LocationType(name="T", allowed_operations=("Load cargo", "Charge", "beep")),),
@@ -181,10 +181,10 @@ def test_content_that_lif_cannot_hold_is_reported() -> None:
     assert export_warnings_of(model) == [
         "parking positions",
         "heights",
-        "locks of paths, which will be open",
-        "lengths that are not the distance of the ends",
+        "path locks, which are dropped",
+        "path lengths other than the distance between the end points",
         "locations without a link",
-        "locks of locations, which will be open",
+        "location locks, which are dropped",
         "peripheral operations of location types",
         "blocks",
         "vehicles",
@@ -211,7 +211,7 @@ def test_empty_and_duplicate_ids_are_not_used() -> None:
 
 
 @pytest.mark.parametrize("height", ["high", "inf", "1e999", "nan", "-1", ""])
-def test_properties_that_somebody_spoilt_are_passed_over(height: str) -> None:
+def test_invalid_properties_are_ignored(height: str) -> None:
     spoilt = {"lif:stationHeight": height, "lif:stationPosition": "there"}
     here = Location(name="L", type="T", x_mm=1500, links=(Link(point="A"),), properties=spoilt)
     model = plant(points="A", location_types=(LocationType(name="T"),), locations=(here,))
@@ -285,7 +285,7 @@ DRAWN = VehicleTypeOnPath(
         model(way=path("A B", 1700, vehicle_types=(DRAWN,), layout=BENT)),
     ],
 )
-def test_what_lif_holds_is_no_loss(plant: PlantModel) -> None:
+def test_representable_content_is_no_loss(plant: PlantModel) -> None:
     assert not_exported(plant) == []
 
 
@@ -295,19 +295,19 @@ def test_what_lif_holds_is_no_loss(plant: PlantModel) -> None:
         (model(first=point("A", type=PointType.PARK_POSITION)), "parking positions"),
         (
             model(first=point("A", max_vehicle_bounding_box=BoundingBox(length_mm=1))),
-            "largest vehicles at points",
+            "maximum vehicle sizes at points",
         ),
         (model(first=point("A", envelopes=(Envelope(key="e", vertices=()),))), "envelopes of points"),
         (model(first=point("A", z_mm=-1)), "heights (z) of points"),
-        (model(way=path("A B", locked=True)), "locks of paths, which will be open"),
+        (model(way=path("A B", locked=True)), "path locks, which are dropped"),
         (model(way=path("A B", envelopes=(Envelope(key="e", vertices=()),))), "envelopes of paths"),
         (model(way=path("A B", peripheral_operations=(OPERATION,))), "peripheral operations of paths"),
-        (model(way=path("A B", 1002)), "lengths that are not the distance of the ends"),
-        (model(way=path("A B", layout=BENT)), "drawn courses of paths, which will be straight"),
+        (model(way=path("A B", 1002)), "path lengths other than the distance between the end points"),
+        (model(way=path("A B", layout=BENT)), "drawn shapes of paths, which become straight"),
         (model(locations=(Location(name="L", type="T"),)), "locations without a link"),
         (
             model(locations=(Location(name="L", type="T", links=(Link(point="A"),), locked=True),)),
-            "locks of locations, which will be open",
+            "location locks, which are dropped",
         ),
         (
             model(kind=LocationType(name="T", allowed_peripheral_operations=("open",))),

@@ -45,7 +45,7 @@ def refusal(data: bytes, limits: Limits | None = None) -> str:
         (b'<model name="m"/>', "UNSUPPORTED_VERSION"),
     ],
 )
-def test_what_is_no_plant_model_is_refused(data: bytes, code: str) -> None:
+def test_other_file_is_refused(data: bytes, code: str) -> None:
     assert refusal(data) == code
 
 
@@ -109,7 +109,7 @@ def test_other_versions_are_refused_by_name(text: str) -> None:
     assert "7.0.x" in problem.text
 
 
-def test_what_is_passed_over_is_one_warning_for_each_kind_of_object() -> None:
+def test_ignored_content_is_one_warning_per_kind() -> None:
     findings = Findings(FormatVersion.V7_0_0)
     findings.ignore(ObjectKind.POINT, "attribute 'b'")
     findings.ignore(ObjectKind.PATH, "attribute 'a'", 3)
@@ -153,7 +153,7 @@ def errors(obj: XmlObject) -> list[str]:
         (lambda obj: obj.choice("a", Fruit), Fruit.APPLE),
     ],
 )
-def test_what_is_missing_without_a_default_is_an_error(
+def test_missing_attribute_without_a_default_is_an_error(
     read: Callable[[XmlObject], Any], harmless: object
 ) -> None:
     obj = element()
@@ -175,7 +175,7 @@ def test_what_is_missing_without_a_default_is_an_error(
         (lambda obj: obj.color("a"), None),
     ],
 )
-def test_what_is_missing_may_have_a_default(read: Callable[[XmlObject], Any], default: object) -> None:
+def test_missing_attribute_may_have_a_default(read: Callable[[XmlObject], Any], default: object) -> None:
     obj = element()
     assert read(obj) == default
     assert errors(obj) == []
@@ -279,14 +279,14 @@ def test_a_value_of_another_list_is_an_error_and_one_that_was_renamed_is_not_in_
 @pytest.mark.parametrize(
     ("text", "kept"), [("#A0b1C2", True), ("#A0b1C", False), ("red", False), ("", False)]
 )
-def test_a_colour_that_is_none_costs_a_warning_only(text: str, kept: bool) -> None:  # noqa: FBT001 - an example
+def test_invalid_colour_is_only_a_warning(text: str, kept: bool) -> None:  # noqa: FBT001 - an example
     obj = element(a=text)
     assert obj.color("a") == (text if kept else None)
     assert [each.code for each in obj.findings.warnings] == ([] if kept else ["DRAWING_DROPPED"])
     assert errors(obj) == []
 
 
-def test_only_old_formats_may_leave_out_what_newer_ones_need() -> None:
+def test_only_old_formats_may_omit_newer_attributes() -> None:
     assert element(OLD).if_old(7) == 7
     assert element(NEW).if_old(7) is None
 
@@ -302,7 +302,7 @@ def test_of_two_properties_with_one_name_the_last_counts() -> None:
     assert obj.properties() == {}, "children are read once"
 
 
-def test_children_speak_for_their_object_and_objects_for_themselves() -> None:
+def test_findings_are_attributed_to_their_object() -> None:
     root = Element("model")
     SubElement(SubElement(root, "path", name="Q"), "hop")
     SubElement(root, "path")
@@ -330,7 +330,7 @@ def test_ignored_content_is_reported_with_its_count() -> None:
 
 
 @given(st.text(max_size=20), st.sampled_from(FormatVersion))
-def test_whatever_is_written_something_harmless_is_read(text: str, version: FormatVersion) -> None:
+def test_any_value_is_read_as_a_harmless_one(text: str, version: FormatVersion) -> None:
     obj = element(version, a=text)
     assert 0 <= obj.integer("a", 5, minimum=0, maximum=10) <= 10
     assert 0 < obj.scale("a", 50.0) <= MAX_SCALE

@@ -103,7 +103,7 @@ def test_the_layout_element_holds_the_drawing(version: str) -> None:
 
 
 @pytest.mark.parametrize("version", ["0.0.2", "0.0.3"])
-def test_what_old_formats_leave_out(version: str) -> None:
+def test_values_missing_in_old_formats(version: str) -> None:
     model = read(drawn_in_layout(version)).model
     assert model.point("A").type is PointType.HALT_POSITION
     assert model.point("B").orientation_deg is None

@@ -174,7 +174,7 @@ def test_everything_else() -> None:
     assert read_model.properties == {"author": "me"}
 
 
-def test_what_is_read_survives_json() -> None:
+def test_model_survives_json() -> None:
     assert PlantModel.from_json(model().to_json()) == model()
 
 
@@ -225,7 +225,7 @@ def test_exception_lists_all_problems() -> None:
         read(opentcs_xml('<block name="X" type="?"/><block name="Y" type="?"/>'))
 
 
-def test_names_keep_their_blanks() -> None:
+def test_names_keep_their_spaces() -> None:
     name = "Enschede "
     body = POINTS + PATHS + REST.replace('"Door"', f'"{name}"')
     body = body.replace('locationName="Door"', f'locationName="{name}"')
@@ -273,7 +273,7 @@ def test_a_curve_with_the_wrong_number_of_control_points_becomes_a_line(connecti
     assert warnings(body) == [("CONTROL_POINTS_DROPPED", "AB")]
 
 
-def test_a_colour_that_is_none_is_dropped() -> None:
+def test_invalid_colour_is_dropped() -> None:
     body = POINTS + PATHS + REST.replace("#FF9900", "orange")
     assert model(body).vehicles[0].color is None
     assert warnings(body) == [("DRAWING_DROPPED", "V")]
@@ -284,7 +284,7 @@ def test_a_scale_beyond_all_bounds_is_refused() -> None:
     assert (problem.code, problem.name) == ("BAD_VALUE", "Layout")
 
 
-def test_a_second_layout_is_passed_over() -> None:
+def test_second_layout_is_ignored() -> None:
     body = POINTS + PATHS + REST + '<visualLayout name="Other" scaleX="1" scaleY="1"/>'
     assert model(body).visual_layout.name == "Layout"
     assert ("DRAWING_DROPPED", "Other") in warnings(body)
@@ -400,7 +400,7 @@ def test_omissions_are_reported_for_old_files_and_errors_in_new_ones() -> None:
         ({"energyLevelFullyRecharged": "39"}, (10, 80, 39, 40)),
     ],
 )
-def test_crossed_levels_are_swapped_in_old_files_and_refused_in_new_ones(
+def test_swapped_levels_are_corrected_in_old_files_and_refused_in_new_ones(
     crossed: dict[str, str], right: tuple[int, int, int, int]
 ) -> None:
     made, findings = vehicle(OLD, **SPEEDS, **LEVELS | crossed)

@@ -29,7 +29,7 @@ def codes(name: str) -> list[tuple[str, str]]:
         (NENA, 6, 11, 274081, (1, 6, 0, 4)),
     ],
 )
-def test_what_is_in_them(
+def test_contents_of_reference_models(
     name: str, points: int, paths: int, length_mm: int, places: tuple[int, int, int, int]
 ) -> None:
     model = report(name).model
@@ -80,7 +80,7 @@ def test_all_features_are_the_same_in_both_formats() -> None:
     assert new.vehicles[0].bounding_box.length_mm == old.vehicles[0].bounding_box.length_mm == 1500
 
 
-def test_all_features_replaces_what_7_0_0_does_not_have() -> None:
+def test_all_features_omits_what_7_0_0_lacks() -> None:
     assert [code for code in codes(ALL_4) if code[0] == "VALUE_REPLACED"] == [
         ("VALUE_REPLACED", "Point-0014"),
         ("VALUE_REPLACED", "Point-0013 --- Point-0014"),

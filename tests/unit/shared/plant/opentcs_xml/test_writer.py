@@ -54,7 +54,7 @@ def test_reference_models_lose_nothing(name: str) -> None:
     assert read(written.data).model == model
 
 
-def test_a_model_of_the_oldest_format_loses_what_its_drawing_alone_has() -> None:
+def test_oldest_format_loses_what_only_its_drawing_contains() -> None:
     data = reference_dir("opentcs-plant-models", "nena-turtlebot3.v0.0.2.xml").read_bytes()
     model = read(data).model
     written = write(model)
@@ -122,7 +122,7 @@ def test_text_that_xml_cannot_hold_is_refused(more: dict[str, Any]) -> None:
     assert {problem.code for problem in caught.value.problems} == {"UNWRITABLE_TEXT"}
 
 
-def test_rules_for_vehicle_types_are_missed() -> None:
+def test_lost_vehicle_type_rules_are_reported() -> None:
     uses = (VehicleTypeOnPath(vehicle_type_id="t", rotation_allowed=True),)
     written = write(plant(path("A B", vehicle_types=uses)))
     assert {problem.code for problem in written.warnings} == {"NOT_EXPORTED"}

@@ -26,7 +26,7 @@ def read(kind: type[Header], content: JsonObject) -> Any:
 
 @pytest.mark.clause("7.3", "7.8", "7.10/message")
 @pytest.mark.parametrize(("kind", "name"), [(Order, "order"), (State, "state"), (Factsheet, "factsheet")])
-def test_examples_are_read_and_written_under_its_own_number(
+def test_examples_are_read_and_written_with_their_version(
     request: pytest.FixtureRequest, kind: type[Header], name: str
 ) -> None:
     payload = CODEC.encode(read(kind, request.getfixturevalue(name)))

@@ -168,7 +168,7 @@ def test_single_becomes_hard(instant_action: JsonObject) -> None:
 
 
 @pytest.mark.clause("7.8/safety")
-def test_stop_that_acknowledges_itself_is_a_field_violation(state: JsonObject) -> None:
+def test_autoack_is_a_field_violation(state: JsonObject) -> None:
     state["safetyState"] = {"eStop": "AUTOACK", "fieldViolation": False}
 
     safety = read(State, state).safety_state
@@ -241,7 +241,7 @@ def test_every_error_type_has_a_name_of_2_x() -> None:
 
 @pytest.mark.clause("6.6.5.1", "6.6.5.3", "6.6.5.4")
 @pytest.mark.parametrize("kind", ErrorType)
-def test_only_what_stops_the_robot_is_fatal(state: JsonObject, kind: ErrorType) -> None:
+def test_only_errors_that_stop_the_robot_are_fatal(state: JsonObject, kind: ErrorType) -> None:
     entry = error(kind, "why", hint="do this", order_id="o1")
     stops_the_robot = WRITTEN[kind] in STOPPING
 

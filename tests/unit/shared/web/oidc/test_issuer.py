@@ -24,10 +24,10 @@ from nena_shared.web.oidc.issuer import (
     Issuer,
     KeySet,
     metadata_of,
-    place_of,
+    metadata_url,
 )
 from nena_shared.web.oidc.tokens import TokenHeader
-from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, TokenRefusedError
+from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, TokenRefusedError
 from nena_shared.web.settings import OidcSettings
 from support.broker import free_port
 from support.clocks import ManualClock
@@ -66,7 +66,7 @@ async def test_concurrent_requests_fetch_once(watched: Watched, issuer: OidcIssu
     assert issuer.asked[KEYS] == 1
 
 
-async def test_a_new_key_is_found_at_once(watched: Watched, issuer: OidcIssuer) -> None:
+async def test_new_key_is_fetched_immediately(watched: Watched, issuer: OidcIssuer) -> None:
     await watched.issuer.key(KNOWN)
     issuer.keys = [ec_key("ec-2")]
 
@@ -81,7 +81,7 @@ async def test_invented_key_ids_do_not_cause_unlimited_requests(watched: Watched
         with pytest.raises(TokenRefusedError, match="does not have this key"):
             await watched.issuer.key(TokenHeader(f"made-up-{number}", "RS256"))
     for number in range(50):
-        with pytest.raises(IssuerAwayError, match="too many requests"):
+        with pytest.raises(IssuerUnavailableError, match="too many requests"):
             await watched.issuer.key(TokenHeader(f"made-up-more-{number}", "RS256"))
 
     assert issuer.asked[KEYS] == LOOKS_AT_ONCE
@@ -126,13 +126,13 @@ async def test_cached_keys_are_valid_for_a_limited_time_while_the_issuer_is_unav
 
     with capture_logs() as logged:
         assert (await watched.issuer.key(KNOWN)).key_id == "rsa-1"
-        with pytest.raises(IssuerAwayError, match="not JSON"):
+        with pytest.raises(IssuerUnavailableError, match="not JSON"):
             await watched.issuer.key(NEW)
     assert [each["event"] for each in logged].count(
         "OIDC issuer unavailable; only NeNa's own tokens are accepted"
     ) == 1
     watched.clock.advance(KEPT - FRESH)
-    with pytest.raises(IssuerAwayError, match="not JSON"):
+    with pytest.raises(IssuerUnavailableError, match="not JSON"):
         await watched.issuer.key(KNOWN)
 
     issuer.broken.clear()
@@ -156,7 +156,7 @@ async def test_cached_keys_are_used_while_the_issuer_hangs(watched: Watched, iss
     watched.clock.advance(KEPT - FRESH)
     too_late = asyncio.create_task(watched.issuer.key(KNOWN))
     issuer.closing.set()
-    with pytest.raises(IssuerAwayError):
+    with pytest.raises(IssuerUnavailableError):
         await too_late
 
 
@@ -165,7 +165,7 @@ async def test_issuer_that_was_never_reachable_is_reported(
     watched: Watched, issuer: OidcIssuer, path: str
 ) -> None:
     issuer.broken[path] = b"{}"
-    with pytest.raises(IssuerAwayError):
+    with pytest.raises(IssuerUnavailableError):
         await watched.issuer.key(KNOWN)
     issuer.broken.clear()
 
@@ -193,18 +193,18 @@ async def test_any_response_yields_a_reason(
     issuer: OidcIssuer, settings: OidcSettings, answer: bytes, reason: str
 ) -> None:
     issuer.broken[DISCOVERY] = answer
-    with pytest.raises(IssuerAwayError, match=reason):
+    with pytest.raises(IssuerUnavailableError, match=reason):
         await BoundedHttp(settings).get(f"{issuer.address}{DISCOVERY}")
 
 
 async def test_other_status_is_an_error(issuer: OidcIssuer, settings: OidcSettings) -> None:
-    with pytest.raises(IssuerAwayError, match="answered 404"):
+    with pytest.raises(IssuerUnavailableError, match="answered 404"):
         await BoundedHttp(settings).get(f"{issuer.address}/elsewhere")
 
 
 async def test_redirects_are_not_followed(issuer: OidcIssuer, settings: OidcSettings) -> None:
     issuer.moved[DISCOVERY] = "/keys"
-    with pytest.raises(IssuerAwayError, match="answered 302"):
+    with pytest.raises(IssuerUnavailableError, match="answered 302"):
         await BoundedHttp(settings).get(f"{issuer.address}{DISCOVERY}")
     assert issuer.asked["/keys"] == 0
 
@@ -212,12 +212,12 @@ async def test_redirects_are_not_followed(issuer: OidcIssuer, settings: OidcSett
 async def test_request_times_out(issuer: OidcIssuer, settings: OidcSettings) -> None:
     issuer.silent.add(DISCOVERY)
     impatient = BoundedHttp(settings.model_copy(update={"timeout": 0.2}))
-    with pytest.raises(IssuerAwayError, match="not answered within"):
+    with pytest.raises(IssuerUnavailableError, match="not answered within"):
         await impatient.get(f"{issuer.address}{DISCOVERY}")
 
 
 async def test_unreachable_server_is_reported(settings: OidcSettings) -> None:
-    with pytest.raises(IssuerAwayError, match=r"127\.0\.0\.1"):
+    with pytest.raises(IssuerUnavailableError, match=r"127\.0\.0\.1"):
         await BoundedHttp(settings).get(f"http://127.0.0.1:{free_port()}/")
 
 
@@ -302,10 +302,10 @@ GOOD = {"issuer": ISSUER, "jwks_uri": "https://login.example/keys", "scopes_supp
 
 @pytest.mark.parametrize("issuer", [ISSUER, f"{ISSUER}/"])
 def test_it_is_at_one_place(issuer: str) -> None:
-    assert place_of(issuer) == f"{ISSUER}/.well-known/openid-configuration"
+    assert metadata_url(issuer) == f"{ISSUER}/.well-known/openid-configuration"
 
 
-def test_only_what_is_needed_is_read() -> None:
+def test_only_needed_parts_are_read() -> None:
     found = metadata_of(GOOD, ISSUER)
 
     assert found.jwks_uri == "https://login.example/keys"
@@ -326,7 +326,7 @@ def test_only_what_is_needed_is_read() -> None:
     ],
 )
 def test_invalid_metadata_is_explained(change: dict[str, Any], reason: str) -> None:
-    with pytest.raises(IssuerAwayError, match=reason) as caught:
+    with pytest.raises(IssuerUnavailableError, match=reason) as caught:
         metadata_of({**GOOD, **change}, ISSUER)
     assert len(str(caught.value)) < 1000
 
@@ -337,32 +337,32 @@ def tokens(settings: OidcSettings) -> AccessTokens:
 
 
 async def test_user_is_read_from_a_token(tokens: AccessTokens, issuer: OidcIssuer) -> None:
-    ann = await tokens.who(issuer.token("ann"))
+    ann = await tokens.user_of(issuer.token("ann"))
 
     assert (ann.name, ann.role, ann.subject) == ("ann", Role.OPERATOR, "id-of-ann")
 
 
 async def test_keys_rotate_while_tokens_are_used(tokens: AccessTokens, issuer: OidcIssuer) -> None:
     old = issuer.token("ann")
-    await tokens.who(old)
+    await tokens.user_of(old)
     issuer.keys.insert(0, ec_key("ec-2"))
 
-    assert (await tokens.who(issuer.token("vic"))).role is Role.VIEWER
-    assert (await tokens.who(old)).name == "ann"
+    assert (await tokens.user_of(issuer.token("vic"))).role is Role.VIEWER
+    assert (await tokens.user_of(old)).name == "ann"
 
 
 async def test_unknown_key_is_refused(tokens: AccessTokens, issuer: OidcIssuer) -> None:
     with pytest.raises(TokenRefusedError, match="does not have this key"):
-        await tokens.who(issuer.token("ann", ec_key("made-up")))
+        await tokens.user_of(issuer.token("ann", ec_key("made-up")))
 
 
 async def test_user_without_a_role_is_reported(tokens: AccessTokens, issuer: OidcIssuer) -> None:
     with pytest.raises(NoRoleError, match="bob"):
-        await tokens.who(issuer.token("bob"))
+        await tokens.user_of(issuer.token("bob"))
 
 
 async def test_disallowed_algorithm_causes_no_request(settings: OidcSettings, issuer: OidcIssuer) -> None:
     tokens = AccessTokens(Issuer(settings.model_copy(update={"algorithms": ("ES256",)})))
     with pytest.raises(TokenRefusedError, match="only ES256"):
-        await tokens.who(issuer.token("ann"))
+        await tokens.user_of(issuer.token("ann"))
     assert not issuer.asked

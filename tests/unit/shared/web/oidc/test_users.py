@@ -19,7 +19,7 @@ def settings(**more: Any) -> OidcSettings:
     return OidcSettings.model_validate({"issuer": "https://login.example", "audience": "nena", **more})
 
 
-def test_a_user_has_what_the_claims_say() -> None:
+def test_user_is_derived_from_the_claims() -> None:
     ann = user_of(CLAIMS, settings())
 
     assert (ann.name, ann.role, ann.subject) == ("ann", Role.OPERATOR, "17")

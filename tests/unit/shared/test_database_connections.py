@@ -4,7 +4,7 @@ import socket
 from types import SimpleNamespace
 from typing import Any
 
-from nena_shared.database_lines import hang_up, remember
+from nena_shared.database_connections import close_connections, register_connection
 
 
 class ClosedError(Exception):
@@ -20,13 +20,13 @@ class Closed:
         raise ClosedError
 
 
-def test_hang_up_ends_waiting_threads() -> None:
+def test_closing_connections_ends_waiting_threads() -> None:
     engine, (ours, servers), closed = Engine(), socket.socketpair(), Closed()
-    remember(engine, closed)
-    remember(engine, ours)
+    register_connection(engine, closed)
+    register_connection(engine, ours)
     with ours, servers:
         ours.settimeout(5)
-        hang_up(engine)
+        close_connections(engine)
 
         assert ours.recv(1) == b""
         assert ours.fileno() >= 0, "to be closed by whoever opened it"
@@ -34,9 +34,9 @@ def test_hang_up_ends_waiting_threads() -> None:
 
 def test_only_an_engines_own_lines_are_hung_up() -> None:
     engine, (ours, servers) = Engine(), socket.socketpair()
-    remember(engine, ours)
+    register_connection(engine, ours)
     with ours, servers:
-        hang_up(Engine())
+        close_connections(Engine())
 
         servers.send(b"x")
         assert ours.recv(1) == b"x"
