@@ -59,7 +59,7 @@ def test_conditions_are_logged_with_reasons() -> None:
         ("BUSY", "driving_free"),
     ]
     assert conditions[1].text == "Emergency stop active; reset it at the robot."
-    assert conditions[1].values["reasonValues"] == {"how": "at the robot"}
+    assert conditions[1].values["how"] == "at the robot"
 
 
 def test_silence_is_logged_without_a_message() -> None:

@@ -61,10 +61,10 @@ class EventLog:
         changed = condition is not robot.condition
         if changed or (robot.condition in NOT_MOVING and reason.code != robot.reason.code):
             values: Values = {
+                **robot.reason.values,
                 "condition": robot.condition.value,
                 "before": condition.value,
                 "reason": robot.reason.code,
-                "reasonValues": robot.reason.values,
             }
             self._of_robot(robot, Code.CONDITION, short(robot.reason.text) or "", values, at)
 

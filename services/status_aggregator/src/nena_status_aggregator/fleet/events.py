@@ -20,7 +20,7 @@ class Code(StrEnum):
     CONNECTION = "connection"
     """The connection state changed; `state`, `before`."""
     CONDITION = "condition"
-    """The condition or the reason for not moving changed; `condition`, `before`, `reason`, `reasonValues`."""
+    """The condition or the reason for not moving changed; `condition`, `before`, `reason`, and its values."""
     OPERATING_MODE = "operatingMode"
     """The operating mode changed; `mode`, `before`."""
     ORDER_TAKEN = "orderTaken"
@@ -66,7 +66,7 @@ class Outcome(StrEnum):
     """Another order followed before a state showed the end."""
 
 
-Values = dict[str, str | float | dict[str, str | float] | None]
+Values = dict[str, str | float | None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 import { element, foreign, verbatim } from "./dom.js";
 import { conditionText, nameOf, reasonOf } from "./explanations.js";
-import { plural, t } from "./i18n.js";
+import { fillable, plural, t } from "./i18n.js";
 
 /** Create the text of an event. Events of earlier releases may lack the values for it, and show the English sentence instead. */
 export function details({ code, text, values }) {
@@ -33,9 +33,11 @@ const PARTS = {
   transportOrder: ({ state, reason }) => (reason === undefined ? null : { text: t(`state.${state}`), words: reason }),
 };
 
-function condition({ condition: name, reason: reasonCode, reasonValues }) {
-  if (!reasonValues) return null;
-  const text = conditionText({ condition: name });
-  if (reasonCode === "idle_why") return { text, words: reasonValues.why };
-  return { text: `${text}: ${reasonOf({ reasonCode, reasonValues })}` };
+function condition(values) {
+  const reasonCode = values.reason;
+  const complete = reasonCode === "emergency_stop" ? "how" in values : fillable(`reason.${reasonCode}`, values);
+  if (!complete) return null;
+  const text = conditionText({ condition: values.condition });
+  if (reasonCode === "idle_why") return { text, words: values.why };
+  return { text: `${text}: ${reasonOf({ reasonCode, reasonValues: values })}` };
 }

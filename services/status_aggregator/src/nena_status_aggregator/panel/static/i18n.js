@@ -35,6 +35,11 @@ export function has(key) {
   return key in TEXTS[language];
 }
 
+/** Return whether a text exists and `values` has all of its values. */
+export function fillable(key, values) {
+  return has(key) && [...TEXTS[language][key].matchAll(/\{(\w+)\}/g)].every(([, name]) => name in values);
+}
+
 /** Return a text with its `{values}` filled in; a missing text is shown as its key. */
 export function t(key, values = {}) {
   const text = TEXTS[language][key] ?? key;
