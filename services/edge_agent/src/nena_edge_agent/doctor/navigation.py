@@ -1,4 +1,4 @@
-"""Judge the links on the robot's side from observations, without I/O."""
+"""Check the links on the robot from observations, without I/O."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def kernel_keeps_time() -> bool | None:
 
 
 def judge_clock(*, kept: bool | None, ros_offset: float | None) -> LinkFinding:
-    """Judge the clock by the kernel's answer and the offset of ROS time stamps, in seconds."""
+    """Check the clock by the kernel's status and the offset of ROS time stamps, s."""
     if ros_offset is not None and abs(ros_offset) > MOST_OFF:
         return missing(
             Link.CLOCK,
@@ -99,7 +99,7 @@ NODES_SHOWN = 3
 
 
 def judge_robot(view: RosView, settings: RosSettings) -> list[LinkFinding]:
-    """Judge domain, namespace, localisation and Nav2, up to the first missing link.
+    """Check domain, namespace, localisation and Nav2, up to the first missing link.
 
     Localisation is checked before Nav2, whose planner does not become active without a pose.
     """
@@ -115,7 +115,7 @@ def judge_robot(view: RosView, settings: RosSettings) -> list[LinkFinding]:
 def judge_map(
     view: RosView | None, settings: RosSettings, map_id: str, plant_maps: Collection[str]
 ) -> LinkFinding:
-    """Judge the map ID that fleet control must use, and Nav2's map; ``view`` None: a loopback robot."""
+    """Check the map ID that fleet control must use, and Nav2's map; ``view`` None: a loopback robot."""
     if plant_maps and map_id not in plant_maps:
         names = ", ".join(f"'{each}'" for each in sorted(plant_maps))
         remedy = "set map_id to this map's name in the plant model, or vda5050:mapId there to the robot's"
@@ -192,7 +192,7 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
 
 
 def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFinding:
-    """Judge whether a working Nav2, described by ``text``, supports the settings."""
+    """Check whether a working Nav2, described by ``text``, supports the settings."""
     tolerance, path_action = settings.goals.goal_tolerance, settings.names.follow_path
     if tolerance is not None and view.tolerance is not None and tolerance < view.tolerance:
         problem = f"ros.goals.goal_tolerance is {tolerance:g} m"

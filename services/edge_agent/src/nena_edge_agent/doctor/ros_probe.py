@@ -24,7 +24,7 @@ from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 LOOK_FOR = 5.0
-"""Time after which anything unseen counts as missing, seconds; discovery takes up to 3 s."""
+"""Time after which everything not seen counts as missing, seconds; discovery takes up to 3 s."""
 
 LOOK_ELSEWHERE = 3.0
 """Time for observing another domain, seconds."""
@@ -90,7 +90,7 @@ class _Probe:
         return await _until(lambda: bool(self._nodes()), seconds)
 
     async def look(self) -> RosView:
-        """Observe until everything is seen or time is up, and return the result."""
+        """Observe until everything is seen or the time is over, and return the result."""
         await _until(self._complete, LOOK_FOR)
         if self._pose is None:
             await self._session.call(self._fresh_pose, Empty.Request(), seconds=self._settings.call_timeout)

@@ -78,7 +78,7 @@ class DryRos:
         installed(message_type, type_name)
 
     def client(self, service: str, type_name: str) -> ServiceClient:
-        """Return a client whose service always answers.
+        """Return a client whose service always responds.
 
         Raises:
             RosError: the type is not installed.
@@ -97,7 +97,7 @@ class DryRos:
 
 
 class DryDrive:
-    """Simulated drive, which arrives after DRIVE_TIME."""
+    """Simulated drives, which arrive after ``DRIVE_TIME``."""
 
     def __init__(self) -> None:
         self.pose: Pose | None = Pose(0.0, 0.0, 0.0, "map")
@@ -228,7 +228,7 @@ class _Run:
 
     @property
     def hangs(self) -> bool:
-        """Whether a check will never end."""
+        """Return whether a check will never end."""
         return self.watchdog is not None and self.watchdog.hangs.is_set()
 
     def findings(self) -> list[Finding]:

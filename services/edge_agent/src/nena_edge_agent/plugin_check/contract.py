@@ -62,7 +62,7 @@ class Subject:
 
     @property
     def declaration(self) -> ActionDeclaration:
-        """Declaration of the plug-in."""
+        """Return the declaration of the plug-in."""
         return self.plugin.declaration
 
     def action(self) -> Action:
@@ -108,12 +108,12 @@ class Trial:
 
     @property
     def statuses(self) -> list[ActionStatus]:
-        """Statuses reported so far."""
+        """Return the statuses reported so far."""
         return [each.status for each in self.reports if isinstance(each, ActionReport)]
 
     @property
     def end(self) -> ActionReport | None:
-        """The final report, if there is one."""
+        """Return the final report, None before the end."""
         return next(
             (each for each in self.reports if isinstance(each, ActionReport) and each.status.ended), None
         )
@@ -390,7 +390,7 @@ async def _cleaned_up(tasks: set[asyncio.Task[Any]], threads: set[threading.Thre
 
 @asynccontextmanager
 async def _trial(subject: Subject) -> AsyncIterator[Trial]:
-    """Start an action, and cancel it afterwards if it still runs, as the agent does when it exits."""
+    """Start an action; cancel it afterwards if it is still running, as the agent does when it exits."""
     trial = Trial(subject)
     trial.start()
     try:
