@@ -41,7 +41,7 @@ S: Final = "/v1/orderSequences"
 P: Final = "/v1/peripherals"
 J: Final = "/v1/peripheralJobs"
 PLANT_CHANGE: Final = (
-    "Changes the plant model, so it needs the role `admin`: the service is built again over the same store. "
+    "Changes the plant model, so it needs the role `admin`: the service is rebuilt on the same store. "
     "Meanwhile requests may get 503, and open streams and polls end; robots drive on."
 )
 E: Final = "/v1/environmentalEntities"
@@ -87,7 +87,7 @@ ROUTES: Final = (
         "PUT",
         f"{O}/{{name}}/intendedVehicle",
         (200, 404),
-        "400 if a vehicle has the order, or a sequence.",
+        "400 if a vehicle has the order, or it belongs to a sequence.",
         (
             Try(200, f"{O}/T-1/intendedVehicle", query={"vehicle": "Robot-02"}),
             Try(200, f"{O}/T-1/intendedVehicle"),
@@ -99,7 +99,7 @@ ROUTES: Final = (
         "POST",
         f"{O}/{{name}}/immediateAssignment",
         (200, 400, 404),
-        "200 also if its intended vehicle has it already: the dispatcher assigns on its own.",
+        "Also 200 if its intended vehicle already has it: the dispatcher assigns automatically.",
         (Try(400, f"{O}/T-1/immediateAssignment"), Try(404, f"{O}/Nothing/immediateAssignment")),
     ),
     Route(
@@ -118,7 +118,7 @@ ROUTES: Final = (
         "POST",
         f"{S}/{{name}}",
         (200, 400, 404, 409),
-        "Without `type` and `orderTypes`, it takes orders of any type.",
+        "Without `type` and `orderTypes`, it accepts orders of any type.",
         (Try(200, f"{S}/S-2", {}), Try(409, f"{S}/S-1", {}), Try(404, f"{S}/S-3", {"intendedVehicle": "X"})),
     ),
     Route("PUT", f"{S}/{{name}}/complete", (200, 404), "", _named(S, "S-1", "/complete")),
@@ -145,7 +145,7 @@ ROUTES: Final = (
         "PUT",
         f"{V}/{{name}}/integrationLevel",
         (200, 404),
-        "A vehicle that is to be ignored or noticed gives up its order; openTCS refuses.",
+        "At TO_BE_IGNORED and TO_BE_NOTICED, the vehicle gives up its order; openTCS refuses this.",
         (
             *_named(V, "Robot-01", "/integrationLevel", query=_value("TO_BE_RESPECTED")),
             Try(400, f"{V}/Robot-01/integrationLevel", query=_value("X")),
@@ -156,7 +156,7 @@ ROUTES: Final = (
         f"{V}/{{name}}/paused",
         (200, 404),
         "The robot itself is paused. 409 if it cannot be reached, 400 if it refuses: "
-        "200 would say that it stands.",
+        "200 would mean that it has stopped.",
         (
             Try(409, f"{V}/Robot-01/paused", query=_value("true")),
             Try(404, f"{V}/Nothing/paused", query=_value("true")),
@@ -260,7 +260,7 @@ ROUTES: Final = (
         "POST",
         "/v1/plantModel/topologyUpdateRequest",
         (200, 404),
-        "Needs the role `admin`. Locks count for routes at once, so nothing is left to do.",
+        "Needs the role `admin`. Does nothing: locks affect routes at once.",
         (
             Try(200, "/v1/plantModel/topologyUpdateRequest"),
             Try(404, "/v1/plantModel/topologyUpdateRequest", {"paths": ["X"]}),
@@ -343,7 +343,7 @@ ROUTES: Final = (
         "/v1/events",
         (200, 400),
         "The last 1000 changes; numbers begin at 0 with each start of the service. "
-        "A change of the plant model drops the kept ones, and numbers go on.",
+        "A change of the plant model drops them; the numbers continue.",
         (
             Try(200, "/v1/events", query={"timeout": "0"}),
             Try(400, "/v1/events", query={"timeout": "10001"}),
