@@ -21,8 +21,13 @@ from nena_shared.mqtt import Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor, end
 
+log = get_logger(__name__)
+
 LOOK = 0.25
 """Seconds between checks of the store during the start."""
+
+DRAIN_TIMEOUT = 3.0
+"""Timeout at shutdown for store and broker to accept pending writes and messages, seconds."""
 
 
 async def has_begun(
@@ -33,7 +38,7 @@ async def has_begun(
     waits: Callable[[], bool],
     show: Callable[[], None],
 ) -> bool:
-    """Wait for ``begin`` to end; return False if the program has to stop first.
+    """Wait for ``begin`` to end; return False if the program must stop first.
 
     ``show`` is called once, as soon as ``waits`` returns that the store cannot be written; the start
     continues when it can.
@@ -57,12 +62,6 @@ async def has_begun(
         return False
     beginning.result()
     return True
-
-
-log = get_logger(__name__)
-
-DRAIN_TIMEOUT = 3.0
-"""Timeout at shutdown for store and broker to accept pending writes and messages, seconds."""
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:

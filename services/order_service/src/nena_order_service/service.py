@@ -387,7 +387,7 @@ class ServiceRunner:
         await service.end()
 
     async def _keep(self, model: PlantModel) -> None:
-        """Commit the model; wait as long as the store needs."""
+        """Commit the model, however long the store takes."""
         given = model.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True)
         stored = StoredPlant(file=self._file.digest, model=given)
         await self._commit(stored.model_dump_json())

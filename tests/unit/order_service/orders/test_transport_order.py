@@ -44,8 +44,8 @@ def test_an_order_keeps_the_request_and_recognises_it(field: dict[str, object]) 
     asked = request("A", **field)
     order = TransportOrder.created(asked, number=1, name="T-1", now=NOW)
     assert field.items() <= order.status.model_dump(by_alias=True).items()
-    assert order.asked_for_by(asked)
-    assert not order.asked_for_by(request("A"))
+    assert order.was_created_by(asked)
+    assert not order.was_created_by(request("A"))
 
 
 def test_goes_through_all_states_to_finished() -> None:

@@ -1,4 +1,4 @@
-"""Encode answers as JSON; long ones in slices, between which the event loop does other work."""
+"""Encode answers as JSON; long ones in slices, so that other tasks can run in between."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SLICE = 25
 
 @dataclass(frozen=True, slots=True)
 class EncodedPage:
-    """A page of a list whose objects are JSON already: as models they would take five times the memory."""
+    """A page of a list of objects in JSON: as models they would take five times the memory."""
 
     name: str
     """Of the field that holds the objects."""
@@ -31,7 +31,7 @@ class EncodedPage:
         return len(self._opening) + sum(map(len, self.objects)) + commas + len(self._closing)
 
     async def parts(self) -> AsyncIterator[bytes]:
-        """Yield the JSON in parts, so that it is in memory only once; the event loop works in between."""
+        """Yield the JSON in parts, so that it is in memory only once; other tasks run in between."""
         yield self._opening
         for start in range(0, len(self.objects), SLICE):
             part = b",".join(self.objects[start : start + SLICE])

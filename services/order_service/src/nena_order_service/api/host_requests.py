@@ -45,14 +45,16 @@ from nena_shared.log import get_logger
 from nena_shared.plant import MapPose, PlantPose, Point
 from nena_shared.vda5050.action import STOP_HIBERNATION, Action, ActionParameter, BlockingType
 
+log = get_logger(__name__)
+
 ANY = "*"
 
 STATUSES_AT_ONCE = 50
-"""Number of vehicles checked before the event loop does other work; each takes about 0.1 ms."""
+"""Number of vehicles checked before other tasks run; each takes about 0.1 ms."""
 
 ORDERS_AT_ONCE = 25
-"""Orders of a page that are read and encoded before the event loop does other work: each takes some 0.2 ms
-and, as a model, some 11 kB."""
+"""Number of orders of a page that are read and encoded before other tasks run: each takes about 0.2 ms
+and, as a model, about 11 kB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +103,6 @@ def delivery_status(order: TransportOrderStatus, view: RobotView | None) -> Deli
     )
 
 
-log = get_logger(__name__)
-
 ORDER_PREFIX = "TOrder"
 
 VEHICLES_EXPLAINED = 100
@@ -145,7 +145,7 @@ class HostRequests:
         if known is None:
             ended = await self._ended_dependencies(request)
             await self._check_sequence(request)
-            known = self._at_hand(
+            known = self._in_memory(
                 None if complete else name, request.idempotency_key
             )  # the same request arrived in between
         if known is None:
@@ -157,7 +157,7 @@ class HostRequests:
                 log.info("order created", order=name, state=known.state.value)
             return self._visible(known), True
         name = f"{request.name or ORDER_PREFIX}-" if complete else name
-        _check_same(known, request, name, complete=complete, same=known.asked_for_by(request))
+        _check_same(known, request, name, complete=complete, same=known.was_created_by(request))
         await self._engine.unit_of_work.wait_committed()
         return self._visible(known), False
 
@@ -169,7 +169,7 @@ class HostRequests:
         Only if the order is unchanged since the caller has ``seen`` it; None: unconditionally. Unless
         ``immediate``, its vehicle drives to the end of its base.
         """
-        order = await self._living(name, seen)
+        order = await self._unfinished(name, seen)
         self._engine.withdraw(order.number, reason, immediate=immediate)
         await self._engine.unit_of_work.wait_committed()
         return self._visible(order)
@@ -181,7 +181,7 @@ class HostRequests:
 
         ``seen`` and ``immediate`` are as in :meth:`withdraw`.
         """
-        order = await self._living(name, seen)
+        order = await self._unfinished(name, seen)
         if order.state is TransportOrderState.WITHDRAWN:
             raise errors.OrderWithdrawnError(name)
         self._engine.hold(order.number, by, reason, immediate=immediate)
@@ -192,7 +192,7 @@ class HostRequests:
         self, name: str, by: str, reason: str, *, seen: ETag | None = None
     ) -> TransportOrderStatus:
         """Resume a held order; an order that is not held stays unchanged. ``seen`` as in :meth:`withdraw`."""
-        order = await self._living(name, seen)
+        order = await self._unfinished(name, seen)
         self._engine.resume(order.number, by, reason)
         await self._engine.unit_of_work.wait_committed()
         return self._visible(order)
@@ -203,7 +203,7 @@ class HostRequests:
         Raises:
             OrderAssignedError: a vehicle has it, or the order belongs to a sequence.
         """
-        order = await self._living(name, None)
+        order = await self._unfinished(name, None)
         if vehicle is not None:
             self._vehicle(vehicle)
         if order.state not in (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE):
@@ -224,7 +224,7 @@ class HostRequests:
         return found.status
 
     async def orders(self, wanted: OrderFilter) -> AsyncIterator[TransportOrder]:
-        """Yield the orders of a page, newest first; a part of them is in memory at a time."""
+        """Yield the orders of a page, newest first; only some of them are in memory at a time."""
         before, left = wanted.before, wanted.limit
         while left > 0:
             asked = min(left, ORDERS_AT_ONCE)
@@ -258,7 +258,7 @@ class HostRequests:
         )
 
     async def vehicles(self, after: str | None = None) -> AsyncIterator[VehicleStatus]:
-        """Yield all vehicles, or those after the one named ``after``; the event loop works in between."""
+        """Yield all vehicles, or those after the one named ``after``; other tasks run in between."""
         vehicles = [*self._engine.registry]
         start = vehicles.index(self._vehicle(after)) + 1 if after is not None else 0
         for place, vehicle in enumerate(vehicles[start:], 1):
@@ -383,7 +383,7 @@ class HostRequests:
         if reasons := tuple(sequence.refusals(request)):
             raise errors.SequenceRefusesError(name, reasons)
 
-    async def _living(self, name: str, seen: ETag | None) -> TransportOrder:
+    async def _unfinished(self, name: str, seen: ETag | None) -> TransportOrder:
         """Return an order that can be changed."""
         order = self._engine.state.orders.named(name) or await self._engine.store.order(name=name)
         if order is None:
@@ -397,14 +397,14 @@ class HostRequests:
 
     async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
         """Return the order with this key, otherwise with this name; from the store if not in memory."""
-        if found := self._at_hand(name, key):
+        if found := self._in_memory(name, key):
             return found
         if name is None and key is None:
             return None
         stored = await self._engine.store.order(name=name, idempotency_key=key)
-        return stored or self._at_hand(name, key)
+        return stored or self._in_memory(name, key)
 
-    def _at_hand(self, name: str | None, key: str | None) -> TransportOrder | None:
+    def _in_memory(self, name: str | None, key: str | None) -> TransportOrder | None:
         return self._engine.state.orders.keyed(key) or (
             self._engine.state.orders.named(name) if name else None
         )
@@ -449,7 +449,7 @@ class SequenceRequests:
         if known is None:
             return await self._make(request, name), True
         name = f"{prefix}-" if complete else name
-        _check_same(known, request, name, complete=complete, same=known.asked_for_by(request))
+        _check_same(known, request, name, complete=complete, same=known.was_created_by(request))
         await self._engine.unit_of_work.wait_committed()
         return self._visible(known), False
 
@@ -490,14 +490,14 @@ class SequenceRequests:
 
     async def _find(self, name: str | None, key: str | None) -> OrderSequence | None:
         """Return the sequence with this key, otherwise with this name; from the store if not in memory."""
-        if found := self._at_hand(name, key):
+        if found := self._in_memory(name, key):
             return found
         if name is None and key is None:
             return None
         stored = await self._engine.store.sequence(name=name, idempotency_key=key)
-        return stored or self._at_hand(name, key)
+        return stored or self._in_memory(name, key)
 
-    def _at_hand(self, name: str | None, key: str | None) -> OrderSequence | None:
+    def _in_memory(self, name: str | None, key: str | None) -> OrderSequence | None:
         return self._sequences.keyed(key) or self._sequences.named(name)
 
     async def _named(self, name: str) -> OrderSequence:
@@ -520,7 +520,10 @@ def _check_same(
     complete: bool,
     same: bool,
 ) -> None:
-    """Refuse a repeated request that is not the ``same`` one; ``complete``: ``name`` is only a prefix."""
+    """Raise an error for a used name or key, unless the request is the ``same``.
+
+    ``complete``: ``name`` is only a prefix.
+    """
     key, kind = (
         request.idempotency_key,
         "Order sequence" if isinstance(known, OrderSequence) else "Transport order",

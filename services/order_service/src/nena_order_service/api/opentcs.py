@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
-from math import degrees
 from typing import Annotated, Any, Self, TypeVar
 
 from fastapi import FastAPI, Query, Response
@@ -16,7 +15,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from nena_order_service import errors
 from nena_order_service.api import opentcs_devices, opentcs_events, opentcs_plant
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
-from nena_order_service.api.opentcs_answers import Body, NotPossibleError, done, install
+from nena_order_service.api.opentcs_answers import Body, NotPossibleError, angle_of, done, install
 from nena_order_service.api.opentcs_events import LAST_MOMENT, ChangeLog, StateTimes
 from nena_order_service.api.opentcs_plant import ChangePlant
 from nena_order_service.api.operations import Call, HostOperations
@@ -59,7 +58,7 @@ END_OF_TIME = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
 
 
 class DestinationRequest(Body):
-    """One stop."""
+    """A destination of a request."""
 
     location_name: Annotated[str, Field(min_length=1, max_length=200)]
     operation: Annotated[str, Field(min_length=1, max_length=200)] = "NOP"
@@ -121,7 +120,7 @@ class AllowedOrderTypes(Body):
 
 
 class DestinationState(Body):
-    """One stop in its current state."""
+    """A destination in its current state."""
 
     location_name: str
     operation: str
@@ -262,7 +261,7 @@ class VehicleState(Body):
             precise_position=Triple.of(position) if position else None,
             acceptable_order_types=status.acceptable_order_types,
             allowed_order_types=tuple(each.name for each in status.acceptable_order_types),
-            orientation_angle=round(degrees(position.theta), 3) if position else "NaN",
+            orientation_angle=angle_of(position),
             state=status.state.value,
             state_timestamp=times.state,
             envelope_key=model.envelope_key,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from http import HTTPStatus
+from math import degrees
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -13,6 +14,7 @@ from starlette.exceptions import HTTPException
 from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_shared.findings import FINDINGS_SHOWN, in_words
 from nena_shared.fleet_api.base import CamelCase
+from nena_shared.fleet_api.vehicle import PrecisePosition
 from nena_shared.log import get_logger
 from nena_shared.web.problem import describe_problems
 
@@ -34,7 +36,7 @@ class NotPossibleError(Exception):
 
 
 def answer(status: int, reasons: tuple[str, ...], headers: dict[str, str] | None = None) -> Response:
-    """Return a response that consists of sentences."""
+    """Return a response with an array of sentences."""
     return Response(json.dumps(reasons), status, headers, "application/json")
 
 
@@ -86,6 +88,11 @@ def install(app: FastAPI) -> None:
     async def failed(request: Request, error: Exception) -> Response:
         log.error("request failed", path=request.url.path, exc_info=error)
         return answer(HTTPStatus.INTERNAL_SERVER_ERROR, (problem_of(error).detail,))
+
+
+def angle_of(position: PrecisePosition | None) -> float | str:
+    """Return the heading of a vehicle, degrees; ``NaN`` if it is unknown."""
+    return round(degrees(position.theta), 3) if position else "NaN"
 
 
 def done() -> Response:

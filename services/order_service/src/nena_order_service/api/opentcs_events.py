@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from itertools import pairwise
-from math import degrees
 from typing import Annotated, Any, Final, NamedTuple
 
 from fastapi import FastAPI, Query, Request
 from fastapi.responses import StreamingResponse
 
-from nena_order_service.api.opentcs_answers import NotPossibleError
+from nena_order_service.api.opentcs_answers import NotPossibleError, angle_of
 from nena_order_service.errors import TooManyClientsError
 from nena_shared.clock import Clock, iso
 from nena_shared.fleet_api.transport_order import (
@@ -206,7 +205,7 @@ def _message(number: int, change: _Change) -> Json:
             "transportOrderName": now.transport_order,
             "position": now.current_position,
             "precisePosition": _triple(now),
-            "vehicleOrientationAngle": round(degrees(position.theta), 3) if position else "NaN",
+            "vehicleOrientationAngle": angle_of(position),
             "paused": False,
             "state": now.state.value,
             "stateTimestamp": iso(change.times.state),
@@ -274,7 +273,7 @@ def _vehicle(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
         "currentPosition": status.current_position,
         "pose": {
             "position": _triple(status),
-            "orientationAngle": round(degrees(position.theta), 3) if position else "NaN",
+            "orientationAngle": angle_of(position),
         },
         "envelopeKey": model.envelope_key,
         "layout": {"routeColor": {"red": red, "green": green, "blue": blue}},

@@ -402,14 +402,14 @@ def _add_properties(parent: Element, thing: Json) -> None:
 def _list(thing: Json, name: str) -> list[Json]:
     found = thing.get(name) or []
     if not isinstance(found, list):
-        message = f"{name} is no list"
+        message = f"{name} is not a list"
         raise TypeError(message)
     return [_object(each) for each in found]
 
 
 def _object(value: Any) -> Json:  # noqa: ANN401 - JSON
     if not isinstance(value, dict):
-        message = f"{str(value)[:60]!r} is no object"
+        message = f"{str(value)[:60]!r} is not an object"
         raise TypeError(message)
     return value
 

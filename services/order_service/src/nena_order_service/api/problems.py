@@ -16,6 +16,8 @@ from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
 from nena_shared.web.problem import answer
 
+log = get_logger(__name__)
+
 FORESEEN: tuple[type[Exception], ...] = (InvalidRequestError, RefusedError)
 """Errors that are answers to hosts, not faults of the service."""
 
@@ -43,9 +45,6 @@ def _invalid(error: InvalidRequestError) -> Problem:
         detail="The request does not fit the plant model; nothing was created. Fix what errors lists.",
         errors=tuple(finding.text for finding in error.findings),
     )
-
-
-log = get_logger(__name__)
 
 
 def install(app: FastAPI) -> None:

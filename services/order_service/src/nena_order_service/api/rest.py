@@ -277,7 +277,7 @@ async def _response(operation: Operation[Any], reply: Reply, *, known: ETag | No
 def as_json(
     body: BaseModel, status: HTTPStatus = HTTPStatus.OK, headers: Mapping[str, str] | None = None
 ) -> Response:
-    """Answer with a body."""
+    """Return a response with this body as JSON."""
     return Response(body.model_dump_json(by_alias=True), status, headers, "application/json")
 
 

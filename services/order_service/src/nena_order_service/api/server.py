@@ -33,8 +33,8 @@ DETAIL = (
 class NoPages:
     """ASGI middleware: answers 403 to changes requested by a web page, as shown by the browser's ``Origin``.
 
-    Any page open in a browser can send requests here: simple ones to any address, and any to a host name that
-    it resolves to this address (DNS rebinding). Only a token distinguishes users from pages.
+    Any page that is open in a browser can send requests here: simple ones to any address, and all others to a
+    host name that resolves to this address (DNS rebinding). Only a token distinguishes users from pages.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -94,14 +94,14 @@ def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) 
             problems=tuple(problems),
         )
 
-    def elsewhere(request: Request) -> Response:
+    def refer(request: Request) -> Response:
         raw: bytes = request.scope["raw_path"]  # unchanged: headers do not allow all characters of names
-        return _go_there(active_url(), raw.decode("ascii"))
+        return _refer_to(active_url(), raw.decode("ascii"))
 
-    return _make_waiting_app(readiness, elsewhere)
+    return _make_waiting_app(readiness, refer)
 
 
-def _go_there(active_url: str, path: str) -> Response:
+def _refer_to(active_url: str, path: str) -> Response:
     where = (
         f"Send the request to the active order service: {active_url}{path}"
         if active_url
@@ -139,7 +139,7 @@ def _retry(title: str, detail: str, headers: dict[str, str]) -> Response:
 
 
 def _make_waiting_app(readiness: Callable[[], Readiness], other: Callable[[Request], Response]) -> FastAPI:
-    """Create an application that is alive but not ready, and answers all requests by ``other``."""
+    """Create an application that is alive but not ready, and answers all other requests with ``other``."""
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
     problems.install(app)
 
@@ -164,7 +164,7 @@ def _make_waiting_app(readiness: Callable[[], Readiness], other: Callable[[Reque
 
 
 class RestServer:
-    """Listens on the port from its creation; the application that answers can be replaced.
+    """Listens on the port from its creation; the application behind it can be replaced.
 
     Users, the issuer's keys and rate limit counts are kept when it is replaced.
     """

@@ -37,7 +37,8 @@ class _End:
 class EndedOrders:
     """Calls ``clear`` with the name of each order ``kept`` seconds after its end; event loop only.
 
-    Until then, a host that was away finds the end at the broker, and one that lost its data gets it again.
+    Until then, a host that was disconnected finds the final status at the broker, and a broker that has lost
+    its data receives it again.
     """
 
     def __init__(self, kept: float, clear: Callable[[str], None]) -> None:
@@ -46,7 +47,7 @@ class EndedOrders:
         self._ends: OrderedDict[str, _End] = OrderedDict()
 
     def add(self, status: TransportOrderStatus) -> None:
-        """Keep the end of an order, also if it is published again."""
+        """Keep the final status of an order; if it is published again, for the whole time."""
         if earlier := self._ends.pop(status.name, None):
             earlier.clearing.cancel()
         clearing = asyncio.get_running_loop().call_later(self._kept, self._forget, status.name)
@@ -165,7 +166,7 @@ class Heartbeat:
             await asyncio.sleep(HEARTBEAT)
 
     def end(self, mqtt: MqttLink) -> None:
-        """Publish that the service is stopping in order."""
+        """Publish that the service is shutting down."""
         self._ended = True
         mqtt.publish(self.will())
 
@@ -181,7 +182,7 @@ TERM_POLL = 0.25
 """Seconds between two checks for the broker's connection in a new term."""
 
 LISTEN = 2.0
-"""Seconds in which a broker delivers its retained messages."""
+"""Seconds within which a broker delivers its retained messages."""
 
 
 class RetainedSweep:

@@ -210,7 +210,7 @@ class Stuck:
 
 
 def _asked_once(question: Callable[[str], bool]) -> Callable[[str], bool]:
-    """Return ``question`` with its answers kept; unlike ``functools.cache``, it is made at no cost."""
+    """Return ``question`` with cached answers; cheaper to create than ``functools.cache``."""
     answers: dict[str, bool] = {}
 
     def asked(name: str) -> bool:
@@ -222,7 +222,7 @@ def _asked_once(question: Callable[[str], bool]) -> Callable[[str], bool]:
 
 
 def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) -> float:
-    """Return how far, mm, a robot drives in this time at the lower of its declared maximum speeds."""
+    """Return the distance, mm, that a robot drives in this time at its lowest declared maximum speed."""
     of_robot = factsheet.physical_parameters.maximum_speed * MM_PER_M if factsheet else 0.0
     given = vehicle.model and "max_velocity_mm_s" in vehicle.model.model_fields_set
     of_vehicle = vehicle.model.max_velocity_mm_s if vehicle.model and given else 0
@@ -258,7 +258,7 @@ class Driving:
         self._reported: dict[str, str] = {}
         """The last reported wait reasons, by vehicle."""
         self._await_report = False
-        """Whether a vehicle that was granted a route has left its last known position."""
+        """Whether a vehicle with a granted route has left its last known position and must report first."""
 
     def want(
         self,
@@ -341,7 +341,7 @@ class Driving:
             self.positions.note(vehicle)
             self._rest(vehicle)
 
-    def broken_off(self, record: SentOrder, news: object) -> None:
+    def broken_off(self, record: SentOrder, event: object) -> None:
         """End a VDA order early: its robot keeps what it holds until it is seen standing.
 
         Its earlier states count only if it was known to have the VDA order.
@@ -351,7 +351,7 @@ class Driving:
         if record.evasion:
             self.mobility.evasion_failed(vehicle)
         if self._traffic.journey(vehicle.name):
-            self._break_off(vehicle, doubt=isinstance(news, VdaOrderFailed) and not record.accepted)
+            self._break_off(vehicle, doubt=isinstance(event, VdaOrderFailed) and not record.accepted)
 
     def take_out(self, vehicle: FleetVehicle) -> None:
         """Drop all requests and orders of a vehicle."""

@@ -336,7 +336,7 @@ class Engine:
                         self._life_cycle.update_reason(outcome)
 
     def look(self) -> None:
-        """Retry what waits, and publish vehicles whose status has changed without an event."""
+        """Retry waiting work, and publish vehicles whose status has changed without an event."""
         for _ in self._look():
             pass
 

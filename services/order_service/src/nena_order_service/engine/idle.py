@@ -32,7 +32,7 @@ class _Idle:
     not_before: dict[str, float] = field(default_factory=dict)
     """Time from which it may be sent again, by order type."""
     displaced: int = 0
-    """How often others had to make room for it to park since its last order of a host."""
+    """How often others had to make room for it to park since its last order from a host."""
     note: str = ""
     """Why it cannot recharge although it should; empty otherwise."""
     parking_note: str = ""

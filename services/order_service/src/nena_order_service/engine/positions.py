@@ -46,7 +46,7 @@ class Positions:
         """Times at which positions became doubtful, monotonic seconds; only later states count."""
 
     def see(self, vehicle: FleetVehicle) -> bool:
-        """Update what a vehicle without a route holds by its reported position; return whether it changed."""
+        """Update what a vehicle without a route holds from its position; return whether that changed."""
         name = vehicle.name
         if not self._counts(vehicle):
             return self._take_out(vehicle)

@@ -38,7 +38,7 @@ NOTHING_AHEAD = (
 REROUTED_AT_ONCE = 20
 """Maximum number of waiting vehicles rerouted in one check; each route search takes milliseconds."""
 OFF_LOCKS_AT_ONCE = 4
-"""Number of vehicles led around locked paths in one turn of the event loop."""
+"""Number of vehicles rerouted around locked paths in one turn of the event loop."""
 NO_OTHER_WAY = "it already has the best route"
 
 
@@ -83,11 +83,11 @@ class Rerouting:
         self._clock = context.clock
         self._view = context.view
         self._over_locks: deque[RobotKey] = deque()
-        """Robots that may still have to be led around locked paths; traffic control halts them until then."""
+        """Robots that may still need a route around locked paths; traffic control halts them until then."""
         self._waiting: Mapping[str, int] = {}
         """Vehicles that were waiting at the last check, and how far each had driven."""
         self._last_rerouted: dict[str, tuple[str, int]] = {}
-        """By vehicle: the order for which it was last led around others, and how far it had driven."""
+        """By vehicle: the order for which it was last rerouted while waiting, and how far it had driven."""
         self._tried: frozenset[str] = frozenset()
         """Vehicles already checked in the current round."""
 
@@ -137,7 +137,7 @@ class Rerouting:
             try:
                 self._reroute_off(vehicle, record)
             except ValueError:  # a failure for one vehicle must not let others drive over the path
-                log.exception("vehicle cannot be led around a locked path", vehicle=vehicle.name)
+                log.exception("cannot reroute a vehicle around a locked path", vehicle=vehicle.name)
                 self._driving.end_early(record, partial=True)
 
     def _halt_rest(self) -> None:
@@ -167,7 +167,7 @@ class Rerouting:
     def reroute_waiting(self, name: str) -> None:
         """Reroute a waiting vehicle to a route with less traffic, if traffic control grants one.
 
-        The robot must be able to drive it, and must have made progress since it was last led around others.
+        The robot must be able to drive it, and must have made progress since it was last rerouted like this.
         """
         vehicle = self._registry.named(name)
         record = self._sent.of_robot(vehicle.key) if vehicle else None

@@ -26,6 +26,8 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet
 
+log = get_logger(__name__)
+
 FIRST_PAUSE = 10.0
 """Delay before the first retry, seconds; doubles each time."""
 LONGEST_PAUSE = 600.0
@@ -116,8 +118,6 @@ def _step(wanted: Wanted, status: RobotZoneSetStatus | None) -> ZoneStep | None:
         return ZoneStep.SEND
     return ZoneStep.ENABLE if wanted.enabled and status is RobotZoneSetStatus.DISABLED else None
 
-
-log = get_logger(__name__)
 
 KIND = "zoneSet"
 LOOK_INTERVAL = 1.0

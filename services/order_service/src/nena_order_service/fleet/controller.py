@@ -36,7 +36,7 @@ from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
-ENDED_MISSIONS_KEPT: Final = 50
+ENDED_ORDERS_KEPT: Final = 50
 """Number of ended VDA orders remembered per robot, to stop a robot that accepts one too late."""
 
 STRAY_PAUSE: Final = 30.0
@@ -65,7 +65,7 @@ class RobotControl:
         self._instant_actions = InstantActionManager(self.robot, settings, new_id, broker=broker)
         self._fitter = Fitter()
         self._run: OrderExecution | None = None
-        self._ended: deque[str] = deque(maxlen=ENDED_MISSIONS_KEPT)
+        self._ended: deque[str] = deque(maxlen=ENDED_ORDERS_KEPT)
         self._last_order_at: float | None = None
         self._next_stray_cancel = 0.0
         self._reported: tuple[object, ...] = ()

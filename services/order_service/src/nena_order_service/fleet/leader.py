@@ -158,7 +158,7 @@ class LeaderElection:
         if not message.payload:
             self._left = None
             if self._holds:
-                self._publish()  # another one's last will has cleared it
+                self._publish()  # the last will of another one has cleared it
             elif self._giving_up:
                 self._hold()
             return

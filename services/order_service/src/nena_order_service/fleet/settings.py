@@ -14,7 +14,7 @@ class ReleasePolicy(StrEnum):
     """Which robot is granted a zone that needs a release."""
 
     EXCLUSIVE = "exclusive"
-    """One robot at a time, in the order of asking."""
+    """One robot at a time, in the order of their requests."""
     ALL = "all"
     """All robots."""
     NONE = "none"

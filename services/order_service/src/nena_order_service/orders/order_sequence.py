@@ -62,7 +62,7 @@ class OrderSequence:
         )
         return cls(number, status, request.idempotency_key)
 
-    def asked_for_by(self, request: OrderSequenceRequest) -> bool:
+    def was_created_by(self, request: OrderSequenceRequest) -> bool:
         """Return whether ``request`` has the same content as the one that created it, apart from names."""
         return all(getattr(self.status, field) == getattr(request, field) for field in REQUEST_FIELDS)
 

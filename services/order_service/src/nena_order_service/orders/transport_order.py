@@ -105,7 +105,7 @@ class TransportOrder:
     """
 
     number: int
-    """Number of the order in its store, in the order of creation, even within a millisecond."""
+    """Number of the order in its store; later orders have higher ones, even within a millisecond."""
     status: TransportOrderStatus
     idempotency_key: str | None = None
 
@@ -137,7 +137,7 @@ class TransportOrder:
         )
         return cls(number, status, request.idempotency_key)
 
-    def asked_for_by(self, request: TransportOrderRequest) -> bool:
+    def was_created_by(self, request: TransportOrderRequest) -> bool:
         """Return whether ``request`` equals the one that created the order, apart from names."""
         same_stops = tuple(each.destination for each in self.status.drive_orders) == request.destinations
         return same_stops and all(

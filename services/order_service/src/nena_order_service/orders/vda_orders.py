@@ -94,7 +94,7 @@ class SentOrder(BaseModel):
         return path, self.vda_order.nodes[reached + 1].node_id
 
     def released(self, journey: Journey) -> Self:
-        """Return the record with what is allocated for its base."""
+        """Return the record with its base extended to everything that is allocated."""
         end = None if journey.all_allocated else 2 * journey.allocated
         return self.model_copy(update={"released_to": end})
 
@@ -117,7 +117,7 @@ class SentOrder(BaseModel):
         return self.released_to is None
 
     def ending_early(self, *, partial: bool) -> Self:
-        """Return the record of a VDA order that ends where its base does; one that is all base stays so."""
+        """Return the record with a VDA order that ends with its base; unchanged if it has no horizon."""
         if self.released_to is None:
             return self
         base = self.allocated
@@ -129,16 +129,16 @@ class SentOrder(BaseModel):
         return self.updated(vda_order=vda_order, released_to=None, way=self.way[:base], partial=partial)
 
     def document(self) -> str:
-        """Write it for the store; ``model_validate_json`` reads it."""
+        """Return it as JSON for the store; ``model_validate_json`` reads it."""
         return self.model_dump_json(by_alias=True, exclude_none=True)
 
 
 EVASION_PREFIX = "evasion-"
-"""Before what is unique, in the ids of VDA orders that make room for others."""
+"""Prefix of the IDs of VDA orders that make room for others."""
 
 
 class Pick(NamedTuple):
-    """What an order begins with: a load to be picked up before any is dropped."""
+    """The load that an order picks up first, before it drops any."""
 
     load_type: str = ""
     """Empty: unknown."""
@@ -147,7 +147,7 @@ class Pick(NamedTuple):
 
 
 class OrderPlanner:
-    """Makes VDA orders from drive orders, by the plant, its routes and the actions of operations."""
+    """Builds VDA orders for drive orders, from the plant, its routes and the actions of operations."""
 
     def __init__(
         self, plant: PlantModel, finder: RouteFinder, operations: OperationMap, *, speed_limits: bool = True
@@ -162,11 +162,15 @@ class OrderPlanner:
         self._limits: dict[str, tuple[FleetVehicle, SpeedLimit]] = {}
 
     def recharging(self, operation: str) -> bool:
-        """Return whether an operation is to recharge."""
+        """Return whether an operation recharges the vehicle."""
         return self._operations.recharges(operation)
 
     def standing(self, vehicle: FleetVehicle, view: RobotView) -> Standing:
-        """Return where a vehicle is, the same object while it stays; raises NotLocatedError."""
+        """Return where a vehicle is; the same object while it stays.
+
+        Raises:
+            NotLocatedError: its position is unknown.
+        """
         if view.state is None:
             raise NotLocatedError("it has not reported its state yet")
         state, profile = view.state, vehicle.profile
@@ -197,7 +201,8 @@ class OrderPlanner:
     ) -> RoutePlan:
         """Find the route through the remaining destinations, which also avoids ``avoid``.
 
-        Raises NoRouteError.
+        Raises:
+            NoRouteError: there is none.
         """
         return self.finder.find(
             standing.point,
@@ -207,7 +212,7 @@ class OrderPlanner:
         )
 
     def recharges(self, order: TransportOrder) -> bool:
-        """Return whether the next operation of an order is to recharge."""
+        """Return whether the next operation of an order recharges the vehicle."""
         return self._operations.recharges(order.current.destination.operation)
 
     def pick(self, order: TransportOrder) -> Pick | None:
@@ -223,7 +228,7 @@ class OrderPlanner:
         return None
 
     def locked_out(self, order: TransportOrder, vehicle: FleetVehicle, standing: Standing) -> str:
-        """Return the reason if only locks of hosts keep a vehicle from its next destination; else empty."""
+        """Return what a vehicle waits for if only path locks of hosts close its route; else empty."""
         try:
             self.way(order, vehicle, standing)
         except NoRouteError as error:
@@ -257,9 +262,12 @@ class OrderPlanner:
         *,
         retriable: bool = False,
     ) -> VdaOrder:
-        """Make the VDA order of the current drive order, along ``route`` or straight to its coordinate.
+        """Build the VDA order of the current drive order, along ``route`` or straight to its coordinate.
 
-        Where it is ``retriable``, its actions may be retried at the robot (VDA 5050 3.0 section 6.6.9).
+        With ``retriable``, the robot may retry its actions (VDA 5050 3.0, section 6.6.9).
+
+        Raises:
+            ValueError: the route does not start at the vehicle.
         """
         index, destination = order.index, order.current.destination
         location = self.plant.locations_by_name.get(destination.location_name or "")
@@ -281,7 +289,7 @@ class OrderPlanner:
         )
 
     def evasion(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> VdaOrder:
-        """Make a VDA order by which a vehicle makes room for others."""
+        """Build a VDA order by which a vehicle makes room for others."""
         return build_vda_order(
             f"{EVASION_PREFIX}{unique_id()}",
             plant=self.plant,

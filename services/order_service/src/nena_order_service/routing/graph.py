@@ -63,7 +63,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """A route from `source` to `destination`; without steps if the vehicle is already there."""
+    """A route from ``source`` to ``destination``; without steps if the vehicle is already there."""
 
     source: str
     destination: str
@@ -86,7 +86,7 @@ class Route:
 
 
 class NoRouteError(Exception):
-    """No route leads from `source` to any of `destinations` for this vehicle, given what it must avoid."""
+    """There is no route from ``source`` to any of ``destinations`` that avoids what it must."""
 
     def __init__(
         self, source: str, destinations: Iterable[str], vehicle: Vehicle | None, avoid: Iterable[str]
@@ -350,7 +350,7 @@ class RoutingGraph:
         return tuple(min(self._graph.get_all_edge_data(a, b), key=cost) for a, b in pairwise(points))
 
     def along(self, start: str, way: Iterable[tuple[str, Collection[str]]]) -> tuple[Step, ...] | None:
-        """Return the steps along a way, each on one of the paths named with its point.
+        """Return the steps to these points in turn, each on one of the paths named with its point.
 
         None if one of them is closed.
         """
@@ -464,16 +464,16 @@ def hops(_edge: DirectedEdge, _profile: RoutingProfile, /) -> float:
 
 @dataclass(frozen=True, slots=True)
 class ExplicitProperties:
-    """Costs from path properties for each group: `tcs:routingCostForward<GROUP>` and `...Reverse<GROUP>`.
+    """Costs from the path properties ``tcs:routingCostForward<GROUP>``, ``tcs:routingCostReverse<GROUP>``.
 
-    If the property is missing, negative or not a number, the cost is `missing`: so high that the path is used
-    only if there is no other route.
+    If the property is missing, negative or not a number, the cost is ``missing``: so high that the path is
+    used only if there is no other route.
     """
 
     missing: float = 1_000_000.0
 
     def __call__(self, edge: DirectedEdge, profile: RoutingProfile, /) -> float:
-        """Return the cost from the property; `Infinity` excludes the edge."""
+        """Return the cost from the property; ``Infinity`` excludes the edge."""
         forward = edge.orientation is Orientation.FORWARD
         key = property_keys.ROUTING_COST_FORWARD if forward else property_keys.ROUTING_COST_REVERSE
         try:

@@ -126,7 +126,7 @@ class Router:
     def along(
         self, start: str, way: Iterable[tuple[str, Collection[str]]], *, vehicle: Vehicle | None = None
     ) -> tuple[Step, ...] | None:
-        """Return the steps of a way given by its points and paths; None if it is closed now."""
+        """Return the steps to these points in turn; see :meth:`RoutingGraph.along`."""
         return self._graph(vehicle).along(start, way)
 
     def costs_from(self, source: str, *, vehicle: Vehicle | None = None) -> dict[str, float]:
@@ -517,10 +517,7 @@ class VehicleRoutes:
     def along(
         self, vehicle: str, start: str, way: Iterable[tuple[str, Collection[str]]]
     ) -> tuple[Step, ...] | None:
-        """Return the steps along a way, each on one of the paths named with its point.
-
-        None if the way is closed to the vehicle now.
-        """
+        """Return the steps to these points in turn; see :meth:`RoutingGraph.along`."""
         return self._router.along(start, way, vehicle=self._model_of(vehicle))
 
     def nearest(self, vehicle: str, start: str) -> Sequence[str]:

@@ -12,6 +12,8 @@ from nena_shared.database_connections import register_connection
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
 
+log = get_logger(__name__)
+
 
 class StoreError(StartError):
     """The store cannot be used; the message says why and what to do."""
@@ -128,8 +130,6 @@ leadership = sa.Table(
 LEADERSHIP_ID = 1
 
 
-log = get_logger(__name__)
-
 HEAD = "0006"
 """Revision of the tables above: that of the last migration."""
 
@@ -179,7 +179,7 @@ def _revision(connection: sa.Connection) -> str | None:
     return connection.execute(sa.select(_version.c.version_num)).scalar()
 
 
-PASSING = (exc.OperationalError, exc.InterfaceError, exc.InternalError)
+TRANSIENT_ERRORS = (exc.OperationalError, exc.InterfaceError, exc.InternalError)
 """Errors of a database that is unavailable, busy or full; any other error is a fault of the statement."""
 
 SIGNS_OF_NO_ROOM = ("disk is full", "disk I/O error", "No space left on device")

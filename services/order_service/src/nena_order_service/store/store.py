@@ -17,7 +17,7 @@ from nena_order_service.store import database
 from nena_order_service.store.database import Changes, OrderFilter, Unfinished, read_documents
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
-from nena_order_service.store.schema import PASSING, StoreLostError, reason_of
+from nena_order_service.store.schema import TRANSIENT_ERRORS, StoreLostError, reason_of
 from nena_shared.database_connections import close_connections
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
@@ -50,7 +50,7 @@ class ChangeNumbers:
         """The last number assigned."""
         self.published = 0
         """The last number of a published change."""
-        self._untold: dict[str, deque[tuple[int, int]]] = {}
+        self._unpublished: dict[str, deque[tuple[int, int]]] = {}
         """Unpublished versions and their numbers, by order name."""
 
     def give(self, changes: Changes) -> None:
@@ -58,7 +58,7 @@ class ChangeNumbers:
         self.last = changes.numbered(self.last)
         for change in changes.orders.values():
             order = change.order
-            versions = self._untold.setdefault(order.name, deque())
+            versions = self._unpublished.setdefault(order.name, deque())
             versions.append((order.status.version, change.change_number))
 
     def begin(self, last: int) -> None:
@@ -70,11 +70,11 @@ class ChangeNumbers:
 
         Versions are published in order. The number is 0 for a version that is published without a change.
         """
-        versions = self._untold.get(name)
+        versions = self._unpublished.get(name)
         while versions and versions[0][0] < version:
             versions.popleft()
         if not versions:
-            self._untold.pop(name, None)
+            self._unpublished.pop(name, None)
             return 0, False
         last_version, number = versions[0]
         if last_version > version:
@@ -82,7 +82,7 @@ class ChangeNumbers:
         self.published = number
         versions.popleft()
         if not versions:
-            del self._untold[name]
+            del self._unpublished[name]
         return number, True
 
 
@@ -239,7 +239,7 @@ class Store:
     async def _read(self, work: Callable[[], T]) -> T:
         try:
             return await asyncio.get_running_loop().run_in_executor(self._reader, _twice(work))
-        except PASSING as error:
+        except TRANSIENT_ERRORS as error:
             raise StoreNotReadyError(reason_of(error)) from error
 
     async def _write_waiting(self) -> None:
@@ -265,7 +265,7 @@ class Store:
                     await loop.run_in_executor(
                         self._writer, database.write, self._engine, changes, self._fence
                     )
-            except PASSING as error:
+            except TRANSIENT_ERRORS as error:
                 self.failures += 1
                 self._set_problem(reason_of(error))
                 await asyncio.sleep(RETRY_PAUSE)
@@ -305,7 +305,7 @@ def _twice(work: Callable[[], T]) -> Callable[[], T]:
     def tried() -> T:
         try:
             return work()
-        except PASSING as error:
+        except TRANSIENT_ERRORS as error:
             if not error.connection_invalidated:
                 raise
         return work()
