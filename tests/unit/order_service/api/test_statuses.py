@@ -2,15 +2,17 @@ from __future__ import annotations
 
 import asyncio
 from datetime import UTC, datetime
-from unittest.mock import Mock
+from unittest.mock import AsyncMock, Mock
 
 import pytest
 
 from nena_order_service.api import statuses as ended_orders
 from nena_order_service.api.statuses import EndedOrders, RetainedSweep
+from nena_order_service.errors import StoreNotReadyError
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
-from nena_shared.mqtt import MqttLink
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt.link import LinkState
 from nena_shared.settings import MqttSettings
 from support.forgetful import cancel_again_at_once, forgetful
 from support.pausing import turn_passes
@@ -91,3 +93,30 @@ async def test_it_ends_even_if_its_link_swallows_the_cancellation(monkeypatch: p
     running.cancel()
     await asyncio.wait({running}, timeout=PATIENCE)
     assert running.cancelled()
+
+
+async def test_sweep_is_repeated_after_the_database_was_unavailable(monkeypatch: pytest.MonkeyPatch) -> None:
+    topics = FleetTopics()
+    left = Inbound(topics.order_status("T-1"), b"{}", retained=True)
+
+    async def deliver(link: MqttLink) -> None:
+        link._hooks.on_connected()
+        for handler in link._handlers(left.topic):
+            handler(left)
+
+    monkeypatch.setattr(MqttLink, "run", deliver)
+    monkeypatch.setattr(ended_orders, "LISTEN", 0.0)
+    monkeypatch.setattr(ended_orders, "STORE_RETRY", 0.0)
+    engine, publisher = Mock(), Mock(topics=topics, epoch=5)
+    publisher.mqtt.state = LinkState(connected=True, term=1)
+    engine.state.orders.visible_named.return_value = None
+    engine.store.order = AsyncMock(side_effect=[StoreNotReadyError("server closed the connection"), None])
+    sweep = RetainedSweep(MqttSettings(), client_id="sweep", engine=engine, publisher=publisher)
+    running = asyncio.create_task(sweep.run(), name="sweep")
+
+    await until(lambda: publisher.mqtt.publish.called or running.done())
+
+    publisher.mqtt.publish.assert_called_once_with(Outbound(left.topic, b"", retain=True))
+    assert not running.done(), "the next term is swept, too"
+    running.cancel()
+    await asyncio.wait({running}, timeout=PATIENCE)

@@ -11,6 +11,7 @@ from typing import Final
 from pydantic import BaseModel
 
 from nena_order_service.engine.engine import Engine
+from nena_order_service.errors import StoreNotReadyError
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.epoch import epoch_of, with_epoch
 from nena_shared.fleet_api.service_status import HEARTBEAT, ServiceStatus
@@ -181,6 +182,9 @@ class Heartbeat:
 TERM_POLL = 0.25
 """Seconds between two checks for the broker's connection in a new term."""
 
+STORE_RETRY = 1.0
+"""Pause after the database was unavailable during a sweep, seconds."""
+
 LISTEN = 2.0
 """Seconds within which a broker delivers its retained messages."""
 
@@ -211,12 +215,21 @@ class RetainedSweep:
         self._vehicles: set[str] = set()
 
     async def run(self) -> None:
-        """Sweep once the broker is connected; on a shared store, again in each new term."""
+        """Sweep once the broker is connected; on a shared store, again in each new term.
+
+        Sweep again if the database was unavailable.
+        """
         link, swept = self._mqtt.state, None
         while swept is None or self._epoch:
             if link.connected and link.term != swept:
-                swept = link.term
-                await self._sweep()
+                term = link.term
+                try:
+                    await self._sweep()
+                except StoreNotReadyError as error:
+                    log.warning("retained statuses not corrected yet", reason=str(error))
+                    await asyncio.sleep(STORE_RETRY)
+                else:
+                    swept = term
             else:
                 await asyncio.sleep(TERM_POLL)
 
