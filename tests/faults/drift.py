@@ -28,6 +28,8 @@ class Window:
     """Seconds from the creation of each order that ended until its end."""
     footprints: Mapping[str, Footprint]
     """At its end, by program."""
+    yardstick: Sequence[float] = ()
+    """Seconds that the same computation took each time: they show how much else the machine had to do."""
 
 
 def drift(windows: Sequence[Window]) -> list[str]:
@@ -72,10 +74,20 @@ def _grown(first: Sequence[Window], last: Sequence[Window]) -> list[str]:
 
 def _slower(first: Sequence[Window], last: Sequence[Window]) -> list[str]:
     found = []
+    busier = _busier(first, last)
     for measure in ("answers", "orders"):
         was, now = (
             median(value for window in part for value in getattr(window, measure)) for part in (first, last)
         )
-        if now > SLOWER * was + SLOWER_S:
-            found.append(f"{measure}: {now:.3f} s in the last third, {was:.3f} s in the first")
+        if now > busier * (SLOWER * was + SLOWER_S):
+            found.append(
+                f"{measure}: {now:.3f} s in the last third, {was:.3f} s in the first "
+                f"(the machine was {busier:.1f} times as busy)"
+            )
     return found
+
+
+def _busier(first: Sequence[Window], last: Sequence[Window]) -> float:
+    """Return how much longer the same computation took in the last third, at least 1."""
+    was, now = ([value for window in part for value in window.yardstick] for part in (first, last))
+    return max(1.0, median(now) / median(was)) if was and now else 1.0

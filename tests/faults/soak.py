@@ -11,11 +11,12 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from statistics import quantiles
+from statistics import median, quantiles
 
 from faults.checker import account_of, settled
 from faults.drift import Window, drift
@@ -35,8 +36,21 @@ AT_ONCE = 10
 """Orders under way all the time: one for each robot."""
 HOST_ENDS_WITHIN = 60.0
 
-Looks = list[tuple[datetime, dict[str, Footprint]]]
-"""The end of each window, and the resource use of the programs then."""
+YARDSTICK_EVERY = 15.0
+YARDSTICK_STEPS = 500_000
+"""The yardstick: about 10 ms of work, longer than a process may run at once where others wait."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """The end of a window, the resource use of the programs then, and the yardstick during the window."""
+
+    end: datetime
+    footprints: dict[str, Footprint]
+    yardstick: list[float]
+
+
+Looks = list[Look]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,28 +95,41 @@ async def _watched(site: Site, seconds: float) -> Looks:
     window = min(LONGEST_WINDOW, seconds / LEAST_COUNT)
     looks: Looks = []
     for number in range(round(seconds / window)):
-        await time_passes(window)
+        yardstick = await _yardstick(window)
         for name, program in site.programs.items():
             assert program.process.poll() is None, f"{name} has ended:\n{program.log[-3000:]}"
         found = site.footprints()
-        looks.append((datetime.now(UTC), found))
-        print(f"{number + 1}: {found}", flush=True)  # noqa: T201 - a person waits for hours
+        looks.append(Look(datetime.now(UTC), found, yardstick))
+        print(f"{number + 1}: {median(yardstick):.3f} s, {found}", flush=True)  # noqa: T201 - a person waits for hours
     return looks
+
+
+async def _yardstick(seconds: float) -> list[float]:
+    """Let time pass; return how long the same computation took, again and again."""
+    found: list[float] = []
+    ends = time.monotonic() + seconds
+    while (left := ends - time.monotonic()) > 0 or not found:
+        await time_passes(min(YARDSTICK_EVERY, left))
+        begun = time.monotonic()
+        sum(range(YARDSTICK_STEPS))
+        found.append(time.monotonic() - begun)
+    return found
 
 
 def _windows(
     start: datetime, looks: Looks, answers: Iterable[Answer], orders: Iterable[TransportOrderStatus]
 ) -> list[Window]:
     """Sort the measurements by window; leave out those after the last one."""
-    edges = [start, *(end for end, _ in looks)]
+    edges = [start, *(each.end for each in looks)]
     ended = [each for each in orders if each.finished is not None]
     return [
         Window(
-            answers=[each.seconds for each in answers if since <= each.at < end],
-            orders=[_seconds(each) for each in ended if each.finished and since <= each.finished < end],
-            footprints=found,
+            answers=[each.seconds for each in answers if since <= each.at < look.end],
+            orders=[_seconds(each) for each in ended if each.finished and since <= each.finished < look.end],
+            footprints=look.footprints,
+            yardstick=look.yardstick,
         )
-        for since, (end, found) in zip(edges, looks, strict=False)
+        for since, look in zip(edges, looks, strict=False)
     ]
 
 
@@ -133,12 +160,13 @@ def document(soaked: Soaked, *, minutes: float, load: float) -> str:
 
 
 def _latencies(windows: Sequence[Window]) -> Iterator[str]:
-    yield row(["Window", "Orders ended", "Answer p50", "Answer p99", "Order p50", "Order p99"])
-    yield row(["---"] * 6)
+    yield row(["Window", "Orders ended", "Answer p50", "Answer p99", "Order p50", "Order p99", "Yardstick"])
+    yield row(["---"] * 7)
     for number, window in enumerate(windows, 1):
         answers = [f"{1000 * value:.0f} ms" for value in _percentiles(window.answers)]
         ends = [f"{value:.1f} s" for value in _percentiles(window.orders)]
-        yield row([str(number), str(len(window.orders)), *answers, *ends])
+        busy = f"{1000 * median(window.yardstick):.0f} ms" if window.yardstick else ""
+        yield row([str(number), str(len(window.orders)), *answers, *ends, busy])
 
 
 def _memory(windows: Sequence[Window]) -> Iterator[str]:

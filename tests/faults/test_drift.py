@@ -19,6 +19,7 @@ def run(
     threads: Callable[[int], int] = lambda _: 5,
     answer: Callable[[int], float] = lambda _: 0.01,
     order: Callable[[int], float] = lambda _: 8.0,
+    yardstick: Callable[[int], float] = lambda _: 0.004,
 ) -> list[Window]:
     """Return the windows of a run, each by its number."""
     return [
@@ -26,6 +27,7 @@ def run(
             answers=[answer(number)] * 20,
             orders=[order(number)] * 20,
             footprints={"order-service": Footprint(megabytes(number), descriptors(number), threads(number))},
+            yardstick=[yardstick(number)] * 5,
         )
         for number in range(COUNT)
     ]
@@ -45,6 +47,17 @@ def test_fluctuating_values_are_not_drift() -> None:
         )
         == []
     )
+
+
+def test_a_busier_machine_is_not_drift_but_slower_programs_are() -> None:
+    def busy(number: int) -> float:
+        return 0.004 * (1 + number)
+
+    assert drift(run(order=lambda number: 8.0 * (1 + number), yardstick=busy)) == []
+    (finding,) = drift(run(order=lambda number: 8.0 * (1 + number) ** 2, yardstick=busy))
+    assert "times as busy" in finding
+    assert drift(run(megabytes=lambda number: 100 + 5 * number, yardstick=busy))
+    assert drift(run(order=lambda _: 8.0, yardstick=lambda number: 0.004 * (10 - number))) == []
 
 
 def test_the_first_window_is_warm_up() -> None:
