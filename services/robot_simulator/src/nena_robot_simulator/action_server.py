@@ -158,7 +158,7 @@ RESULTS_KEPT = 100
 
 
 class SimpleAction:
-    """The endpoints of an action of which one goal is carried out at a time, ``name`` in the ROS graph."""
+    """The endpoints of an action that executes one goal at a time; ``name`` is its name in the ROS graph."""
 
     def __init__(self, session: RosSession, name: str, kind: Any) -> None:  # noqa: ANN401
         self.name = name

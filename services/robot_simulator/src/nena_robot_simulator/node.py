@@ -125,7 +125,7 @@ class RobotNode:
         self._session.close()
 
     def _open_offers(self) -> None:
-        """Serve what no process of :class:`Servers` does: docking, costmaps and waypoints."""
+        """Serve what belongs to no process of :class:`Servers`: docking, costmaps and waypoints."""
         self._behaviours.open(DOCKING)
         costmap_parameters(self._session, self._settings.footprint)
         costmap_services(
@@ -153,18 +153,17 @@ class RobotNode:
         return ServerEndpoints(self._session, self._robot, work=work, values=values, changes=self)
 
     def change(self, server: Server, transition: int) -> bool:
-        """Carry out a transition; return False where the server's state does not allow it."""
+        """Execute a transition; return False if the server's state does not allow it."""
         done = self._robot.servers.change(server, transition)
         self._robot.set_navigators()
         self._show_servers()
         return done
 
     def manage(self, manager: Server, command: int) -> bool:
-        """Carry out a command to a lifecycle manager; return whether all servers have done it."""
-        now = self._clock.monotonic()
-        self._robot.end_goals(manager, command, now)
-        self._publish_statuses()  # and the results: the servers forget their goals
-        done = self._robot.manage(manager, command, now)
+        """Execute a command to a lifecycle manager; return whether all servers have done it."""
+        done = self._robot.manage(
+            manager, command, self._clock.monotonic(), on_goals_ended=self._publish_statuses
+        )
         self._log.info("lifecycle manager", manager=manager.value, command=command, done=done)
         self._publish_statuses()
         self._show_servers()

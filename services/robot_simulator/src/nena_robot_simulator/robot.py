@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from uuid import UUID
 
@@ -315,15 +316,23 @@ class Robot:
             active = self.servers.state(server) is LifecycleState.ACTIVE
             navigator.set_active(active=active and not gone)
 
-    def end_goals(self, manager: Server, command: int, now: float) -> None:
-        """End all goals if a lifecycle manager is asked to stop the servers that drive."""
+    def manage(
+        self,
+        manager: Server,
+        command: int,
+        now: float,
+        *,
+        on_goals_ended: Callable[[], None] = lambda: None,
+    ) -> bool:
+        """Execute a client's command to a lifecycle manager; return whether that succeeded.
+
+        If the servers that drive are stopped, all goals end first; ``on_goals_ended`` is called before the
+        servers forget them.
+        """
         if manager is Server.MANAGER and command in STOPPING:
             for navigator in self._navigators.values():
                 navigator.abort(now)
-
-    def manage(self, manager: Server, command: int, now: float) -> bool:
-        """Do what a client asks of a lifecycle manager; return whether that succeeded."""
-        self.end_goals(manager, command, now)
+        on_goals_ended()
         done = self.servers.manage(manager, command)
         self.set_navigators()
         return done

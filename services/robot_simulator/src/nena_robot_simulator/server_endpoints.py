@@ -33,14 +33,14 @@ Open = Callable[[], Iterable[Any]]
 
 
 class Changes(Protocol):
-    """Carries out what clients ask of the lifecycles."""
+    """Executes what clients request of the lifecycle services."""
 
     def change(self, server: Server, transition: int) -> bool:
-        """Carry out a transition; return False where the server's state does not allow it."""
+        """Execute a transition; return False if the server's state does not allow it."""
         ...
 
     def manage(self, manager: Server, command: int) -> bool:
-        """Carry out a command to a lifecycle manager; return whether all servers have done it."""
+        """Execute a command to a lifecycle manager; return whether all servers have done it."""
         ...
 
 

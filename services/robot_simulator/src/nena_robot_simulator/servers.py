@@ -205,7 +205,7 @@ class Servers:
         return changes
 
     def manage(self, manager: Server, command: int) -> bool:
-        """Carry out what a client asks of a lifecycle manager; return whether all servers have done it.
+        """Execute a client's command to a lifecycle manager; return whether all servers have done it.
 
         As in Nav2, it stops at the first server that does not, also where that has been done before.
         """
