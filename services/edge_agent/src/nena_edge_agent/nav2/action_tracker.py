@@ -173,16 +173,12 @@ class FeedbackFilter:
         self._progress: tuple[str, int] = ("", 0)
 
     def fresh(self, now: float) -> bool:
-        """Return whether feedback is arriving now."""
+        """Return whether feedback with positions is arriving now."""
         return now - self._received_at < FRESH
-
-    def received(self, now: float) -> None:
-        """Record that feedback has arrived."""
-        self._received_at = now
 
     def moved(self, reading: FeedbackReading, now: float) -> bool:
         """Return whether to report the position."""
-        self.received(now)
+        self._received_at = now
         here = (reading.x, reading.y)
         turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
         if math.dist(here, self._place) < POSE_STEP and turned < YAW_STEP:

@@ -153,7 +153,7 @@ class Nav2Driver:
         paths = PathSide(self._tracker, apply=self._apply, on_feedback=self._on_path_feedback, clock=clock)
         self._paths = paths if nav2_offers(settings).follows_paths else None
         self._silence, self._planner = SilenceWatch(), presence.PlannerWatch()
-        self._feedback, self._path_feedback = FeedbackFilter(), FeedbackFilter()
+        self._feedback = FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
         self._battery = Battery(settings.battery_scale)
         self._looking_since, self._blocked = -inf, False
@@ -552,16 +552,17 @@ class Nav2Driver:
                 self._report_pose()
                 self._apply(self._tracker.on_pose(pose, now))
         self._movement.on_recoveries(reading.recoveries)
-        if progress := self._feedback.progress(reading, self._map_id, now):
-            self._report(progress)
+        self._report_progress(reading, now)
 
     def _on_path_feedback(self, reading: FeedbackReading) -> None:
         """Handle feedback on a path of our own: remaining distance."""
         now = self._clock.monotonic()
         if self._is_of_goal(reading, now):
-            self._path_feedback.received(now)
-            if progress := self._path_feedback.progress(reading, self._map_id, now):
-                self._report(progress)
+            self._report_progress(reading, now)
+
+    def _report_progress(self, reading: FeedbackReading, now: float) -> None:
+        if progress := self._feedback.progress(reading, self._map_id, now):
+            self._report(progress)
 
     def _is_of_goal(self, reading: FeedbackReading, now: float) -> bool:
         """Return whether feedback is of the current goal; any of our goals counts as a sign of life."""
