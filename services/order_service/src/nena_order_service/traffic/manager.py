@@ -151,7 +151,7 @@ class TrafficManager:
     def resume(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
         """Restore a vehicle's route after a restart; :meth:`arrived` then reports its progress."""
         self._broken_off.pop(vehicle, None)
-        ends = (index + 1 for index in range(len(way)) if self.resources.may_wait(way, index))
+        ends = self.resources.waiting_places(way)
         end = next((each for each in ends if each >= allocated), allocated)
         self._scheduler.resume(vehicle, way[:allocated], way[allocated:end])
         self._journeys[vehicle] = Journey(tuple(way), allocated)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, pairwise
 from math import hypot
 from typing import Final
 
@@ -57,17 +57,18 @@ class Resources:
             for member in block.members:
                 self._blocks[member].append(block)
 
-    def may_wait(self, way: Sequence[ResourceSet], index: int) -> bool:
-        """Return whether a vehicle may wait at a set of its route until it can continue.
+    def waiting_places(self, way: Sequence[ResourceSet]) -> Iterator[int]:
+        """Yield after how many sets of a route a vehicle may wait until it can continue.
 
         It may always wait at the end. Elsewhere it must be outside all blocks, and either continue on a
         one-way path, so that no oncoming vehicle waits for it, or stand where others can drive around it.
         """
-        if index + 1 == len(way):
-            return True
-        if not self._block_names.isdisjoint(way[index].uses):
-            return False
-        return self._crossings.is_open(way[index].point) or self._two_way.isdisjoint(way[index + 1].uses)
+        for count, (here, following) in enumerate(pairwise(way), start=1):
+            outside = self._block_names.isdisjoint(here.uses)
+            if outside and (self._crossings.is_open(here.point) or self._two_way.isdisjoint(following.uses)):
+                yield count
+        if way:
+            yield len(way)
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
         """Apply the path locks set by hosts, overriding the plant model."""

@@ -492,7 +492,7 @@ class TrafficControl:
     def _sections(self, ahead: Sequence[ResourceSet]) -> Iterator[int]:
         """Yield how many sets may be claimed at once, from the first waiting place after SECTION down."""
         ends = list[int]()
-        for end in self._waiting_places(ahead):
+        for end in self.resources.waiting_places(ahead):
             ends.append(end)
             if end >= SECTION:
                 break
@@ -502,11 +502,7 @@ class TrafficControl:
 
     def _next_section(self, way: list[ResourceSet]) -> list[ResourceSet]:
         """Return the sets of a way up to the first point where a vehicle can wait."""
-        return way[: next(self._waiting_places(way), 0)]
-
-    def _waiting_places(self, way: Sequence[ResourceSet]) -> Iterator[int]:
-        """Yield after how many sets a vehicle can wait without blocking others."""
-        return (index + 1 for index in range(len(way)) if self.resources.may_wait(way, index))
+        return way[: next(self.resources.waiting_places(way), 0)]
 
     # Making room: sending away vehicles that rest in the way
 
