@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from random import Random
 
 import pytest
 
 from bench.pibt import bound
 from bench.traffic_halls import SPEED_MM_S, two_halls
-from nena_simulate.demand import Demand, Relation
+from nena_simulate.demand import Demand, DemandError, Relation, every_relation
 from nena_simulate.observation import Doing
 from nena_simulate.simulation import simulate, simulate_all
 from nena_simulate.site import Case, Disturbances
@@ -32,6 +33,30 @@ def test_the_same_seed_gives_the_same_result(seed: int, loss: float) -> None:
     case = replace(CASE, seed=seed, disturbances=Disturbances(loss=loss, speed_spread=0.3))
 
     assert simulate(case) == simulate(case)
+
+
+def test_a_case_is_split_into_shorter_ones_with_their_own_seeds() -> None:
+    parts = replace(CASE, seed=4, hours=8.0).in_parts(2)
+
+    assert [(each.hours, each.seed, each.warm_up) for each in parts] == [(4.0, 4, 10.0), (4.0, 5, 10.0)]
+    assert CASE.in_parts(1) == [CASE]
+
+
+def test_recorded_orders_are_not_split() -> None:
+    plant = CASE.plant
+    order = next(Demand(relations=every_relation(plant)).timed(plant, Random(1)))
+
+    with pytest.raises(DemandError, match="use --parts 1"):
+        replace(CASE, demand=Demand(orders=(order,))).in_parts(2)
+
+
+@pytest.mark.long
+def test_parts_of_a_case_run_in_their_own_processes() -> None:
+    one, other = simulate_all([CASE, replace(CASE, seed=2)], jobs=2)
+    (whole,) = simulate_all([replace(CASE, hours=2 * CASE.hours)], jobs=2, parts=2)
+
+    assert whole.finished == one.finished + other.finished
+    assert whole.hours == 2 * CASE.hours
 
 
 @pytest.mark.long

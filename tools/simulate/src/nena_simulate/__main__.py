@@ -66,7 +66,10 @@ Loss = Annotated[float, typer.Option(help="Share of messages that are lost.", mi
 JsonFile = Annotated[Path | None, typer.Option(help="File for the report as JSON.")]
 MarkdownFile = Annotated[Path | None, typer.Option(help="File for the tables as Markdown.")]
 PictureFolder = Annotated[Path | None, typer.Option(help="Folder for a heat map (SVG) per fleet size.")]
-Jobs = Annotated[int, typer.Option(help="Fleet sizes simulated in parallel.", min=1)]
+Jobs = Annotated[int, typer.Option(help="Fleet sizes and parts simulated in parallel.", min=1)]
+Parts = Annotated[
+    int, typer.Option(help="Parts into which the hours are split, each with its own seed and warm-up.", min=1)
+]
 
 
 @app.command()
@@ -88,6 +91,7 @@ def simulate(
     markdown: MarkdownFile = None,
     heat_maps: PictureFolder = None,
     jobs: Jobs = 2,
+    parts: Parts = 1,
 ) -> None:
     """Simulate a plant with the real order service and robots that only exist here, in accelerated time."""
     begun = perf_counter()
@@ -107,11 +111,11 @@ def simulate(
             settings=parse_toml(settings.read_bytes()) if settings else {},
             disturbances=Disturbances(loss=loss, speed_spread=speed_spread),
         )
-        figures = simulate_all([replace(case, robots=size) for size in sizes], jobs=jobs)
+        figures = simulate_all([replace(case, robots=size) for size in sizes], jobs=jobs, parts=parts)
     except (PlantModelError, ValueError) as error:
         typer.echo(f"nena simulate: {error}", err=True)
         raise typer.Exit(1) from error
-    _write(Report(model.name, seed, tuple(figures)), model, json, markdown, heat_maps)
+    _write(Report(model.name, seed, tuple(figures), parts), model, json, markdown, heat_maps)
     typer.echo(f"{hours * len(figures):g} hours simulated in {perf_counter() - begun:.0f} s", err=True)
 
 

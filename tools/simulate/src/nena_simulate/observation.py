@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 import re
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
+from typing import Self
 
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
@@ -20,6 +22,7 @@ from nena_simulate.site import SimulatedRobot, Site
 
 EACH = 0.5
 """Seconds between two checks of the robots."""
+HOUR = 3600.0
 
 
 class Doing(StrEnum):
@@ -32,22 +35,67 @@ class Doing(StrEnum):
     IDLE = "has no order"
 
 
+def _seconds() -> defaultdict[str, float]:
+    return defaultdict(float)
+
+
+@dataclass(slots=True)
+class Observed:
+    """What robots and orders did after the warm-up."""
+
+    hours: float
+    created: int = 0
+    """Number of orders that hosts created."""
+    failed: int = 0
+    waiting: float = 0
+    """Number of orders without a robot at the end."""
+    leads: list[float] = field(default_factory=list)
+    """Lead time of each ended order, seconds from creation to end."""
+    finishes: list[float] = field(default_factory=list)
+    """Time of each end, seconds after the warm-up."""
+    seconds: defaultdict[str, float] = field(default_factory=_seconds)
+    """Robot seconds by activity, over all robots."""
+    causes: defaultdict[str, float] = field(default_factory=_seconds)
+    """Robot seconds of waiting by cause."""
+    places: defaultdict[str, float] = field(default_factory=_seconds)
+    """Robot seconds of waiting by the path in front of the robot, or by its point."""
+    empty: float = 0.0
+    """Metres driven without a load."""
+    loaded: float = 0.0
+    """Metres driven with a load."""
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Return parts as if one had followed the other; ``waiting`` is the average of their ends."""
+        if len(parts) == 1:
+            return parts[0]
+        whole = cls(0.0)
+        for each in parts:
+            whole.finishes += [at + whole.hours * HOUR for at in each.finishes]
+            whole.leads += each.leads
+            whole.hours += each.hours
+            whole.created += each.created
+            whole.failed += each.failed
+            whole.empty += each.empty
+            whole.loaded += each.loaded
+            for total, more in (
+                (whole.seconds, each.seconds),
+                (whole.causes, each.causes),
+                (whole.places, each.places),
+            ):
+                for name, seconds in more.items():
+                    total[name] += seconds
+        whole.waiting = round(sum(each.waiting for each in parts) / len(parts), 1)
+        return whole
+
+
 class Observer:
     """Observes a site from the end of the warm-up."""
 
     def __init__(self, site: Site) -> None:
-        self.leads: list[float] = []
-        """Lead time of each ended order, seconds from creation to end."""
-        self.finishes: list[float] = []
-        """Time of each end, seconds after the warm-up."""
-        self.failed = 0
-        self.seconds: defaultdict[Doing, float] = defaultdict(float)
-        """Robot seconds by activity, over all robots."""
-        self.causes: defaultdict[str, float] = defaultdict(float)
-        """Robot seconds of waiting by cause."""
-        self.places: defaultdict[str, float] = defaultdict(float)
-        """Robot seconds of waiting by the path in front of the robot, or by its point."""
+        self.found = Observed(site.case.hours)
         self.moved: dict[str, dict[bool, float]] = {}
+        """Metres that each robot has driven, without and with a load."""
         self._site = site
         self._begun: datetime | None = None
         self._created: set[str] = set()
@@ -56,10 +104,15 @@ class Observer:
         self._words = Words(each.vehicle.name for each in site.robots)
         site.engine.unit_of_work.listeners.append(self)
 
-    @property
-    def created(self) -> int:
-        """Return the number of orders that hosts created."""
-        return len(self._created)
+    def observed(self) -> Observed:
+        """Return what has been observed so far."""
+        found = self.found
+        found.created = len(self._created)
+        found.waiting = len(self._site.engine.state.orders.dispatchable())
+        found.empty, found.loaded = (
+            sum(each[load] for each in self.moved.values()) for load in (False, True)
+        )
+        return found
 
     async def watch(self) -> None:
         """Observe all robots periodically."""
@@ -88,10 +141,10 @@ class Observer:
         if status.created >= self._begun:
             self._created.add(status.name)
         if status.state is TransportOrderState.FINISHED and status.finished:
-            self.leads.append((status.finished - status.created).total_seconds())
-            self.finishes.append((status.finished - self._begun).total_seconds())
+            self.found.leads.append((status.finished - status.created).total_seconds())
+            self.found.finishes.append((status.finished - self._begun).total_seconds())
         elif status.state.final:
-            self.failed += 1
+            self.found.failed += 1
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         """Ignore sequences: they are not simulated."""
@@ -106,12 +159,12 @@ class Observer:
         robot.loaded = bool(state.loads)
         order = self._orders.get(robot.vehicle.name)
         doing = self._doing(robot, order)
-        self.seconds[doing] += EACH
+        self.found.seconds[doing] += EACH
         if doing is not Doing.WAITS or order is None:
             return
-        self.causes[self._words.without_names(order.reason)] += EACH
+        self.found.causes[self._words.without_names(order.reason)] += EACH
         ahead = next((each.edge_id for each in state.edge_states if not each.released), "")
-        self.places[ahead or state.last_node_id or robot.start.name] += EACH
+        self.found.places[ahead or state.last_node_id or robot.start.name] += EACH
 
     @staticmethod
     def _doing(robot: SimulatedRobot, order: TransportOrderStatus | None) -> Doing:

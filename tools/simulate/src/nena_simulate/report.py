@@ -10,7 +10,7 @@ from math import ceil
 from statistics import quantiles
 from typing import Any
 
-from nena_simulate.observation import Doing, Observer
+from nena_simulate.observation import Doing, Observed
 
 CAUSES, PLACES = 8, 12
 """Maximum numbers of causes and places in the text; JSON contains all of them."""
@@ -26,7 +26,7 @@ class Figures:
     finished: int
     finished_by_minute: tuple[int, ...]
     failed: int
-    waiting: int
+    waiting: float
     """Number of orders without a robot at the end."""
     orders_per_hour: float
     lead_p50: float | None
@@ -45,30 +45,30 @@ class Figures:
     """Robot minutes per hour by the path in front of the robot, or by its point."""
 
     @classmethod
-    def of(cls, observer: Observer, *, robots: int, hours: float, waiting: int) -> Figures:
-        """Return the figures for what ``observer`` has seen."""
-        total = sum(observer.seconds.values()) or 1.0
-        doing = {each.value: round(observer.seconds[each] / total, 4) for each in Doing}
-        empty, loaded = (sum(each[load] for each in observer.moved.values()) for load in (False, True))
-        leads = sorted(observer.leads)
+    def of(cls, found: Observed, *, robots: int) -> Figures:
+        """Return the figures for what was observed."""
+        total, hours = sum(found.seconds.values()) or 1.0, found.hours
+        doing = {each.value: round(found.seconds[each] / total, 4) for each in Doing}
+        leads = sorted(found.leads)
         cuts = quantiles(leads, n=100, method="inclusive") if len(leads) > 1 else None
+        driven = found.empty + found.loaded
         return cls(
             robots=robots,
             hours=hours,
-            created=observer.created,
+            created=found.created,
             finished=len(leads),
-            finished_by_minute=_by_minute(observer.finishes, hours),
-            failed=observer.failed,
-            waiting=waiting,
+            finished_by_minute=_by_minute(found.finishes, hours),
+            failed=found.failed,
+            waiting=found.waiting,
             orders_per_hour=round(len(leads) / hours, 1),
             lead_p50=round(cuts[49], 1) if cuts else None,
             lead_p95=round(cuts[94], 1) if cuts else None,
             utilisation=round(1 - doing[Doing.IDLE], 4),
             doing=doing,
-            driven_km=round((empty + loaded) / 1000, 2),
-            empty_share=round(empty / (empty + loaded), 4) if empty + loaded else 0.0,
-            waiting_by_cause=_per_hour(observer.causes, hours),
-            waiting_by_place=_per_hour(observer.places, hours),
+            driven_km=round(driven / 1000, 2),
+            empty_share=round(found.empty / driven, 4) if driven else 0.0,
+            waiting_by_cause=_per_hour(found.causes, hours),
+            waiting_by_place=_per_hour(found.places, hours),
         )
 
 
@@ -91,6 +91,8 @@ class Report:
     plant: str
     seed: int
     figures: tuple[Figures, ...]
+    parts: int = 1
+    """Number of parts that were simulated separately, each with the next seed."""
 
     def to_json(self) -> str:
         """Return the whole report as JSON."""
@@ -98,7 +100,7 @@ class Report:
 
     def to_markdown(self) -> str:
         """Return tables in Markdown."""
-        parts = [f"# {self.plant}, seed {self.seed}", _markdown(self._rows())]
+        parts = [f"# {self._title}", _markdown(self._rows())]
         for each in self.figures:
             parts.append(f"## Waiting with {each.robots} robots, robot minutes per hour")
             parts.append(_markdown([("why", "minutes"), *_first(each.waiting_by_cause, CAUSES)]))
@@ -107,12 +109,19 @@ class Report:
 
     def to_text(self) -> str:
         """Return tables for a terminal."""
-        parts = [f"{self.plant}, seed {self.seed}", _text(self._rows())]
+        parts = [self._title, _text(self._rows())]
         for each in self.figures:
             parts.append(f"Waiting with {each.robots} robots, robot minutes per hour:")
             parts.append(_text(_first(each.waiting_by_cause, CAUSES)))
             parts.append(_text(_first(each.waiting_by_place, PLACES)))
         return "\n\n".join(filter(None, parts)) + "\n"
+
+    @property
+    def _title(self) -> str:
+        seeds = (
+            f"seed {self.seed}" if self.parts == 1 else f"seeds {self.seed} to {self.seed + self.parts - 1}"
+        )
+        return f"{self.plant}, {seeds}"
 
     def _rows(self) -> list[tuple[str, ...]]:
         """Return a table with a column for each fleet size."""

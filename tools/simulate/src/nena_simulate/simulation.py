@@ -4,45 +4,54 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from itertools import islice
 from multiprocessing import get_context
 
 from nena_shared import log
 from nena_shared.settings import LogSettings
-from nena_simulate.observation import Observer
+from nena_simulate.observation import HOUR, Observed, Observer
 from nena_simulate.report import Figures
 from nena_simulate.site import Case, Site
 from nena_simulate.virtual_time import VirtualClock, run
 
-HOUR = 3600.0
 HASH_SEED = "PYTHONHASHSEED"
 
 
 def simulate(case: Case) -> Figures:
     """Run a case in this process."""
-    observer, site = run(lambda clock: _observed(case, clock))
-    waiting = len(site.engine.state.orders.dispatchable())
-    return Figures.of(observer, robots=case.robots, hours=case.hours, waiting=waiting)
+    return Figures.of(observe(case), robots=case.robots)
 
 
-async def _observed(case: Case, clock: VirtualClock) -> tuple[Observer, Site]:
+def observe(case: Case) -> Observed:
+    """Run a case in this process, and return what was observed."""
+    return run(lambda clock: _observed(case, clock))
+
+
+async def _observed(case: Case, clock: VirtualClock) -> Observed:
     site = Site(case, clock)
     observer = Observer(site)
     await site.run(case.warm_up + case.hours * HOUR, observer.watch)
-    return observer, site
+    return observer.observed()
 
 
-def simulate_all(cases: Iterable[Case], *, jobs: int) -> list[Figures]:
-    """Run each case in its own process, ``jobs`` at a time."""
+def simulate_all(cases: Sequence[Case], *, jobs: int, parts: int = 1) -> list[Figures]:
+    """Run each case in its own processes, one for each of its ``parts``, ``jobs`` at a time.
+
+    Raises:
+        DemandError: a case has recorded orders, which cannot be split.
+    """
+    split = [part for case in cases for part in case.in_parts(parts)]
     with (
         _sets_in_one_order(),
         ProcessPoolExecutor(
             jobs, mp_context=get_context("spawn"), initializer=_prepare, max_tasks_per_child=1
         ) as pool,
     ):
-        return list(pool.map(simulate, cases))
+        found = iter(list(pool.map(observe, split)))
+    return [Figures.of(Observed.joined(list(islice(found, parts))), robots=case.robots) for case in cases]
 
 
 @contextmanager

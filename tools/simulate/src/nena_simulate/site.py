@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import hypot
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, Self
 
 from nena_edge_agent.__main__ import make_registry
 from nena_edge_agent.actions.plugin import PluginContext
@@ -35,7 +35,7 @@ from nena_shared.plant import property_keys as keys
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import RobotKey
-from nena_simulate.demand import Demand, stations
+from nena_simulate.demand import Demand, DemandError, stations
 from nena_simulate.wire import Broker, Conditions, Link
 
 MANUFACTURER = "NeNa"
@@ -82,6 +82,17 @@ class Case:
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the order service."""
     disturbances: Disturbances = Disturbances()
+
+    def in_parts(self, parts: int) -> list[Self]:
+        """Return shorter cases with different seeds, which together take as many hours.
+
+        Raises:
+            DemandError: recorded orders cannot be split.
+        """
+        if parts > 1 and self.demand.orders:
+            message = "recorded orders cannot be simulated in parts; use --parts 1"
+            raise DemandError(message)
+        return [replace(self, hours=self.hours / parts, seed=self.seed + part) for part in range(parts)]
 
 
 class VolatileStore(Store):
