@@ -1,6 +1,9 @@
 """Simulates traffic control with single parts switched off: what each of them brings (decision 0038).
 
 ``PYTHONPATH=tests PYTHONHASHSEED=0 python -m bench.traffic_ablation aisles 50 --seeds 1,2 --without pushing``
+
+With ``--core`` traffic control alone is simulated: the oldest order gets the nearest robot, no messages are
+sent, and waiting robots get no new routes. That takes a fraction of the time.
 """
 
 from __future__ import annotations
@@ -9,11 +12,13 @@ import argparse
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from random import Random
 from statistics import fmean
 from typing import Any
 
+from bench.pibt import WORK_SECONDS
 from bench.traffic import Extent, case_of
-from bench.traffic_halls import HALLS
+from bench.traffic_halls import HALLS, ROBOT_MM, SPEED_MM_S, Hall
 from nena_order_service.engine.rerouting import Rerouting
 from nena_order_service.traffic import traffic_control
 from nena_order_service.traffic.evasion import Evader
@@ -21,6 +26,7 @@ from nena_order_service.traffic.traffic_control import TrafficControl
 from nena_shared import log
 from nena_shared.settings import LogSettings
 from nena_simulate.simulation import simulate
+from support.traffic.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,34 @@ PARTS: Mapping[str, Part] = {
 }
 
 
+IN_CORE = ("nothing", "planning", "pushing", "right-of-way", "sections")
+"""Parts of traffic control itself."""
+BACKLOG = 100_000
+
+
+class Core(Simulation):
+    """Traffic control alone, with a backlog that never empties."""
+
+    def __init__(self, hall: Hall, robots: int, seed: int) -> None:
+        stations = tuple(hall.station_points.values())
+        plant, random = hall.with_robots(robots), Random(seed)
+        super().__init__(plant, stations, random, orders=BACKLOG, length_mm=ROBOT_MM)
+        self.speed = SPEED_MM_S
+
+    def work_seconds(self) -> float:
+        """Return how long a vehicle works at a station."""
+        return WORK_SECONDS
+
+    def orders_per_minute(self, minutes: float) -> float:
+        """Run for so long after a minute of warm-up."""
+        while self.now < 60 and self.step():
+            pass
+        before = self.finished
+        while self.now < 60 * (1 + minutes) and self.step():
+            pass
+        return (self.finished - before) / minutes
+
+
 def main() -> None:
     """Simulate one case; the change lasts as long as the process."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -78,21 +112,31 @@ def main() -> None:
     parser.add_argument("--without", choices=PARTS, default="nothing")
     parser.add_argument("--seeds", default="1")
     parser.add_argument("--minutes", type=float, default=2.0)
+    parser.add_argument("--core", action="store_true", help="traffic control alone")
     arguments = parser.parse_args()
+    if arguments.core and arguments.without not in IN_CORE:
+        parser.error(f"--core can only be without {', '.join(IN_CORE[1:])}")
     log.configure(LogSettings(level="error"))
     part = PARTS[arguments.without]
     part.switch_off()
-    case = case_of(HALLS[arguments.hall](), arguments.robots, Extent(minutes=arguments.minutes, warm_up=1.0))
+    hall, robots, minutes = HALLS[arguments.hall](), arguments.robots, arguments.minutes
+    seeds = [int(seed) for seed in arguments.seeds.split(",")]
+    sys.stdout.write(f"{arguments.hall}, {robots} robots, without {part.what}: ")
+    if arguments.core:
+        rates = [Core(hall, robots, seed).orders_per_minute(minutes) for seed in seeds]
+        sys.stdout.write(f"{_summary(rates)}, traffic control alone\n")
+        return
+    case = case_of(hall, robots, Extent(minutes=minutes, warm_up=1.0))
     settings = {"kernel": dict(part.kernel)} if part.kernel else {}
-    found = [
-        simulate(replace(case, seed=int(seed), settings=settings)) for seed in arguments.seeds.split(",")
-    ]
-    rates = [round(each.orders_per_hour / 60, 1) for each in found]
+    found = [simulate(replace(case, seed=seed, settings=settings)) for seed in seeds]
     waits = fmean(each.doing["waits"] for each in found)
-    sys.stdout.write(
-        f"{arguments.hall}, {arguments.robots} robots, without {part.what}: {fmean(rates):.1f} {rates}, "
-        f"{waits:.0%} waiting, {sum(each.failed for each in found)} failed\n"
-    )
+    failed = sum(each.failed for each in found)
+    rates = [each.orders_per_hour / 60 for each in found]
+    sys.stdout.write(f"{_summary(rates)}, {waits:.0%} waiting, {failed} failed\n")
+
+
+def _summary(rates: list[float]) -> str:
+    return f"{fmean(rates):.1f} {[round(each, 1) for each in rates]}"
 
 
 if __name__ == "__main__":

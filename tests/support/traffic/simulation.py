@@ -66,6 +66,7 @@ class Simulation:
         self.finished_at = 0.0
         self.evasions = 0
         self.now = 0.0
+        self.speed = SPEED
         self.driven_mm = 0.0
         self._events: list[tuple[float, int, str, str]] = []
         self._count = 0
@@ -80,16 +81,21 @@ class Simulation:
     def run(self) -> None:
         """Run until every order is finished; raises CollisionError or StandstillError."""
         total = len(self.orders)
-        while True:
-            self._dispatch()
-            self._decide()
-            self._resume_driving()
-            if not self._events or self.now > self.finished_at + PATIENCE:
-                break
-            self.now, _, name, kind = heappop(self._events)
-            getattr(self, f"_{kind}")(self.vehicles[name])
+        while self.now <= self.finished_at + PATIENCE and self.step():
+            pass
         if self.finished < total:
             raise StandstillError(self._report())
+
+    def step(self) -> bool:
+        """Let traffic decide, and go on to the next event; return whether there was one."""
+        self._dispatch()
+        self._decide()
+        self._resume_driving()
+        if not self._events:
+            return False
+        self.now, _, name, kind = heappop(self._events)
+        getattr(self, f"_{kind}")(self.vehicles[name])
+        return True
 
     def _report(self) -> str:
         lines = [f"{self.finished} orders finished at {self.now:.0f} s"]
@@ -126,9 +132,13 @@ class Simulation:
         if self._at(vehicle) == vehicle.target[0]:
             self.traffic.drop(vehicle.name)
             vehicle.busy = True
-            self._after(self.random.uniform(2, 20), vehicle, "worked")
+            self._after(self.work_seconds(), vehicle, "worked")
         else:
             self.traffic.request_route(RouteRequest(vehicle.name, vehicle.target[0]))
+
+    def work_seconds(self) -> float:
+        """Draw how long a vehicle works at a station."""
+        return self.random.uniform(2, 20)
 
     def _worked(self, vehicle: SimulatedVehicle) -> None:
         vehicle.busy = False
@@ -167,7 +177,7 @@ class Simulation:
                 step = occupant.held[occupant.reached + 1]
                 path = next(name for name in step.uses if name in self.plant.paths_by_name)
                 self._cover(each, path, step.length_mm)
-                self._after(step.length_mm / SPEED, each, "arrived")
+                self._after(step.length_mm / self.speed, each, "arrived")
 
     def _arrived(self, vehicle: SimulatedVehicle) -> None:
         occupant = self.scheduler.occupant(vehicle.name)
