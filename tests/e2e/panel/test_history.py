@@ -183,7 +183,7 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
 async def events_are_in_the_language_of_the_panel(browser: Browser, hall: Hall) -> None:
     async with opened(browser, f"{hall.url}#/history", language="de-DE") as page:
         events = page.locator("nena-history-page section > .history > li")
-        kind = page.get_by_label("Art")
+        kind = page.locator("nena-history-page").get_by_label("Art")  # as "Karte" contains it
         for code, text in (
             ("transportOrder", "In Ausführung"),
             ("condition", "Frei: Kein Auftrag."),
