@@ -115,3 +115,10 @@ def test_a_robot_that_breaks_down_costs_orders() -> None:
 def test_more_robots_than_points_are_refused() -> None:
     with pytest.raises(ValueError, match="do not fit"):
         simulate(replace(CASE, robots=len(HALL.plant.points)))
+
+
+def test_no_process_is_started_for_robots_that_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nena_simulate.simulation.ProcessPoolExecutor", None)
+
+    with pytest.raises(ValueError, match="do not fit"):
+        simulate_all([CASE, replace(CASE, robots=len(HALL.plant.points))], jobs=2)

@@ -14,7 +14,7 @@ from nena_shared import log
 from nena_shared.settings import LogSettings
 from nena_simulate.observation import HOUR, Observed, Observer
 from nena_simulate.report import Figures
-from nena_simulate.site import Case, Site
+from nena_simulate.site import Case, Site, check
 from nena_simulate.virtual_time import VirtualClock, run
 
 HASH_SEED = "PYTHONHASHSEED"
@@ -42,7 +42,10 @@ def simulate_all(cases: Sequence[Case], *, jobs: int, parts: int = 1) -> list[Fi
 
     Raises:
         DemandError: a case has recorded orders, which cannot be split.
+        ValueError: the robots of a case do not fit into its plant; no process was started.
     """
+    for case in cases:
+        check(case)
     split = [part for case in cases for part in case.in_parts(parts)]
     with (
         _sets_in_one_order(),

@@ -320,6 +320,11 @@ def _own(vehicle: Vehicle, speed: float) -> Vehicle:
     )
 
 
+def check(case: Case) -> None:
+    """Raise ValueError if the plant has fewer free points than robots."""
+    _places(case, _lot(case.seed))
+
+
 def _places(case: Case, random: Random) -> list[Point]:
     plant = case.plant
     named = [plant.point(each) for each in case.starts]
