@@ -75,27 +75,25 @@ async def heartbeats(stop: asyncio.Event, environment: Mapping[str, str] = os.en
 
 
 async def _send_heartbeats(supervision: Supervision, stop: asyncio.Event) -> None:
-    """Send heartbeats until cancelled, including during a long shutdown."""
-    message, well = "READY=1", True
+    """Send heartbeats until cancelled, including during a long shutdown.
+
+    Each message is sent until it succeeds: without READY=1 systemd would restart the service.
+    """
+    message, stopping, well = "READY=1", False, True
     while True:
         try:
             if message:
                 supervision.notify(message)
+                message = ""
             supervision.beat()
             well = True
         except OSError as error:
             if well:
                 log.warning("cannot notify the watchdog", reason=str(error))
             well = False
-        message = "STOPPING=1" if await _stopped_within(supervision.period, stop) else ""
-
-
-async def _stopped_within(seconds: float, stop: asyncio.Event) -> bool:
-    """Wait ``seconds``; return whether ``stop`` was set in that time."""
-    if stop.is_set():
-        await asyncio.sleep(seconds)
-        return False
-    return await set_within(stop, seconds)
+        await (asyncio.sleep(supervision.period) if stopping else set_within(stop, supervision.period))
+        if stop.is_set() and not stopping:
+            message, stopping = "STOPPING=1", True
 
 
 EXIT_FAILED = 1

@@ -10,9 +10,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from structlog.testing import capture_logs
 
 from nena_shared.program import (
     EXIT_FAILED,
@@ -25,6 +27,7 @@ from nena_shared.program import (
 )
 from nena_shared.settings import ConfigurationError, ServiceSettings
 from nena_shared.tasks import Supervisor
+from support.pausing import time_passes
 from support.waiting import PATIENCE, until
 
 PROGRAM = """
@@ -159,6 +162,36 @@ async def test_systemd_is_notified_of_ready_watchdog_and_stopping(supervisor: so
 
     assert heard[0] == "READY=1"
     assert (heard.count("READY=1"), heard.count("STOPPING=1")) == (1, 1)
+
+
+async def test_ready_is_resent_after_the_socket_was_full(supervisor: socket.socket) -> None:
+    address, heard = supervisor.getsockname(), list[str]()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as other:
+        with suppress(BlockingIOError):
+            while True:
+                other.sendto(b"other", address)
+
+        environment = {"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "20000"}
+        with capture_logs() as logged:
+            async with heartbeats(asyncio.Event(), environment):
+                await until(lambda: logged)
+                await until(lambda: "READY=1" in gather(supervisor, heard))
+
+
+async def test_stopping_is_sent_if_a_heartbeat_is_due_at_the_same_time(
+    supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def set_too_late(event: asyncio.Event, seconds: float) -> bool:
+        await time_passes(seconds)
+        event.set()
+        return False
+
+    monkeypatch.setattr("nena_shared.program.set_within", set_too_late)
+    heard = list[str]()
+    environment = {"NOTIFY_SOCKET": supervisor.getsockname(), "WATCHDOG_USEC": "20000"}
+
+    async with heartbeats(asyncio.Event(), environment):
+        await until(lambda: "STOPPING=1" in gather(supervisor, heard))
 
 
 async def test_abstract_socket_is_supported() -> None:
