@@ -64,6 +64,17 @@ def test_tells_what_the_compiler_says(tmp_path: Path) -> None:
     assert "error:" in caught.value.output
 
 
+@pytest.mark.skipif(build.missing_tool() is not None, reason=str(build.missing_tool()))
+def test_a_compiler_that_takes_too_long_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(build, "LONGEST_COMPILATION", 0.0)
+    sources = Sources("slow", tmp_path)
+    folder = sources.of("rosidl_generator_c")
+    folder.mkdir()
+    (folder / "slow.c").write_text("")
+    with pytest.raises(build.CompilationError, match="not compiled within 0 s"):
+        build.build(sources, tmp_path / "built")
+
+
 def test_puts_everything_in_its_place_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sources, built, prefix = Sources("some_msgs", tmp_path / "src"), tmp_path / "built", tmp_path / "prefix"
     python = sources.of("rosidl_generator_py") / "some_msgs" / "action"

@@ -206,9 +206,13 @@ def _compile(sources: Sources, generator: str, folder: Path, own: tuple[Path, ..
         *map(str, own),
         *_linked(generator),
     ]
-    done = subprocess.run(  # noqa: S603 - the compiler, and paths that this program has made
-        command, capture_output=True, text=True, timeout=LONGEST_COMPILATION, check=False
-    )
+    try:
+        done = subprocess.run(  # noqa: S603 - the compiler, and paths that this program has made
+            command, capture_output=True, text=True, timeout=LONGEST_COMPILATION, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        text = f"not compiled within {LONGEST_COMPILATION:g} s; try again when the computer is less busy"
+        raise CompilationError(target.name, text) from error
     if done.returncode:
         raise CompilationError(target.name, done.stderr[-2000:])
     return target
