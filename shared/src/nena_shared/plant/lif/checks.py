@@ -380,7 +380,7 @@ def _actions(actions: tuple[TypeAction, ...]) -> Iterator[str]:
 
 def _load(restriction: LoadRestriction | None) -> Iterator[str]:
     if restriction and restriction.load_set_names and not restriction.loaded:
-        yield "it lists load sets, but does not allow loads"
+        yield "it lists load sets, but forbids loads"
 
 
 def _trajectory(trajectory: PathTrajectory, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
