@@ -54,11 +54,17 @@ class MemoryStore(Store):
         self.found = Unfinished((), {}, 0)
         self._waiting: list[Callable[[], None]] = []
         self._orders: dict[int, object] = {}
+        self.kept: dict[tuple[str, str], str] = {}
+        """Documents by kind and name."""
 
     def commit(self, changes: Changes, then: Callable[[], None]) -> None:
         orders = {order.number: order for order in self.found.orders}
         orders.update({number: change.order for number, change in changes.orders.items()})
         sequences = {each.number: each for each in self.found.sequences} | changes.sequences
+        for each, document in changes.documents.items():
+            self.kept.pop(each, None)
+            if document is not None:
+                self.kept[each] = document
         missions = {**self.found.missions, **{n: each and each() for n, each in changes.missions.items()}}
         self.found = Unfinished(
             tuple(order for order in orders.values() if not order.state.final),
@@ -84,6 +90,9 @@ class MemoryStore(Store):
 
     async def unfinished(self) -> Unfinished:
         return self.found
+
+    async def documents(self, kind: str) -> dict[str, str]:
+        return {name: document for (of, name), document in self.kept.items() if of == kind}
 
 
 class ForgetfulStore(MemoryStore):

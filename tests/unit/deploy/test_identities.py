@@ -8,6 +8,7 @@ from nena_deploy.identities import (
     Kind,
     SiteTopics,
     access_list,
+    device_name,
     host_name,
     robot_name,
 )
@@ -50,6 +51,7 @@ def test_no_host_has_the_name_of_a_service(name: str) -> None:
     [
         (Kind.ROBOT, "ACME/1", "robots/ACME/1"),
         (Kind.HOST, "wms", "hosts/wms"),
+        (Kind.DEVICE, "nena/peripherals/Door 1", "devices/Door 1"),
         (Kind.ORDER_SERVICE, "order-service", "order-service"),
     ],
 )
@@ -87,6 +89,17 @@ def test_host_publishes_under_its_own_name() -> None:
     ]
     assert "read nena/v1/hosts/wms/#" in rules
     assert not [each for each in rules if "uagv" in each or "vda5050" in each]
+
+
+def test_a_device_takes_the_jobs_of_its_location() -> None:
+    assert rules_of(Kind.DEVICE, device_name("Door 1")) == [
+        "write nena/v1/peripherals/Door 1/jobState",
+        "write nena/v1/peripherals/Door 1/state",
+        "read nena/v1/peripherals/Door 1/job",
+        "read nena/v1/peripherals/Door 1/cancel",
+    ]
+    with pytest.raises(IdentityError):
+        device_name("+")
 
 
 def test_only_the_order_service_writes_orders() -> None:

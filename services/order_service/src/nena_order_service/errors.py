@@ -102,6 +102,33 @@ class OrderAssignedError(Exception):
         super().__init__(f"The intended vehicle of transport order {name!r} cannot be changed: {reason}.")
 
 
+class UnknownPeripheralError(RefusedError):
+    """No peripheral device is at this location."""
+
+    refusal = Refusal.UNKNOWN_PERIPHERAL
+
+    def __init__(self, location: str) -> None:
+        super().__init__(f"Location {location!r} has no peripheral device. GET /v1/peripherals lists them.")
+
+
+class UnknownPeripheralJobError(RefusedError):
+    """There is no peripheral job of this name."""
+
+    refusal = Refusal.UNKNOWN_JOB
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"Unknown peripheral job {name!r}. GET /v1/peripheralJobs lists them.")
+
+
+class PeripheralJobEndedError(RefusedError):
+    """The peripheral job has ended."""
+
+    refusal = Refusal.JOB_ENDED
+
+    def __init__(self, name: str, state: str) -> None:
+        super().__init__(f"Peripheral job {name!r} is already {state} and cannot be withdrawn.")
+
+
 class OrderWithdrawnError(RefusedError):
     """The order is already withdrawn."""
 

@@ -7,6 +7,7 @@ import json
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from secrets import token_hex
 from typing import Any
 
@@ -23,6 +24,8 @@ from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.opentcs_events import ChangeLog
 from nena_order_service.api.opentcs_plant import EditPlant
 from nena_order_service.api.operations import HostOperations
+from nena_order_service.api.peripheral_link import PeripheralLink
+from nena_order_service.api.peripheral_requests import PeripheralRequests
 from nena_order_service.api.rest import ChangePlant, Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
 from nena_order_service.engine.context import Context
@@ -138,21 +141,25 @@ def build(
     client_id = _client_id(settings, epoch)
     topics = FleetTopics(settings.topic_prefix)
     heartbeat = Heartbeat(topics, clock, epoch=epoch, store_ready=lambda: store.ready)
-    hooks = LinkHooks(heartbeat.will, lambda: publisher.greeting())  # noqa: PLW0108 - made below, of this link
+    hooks = LinkHooks(heartbeat.will, lambda: chain(publisher.greeting(), devices.greeting()))
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
+    devices = PeripheralLink(mqtt, topics, engine)
+    engine.peripherals.port = devices
     hosts = _make_host_services(engine, fleet)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream = EventStream(engine, settings.events)
     changes = ChangeLog(plant, clock)
     engine.unit_of_work.listeners += [publisher, stream, changes]
+    engine.unit_of_work.peripheral_listeners += [publisher, changes]
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
     loop_lag = LoopLag(clock)
-    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, {} if answers is None else answers)
+    counts = {} if answers is None else answers
+    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, devices, counts)
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,
@@ -189,6 +196,7 @@ def _make_host_services(engine: Engine, fleet: FleetLink) -> HostServices:
         SequenceRequests(engine),
         PathLocks(engine),
         ZoneSets(engine, fleet.send_zone_set),
+        PeripheralRequests(engine),
     )
 
 

@@ -16,6 +16,14 @@ from urllib.parse import quote
 
 from nena_shared.fleet_api import requests, transport_order
 from nena_shared.fleet_api.base import ObjectName, Role
+from nena_shared.fleet_api.peripherals import (
+    PeripheralJobList,
+    PeripheralJobRequest,
+    PeripheralJobsQuery,
+    PeripheralJobStatus,
+    PeripheralList,
+    PeripheralStatus,
+)
 from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetList, ZoneSetStatus
 from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleStatus
@@ -28,6 +36,8 @@ SEQUENCES: Final = "/v1/orderSequences"
 VEHICLES: Final = "/v1/vehicles"
 PATHS: Final = "/v1/paths"
 ZONE_SETS: Final = "/v1/zoneSets"
+PERIPHERALS: Final = "/v1/peripherals"
+PERIPHERAL_JOBS: Final = "/v1/peripheralJobs"
 PLANT_MODEL: Final = "/v1/plantModel"
 SUMMARY: Final = "/v1/summary"
 TRAFFIC_PLAN: Final = "/v1/traffic/plan"
@@ -56,6 +66,9 @@ class Refusal(Enum):
     UNKNOWN_PATH = HTTPStatus.NOT_FOUND, "Unknown path."
     UNKNOWN_ZONE_SET = HTTPStatus.NOT_FOUND, "Unknown zone set."
     ZONE_SET_CHANGED = HTTPStatus.CONFLICT, "A different zone set has this id."
+    UNKNOWN_PERIPHERAL = HTTPStatus.NOT_FOUND, "Unknown peripheral device."
+    UNKNOWN_JOB = HTTPStatus.NOT_FOUND, "Unknown peripheral job."
+    JOB_ENDED = HTTPStatus.CONFLICT, "The peripheral job has ended."
     INVALID_PLANT = HTTPStatus.UNPROCESSABLE_ENTITY, "The plant model is invalid."
     PLANT_IN_USE = HTTPStatus.CONFLICT, "Orders or vehicles use elements missing in the new plant model."
     TOO_MANY_CLIENTS = HTTPStatus.SERVICE_UNAVAILABLE, "The event stream has too many clients."
@@ -140,6 +153,8 @@ TAGS: Final = {
     VEHICLES: "vehicles",
     PATHS: "paths",
     ZONE_SETS: "zone sets",
+    PERIPHERALS: "peripherals",
+    PERIPHERAL_JOBS: "peripherals",
     PLANT_MODEL: "plant model",
     SUMMARY: "summary",
     TRAFFIC_PLAN: "traffic",
@@ -483,6 +498,76 @@ DELETE_ZONE_SET = Operation(
     refusals=_ZONE_SET_CHANGE,
 )
 
+LIST_PERIPHERALS = Operation(
+    "peripherals",
+    "List the peripheral devices, such as doors, with the job that each executes.",
+    "GET",
+    PERIPHERALS,
+    PeripheralList,
+    Role.VIEWER,
+    result="peripherals",
+)
+SHOW_PERIPHERAL = Operation(
+    "peripheral",
+    "Return the peripheral device of a location.",
+    "GET",
+    f"{PERIPHERALS}/{{name:path}}",
+    PeripheralStatus,
+    Role.VIEWER,
+    subject="location",
+    result="peripheral",
+    refusals=(Refusal.UNKNOWN_PERIPHERAL,),
+)
+LIST_JOBS = Operation(
+    "peripheralJobs",
+    "List the unfinished peripheral jobs and the last 1000 ended ones, newest first.",
+    "GET",
+    PERIPHERAL_JOBS,
+    PeripheralJobList,
+    Role.VIEWER,
+    request=PeripheralJobsQuery,
+    result="peripheral_jobs",
+)
+SHOW_JOB = Operation(
+    "peripheralJob",
+    "Return a peripheral job.",
+    "GET",
+    f"{PERIPHERAL_JOBS}/{{name}}",
+    PeripheralJobStatus,
+    Role.VIEWER,
+    subject="peripheral_job",
+    result="peripheral_job",
+    refusals=(Refusal.UNKNOWN_JOB,),
+)
+CREATE_JOB = Operation(
+    "createPeripheralJob",
+    "Create a peripheral job for no vehicle. It waits while a vehicle with another token uses the device.",
+    "POST",
+    PERIPHERAL_JOBS,
+    PeripheralJobStatus,
+    Role.OPERATOR,
+    request=PeripheralJobRequest,
+    creates=PERIPHERAL_JOBS,
+    result="peripheral_job",
+    refusals=(
+        Refusal.NAME_TAKEN,
+        Refusal.UNKNOWN_PERIPHERAL,
+        Refusal.NOT_IN_PLANT,
+        Refusal.NOT_SAVED,
+    ),
+)
+WITHDRAW_JOB = Operation(
+    "withdrawPeripheralJob",
+    "Withdraw a peripheral job. Its device is told, and a vehicle that requires the job fails its drive.",
+    "POST",
+    f"{PERIPHERAL_JOBS}/{{name}}/withdrawal",
+    PeripheralJobStatus,
+    Role.OPERATOR,
+    subject="peripheral_job",
+    result="peripheral_job",
+    refusals=(Refusal.UNKNOWN_JOB, Refusal.JOB_ENDED, Refusal.NOT_SAVED),
+)
+
 SUMMARISE = Operation(
     "summary",
     "Count unfinished orders and vehicles by state.",
@@ -543,6 +628,12 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     PUT_ZONE_SET,
     ENABLE_ZONE_SET,
     DELETE_ZONE_SET,
+    LIST_PERIPHERALS,
+    SHOW_PERIPHERAL,
+    LIST_JOBS,
+    SHOW_JOB,
+    CREATE_JOB,
+    WITHDRAW_JOB,
     SUMMARISE,
     SHOW_TRAFFIC_PLAN,
 )

@@ -3,8 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
+from urllib.parse import unquote
 
 from nena_shared.vda5050.topics import RobotKey
+
+
+class PeripheralTopic(StrEnum):
+    """Topics of a peripheral device."""
+
+    JOB = "job"
+    """:class:`DeviceRequest`, from the order service."""
+    CANCEL = "cancel"
+    """:class:`DeviceCancellation`, from the order service."""
+    JOB_STATE = "jobState"
+    """:class:`DeviceAnswer`, from the device."""
+    STATE = "state"
+    """:class:`DeviceReport`, from the device, retained."""
+    STATUS = "status"
+    """:class:`PeripheralStatus`, from the order service for hosts, retained."""
+
+
+def _level(name: str) -> str:
+    for sign in "%/+#":
+        name = name.replace(sign, f"%{ord(sign):02X}")
+    return name
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +108,21 @@ class FleetTopics:
     def plant_model(self) -> str:
         """Topic of the plant model, as JSON, retained."""
         return f"{self.prefix}/plantModel"
+
+    def peripheral(self, location: str, topic: PeripheralTopic) -> str:
+        """Return a topic of a location's peripheral device.
+
+        In the location's name, ``%``, ``/``, ``+`` and ``#`` are percent-encoded.
+        """
+        return f"{self.prefix}/peripherals/{_level(location)}/{topic}"
+
+    def all_peripherals(self, topic: PeripheralTopic) -> str:
+        """Return the topic filter of all devices."""
+        return f"{self.prefix}/peripherals/+/{topic}"
+
+    def location_of(self, topic: str) -> str:
+        """Return the location of a device's ``topic``."""
+        return unquote(topic.split("/")[-2])
 
     def robot_map(self, robot: RobotKey) -> str:
         """Return the topic of a robot's own map, as :class:`MapImage`, retained; not part of VDA 5050."""

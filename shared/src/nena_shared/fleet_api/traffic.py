@@ -24,7 +24,8 @@ class TrafficWait(Resource):
     vehicles: tuple[str, ...] = ()
     """Empty: not waiting for another vehicle."""
     at: str | None = None
-    """The contested point, path, location or block; None: waiting for something else."""
+    """The contested point, path, location or block; without ``vehicles``, the location of the peripheral
+    device that is waited for; None: waiting for something else."""
     cause: WaitCause | None = None
     turn_back: float | None = None
     """Distance that the other vehicle would have to go back if this one went first, m."""

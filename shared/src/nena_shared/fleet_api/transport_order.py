@@ -10,6 +10,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, StrictBool, model_validator
 
 from nena_shared.fleet_api.base import IdempotencyKey, Moment, ObjectName, OrderName, Request, Resource
+from nena_shared.fleet_api.peripherals import StepOperation
 from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
 
 
@@ -161,6 +162,8 @@ class Destination(Request):
     operation: Annotated[str, Field(min_length=1, max_length=200)] = "MOVE"
     """Unset at a location without MOVE: NOP, which only drives there."""
     properties: Annotated[tuple[OperationProperty, ...], Field(max_length=100)] = ()
+    peripheral_operations: Annotated[tuple[StepOperation, ...], Field(max_length=20)] = ()
+    """Operations of peripheral devices, such as a conveyor or a door, for this destination."""
     on_failure: FailurePolicy | None = None
     """Failure policy for this destination; None: that of the order."""
 
@@ -192,7 +195,7 @@ class TransportOrderRequest(Request):
     dispensable: bool = False
     """Whether the order may be dropped if its vehicle is needed for another one, like parking orders."""
     peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
-    """Stored and returned for compatibility with openTCS; no effect."""
+    """Reservation token of its peripheral jobs; None: its vehicle's name."""
     dependencies: Annotated[tuple[OrderName, ...], Field(max_length=100)] = ()
     """Names of orders that must be FINISHED first; until then, the order is ACTIVE."""
     on_dependency_failure: DependencyFailure = DependencyFailure.FAIL

@@ -333,10 +333,16 @@ class Orientation(StrEnum):
 
 
 class ExecutionTrigger(StrEnum):
-    """When a peripheral operation of a path starts."""
+    """When a peripheral operation starts. openTCS's files only have AFTER_ALLOCATION and AFTER_MOVEMENT."""
 
+    IMMEDIATE = "IMMEDIATE"
+    """When the vehicle's route is granted."""
+    BEFORE_ALLOCATION = "BEFORE_ALLOCATION"
+    """When the path is to be allocated next."""
     AFTER_ALLOCATION = "AFTER_ALLOCATION"
+    """When the path is allocated, before it is released to the robot."""
     AFTER_MOVEMENT = "AFTER_MOVEMENT"
+    """When the robot has reached the end of the path."""
 
 
 class ConnectionType(StrEnum):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from nena_order_service.routing.router import Router
 from nena_order_service.traffic.resources import (
+    DeviceUse,
     Found,
     OccupancyFinder,
     Occupant,
@@ -20,7 +21,7 @@ from nena_order_service.traffic.resources import (
 )
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import Block, BlockType
-from nena_shared.plant.track import BoundingBox
+from nena_shared.plant.track import BoundingBox, ExecutionTrigger, PeripheralOperation
 from support.plants import path, plant, point
 
 
@@ -28,6 +29,30 @@ def sets(model: PlantModel, start: str, end: str, location: str | None = None) -
     resources = Resources(model)
     route = Router(model).route(start, end)
     return list(resources.along(route.steps, start=resources.at(start), location=location))
+
+
+def test_a_vehicle_needs_a_door_from_the_path_that_opens_it_to_the_one_that_closes_it() -> None:
+    def operation(name: str, trigger: ExecutionTrigger, *, required: bool) -> PeripheralOperation:
+        return PeripheralOperation(
+            name=name, location="Door", execution_trigger=trigger, completion_required=required
+        )
+
+    opening = operation("open", ExecutionTrigger.AFTER_ALLOCATION, required=True)
+    closing = operation("close", ExecutionTrigger.AFTER_MOVEMENT, required=False)
+    paths = (
+        path("A B", peripheral_operations=(opening,)),
+        path("B C"),
+        path("C D", peripheral_operations=(closing,)),
+        path("D E"),
+    )
+    use = DeviceUse(plant(*paths))
+
+    assert use.along([each.name for each in paths]) == {0: ["Door"], 1: ["Door"], 2: ["Door"]}
+    assert use.along([each.name for each in paths[1:]]) == {1: ["Door"]}
+    assert use.along([each.name for each in paths[1:]], held=("Door", "B")) == {0: ["Door"], 1: ["Door"]}
+    assert DeviceUse(None).along([each.name for each in paths]) == {}
+    unheeded = path("A B", peripheral_operations=(closing,))
+    assert DeviceUse(plant(unheeded)).names == frozenset()
 
 
 def test_a_step_needs_its_path_and_the_point_at_its_end() -> None:

@@ -8,6 +8,7 @@ from datetime import datetime
 from rich.table import Table
 from rich.text import Text
 
+from nena_shared.fleet_api.peripherals import PeripheralJobStatus, PeripheralStatus
 from nena_shared.fleet_api.plant import ZoneSetStatus
 from nena_shared.fleet_api.requests import InstantActionAnswer
 from nena_shared.fleet_api.traffic import TrafficPlan, VehiclePlan
@@ -220,6 +221,27 @@ def zone_sets_table(zone_sets: Iterable[ZoneSetStatus]) -> Table:
             table.add_row(*map(Text, (each.zone_set_id, each.map_id, target, at.vehicle, at.phase, at.note)))
         if not each.vehicles:
             table.add_row(*map(Text, (each.zone_set_id, each.map_id, target)))
+    return table
+
+
+def peripherals_table(peripherals: Iterable[PeripheralStatus]) -> Table:
+    """Return a table with a row for each peripheral device."""
+    table = Table("location", "state", "operations", "job", "waiting")
+    for each in peripherals:
+        job = each.job.operation if each.job else ""
+        waiting = str(len(each.waiting) or "")
+        table.add_row(*map(Text, (each.location, each.state, ", ".join(each.operations), job, waiting)))
+    return table
+
+
+def peripheral_jobs_table(jobs: Iterable[PeripheralJobStatus]) -> Table:
+    """Return a table with a row for each peripheral job."""
+    table = Table("job", "location", "operation", "state", "vehicle", "order", "reason")
+    for each in jobs:
+        for_whom = (each.related_vehicle or "", each.related_transport_order or "")
+        table.add_row(
+            *map(Text, (each.name, each.location, each.operation, each.state, *for_whom, each.reason))
+        )
     return table
 
 

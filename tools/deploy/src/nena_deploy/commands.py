@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from nena_deploy.authority import expiry
-from nena_deploy.identities import IdentityError, Kind, SiteTopics, host_name, robot_name
+from nena_deploy.identities import IdentityError, Kind, SiteTopics, device_name, host_name, robot_name
 from nena_deploy.site import LONGEST_MESSAGE, BrokerError, BusyError, Site, SiteError, locked
 from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ConfigurationError
@@ -48,9 +48,11 @@ app = typer.Typer(
 )
 robot = typer.Typer(help="Robots: each has its own certificate and broker rights.", no_args_is_help=True)
 host = typer.Typer(help="Hosts (WMS, MES): each creates orders under its own name.", no_args_is_help=True)
+device = typer.Typer(help="Peripheral devices (doors, lifts): each has its own topics.", no_args_is_help=True)
 user = typer.Typer(help="Users of the panel and the REST APIs.", no_args_is_help=True)
 app.add_typer(robot, name="robot")
 app.add_typer(host, name="host")
+app.add_typer(device, name="device")
 app.add_typer(user, name="user")
 
 Folder = Annotated[Path, typer.Argument(help="Folder of the site.")]
@@ -175,6 +177,21 @@ def remove_host(folder: Folder, name: str) -> None:
     """Revoke a host's certificate and delete its identity."""
     with errors_reported(), locked(folder):
         Site.open(folder).remove(Kind.HOST, host_name(name))
+    _report_broker_reload()
+
+
+@device.command("add")
+def add_device(folder: Folder, location: str, *, days: Days = 825) -> None:
+    """Create the identity of the device at a location, or replace its certificate."""
+    with errors_reported(), locked(folder):
+        _report_created(Site.open(folder).add(Kind.DEVICE, device_name(location), days=days))
+
+
+@device.command("remove")
+def remove_device(folder: Folder, location: str) -> None:
+    """Revoke a device's certificate and delete its identity."""
+    with errors_reported(), locked(folder):
+        Site.open(folder).remove(Kind.DEVICE, device_name(location))
     _report_broker_reload()
 
 

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from pydantic import BaseModel, ConfigDict
 
-from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
 LEVEL = re.compile(r"(?! )[^\x00-\x1f\x7f/+#.$][^\x00-\x1f\x7f/+#]{0,63}(?<! )")
@@ -31,6 +31,8 @@ class Kind(StrEnum):
     """Its own VDA 5050 topics, in a robot's directions."""
     HOST = "host"
     """Creates transport orders under its own name; reads orders and vehicles."""
+    DEVICE = "device"
+    """A peripheral device, such as a door: takes the jobs of its location."""
     ORDER_SERVICE = "order-service"
     STATUS_AGGREGATOR = "status-aggregator"
 
@@ -49,7 +51,8 @@ class Identity(BaseModel):
     @property
     def folder(self) -> str:
         """Folder of its files, relative to the site's folder."""
-        return self.kind if self.kind not in (Kind.ROBOT, Kind.HOST) else f"{self.kind}s/{self.name}"
+        alone = self.kind in (Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR)
+        return self.kind if alone else f"{self.kind}s/{self.name.removeprefix(DEVICES)}"
 
 
 def robot_name(manufacturer: str, serial_number: str) -> str:
@@ -73,6 +76,20 @@ def host_name(name: str) -> str:
         message = f"{name} is the name of a service. Choose another name."
         raise IdentityError(message)
     return _short(_level("name", name))
+
+
+DEVICES = "nena/peripherals/"
+"""Before a device's location in its user name, so that no robot or host has the same one."""
+
+
+def device_name(location: str) -> str:
+    """Return a peripheral device's user name at the broker.
+
+    Raises:
+        IdentityError: the name of the location is not valid in topics.
+
+    """
+    return _short(f"{DEVICES}{_level('location', location)}")
 
 
 def _short(name: str) -> str:
@@ -146,7 +163,10 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             yield f"read {own}/#"
             statuses = (fleet.all_order_statuses, fleet.all_sequence_statuses, fleet.all_vehicle_statuses)
             yield from (f"read {each}" for each in statuses)
+            yield f"read {fleet.all_peripherals(PeripheralTopic.STATUS)}"
             yield f"read {fleet.plant_model}"
+        case Kind.DEVICE:
+            yield from _of_device(identity.name.removeprefix(DEVICES), fleet)
         case Kind.ORDER_SERVICE:
             for scheme in topics.schemes:
                 yield from _of_robots(scheme, ANY_ROBOT, out="read", back="write")
@@ -156,6 +176,13 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             for scheme in topics.schemes:
                 yield f"read {scheme.interface_name}/{scheme.major_version}/#"
             yield f"read {topics.prefix}/#"
+
+
+def _of_device(location: str, fleet: FleetTopics) -> Iterator[str]:
+    for topic in (PeripheralTopic.JOB_STATE, PeripheralTopic.STATE):
+        yield f"write {fleet.peripheral(location, topic)}"
+    for topic in (PeripheralTopic.JOB, PeripheralTopic.CANCEL):
+        yield f"read {fleet.peripheral(location, topic)}"
 
 
 def _of_robots(scheme: TopicScheme, robot: RobotKey, *, out: str, back: str) -> Iterator[str]:

@@ -12,8 +12,15 @@ from pydantic.json_schema import JsonSchemaMode, models_json_schema
 
 from nena_order_service.api.mqtt import COMMANDS, CommandAnswer
 from nena_shared.fleet_api import operations as table
+from nena_shared.fleet_api.peripherals import (
+    DeviceAnswer,
+    DeviceCancellation,
+    DeviceReport,
+    DeviceRequest,
+    PeripheralStatus,
+)
 from nena_shared.fleet_api.service_status import HEARTBEAT, ServiceStatus
-from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
     OrderSequenceStatus,
@@ -26,6 +33,7 @@ PARAMETERS = {
     "host": "Name chosen by the host.",
     "transportOrder": "Name of a transport order.",
     "orderSequence": "Name of an order sequence.",
+    "location": "Location of a peripheral device; `%`, `/`, `+` and `#` are percent-encoded.",
     "serialNumber": "Serial number of a vehicle's robot.",
 }
 
@@ -50,6 +58,8 @@ class Channel:
     retained: bool = False
     parameters: tuple[str, ...] = ("host",)
     refusals: tuple[table.Refusal, ...] = ()
+    answered: bool = True
+    """Whether the order service answers what it receives."""
 
 
 def channels(topics: FleetTopics) -> tuple[Channel, ...]:
@@ -60,6 +70,57 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
         Channel("createAnswer", topics.creation_answer(host), "send", CreationAnswer, "Answers create."),
         *_commands(topics),
         *_statuses(topics),
+        *_devices(topics),
+    )
+
+
+def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
+    """Return the channels of peripheral devices."""
+    location, at = "{location}", ("location",)
+    return (
+        Channel(
+            "peripheralJob",
+            topics.peripheral(location, PeripheralTopic.JOB),
+            "send",
+            DeviceRequest,
+            "Asks a device to execute a job. Repeated with the same jobId if there is no answer.",
+            parameters=at,
+        ),
+        Channel(
+            "peripheralCancel",
+            topics.peripheral(location, PeripheralTopic.CANCEL),
+            "send",
+            DeviceCancellation,
+            "Tells a device that a job is no longer needed.",
+            parameters=at,
+        ),
+        Channel(
+            "peripheralJobState",
+            topics.peripheral(location, PeripheralTopic.JOB_STATE),
+            "receive",
+            DeviceAnswer,
+            "A device's answer about a job.",
+            parameters=at,
+            answered=False,
+        ),
+        Channel(
+            "peripheralState",
+            topics.peripheral(location, PeripheralTopic.STATE),
+            "receive",
+            DeviceReport,
+            "A device's own state, retained; its last will reports UNAVAILABLE.",
+            parameters=at,
+            answered=False,
+        ),
+        Channel(
+            "peripheralStatus",
+            topics.peripheral(location, PeripheralTopic.STATUS),
+            "send",
+            PeripheralStatus,
+            "Each change of a device and its job.",
+            retained=True,
+            parameters=at,
+        ),
     )
 
 
@@ -165,7 +226,7 @@ def _operation(channel: Channel) -> dict[str, Any]:
     if channel.refusals:
         found = table.by_status(channel.refusals)
         made["description"] = "\n".join(f"- {status.value}: {text}" for status, text in found.items())
-    if channel.action == "receive":
+    if channel.action == "receive" and channel.answered:
         made["reply"] = {"channel": {"$ref": f"#/channels/{channel.name}Answer"}}
     return made
 

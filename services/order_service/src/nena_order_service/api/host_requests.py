@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from math import hypot
 
 from nena_order_service import errors
+from nena_order_service.api.peripheral_requests import PeripheralRequests
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.zone_sets import ZoneSets
@@ -543,6 +544,7 @@ class HostServices:
     sequences: SequenceRequests
     locks: PathLocks
     zones: ZoneSets
+    peripherals: PeripheralRequests
 
     async def load(self) -> None:
         """Restore what hosts have uploaded to the store."""

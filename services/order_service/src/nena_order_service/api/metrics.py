@@ -15,10 +15,13 @@ from typing import Final, Protocol
 
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.mqtt import MqttApi
+from nena_order_service.api.peripheral_link import PeripheralLink
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.fleet.robot import LinkStatus
+from nena_order_service.peripherals.devices import Verdict
 from nena_order_service.store.store import Store
+from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleState
 from nena_shared.loop_lag import LoopLag
@@ -60,6 +63,7 @@ class Monitored:
     mqtt_api: MqttApi
     stream: EventStream
     loop_lag: LoopLag
+    devices: PeripheralLink
     answers: Mapping[int, int]
     """Number of HTTP answers by status."""
 
@@ -329,6 +333,55 @@ MESSAGES: Final[Section[Monitored]] = Section(
     ),
 )
 
+PERIPHERALS: Final[Section[Monitored]] = Section(
+    "Peripheral devices",
+    (
+        gauge(
+            "nena_order_service_peripheral_jobs",
+            "Peripheral jobs that have not ended.",
+            lambda s: _by_value(
+                (each.status.state for each in s.engine.state.peripheral_jobs.unfinished()),
+                (each for each in PeripheralJobState if not each.final),
+            ),
+            "state",
+        ),
+        counter(
+            "nena_order_service_peripheral_jobs_ended_total",
+            "Peripheral jobs that ended; withdrawn ones count as FAILED.",
+            lambda s: {
+                each.value: s.engine.state.peripheral_jobs.ended[each.value]
+                for each in PeripheralJobState
+                if each.final
+            },
+            "state",
+        ),
+        gauge(
+            "nena_order_service_peripheral_waits",
+            "Vehicles that wait for a peripheral device.",
+            lambda s: len(s.engine.peripherals.waiting),
+        ),
+        gauge(
+            "nena_order_service_peripherals",
+            "Peripheral devices by state: " + _listed(PeripheralState),
+            lambda s: _by_value(
+                (s.engine.peripherals.status(each).state for each in s.engine.peripherals.locations),
+                PeripheralState,
+            ),
+            "state",
+        ),
+        counter(
+            "nena_order_service_peripheral_answers_total",
+            "Answers of devices: `accepted`, `finished`, `failed`; `ignored` if repeated, late or about an "
+            "unknown job; `malformed` if unreadable.",
+            lambda s: {
+                **{each.name.lower(): s.engine.peripherals.answers[each.name.lower()] for each in Verdict},
+                "malformed": s.devices.malformed,
+            },
+            "verdict",
+        ),
+    ),
+)
+
 WORK: Final[Section[Monitored]] = Section(
     "Store and computing time",
     (
@@ -371,7 +424,7 @@ WORK: Final[Section[Monitored]] = Section(
     ),
 )
 
-SECTIONS: Final = (PROGRAM, ORDERS, ROBOTS, MESSAGES, WORK)
+SECTIONS: Final = (PROGRAM, ORDERS, ROBOTS, PERIPHERALS, MESSAGES, WORK)
 
 
 def standing_by(role: Waiting) -> bytes:

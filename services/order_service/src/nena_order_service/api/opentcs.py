@@ -13,7 +13,7 @@ from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_order_service import errors
-from nena_order_service.api import opentcs_devices, opentcs_events, opentcs_plant
+from nena_order_service.api import opentcs_devices, opentcs_events, opentcs_peripherals, opentcs_plant
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.opentcs_answers import Body, NotPossibleError, angle_of, done, install
 from nena_order_service.api.opentcs_events import LAST_MOMENT, ChangeLog, StateTimes
@@ -402,7 +402,8 @@ def make_app(
     _add_vehicles(app, hosts.requests, operations, engine.plant, changes)
     _add_paths(app, hosts.locks)
     opentcs_plant.add_routes(app, engine.plant, hosts.locks, change_plant)
-    opentcs_devices.add_routes(app, hosts.requests, engine)
+    opentcs_devices.add_routes(app, engine)
+    opentcs_peripherals.add_routes(app, hosts.requests, hosts.peripherals, engine)
     opentcs_events.add_routes(app, changes)
     return app
 

@@ -1,4 +1,4 @@
-"""Drivers, devices and kernel in openTCS's web API: NeNa has one vehicle driver and no devices."""
+"""Vehicle drivers, routes, environmental entities and kernel in openTCS's web API."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from fastapi import FastAPI, Query, Response
 from pydantic import Field
 from starlette.exceptions import HTTPException
 
-from nena_order_service.api.host_requests import HostRequests
 from nena_order_service.api.opentcs_answers import Body, NotPossibleError, done
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import UnknownVehicleError
@@ -19,7 +18,6 @@ from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import Property
 from nena_shared.log import get_logger
-from nena_shared.plant import PlantModel
 
 log = get_logger(__name__)
 
@@ -125,74 +123,6 @@ def _route(
     return {"destinationPoint": end, "costs": round(route.cost), "steps": steps}
 
 
-def _add_peripheral_jobs(app: FastAPI, requests: HostRequests) -> None:
-    """Answer like openTCS without peripheral drivers: no location has a device, and there are no jobs."""
-
-    def no_job(name: str) -> HTTPException:
-        return HTTPException(HTTPStatus.NOT_FOUND, f"Could not find peripheral job {name!r}.")
-
-    @app.get("/v1/peripheralJobs")
-    async def list_jobs(
-        vehicle: Annotated[str | None, Query(alias="relatedVehicle")] = None,
-        order: Annotated[str | None, Query(alias="relatedTransportOrder")] = None,
-    ) -> list[dict[str, Any]]:
-        if vehicle is not None:
-            requests.vehicle(vehicle)
-        if order is not None:
-            await requests.order(order)
-        return []
-
-    @app.post("/v1/peripheralJobs/dispatcher/trigger", response_class=Response)
-    @app.post("/v1/peripherals/dispatcher/trigger", response_class=Response)
-    async def trigger() -> Response:
-        return done()
-
-    @app.get("/v1/peripheralJobs/{name}")
-    async def show_job(name: str) -> dict[str, Any]:
-        raise no_job(name)
-
-    @app.post("/v1/peripheralJobs/{name}", response_class=Response)
-    async def create_job(name: str) -> Response:
-        text = f"Peripheral job {name!r} cannot be created: no location has a driver."
-        raise NotPossibleError(text)
-
-    @app.post("/v1/peripheralJobs/{name}/withdrawal", response_class=Response)
-    async def withdraw_job(name: str) -> Response:
-        raise no_job(name)
-
-
-def _add_peripherals(app: FastAPI, plant: PlantModel) -> None:
-    """Answer like openTCS for locations without a peripheral driver."""
-
-    def require(name: str) -> None:
-        if name not in plant.locations_by_name:
-            raise HTTPException(HTTPStatus.NOT_FOUND, f"Could not find location {name!r}.")
-
-    @app.post("/v1/peripherals/{name:path}/withdrawal", response_class=Response)
-    async def withdraw(name: str) -> Response:
-        require(name)
-        return done()
-
-    @app.get("/v1/peripherals/{name:path}/commAdapter/attachmentInformation")
-    async def attachment(name: str) -> dict[str, Any]:
-        require(name)
-        return {"locationReference": name, "attachedCommAdapter": ""}
-
-    @app.put("/v1/peripherals/{name:path}/commAdapter/attachment", response_class=Response)
-    async def attach(name: str, new_value: Annotated[str, Query(alias="newValue")]) -> Response:
-        require(name)
-        text = f"Unknown peripheral driver class name: {new_value}"
-        raise NotPossibleError(text)
-
-    @app.put("/v1/peripherals/{name:path}/commAdapter/enabled", response_class=Response)
-    async def enable(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
-        require(name)
-        if new_value:
-            text = f"Location {name!r} has no peripheral driver."
-            raise NotPossibleError(text)
-        return done()
-
-
 def _add_environment(app: FastAPI) -> None:
     """Answer like openTCS without environmental entities; none can be created."""
 
@@ -234,11 +164,9 @@ def _add_kernel(app: FastAPI) -> None:
         raise HTTPException(HTTPStatus.FORBIDDEN, "Hosts cannot shut down the order service.")
 
 
-def add_routes(app: FastAPI, requests: HostRequests, engine: Engine) -> None:
-    """Add the paths for drivers, routes, peripheral devices, environmental entities and the kernel."""
+def add_routes(app: FastAPI, engine: Engine) -> None:
+    """Add the paths for vehicle drivers, routes, environmental entities and the kernel."""
     _add_drivers(app, engine)
     _add_routes(app, engine)
-    _add_peripheral_jobs(app, requests)
-    _add_peripherals(app, engine.plant)
     _add_environment(app)
     _add_kernel(app)

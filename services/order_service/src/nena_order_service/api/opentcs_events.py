@@ -18,6 +18,7 @@ from fastapi.responses import StreamingResponse
 from nena_order_service.api.opentcs_answers import NotPossibleError, angle_of
 from nena_order_service.errors import TooManyClientsError
 from nena_shared.clock import Clock, iso
+from nena_shared.fleet_api.peripherals import PeripheralJobStatus
 from nena_shared.fleet_api.transport_order import (
     DriveOrderStatus,
     HistoryEntry,
@@ -32,7 +33,7 @@ from nena_shared.tasks import set_within
 from nena_shared.web.server_sent_events import HEADERS, EventRing
 
 Json = dict[str, Any]
-Status = VehicleStatus | TransportOrderStatus | OrderSequenceStatus
+Status = VehicleStatus | TransportOrderStatus | OrderSequenceStatus | PeripheralJobStatus
 
 KEPT: Final = 1000
 """Number of events kept for long polling; older ones are dropped."""
@@ -53,7 +54,6 @@ class EventTopic(StrEnum):
     TRANSPORT_ORDERS = "/events/transportOrders"
     ORDER_SEQUENCES = "/events/orderSequences"
     PERIPHERAL_JOBS = "/events/peripheralJobs"
-    """Never has events: NeNa has no peripheral jobs."""
 
 
 class StateTimes(NamedTuple):
@@ -82,6 +82,8 @@ class _Change:
                 return EventTopic.TRANSPORT_ORDERS
             case OrderSequenceStatus():
                 return EventTopic.ORDER_SEQUENCES
+            case PeripheralJobStatus():
+                return EventTopic.PERIPHERAL_JOBS
 
 
 class ChangeLog(EventRing[_Change]):
@@ -118,6 +120,13 @@ class ChangeLog(EventRing[_Change]):
                 times.processing_state if before.processing_state is status.processing_state else now,
             )
         self._note(status)
+
+    def job_changed(self, status: PeripheralJobStatus) -> None:
+        """Note the new version of a peripheral job."""
+        self._note(status, ended=status.state.final)
+
+    def peripheral_changed(self, location: str) -> None:
+        """Note nothing: openTCS has no events of devices."""
 
     async def poll(self, first: int, last: int, seconds: float) -> list[Json]:
         """Return the status messages with these numbers, waiting up to ``seconds`` for the first one."""
@@ -190,6 +199,8 @@ class ChangeLog(EventRing[_Change]):
                 return _order(status)
             case OrderSequenceStatus():
                 return _sequence(status)
+            case PeripheralJobStatus():
+                return {"name": status.name, **_job(status), "properties": {}, "history": {"entries": []}}
 
 
 def _message(number: int, change: _Change) -> Json:
@@ -214,6 +225,8 @@ def _message(number: int, change: _Change) -> Json:
             "allocatedResources": [],
             "claimedResources": [],
         }
+    if isinstance(now, PeripheralJobStatus):
+        return {"type": "PeripheralJob", **head, "name": now.name, **_job(now)}
     order = TransportOrderStatus.model_validate(now)
     return {
         "type": "TransportOrder",
@@ -337,6 +350,29 @@ def _drive_order(order: str, index: int, drive_order: DriveOrderStatus) -> Json:
         "route": {"steps": steps, "costs": 0} if drive_order.route else None,
         "state": drive_order.state.value,
     }
+
+
+def _job(job: PeripheralJobStatus) -> Json:
+    """Return what the job has in events, the long poll and answers."""
+    return {
+        "reservationToken": job.reservation_token,
+        "relatedVehicle": job.related_vehicle,
+        "relatedTransportOrder": job.related_transport_order,
+        "peripheralOperation": {
+            "operation": job.operation,
+            "locationName": job.location,
+            "executionTrigger": job.execution_trigger.value,
+            "completionRequired": job.completion_required,
+        },
+        "state": job.state.value,
+        "creationTime": iso(job.created),
+        "finishedTime": iso(job.finished) if job.finished else LAST_MOMENT,
+    }
+
+
+def peripheral_job(job: PeripheralJobStatus) -> Json:
+    """Return a peripheral job as in openTCS's answers."""
+    return {"name": job.name, **_job(job), "properties": []}
 
 
 def _sequence(sequence: OrderSequenceStatus) -> Json:

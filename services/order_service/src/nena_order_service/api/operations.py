@@ -15,6 +15,12 @@ from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api import requests as bodies
+from nena_shared.fleet_api.peripherals import (
+    PeripheralJobList,
+    PeripheralJobRequest,
+    PeripheralJobsQuery,
+    PeripheralList,
+)
 from nena_shared.fleet_api.plant import ZoneSetList
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
@@ -79,6 +85,7 @@ class HostOperations:
         self._sequences = hosts.sequences
         self._locks = hosts.locks
         self._zones = hosts.zones
+        self._peripherals = hosts.peripherals
         self.handlers: Mapping[str, Handler] = {
             operation: getattr(self, method) for operation, method in _METHODS.items()
         }
@@ -251,6 +258,30 @@ class HostOperations:
     @_does(table.DELETE_ZONE_SET)
     async def _delete_zone_set(self, call: Call[None]) -> Reply:
         return Reply(await self._zones.delete(call.name))
+
+    @_does(table.LIST_PERIPHERALS)
+    async def _list_peripherals(self, _: Call[None]) -> Reply:
+        return Reply(PeripheralList(peripherals=self._peripherals.devices()))
+
+    @_does(table.SHOW_PERIPHERAL)
+    async def _show_peripheral(self, call: Call[None]) -> Reply:
+        return Reply(self._peripherals.device(call.name))
+
+    @_does(table.LIST_JOBS)
+    async def _list_jobs(self, call: Call[PeripheralJobsQuery]) -> Reply:
+        return Reply(PeripheralJobList(peripheral_jobs=self._peripherals.jobs(call.request)))
+
+    @_does(table.SHOW_JOB)
+    async def _show_job(self, call: Call[None]) -> Reply:
+        return Reply(self._peripherals.job(call.name))
+
+    @_does(table.CREATE_JOB)
+    async def _create_job(self, call: Call[PeripheralJobRequest]) -> Reply:
+        return Reply(await self._peripherals.create(call.request), HTTPStatus.CREATED)
+
+    @_does(table.WITHDRAW_JOB)
+    async def _withdraw_job(self, call: Call[None]) -> Reply:
+        return Reply(await self._peripherals.withdraw(call.name, f"by {call.caller}"))
 
     @_does(table.SUMMARISE)
     async def _summarise(self, _: Call[None]) -> Reply:

@@ -265,7 +265,7 @@ async def _response(operation: Operation[Any], reply: Reply, *, known: ETag | No
     if isinstance(body, EncodedPage):
         headers["Content-Length"] = str(body.size)
         return StreamingResponse(body.parts(), reply.status, headers, "application/json")
-    if operation.versioned or operation.creates:
+    if operation.versioned or hasattr(body, "version"):
         headers["ETag"] = ETag.of(body.version).value
         if known and known.fits(body.version):
             return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)

@@ -14,8 +14,9 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import StoreNotReadyError
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.epoch import epoch_of, with_epoch
+from nena_shared.fleet_api.peripherals import PeripheralJobStatus
 from nena_shared.fleet_api.service_status import HEARTBEAT, ServiceStatus
-from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
@@ -99,6 +100,8 @@ class StatusPublisher:
         yield Outbound(self.topics.plant_model, self._plant_json, retain=True)
         for vehicle in tuple(self._engine.registry):
             yield self._of_vehicle(self._engine.status(vehicle))
+        for location in self._engine.peripherals.locations:
+            yield self._of_peripheral(location)
         for sequence in tuple(self._engine.state.sequences.unfinished()):
             yield self._of_sequence(sequence.status)
         for order in tuple(self._engine.state.orders.unfinished()):
@@ -122,6 +125,14 @@ class StatusPublisher:
         """Publish a vehicle's status."""
         self.mqtt.publish(self._of_vehicle(status))
 
+    def job_changed(self, status: PeripheralJobStatus) -> None:
+        """Publish nothing: the status of its device has the job."""
+
+    def peripheral_changed(self, location: str) -> None:
+        """Publish a device's status."""
+        if self._engine.peripherals.operations(location) is not None:
+            self.mqtt.publish(self._of_peripheral(location))
+
     def close(self) -> None:
         """Clear no more topics; the next start clears those of ended orders."""
         self._ended.close()
@@ -137,6 +148,10 @@ class StatusPublisher:
 
     def _of_vehicle(self, status: VehicleStatus) -> Outbound:
         return self._status(self.topics.vehicle_status(status.serial_number), status)
+
+    def _of_peripheral(self, location: str) -> Outbound:
+        topic = self.topics.peripheral(location, PeripheralTopic.STATUS)
+        return self._status(topic, self._engine.peripherals.status(location))
 
     def _status(self, topic: str, status: BaseModel) -> Outbound:
         body = status.model_dump_json(by_alias=True).encode()

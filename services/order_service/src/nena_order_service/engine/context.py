@@ -11,6 +11,7 @@ from nena_order_service.engine.state import FleetState
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.vda_orders import OrderPlanner
+from nena_order_service.peripherals.settings import PeripheralSettings
 from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
@@ -77,6 +78,9 @@ class EngineSettings(SettingsGroup):
     )
     dispatch: DispatchSettings = Field(
         default_factory=DispatchSettings, description="Dispatching: which vehicle gets which order."
+    )
+    peripherals: PeripheralSettings = Field(
+        default_factory=PeripheralSettings, description="Peripheral devices, such as doors and lifts."
     )
     action_types: dict[str, str] = Field(
         default_factory=dict,
@@ -148,7 +152,12 @@ class Context:
         self.clock = clock
         self.state = FleetState(registry)
         self.routes = VehicleRoutes(planner.finder.router, registry.model)
-        self.traffic = TrafficManager(planner.plant, self.routes, exclusive=settings.traffic)
+        self.traffic = TrafficManager(
+            planner.plant,
+            self.routes,
+            exclusive=settings.traffic,
+            peripherals=settings.peripherals.enabled,
+        )
         self._fleet: FleetControl | None = None
 
     def connect(self, fleet: FleetControl) -> None:

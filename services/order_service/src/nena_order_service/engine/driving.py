@@ -8,6 +8,7 @@ from functools import partial
 from typing import Final
 
 from nena_order_service.engine.context import Context
+from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.positions import Positions
 from nena_order_service.fleet.failures import FailureKind, RobotBusyError
 from nena_order_service.fleet.outputs import FleetOutput, VdaOrderFailed
@@ -19,6 +20,7 @@ from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.forecast import UNKNOWN_SPEED_MM_S
+from nena_order_service.traffic.manager import Gate
 from nena_order_service.traffic.scheduler import WaitReason
 from nena_order_service.traffic.traffic_control import (
     Displacement,
@@ -39,6 +41,8 @@ log = get_logger(__name__)
 MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
 ROUTES_AT_ONCE = 4
 """Maximum number of routes searched in one turn of the event loop; each search takes milliseconds."""
+NOWHERE = -1
+"""Index of the step of a route without any."""
 EVASION_PAUSE = 10.0
 """Delay before a robot that did not make room is sent away again, seconds."""
 CAUSES: Final = {
@@ -230,6 +234,11 @@ def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) 
     return seconds * min(known, default=UNKNOWN_SPEED_MM_S)
 
 
+def _is_open(gate: Gate) -> bool:
+    """Return whether a drive order without a route may begin."""
+    return gate.may_allocate(NOWHERE) and gate.may_release(NOWHERE)
+
+
 class Driving:
     """Connects traffic control with fleet control.
 
@@ -240,7 +249,14 @@ class Driving:
     (*assertive*). Nothing is sent before the first step is allocated and all changes are committed.
     """
 
-    def __init__(self, context: Context, positions: Positions, pauses: Pauses, gate: RestartGate) -> None:
+    def __init__(
+        self,
+        context: Context,
+        positions: Positions,
+        pauses: Pauses,
+        gate: RestartGate,
+        peripherals: Peripherals,
+    ) -> None:
         self.mobility = Mobility(context, positions, pauses)
         self._context = context
         self._state = context.state
@@ -251,6 +267,7 @@ class Driving:
         self._planner = context.planner
         self._registry = context.registry
         self._gate = gate
+        self._peripherals = peripherals
         self._wanted: dict[str, _Wanted] = {}
         """Orders whose current drive order is not sent yet, by vehicle."""
         self._unsent: dict[str, SentOrder] = {}
@@ -305,6 +322,17 @@ class Driving:
         if shorter is not record:
             self.send_on(shorter)
 
+    def drop_evasion(self, order_id: str) -> None:
+        """Give up making room with a VDA order, because a peripheral device on its route has failed."""
+        if record := self._sent.find(order_id):
+            self.end_early(record, partial=False)
+            return
+        for name in [each for each, record in self._unsent.items() if record.vda_order.order_id == order_id]:
+            del self._unsent[name]
+            self._traffic.revoke(name)
+            self.mobility.evasion_failed(self._vehicle(name))
+            self._state.drive_due = True
+
     def reconsider(self, is_unsuitable: Callable[[SentOrder], bool]) -> None:
         """Request routes again for those unsent VDA orders for which ``is_unsuitable`` returns True."""
         for name in [each for each, record in self._unsent.items() if is_unsuitable(record)]:
@@ -319,6 +347,7 @@ class Driving:
         record = self._sent.find(order_id)
         if record and (vehicle := self._under_way(record)):
             self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
+            self._peripherals.moved(vehicle, record, sequence_id // 2)
 
     def base_wanted(self, order_id: str) -> None:
         """Extend the base of a robot that requests it (newBaseRequest), if traffic control grants more."""
@@ -334,8 +363,9 @@ class Driving:
 
     def finished(self, record: SentOrder) -> None:
         """End a finished VDA order: its robot is at rest at the end of the route."""
-        self._sent.end(record)
         vehicle = self._registry.discover(record.robot)
+        self._peripherals.moved(vehicle, record, len(record.way), finished=True)
+        self._sent.end(record)
         if self._traffic.journey(vehicle.name):
             self._traffic.finished(vehicle.name)
             self.positions.note(vehicle)
@@ -370,8 +400,9 @@ class Driving:
         self._state.drive_due = self._await_report = False
         if self._gate.is_open:
             under_way = [name for name, _ in self._traffic.extending()]
-            for name in dict.fromkeys([*under_way, *filter(self._traffic.journey, self._unsent)]):
-                if name in self._unsent or not self._traffic.holds_enough(name):
+            gated = self._peripherals.waiting
+            for name in dict.fromkeys([*under_way, *filter(self._traffic.journey, (*self._unsent, *gated))]):
+                if name in self._unsent or name in gated or not self._traffic.holds_enough(name):
                     self._go_on(self._vehicle(name))
             self._reconsider()
             movable, lost = _asked_once(self._movable), _asked_once(self.mobility.lost)
@@ -386,13 +417,23 @@ class Driving:
                     yield from self._begin(granted)
             self._state.drive_later = self._traffic.unfinished and not self._await_report
             self._replan()
-        for name in self._traffic.waiting | self._wanted.keys() | self._reported.keys():
+            self._look_after_peripherals()
+        gated = self._peripherals.waiting
+        for name in self._traffic.waiting | self._wanted.keys() | self._reported.keys() | gated.keys():
             vehicle = self._vehicle(name)
-            why = self.note(vehicle) if name in self._wanted else self._traffic.why_waiting(name)
+            known = name in self._wanted or name in gated
+            why = self.note(vehicle) if known else self._traffic.why_waiting(name)
             if why != self._reported.pop(name, ""):
                 yield vehicle
             if why:
                 self._reported[name] = why
+
+    def _look_after_peripherals(self) -> None:
+        """Withdraw jobs that no route needs, and send devices the next ones."""
+        for name in [each for each in self._peripherals.waiting if not self._traffic.journey(each)]:
+            del self._peripherals.waiting[name]
+        self._peripherals.withdraw_needless({each.vda_order.order_id: each for each in self._unsent.values()})
+        self._peripherals.dispatch()
 
     def _reconsider(self) -> None:
         """Request routes again where another vehicle has stopped on a granted one."""
@@ -434,6 +475,8 @@ class Driving:
             return reason
         if vehicle.name in self._pauses:
             return self._pauses.why(vehicle)
+        if device := self._peripherals.note(vehicle.name):
+            return device
         if vehicle.name in self._wanted:
             return self.mobility.why_it_stays(vehicle)
         why = self._traffic.why_waiting(vehicle.name)
@@ -442,6 +485,8 @@ class Driving:
     def wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
         """Return which vehicles a vehicle waits for, where and why; None if it does not wait."""
         reason, refusal = self.note(vehicle), self._traffic.refusal(vehicle.name)
+        if location := self._peripherals.location_waited_for(vehicle.name):
+            return TrafficWait(at=location, reason=reason)
         if refusal is None:
             return TrafficWait(reason=reason) if reason else None
         turn_back_mm = self._traffic.turn_back_mm(vehicle.name, refusal)
@@ -509,11 +554,12 @@ class Driving:
     def _go_on(self, vehicle: FleetVehicle, *, more: int = 0) -> None:
         """Allocate what the robot needs, or ``more`` nodes, and send the order or its update."""
         name = vehicle.name
-        allocated = self._allocate(vehicle, more)
+        unsent = self._unsent.get(name)
+        gate = self._peripherals.gate(vehicle, unsent or self._sent.of_robot(vehicle.key))
+        further = self._allocate(vehicle, more, gate)
         journey = self._traffic.journey(name)
         assert journey, "requested by the caller"  # noqa: S101 - for the type
-        unsent = self._unsent.get(name)
-        if unsent and (journey.allocated or not journey.way):
+        if unsent and (journey.released or (not journey.way and _is_open(gate))):
             del self._unsent[name]
             record = unsent.released(journey)
             if not record.evasion:
@@ -521,17 +567,18 @@ class Driving:
             self._sent.put(record)
             self._state.vehicle_changed(name)
             self._state.after_commit(partial(self._start, record))
-        elif allocated and (known := self._sent.of_robot(vehicle.key)):
+        elif further and not unsent and (known := self._sent.of_robot(vehicle.key)):
             self.send_on(known.released(journey).updated())
 
-    def _allocate(self, vehicle: FleetVehicle, more: int) -> bool:
+    def _allocate(self, vehicle: FleetVehicle, more: int, gate: Gate) -> bool:
         """Allocate as far ahead as the settings require; ``more``: at least this many additional nodes."""
         name, settings = vehicle.name, self._context.settings
         ahead = more and self._traffic.ahead(name) + more
         if settings.release_ahead or not settings.release_seconds:
-            return self._traffic.allocate(name, settings.release_ahead and (ahead or settings.release_ahead))
+            nodes = settings.release_ahead and (ahead or settings.release_ahead)
+            return self._traffic.allocate(name, nodes, gate=gate)
         way_mm = _way_mm(vehicle, self._context.view(vehicle).factsheet, settings.release_seconds)
-        return self._traffic.allocate(name, ahead, way_mm)
+        return self._traffic.allocate(name, ahead, way_mm, gate)
 
     def send_on(self, record: SentOrder) -> None:
         """Send a robot the update of its VDA order after the commit."""

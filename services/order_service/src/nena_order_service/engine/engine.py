@@ -22,10 +22,11 @@ from nena_order_service.engine.dispatching import Dispatching, OrderFit
 from nena_order_service.engine.driving import Driving, Pauses, RestartGate, Stuck
 from nena_order_service.engine.idle import IdleVehicles
 from nena_order_service.engine.life_cycle import LifeCycle
+from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.positions import Positions
 from nena_order_service.engine.recovery import Recovery
 from nena_order_service.engine.rerouting import Rerouted, Rerouting
-from nena_order_service.engine.state import Effect, FleetState, PendingChanges
+from nena_order_service.engine.state import PERIPHERAL_JOB, Effect, FleetState, PendingChanges
 from nena_order_service.engine.status import Essentials, StatusReporter
 from nena_order_service.engine.traffic_plan import TrafficPlans
 from nena_order_service.errors import StoreNotReadyError
@@ -33,9 +34,16 @@ from nena_order_service.fleet import outputs
 from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.peripherals import (
+    DeviceAnswer,
+    PeripheralJobRequest,
+    PeripheralJobStatus,
+    PeripheralState,
+)
 from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceStatus,
@@ -82,6 +90,18 @@ class Listener(Protocol):
         ...
 
 
+class PeripheralListener(Protocol):
+    """Receives each change of peripheral jobs and devices, once it is committed."""
+
+    def job_changed(self, status: PeripheralJobStatus) -> None:
+        """Handle the new version of a job."""
+        ...
+
+    def peripheral_changed(self, location: str) -> None:
+        """Handle a change of a device or its jobs."""
+        ...
+
+
 class UnitOfWork:
     """Commits changes together, then runs their effects and publishes them; units are never nested.
 
@@ -100,6 +120,7 @@ class UnitOfWork:
     ) -> None:
         """``on_event`` receives the events that effects return; ``timeout`` is for commits, seconds."""
         self.listeners: list[Listener] = []
+        self.peripheral_listeners: list[PeripheralListener] = []
         self.closed = ""
         """Why no more changes are accepted; empty while they are."""
         self._state = state
@@ -187,6 +208,7 @@ class UnitOfWork:
     def _committed(self, changes: PendingChanges) -> None:
         self._state.orders.committed(changes.orders)
         self._state.sequences.committed(changes.sequences)
+        self._state.peripheral_jobs.committed(changes.jobs)
         for effect in changes.effects:
             self._run(effect)
         due = self._no_longer_unpublished(changes.vehicles)
@@ -199,6 +221,12 @@ class UnitOfWork:
                 listener.order_changed(order.status)
             for status in statuses:
                 listener.vehicle_changed(status)
+
+        for each in self.peripheral_listeners:
+            for job in changes.jobs:
+                each.job_changed(job.status)
+            for location in sorted(changes.peripherals):
+                each.peripheral_changed(location)
 
     def _run(self, effect: Effect) -> None:
         try:
@@ -247,7 +275,8 @@ class Engine:
         self._gate = RestartGate(context)
         self._positions = Positions(context)
         pauses = Pauses(context)
-        self._driving = Driving(context, self._positions, pauses, self._gate)
+        self.peripherals = Peripherals(context)
+        self._driving = Driving(context, self._positions, pauses, self._gate, self.peripherals)
         fit = OrderFit(context.state.vehicles, self.sequences)
         self._dispatching = Dispatching(context, self._driving, fit)
         self._life_cycle = LifeCycle(context, self._driving, self._dispatching, self.sequences, pauses)
@@ -279,8 +308,10 @@ class Engine:
             self.state.orders.load(order)
         self.state.sequences.load(found.sequences, found.last_sequence)
         self.state.vehicles.load(found.vehicles)
+        jobs = await self.store.documents(PERIPHERAL_JOB)
         recovery = Recovery(self.context, self._driving, self._gate)
         with self.change():
+            self.peripherals.restore(jobs)
             recovery.restore_vehicles()
             self.state.sequences.rebind(recovery.present_name)
             self._life_cycle.restore(found.orders, found.missions, recovery)
@@ -334,6 +365,8 @@ class Engine:
                         self._life_cycle.stuck(outcome)
                     else:
                         self._life_cycle.update_reason(outcome)
+            for job in self.peripherals.take_failed():
+                self._life_cycle.on_failed_peripheral(job)
 
     def look(self) -> None:
         """Retry waiting work, and publish vehicles whose status has changed without an event."""
@@ -359,6 +392,7 @@ class Engine:
         with self.change():
             self.state.dispatch_due = self.state.drive_due = True
             self._life_cycle.check_times()
+            self.peripherals.check_times()
             self._dispatching.offer_all()
             self._life_cycle.update_queue_reasons()
         yield
@@ -445,6 +479,28 @@ class Engine:
         end = self.state.instant_actions.expect(action.action_id)
         self.context.fleet.instant_action(vehicle.key, action)
         return end
+
+    def create_peripheral_job(self, request: PeripheralJobRequest, name: str) -> PeripheralJob:
+        """Create a peripheral job; see :meth:`Peripherals.create`."""
+        with self.change():
+            return self.peripherals.create(request, name)
+
+    def withdraw_peripheral_job(self, name: str, reason: str) -> None:
+        """Withdraw a peripheral job; see :meth:`Peripherals.withdraw`."""
+        with self.change():
+            self.peripherals.withdraw(name, reason)
+
+    def on_device_answer(self, location: str, answer: DeviceAnswer) -> None:
+        """Handle the answer of a peripheral device."""
+        if not self.unit_of_work.closed:
+            with self.change():
+                self.peripherals.answered(location, answer)
+
+    def on_device_state(self, location: str, state: PeripheralState) -> None:
+        """Handle the state that a peripheral device reports."""
+        if not self.unit_of_work.closed:
+            with self.change():
+                self.peripherals.reported(location, state)
 
     def plant_changed(self) -> None:
         """Replan all routes, including the horizons of driving vehicles, then check all orders; in parts."""

@@ -26,6 +26,7 @@ from nena_order_service.orders.deadlines import DueTimes
 from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
 from nena_order_service.orders.validation import InvalidRequestError, check_order
 from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.vehicles.registry import FleetVehicle
@@ -391,7 +392,11 @@ class LifeCycle:
             words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle had finished its base"
             self._end(order.failed(words, now))
         elif sent.partial:
-            self._continue(order, again=True)
+            given_up = self._given_up.pop(sent.vda_order.order_id, None)
+            if given_up and not order.held:
+                self._fail(order, given_up)
+            else:
+                self._continue(order, again=True)
         elif index + 1 == len(order.status.drive_orders):
             self._end(order.drive_order_finished(index, now).finished(now))
         else:
@@ -465,6 +470,25 @@ class LifeCycle:
 
     def _next_try(self, step: FailureStep) -> datetime | None:
         return self._clock.now() + timedelta(seconds=step.after) if step.after else None
+
+    def on_failed_peripheral(self, job: PeripheralJob) -> None:
+        """Fail the drive of a vehicle that needs a failed job; its robot stops at the end of its base."""
+        order = self._orders.named(job.status.related_transport_order or "")
+        if order is None:
+            self._driving.drop_evasion(job.order_id)
+            return
+        vehicle = self._registry.named(order.vehicle)
+        if order.state is not S.BEING_PROCESSED or order.held or vehicle is None:
+            return
+        status, sent = job.status, self._sent.of_order(order)
+        words = f"peripheral {status.location!r} has not executed {status.operation!r}: {status.reason}"
+        failure = OrderFailure(FailureKind.DRIVE, words, (status.path,) if status.path else ())
+        if sent is None:
+            self._driving.abandon(vehicle)
+            self._fail(order, failure)
+        elif not sent.cancelled and not sent.all_released:
+            self._given_up[sent.vda_order.order_id] = failure
+            self._driving.end_early(sent, partial=True)
 
     # Retriable actions (VDA 5050 3.0, sections 6.2.3 and 6.6.9)
 

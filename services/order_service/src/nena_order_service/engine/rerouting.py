@@ -179,6 +179,7 @@ class Rerouting:
         if (
             order.state is not TransportOrderState.BEING_PROCESSED
             or journey.all_allocated
+            or journey.allocated > journey.released  # it waits for a device, not for traffic
             or base_end not in self._plant.points_by_name
         ):
             return
@@ -225,6 +226,7 @@ class Rerouting:
         return Rerouted(ReroutingOutcome.STOPPING, why)
 
     def _replan(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder, why: str) -> Rerouted:
+        self._traffic.give_back(vehicle.name)
         journey = self._traffic.journey(vehicle.name)
         if journey is None or record.all_released or journey.all_allocated:
             return Rerouted(ReroutingOutcome.UNCHANGED, NOTHING_AHEAD)

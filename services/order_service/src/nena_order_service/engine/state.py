@@ -1,4 +1,4 @@
-"""The state of the order service: orders, sequences, vehicles, VDA 5050 orders, and pending changes.
+"""The state of the order service: orders, sequences, vehicles, peripheral jobs, and pending changes.
 
 Plain data with small queries. Only the engine's flows change it, in a unit of work; each change is recorded
 in :class:`PendingChanges`, which the engine commits, then publishes and sends.
@@ -7,9 +7,9 @@ in :class:`PendingChanges`, which the engine commits, then publishes and sends.
 from __future__ import annotations
 
 import asyncio
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -20,6 +20,7 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.statistics import OrderStatistics
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.peripherals.jobs import JobKey, PeripheralJob
 from nena_order_service.store.database import Changes
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import VehicleRegistry
@@ -45,16 +46,20 @@ class PendingChanges:
     orders: list[TransportOrder] = field(default_factory=list)
     """Versions to publish; of consecutive versions of an order in the same state, only the last."""
     sequences: list[OrderSequence] = field(default_factory=list)
+    jobs: list[PeripheralJob] = field(default_factory=list)
     vehicles: set[str] = field(default_factory=set)
+    peripherals: set[str] = field(default_factory=set)
+    """Locations whose devices have changed."""
     effects: list[Effect] = field(default_factory=list)
 
     def __bool__(self) -> bool:
-        return bool(self.stored or self.effects or self.vehicles)
+        return bool(self.stored or self.effects or self.vehicles or self.peripherals)
 
     def take(self) -> PendingChanges:
         """Return the changes so far, and reset them."""
-        taken = PendingChanges(self.stored, self.orders, self.sequences, self.vehicles, self.effects)
-        self.stored, self.orders, self.sequences, self.vehicles, self.effects = Changes(), [], [], set(), []
+        taken = replace(self)
+        self.stored, self.vehicles, self.peripherals = Changes(), set(), set()
+        self.orders, self.sequences, self.jobs, self.effects = [], [], [], []
         return taken
 
 
@@ -437,6 +442,97 @@ class SentOrders:
         del self._by_id[sent.vda_order.order_id]
 
 
+PERIPHERAL_JOB = "peripheralJob"
+"""The kind of a peripheral job's document in the store."""
+
+
+class PeripheralJobs:
+    """Peripheral jobs in memory: the unfinished and the last ended ones, current and committed."""
+
+    def __init__(self, pending: PendingChanges) -> None:
+        self.ended: Counter[str] = Counter()
+        """Number of ended jobs by state."""
+        self._pending = pending
+        self._last_number = 0
+        self._jobs: dict[str, PeripheralJob] = {}
+        self._by_key: dict[JobKey, str] = {}
+        self._open: dict[str, None] = {}
+        """Names of the jobs that have not ended, the oldest first."""
+        self._visible: dict[str, PeripheralJob] = {}
+
+    def load(self, documents: Mapping[str, str]) -> None:
+        """Read the documents of the store; unreadable ones are logged and left out."""
+        found = []
+        for name, document in documents.items():
+            try:
+                found.append(PeripheralJob.model_validate_json(document))
+            except ValidationError as error:
+                log.warning("stored peripheral job is unreadable", job=name, problems=problems_of(error))
+        for job in sorted(found, key=lambda job: job.number):
+            self._index(job)
+            self._visible[job.name] = job
+
+    def next_number(self) -> int:
+        """Return the number for a new job."""
+        self._last_number += 1
+        return self._last_number
+
+    def put(self, job: PeripheralJob) -> None:
+        """Add a new job, or the new version of one."""
+        self._index(job)
+        self._pending.stored.documents[PERIPHERAL_JOB, job.name] = job.model_dump_json(exclude_none=True)
+        self._pending.jobs.append(job)
+        if job.over:
+            self.ended[job.status.state.value] += 1
+
+    def committed(self, jobs: Iterable[PeripheralJob]) -> None:
+        """Make these versions visible to hosts, because they are in the store."""
+        self._visible.update((job.name, job) for job in jobs if job.name in self._jobs)
+
+    def named(self, name: str) -> PeripheralJob | None:
+        """Return the current job of this name; None if it is not in memory."""
+        return self._jobs.get(name)
+
+    def at(self, key: JobKey) -> PeripheralJob | None:
+        """Return the current job for an operation of a route; None if there is none yet."""
+        name = self._by_key.get(key)
+        return None if name is None else self._jobs[name]
+
+    def unfinished(self) -> tuple[PeripheralJob, ...]:
+        """Return the current jobs that have not ended, the oldest first."""
+        return tuple(map(self._jobs.__getitem__, self._open))
+
+    def visible(self, name: str) -> PeripheralJob | None:
+        """Return the committed job of this name; None if it is not in memory."""
+        return self._visible.get(name)
+
+    def all_visible(self) -> tuple[PeripheralJob, ...]:
+        """Return the committed jobs, the newest first."""
+        return tuple(reversed(self._visible.values()))
+
+    def forget_ended(self, is_needed: Callable[[PeripheralJob], bool]) -> None:
+        """Delete the oldest ended jobs beyond :data:`RECENT_LIMIT`, except those that are still needed."""
+        surplus = len(self._jobs) - len(self._open) - RECENT_LIMIT
+        if surplus <= 0:
+            return
+        for job in [each for each in self._jobs.values() if each.over and not is_needed(each)][:surplus]:
+            del self._jobs[job.name]
+            self._visible.pop(job.name, None)
+            if job.key and self._by_key.get(job.key) == job.name:
+                del self._by_key[job.key]
+            self._pending.stored.documents[PERIPHERAL_JOB, job.name] = None
+
+    def _index(self, job: PeripheralJob) -> None:
+        self._last_number = max(self._last_number, job.number)
+        self._jobs[job.name] = job
+        if job.key:
+            self._by_key[job.key] = job.name
+        if job.over:
+            self._open.pop(job.name, None)
+        else:
+            self._open.setdefault(job.name)
+
+
 class PendingInstantActions:
     """Instant actions for whose end a host waits."""
 
@@ -478,6 +574,7 @@ class FleetState:
         self.sequences = OrderSequences(self.pending)
         self.vehicles = VehicleRecords(self.pending, registry)
         self.sent_orders = SentOrders(self.pending, self.vehicles)
+        self.peripheral_jobs = PeripheralJobs(self.pending)
         self.instant_actions = PendingInstantActions()
         self.pauses: dict[str, int] = {}
         """Numbers of paused orders, by the names of their vehicles."""
@@ -499,6 +596,10 @@ class FleetState:
         if name is not None:
             self.pending.vehicles.add(name)
             self.touched.add(name)
+
+    def peripheral_changed(self, location: str) -> None:
+        """Publish a device's status once the changes of this unit of work are committed."""
+        self.pending.peripherals.add(location)
 
     def order_of(self, robot: RobotKey) -> TransportOrder | None:
         """Return the current transport order of a robot."""

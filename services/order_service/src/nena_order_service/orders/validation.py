@@ -107,6 +107,7 @@ def _check_lock(destination: Destination, plant: PlantModel) -> Iterator[Finding
 
 
 def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
+    yield from _check_peripherals(destination, plant)
     name = destination.location_name
     if name is not None and name in plant.locations_by_name:
         yield from _check_operation(destination.operation, plant.location(name), plant)
@@ -116,6 +117,23 @@ def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[
     elif destination.operation not in POINT_OPERATIONS:
         place = f"point {name!r}" if name is not None else "a coordinate"
         yield Finding(f"operation {destination.operation!r} is not possible at {place}; only MOVE or PARK.")
+
+
+def _check_peripherals(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
+    for each in destination.peripheral_operations:
+        location = plant.locations_by_name.get(each.location)
+        if location is None:
+            like = _like(each.location, plant.locations_by_name)
+            text = f"unknown location {each.location!r} of a peripheral operation.{like}"
+            yield Finding(text, unknown=True)
+            continue
+        possible = plant.location_types_by_name[location.type].allowed_peripheral_operations
+        if each.operation not in possible:
+            known = ", ".join(possible) or "none"
+            yield Finding(
+                f"peripheral operation {each.operation!r} is not possible at {each.location!r}; "
+                f"possible: {known}."
+            )
 
 
 def _check_operation(operation: str, location: Location, plant: PlantModel) -> Iterator[Finding]:

@@ -94,8 +94,8 @@ class SentOrder(BaseModel):
         return path, self.vda_order.nodes[reached + 1].node_id
 
     def released(self, journey: Journey) -> Self:
-        """Return the record with its base extended to everything that is allocated."""
-        end = None if journey.all_allocated else 2 * journey.allocated
+        """Return the record with what its robot may drive as its base."""
+        end = None if journey.all_released else 2 * journey.released
         return self.model_copy(update={"released_to": end})
 
     def updated(self, **changes: object) -> Self:

@@ -55,7 +55,7 @@ class Changes:
     path_locks: dict[str, bool] = field(default_factory=dict)
     """Whether a path is locked, by path name."""
     documents: dict[tuple[str, str], str | None] = field(default_factory=dict)
-    """Documents uploaded by hosts, by kind and name; None: deleted."""
+    """Peripheral jobs, and documents uploaded by hosts, by kind and name; None: deleted."""
 
     def __bool__(self) -> bool:
         single = self.orders or self.missions or self.vehicles or self.sequences

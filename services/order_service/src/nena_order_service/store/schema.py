@@ -114,7 +114,7 @@ documents = sa.Table(
     sa.Column("name", sa.String(200), primary_key=True),
     sa.Column("document", sa.Text, nullable=False),
 )
-"""Documents uploaded by hosts, such as the plant model."""
+"""Documents uploaded by hosts, such as the plant model, and peripheral jobs."""
 
 leadership = sa.Table(
     "leadership",

@@ -229,7 +229,7 @@ class Store:
         return await self._read(lambda: database.read_path_locks(self._engine))
 
     async def documents(self, kind: str) -> dict[str, str]:
-        """Read the documents of a kind that hosts have uploaded, by name."""
+        """Read the documents of a kind, by name."""
         return await self._read(lambda: read_documents(self._engine, kind))
 
     async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from math import inf
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from nena_order_service.routing.graph import Route, Step
 from nena_order_service.routing.router import VehicleRoutes
@@ -26,6 +26,32 @@ from nena_shared.plant.track import BoundingBox
 D = TypeVar("D", bound=RouteGrant | Evasion)
 
 
+class Gate(Protocol):
+    """Says how far a route may be allocated and released; it is asked for one set after the other."""
+
+    def may_allocate(self, index: int) -> bool:
+        """Return whether a set of the route, which the vehicle needs now, may be allocated."""
+        ...
+
+    def may_release(self, index: int) -> bool:
+        """Return whether a set that is allocated may be driven."""
+        ...
+
+
+class OpenGate:
+    """Stops nothing."""
+
+    def may_allocate(self, index: int) -> bool:
+        """Return True."""
+        del index
+        return True
+
+    may_release = may_allocate
+
+
+OPEN = OpenGate()
+
+
 class TrafficManager:
     """Manages the resources that vehicles hold in one plant; vehicles are identified by name.
 
@@ -36,8 +62,11 @@ class TrafficManager:
     that were found at the same position share one.
     """
 
-    def __init__(self, plant: PlantModel, ways: VehicleRoutes, *, exclusive: bool = True) -> None:
-        self.resources = Resources(plant, exclusive=exclusive)
+    def __init__(
+        self, plant: PlantModel, ways: VehicleRoutes, *, exclusive: bool = True, peripherals: bool = True
+    ) -> None:
+        """``peripherals``: whether vehicles need the peripheral devices of their paths."""
+        self.resources = Resources(plant, exclusive=exclusive, peripherals=peripherals)
         self._control = TrafficControl(plant, ways, self.resources)
         self._occupancy = OccupancyFinder(plant, self.resources)
         self._journeys = self._control.journeys
@@ -75,6 +104,10 @@ class TrafficManager:
     def users(self, resource: str) -> frozenset[str]:
         """Return the vehicles that hold, claim or will rest on a point, path, block or location."""
         return self._scheduler.users(resource)
+
+    def holders(self, resource: str) -> frozenset[str]:
+        """Return the vehicles that hold a point, path, block, location or peripheral device."""
+        return self._scheduler.holders(resource)
 
     def stands(self, vehicle: str, point: str, *, on_point: bool) -> bool:
         """Return whether the vehicle is on this point or, unless ``on_point``, nearest to it."""
@@ -154,7 +187,7 @@ class TrafficManager:
         ends = self.resources.waiting_places(way)
         end = next((each for each in ends if each >= allocated), allocated)
         self._scheduler.resume(vehicle, way[:allocated], way[allocated:end])
-        self._journeys[vehicle] = Journey(tuple(way), allocated)
+        self._journeys[vehicle] = Journey(tuple(way), allocated, released=allocated)
         self._to_extend[vehicle] = None
 
     def remove(self, vehicle: str) -> None:
@@ -257,12 +290,27 @@ class TrafficManager:
         }
 
     def revoke(self, vehicle: str) -> None:
-        """Withdraw a route of which nothing is allocated yet; the vehicle stays at rest."""
+        """Withdraw a route of which nothing is released yet; the vehicle stays at rest."""
+        self.give_back(vehicle)
         self._journeys.pop(vehicle)
         self._scheduler.give_up_claim(vehicle)
 
-    def allocate(self, vehicle: str, ahead: int = 0, length_mm: float = 0.0) -> bool:
-        """Allocate sets until the vehicle has enough ahead of it; return whether any was allocated.
+    def give_back(self, vehicle: str) -> None:
+        """Free the sets that are allocated to a vehicle, but that it may not drive yet; it claims them."""
+        journey = self._journeys.get(vehicle)
+        if journey and journey.allocated > journey.released:
+            self._scheduler.give_back(vehicle, journey.allocated - journey.released)
+            journey.allocated = journey.released
+            self._to_extend[vehicle] = None
+
+    def allocate(
+        self,
+        vehicle: str,
+        ahead: int = 0,
+        length_mm: float = 0.0,
+        gate: Gate = OPEN,
+    ) -> bool:
+        """Allocate sets until the vehicle has enough ahead of it; return whether it may drive further.
 
         Enough means at least ``ahead`` sets, and ``length_mm`` beyond the next one. Without either, allocate
         as many as possible.
@@ -270,19 +318,23 @@ class TrafficManager:
         if vehicle in self._halted:
             return False
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
-        before = journey.allocated
-        journey.refusal = None
+        before = journey.released
+        journey.refusal, stopped = None, False
         least = max(ahead, 1 if length_mm else 0)
         while occupant.claimed:
             if least and occupant.ahead >= least and occupant.length_behind_next_mm >= length_mm:
+                break
+            if stopped := not gate.may_allocate(journey.allocated):
                 break
             journey.refusal = self._scheduler.allocate(vehicle)
             if journey.refusal:
                 break
             journey.allocated += 1
-        if journey.refusal is None:
+        while journey.released < journey.allocated and gate.may_release(journey.released):
+            journey.released += 1
+        if journey.refusal is None and not stopped and journey.released == journey.allocated:
             self._enough[vehicle] = self._moment(vehicle)
-        return journey.allocated > before
+        return journey.released > before
 
     def holds_enough(self, vehicle: str) -> bool:
         """Return whether a vehicle has not changed since :meth:`allocate` left nothing to allocate."""
@@ -315,6 +367,7 @@ class TrafficManager:
         while journey.allocated < reached:
             self._scheduler.seize(vehicle)
             journey.allocated += 1
+        journey.released = max(journey.released, reached)
         if reached <= journey.reached:
             return False
         freed = self._scheduler.arrive(vehicle, occupant.reached + reached - journey.reached)
@@ -328,14 +381,16 @@ class TrafficManager:
         self._control.end_turn(vehicle, self._scheduler.occupant(vehicle).point)
 
     def shorten(self, vehicle: str) -> None:
-        """End a vehicle's route at its last allocated set."""
+        """End a vehicle's route at the last set that it may drive."""
+        self.give_back(vehicle)
         journey = self._journeys[vehicle]
         self._scheduler.give_up_claim(vehicle)
         journey.way, journey.refusal = journey.way[: journey.allocated], None
         self._control.forget_refusal(vehicle)
 
     def break_off(self, vehicle: str) -> None:
-        """Break off a route: the vehicle keeps everything it holds until it is seen standing."""
+        """Break off a route: the vehicle keeps everything it may drive until it is seen standing."""
+        self.give_back(vehicle)
         occupant = self._scheduler.occupant(vehicle)
         held = tuple(occupant.held)
         self._journeys.pop(vehicle, None)

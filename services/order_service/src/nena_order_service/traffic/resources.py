@@ -13,7 +13,7 @@ from nena_order_service.routing.graph import Step
 from nena_shared.plant import DirectedEdge, PlantModel, Point
 from nena_shared.plant.geometry import Box, PlanarIndex
 from nena_shared.plant.model import Block, BlockType
-from nena_shared.plant.track import BoundingBox
+from nena_shared.plant.track import BoundingBox, ExecutionTrigger
 
 BLOCK_ENTRY_DIRECTION: Final = "tcs:blockEntryDirection"
 """Path property: direction in which a vehicle enters a block on this path. Default: that of the edge."""
@@ -40,10 +40,15 @@ class ResourceSet:
 
 
 class Resources:
-    """Finds the resources that each step in one plant needs; none unless ``exclusive``."""
+    """Finds the resources that each step in one plant needs; none unless ``exclusive``.
 
-    def __init__(self, plant: PlantModel, *, exclusive: bool = True) -> None:
+    A peripheral device for which vehicles wait is a resource, by the name of its location: one vehicle at a
+    time may be on paths that need it. See :class:`DeviceUse`.
+    """
+
+    def __init__(self, plant: PlantModel, *, exclusive: bool = True, peripherals: bool = True) -> None:
         self._exclusive = exclusive
+        self._devices = DeviceUse(plant if peripherals else None)
         driven = {(each.source, each.destination) for each in plant.paths}
         self._crossings = Crossings(plant)
         self._two_way = {
@@ -51,7 +56,7 @@ class Resources:
             for each in plant.paths
             if each.max_reverse_velocity_mm_s or (each.destination, each.source) in driven
         }
-        self._block_names = {each.name for each in plant.blocks}
+        self._block_names = {each.name for each in plant.blocks} | self._devices.names
         self._blocks: defaultdict[str, list[Block]] = defaultdict(list)
         for block in plant.blocks:
             for member in block.members:
@@ -88,8 +93,9 @@ class Resources:
         """Yield the resources of each step of a route from ``start``; the last set includes ``location``."""
         way = tuple(steps)
         before = start
+        devices = self._devices.along([step.path.name for step in way], start.uses)
         for index, step in enumerate(way):
-            members = [step.path.name, step.destination]
+            members = [step.path.name, step.destination, *devices.get(index, ())]
             if location is not None and index == len(way) - 1:
                 members.append(location)
             directions = self._directions(members, step, before)
@@ -133,6 +139,49 @@ class Resources:
             for block in self._blocks.get(member, ()):
                 uses[block.name] = directions.get(block.name)
         return uses
+
+
+class DeviceUse:
+    """Finds the peripheral devices that vehicles need along a route.
+
+    A vehicle needs a device on each path with an operation for whose end vehicles wait, and from there up to
+    the path with an AFTER_MOVEMENT operation of the same device, such as closing a door.
+    """
+
+    def __init__(self, plant: PlantModel | None) -> None:
+        paths = plant.paths if plant else ()
+        waited_for = {
+            each.location for path in paths for each in path.peripheral_operations if each.completion_required
+        }
+        self.names = frozenset(waited_for)
+        self._opening: dict[str, tuple[str, ...]] = {}
+        self._closing: dict[str, tuple[str, ...]] = {}
+        for path in paths:
+            found = [each for each in path.peripheral_operations if each.location in waited_for]
+            after = [each.execution_trigger is ExecutionTrigger.AFTER_MOVEMENT for each in found]
+            if opening := [each.location for each, closes in zip(found, after, strict=True) if not closes]:
+                self._opening[path.name] = tuple(opening)
+            if closing := [each.location for each, closes in zip(found, after, strict=True) if closes]:
+                self._closing[path.name] = tuple(closing)
+
+    def along(self, paths: Sequence[str], held: Iterable[str] = ()) -> dict[int, list[str]]:
+        """Return the devices that are needed on each of the paths of a route, by index.
+
+        ``held`` are the resources before the route; devices among them may be open.
+        """
+        needed: dict[int, list[str]] = {}
+        if not self.names:
+            return needed
+        opened = dict.fromkeys(self.names.intersection(held), 0)
+        for index, path in enumerate(paths):
+            for device in self._opening.get(path, ()):
+                opened.setdefault(device, index)
+                needed.setdefault(index, []).append(device)
+            for device in self._closing.get(path, ()):
+                for between in range(opened.pop(device, index), index + 1):
+                    if device not in needed.setdefault(between, []):
+                        needed[between].append(device)
+        return needed
 
 
 CROSSING = 3

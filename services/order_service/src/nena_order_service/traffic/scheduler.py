@@ -172,6 +172,19 @@ class Scheduler:
         occupant.held.append(taken)
         self._add(self._holds, name, taken.uses)
 
+    def give_back(self, name: str, count: int) -> None:
+        """Return the last ``count`` held sets, where the vehicle was not let, to the start of its claim."""
+        occupant = self.occupant(name)
+        for _ in range(count):
+            returned = occupant.held.pop()
+            self._remove(self._holds, name, returned.uses)
+            occupant.claimed.appendleft(returned)
+            self._add(self._claims, name, returned.uses)
+
+    def holders(self, resource: str) -> frozenset[str]:
+        """Return the vehicles that hold ``resource``."""
+        return self._holds.users(resource)
+
     def arrive(self, name: str, index: int) -> bool:
         """Note that the vehicle has arrived at its ``index``-th held set; return whether that frees any."""
         occupant = self.occupant(name)

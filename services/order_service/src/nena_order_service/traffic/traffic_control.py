@@ -109,13 +109,22 @@ Decision = RouteGrant | RouteRejection | MoreClaimed | Evasion | Displacement
 
 @dataclass(slots=True)
 class Journey:
-    """A route in progress: its sets, how many of them are allocated, and how many the vehicle has reached."""
+    """A route in progress: its sets, how many of them are allocated, and how many the vehicle has reached.
+
+    ``released`` of them may be driven; the others are allocated, but wait for a peripheral device.
+    """
 
     way: tuple[ResourceSet, ...]
     allocated: int = 0
     reached: int = 0
+    released: int = 0
     refusal: Refusal | None = None
     """Why the next set is not allocated."""
+
+    @property
+    def all_released(self) -> bool:
+        """Whether the vehicle may drive the whole route."""
+        return self.released == len(self.way)
 
     @property
     def all_allocated(self) -> bool:

@@ -60,6 +60,7 @@ TEXTS = {
     "waits_passing": "Waits for {vehicles} to pass {at}.",
     "waits_standing": "Blocked at {at} by {vehicles}.",
     "waits_turn": "Lets {vehicles} go first at {at}.",
+    "waits_peripheral": "Waits for the device {at}.",
     "waits_other": "Order {order}: {why}.",
     "waiting_for_release": "Waiting at {place} until {next} is released.",
     "assigned": "Has order {order}.",
@@ -237,6 +238,8 @@ def _wait_reason(inputs: ConditionInputs) -> Reason | None:
         return None
     if wait.vehicles and wait.cause and wait.at:
         return Reason(WAITS[wait.cause], {"vehicles": ", ".join(wait.vehicles), "at": wait.at})
+    if wait.at and not wait.vehicles:
+        return Reason("waits_peripheral", {"at": wait.at})
     if inputs.transport_order is None:
         return None
     return Reason("waits_other", {"order": inputs.transport_order, "why": wait.reason})

@@ -19,7 +19,7 @@ from nena_shared.plant.model import (
     Vehicle,
     VisualLayout,
 )
-from nena_shared.plant.track import BoundingBox, Envelope, Path, Point
+from nena_shared.plant.track import BoundingBox, Envelope, ExecutionTrigger, Path, Point
 
 Value = str | bool | float | None
 
@@ -79,12 +79,18 @@ def add_path(parent: Element, path: Path, layout: VisualLayout) -> None:
             "peripheralOperation",
             name=operation.name,
             locationName=operation.location,
-            executionTrigger=operation.execution_trigger,
+            executionTrigger=_TRIGGERS.get(operation.execution_trigger, operation.execution_trigger),
             completionRequired=operation.completion_required,
         )
     _add_envelopes(element, path.envelopes)
     add_properties(element, path.properties)
     _add_path_layout(element, path, layout)
+
+
+_TRIGGERS: Final = dict.fromkeys(
+    (ExecutionTrigger.IMMEDIATE, ExecutionTrigger.BEFORE_ALLOCATION), ExecutionTrigger.AFTER_ALLOCATION
+)
+"""Triggers that the file format lacks, and the ones that openTCS takes instead."""
 
 
 def add_vehicle(parent: Element, vehicle: Vehicle) -> None:
@@ -285,6 +291,11 @@ def _export_warnings(model: PlantModel) -> Iterator[PlantProblem]:
             if times:
                 text = f"LIF: {what} ({times} times): not representable in openTCS"
                 yield PlantProblem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
+    for path in model.paths:
+        for operation in path.peripheral_operations:
+            if operation.execution_trigger in _TRIGGERS:
+                text = f"trigger {operation.execution_trigger} of {operation.name!r} becomes AFTER_ALLOCATION"
+                yield PlantProblem("NOT_EXPORTED", ObjectKind.PATH, path.name, text)
     for location in model.locations:
         if location.layout.position is not None:
             text = "its separate position in the drawing is lost"

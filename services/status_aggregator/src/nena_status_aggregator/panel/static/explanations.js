@@ -51,7 +51,7 @@ export function filterOf(robot) {
   return robot.urgent ? "URGENT" : robot.condition;
 }
 
-const OF_ORDER_SERVICE = ["idle_why", "waits_passing", "waits_standing", "waits_turn", "waits_other"];
+const OF_ORDER_SERVICE = ["idle_why", "waits_passing", "waits_standing", "waits_turn", "waits_peripheral", "waits_other"];
 
 /** Return whether the reason for a robot's condition comes from the order service. */
 export function isOfOrderService(robot) {

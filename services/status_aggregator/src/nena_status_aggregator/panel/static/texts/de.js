@@ -254,6 +254,7 @@ export const TEXTS = {
   "reason.waits_passing": "Wartet auf {vehicles} bei {at}.",
   "reason.waits_standing": "Bei {at} blockiert durch {vehicles}.",
   "reason.waits_turn": "Lässt {vehicles} bei {at} zuerst fahren.",
+  "reason.waits_peripheral": "Wartet auf das Gerät {at}.",
   "reason.waits_other": "Auftrag {order}: {why}.",
   "reason.waits_with_order": "Wartet mit Auftrag {order}.",
   "reason.waiting_for_release": "Wartet bei {place} auf die Freigabe von {next}.",

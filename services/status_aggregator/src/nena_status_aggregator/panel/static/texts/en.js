@@ -254,6 +254,7 @@ export const TEXTS = {
   "reason.waits_passing": "Waits for {vehicles} to pass {at}.",
   "reason.waits_standing": "Blocked at {at} by {vehicles}.",
   "reason.waits_turn": "Lets {vehicles} go first at {at}.",
+  "reason.waits_peripheral": "Waits for the device {at}.",
   "reason.waits_other": "Order {order}: {why}.",
   "reason.waits_with_order": "Waits with order {order}.",
   "reason.waiting_for_release": "Waiting at {place} until {next} is released.",

@@ -254,6 +254,7 @@ export const TEXTS = {
   "reason.waits_passing": "Wacht op {vehicles} bij {at}.",
   "reason.waits_standing": "Bij {at} geblokkeerd door {vehicles}.",
   "reason.waits_turn": "Laat {vehicles} bij {at} eerst rijden.",
+  "reason.waits_peripheral": "Wacht op het apparaat {at}.",
   "reason.waits_other": "Order {order}: {why}.",
   "reason.waits_with_order": "Wacht met order {order}.",
   "reason.waiting_for_release": "Wacht bij {place} tot {next} is vrijgegeven.",

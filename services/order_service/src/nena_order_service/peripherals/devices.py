@@ -1,0 +1,140 @@
+"""Devices: the state and the current job of each, and when that is sent again or fails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+from math import isfinite
+
+from nena_order_service.peripherals.settings import PeripheralSettings
+from nena_shared.fleet_api.peripherals import DeviceJobState, PeripheralState
+from nena_shared.plant import Location
+
+EXECUTION_TIMEOUT = "nena:executionTimeout"
+"""Location property: time from the acknowledgement to the end of a job, seconds."""
+
+
+class Verdict(Enum):
+    """What a device's answer means."""
+
+    ACCEPTED = auto()
+    """It has acknowledged the job that it was sent."""
+    FINISHED = auto()
+    FAILED = auto()
+    IGNORED = auto()
+    """It repeats itself, or answers about a job that it does not have."""
+
+
+@dataclass(slots=True)
+class _Execution:
+    """A job that a device has been sent; times are monotonic, seconds."""
+
+    job: str
+    since: float
+    """When it was last sent or, if acknowledged, when that was."""
+    sends: int = 1
+    acknowledged: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Overdue:
+    """A job whose device has not answered in time; ``reason`` empty: send it again."""
+
+    job: str
+    location: str
+    reason: str = ""
+
+
+class Devices:
+    """Tracks which job each device executes; a device executes one at a time. Pure: times are passed in."""
+
+    def __init__(self, settings: PeripheralSettings) -> None:
+        self._settings = settings
+        self._states: dict[str, PeripheralState] = {}
+        self._executions: dict[str, _Execution] = {}
+        self._timeouts: dict[str, float] = {}
+
+    def expect(self, location: Location) -> None:
+        """Read the timeout of a device from its location; an unreadable one is ignored."""
+        try:
+            seconds = float(location.properties.get(EXECUTION_TIMEOUT, ""))
+        except ValueError:
+            return
+        if isfinite(seconds) and seconds > 0:
+            self._timeouts[location.name] = seconds
+
+    def state(self, location: str) -> PeripheralState:
+        """Return a device's own state; EXECUTING while it has a job, unless it reports a problem."""
+        known = self._states.get(location, PeripheralState.UNKNOWN)
+        return PeripheralState.EXECUTING if known.takes_jobs and location in self._executions else known
+
+    def report(self, location: str, state: PeripheralState) -> bool:
+        """Note a device's own state; return whether it has changed."""
+        changed = self._states.get(location) is not state
+        self._states[location] = state
+        return changed
+
+    def job(self, location: str) -> str | None:
+        """Return the name of the job that a device executes."""
+        execution = self._executions.get(location)
+        return execution.job if execution else None
+
+    def acknowledged(self, location: str) -> bool:
+        """Return whether a device has acknowledged its job."""
+        execution = self._executions.get(location)
+        return execution is not None and execution.acknowledged
+
+    def is_free(self, location: str) -> bool:
+        """Return whether a device can be sent a job."""
+        reported = self._states.get(location, PeripheralState.UNKNOWN)
+        return reported.takes_jobs and location not in self._executions
+
+    def begin(self, location: str, job: str, now: float) -> None:
+        """Note that a device is sent a job."""
+        self._executions[location] = _Execution(job, now)
+
+    def end(self, location: str, job: str) -> None:
+        """Note that a job has ended, by an answer or otherwise."""
+        if self.job(location) == job:
+            del self._executions[location]
+
+    def answer(self, location: str, job: str, state: DeviceJobState, now: float) -> Verdict:
+        """Note a device's answer. After the end of a job, the caller calls :meth:`end`."""
+        execution = self._executions.get(location)
+        if execution is None or execution.job != job:
+            return Verdict.IGNORED
+        match state:
+            case DeviceJobState.FINISHED:
+                return Verdict.FINISHED
+            case DeviceJobState.FAILED:
+                return Verdict.FAILED
+            case DeviceJobState.ACKNOWLEDGED:
+                if execution.acknowledged:
+                    return Verdict.IGNORED
+                execution.acknowledged, execution.since = True, now
+                return Verdict.ACCEPTED
+
+    def overdue(self, now: float) -> list[Overdue]:
+        """Return the jobs whose devices have not answered in time; those to be sent again count as sent."""
+        found = []
+        for location, execution in self._executions.items():
+            waited = now - execution.since
+            if execution.acknowledged:
+                timeout = self._timeouts.get(location, self._settings.execution_timeout)
+                if waited >= timeout:
+                    text = f"peripheral {location!r} has not finished it within {timeout:g} s"
+                    found.append(Overdue(execution.job, location, text))
+            elif waited >= self._settings.acknowledge_timeout:
+                if execution.sends < self._settings.sends:
+                    execution.sends, execution.since = execution.sends + 1, now
+                    found.append(Overdue(execution.job, location))
+                else:
+                    text = f"peripheral {location!r} has not answered {execution.sends} requests"
+                    found.append(Overdue(execution.job, location, text))
+        return found
+
+    def restart_times(self, now: float) -> None:
+        """Let all times begin now, because devices could not be reached before."""
+        for execution in self._executions.values():
+            execution.since = now
+            execution.sends = 1

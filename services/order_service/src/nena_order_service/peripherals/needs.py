@@ -1,0 +1,116 @@
+"""Which peripheral operations a route needs, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from nena_order_service.peripherals.jobs import JobKey
+from nena_shared.fleet_api.peripherals import StepOperation
+from nena_shared.plant import BACKWARD_SUFFIX, PeripheralOperation, PlantModel
+from nena_shared.plant.track import ExecutionTrigger
+
+T = ExecutionTrigger
+
+DESTINATION = -1
+"""Step of the operations that belong to a destination."""
+
+
+@dataclass(frozen=True, slots=True)
+class NeededOperation:
+    """An operation that a route needs at ``step``, and the key of its job."""
+
+    key: JobKey
+    step: int
+    """The index of its path on the route; that of the last one for an operation of the destination."""
+    location: str
+    operation: str
+    trigger: ExecutionTrigger
+    required: bool
+
+
+class RouteNeeds:
+    """The peripheral operations along the route of one VDA order, by step."""
+
+    def __init__(self, operations: Iterable[NeededOperation]) -> None:
+        self.operations = tuple(operations)
+        self.keys = frozenset(each.key for each in self.operations)
+
+    def __bool__(self) -> bool:
+        return bool(self.operations)
+
+    def at(self, step: int, *triggers: ExecutionTrigger) -> Iterator[NeededOperation]:
+        """Yield the operations of a step with one of these triggers."""
+        return (each for each in self.operations if each.step == step and each.trigger in triggers)
+
+    def at_once(self) -> Iterator[NeededOperation]:
+        """Yield the operations that start with the route."""
+        return (each for each in self.operations if each.trigger is T.IMMEDIATE)
+
+
+class NeedsFinder:
+    """Finds the peripheral operations of routes in one plant."""
+
+    def __init__(self, plant: PlantModel, *, enabled: bool) -> None:
+        self._by_path = {
+            each.name: each.peripheral_operations
+            for each in plant.paths
+            if enabled and each.peripheral_operations
+        }
+        self._enabled = enabled
+
+    def of(
+        self, order_id: str, edges: Sequence[str], destination: Sequence[StepOperation], *, last: int
+    ) -> RouteNeeds:
+        """Return what a route over these VDA 5050 edges to a destination needs; ``last`` is its last step."""
+        if not self._enabled or not (self._by_path or destination):
+            return NOTHING
+        return RouteNeeds(
+            [*self._of_paths(order_id, edges), *self._of_destination(order_id, last, destination)]
+        )
+
+    def _of_paths(self, order_id: str, edges: Sequence[str]) -> Iterator[NeededOperation]:
+        for step, edge in enumerate(edges):
+            path = edge.removesuffix(BACKWARD_SUFFIX)
+            for place, each in enumerate(self._by_path.get(path, ())):
+                yield _needed(JobKey(order_id, step, path, place), step, each)
+
+    def _of_destination(
+        self, order_id: str, last: int, operations: Sequence[StepOperation]
+    ) -> Iterator[NeededOperation]:
+        for place, each in enumerate(operations):
+            yield NeededOperation(
+                JobKey(order_id, DESTINATION, "", place),
+                last,
+                each.location,
+                each.operation,
+                each.execution_trigger,
+                each.completion_required,
+            )
+
+
+def _needed(key: JobKey, step: int, operation: PeripheralOperation) -> NeededOperation:
+    return NeededOperation(
+        key,
+        step,
+        operation.location,
+        operation.name,
+        operation.execution_trigger,
+        operation.completion_required,
+    )
+
+
+NOTHING = RouteNeeds(())
+
+
+def devices_of(plant: PlantModel) -> dict[str, tuple[str, ...]]:
+    """Return the locations with a device, and the operations that their types and the paths name."""
+    found: dict[str, dict[str, None]] = {}
+    for location in plant.locations:
+        kind = plant.location_types_by_name.get(location.type)
+        if kind and kind.allowed_peripheral_operations:
+            found.setdefault(location.name, {}).update(dict.fromkeys(kind.allowed_peripheral_operations))
+    for path in plant.paths:
+        for operation in path.peripheral_operations:
+            found.setdefault(operation.location, {})[operation.name] = None
+    return {location: tuple(operations) for location, operations in found.items()}
