@@ -33,6 +33,10 @@ class Route:
     tries: tuple[Try, ...] = ()
 
 
+FOR_NO_DEVICE: Final = {
+    "reservationToken": "host",
+    "peripheralOperation": {"operation": "open", "locationName": "Goods in"},
+}
 ORDER: Final = {"destinations": [{"locationName": "South 2", "operation": "MOVE"}]}
 FOR_ROBOT: Final = {**ORDER, "intendedVehicle": "Robot-01"}
 V: Final = "/v1/vehicles"
@@ -46,7 +50,10 @@ PLANT_CHANGE: Final = (
 )
 E: Final = "/v1/environmentalEntities"
 ENTITIES: Final = "NeNa has no environmental entities."
-DEVICES: Final = "NeNa has no peripheral drivers."
+DEVICES: Final = (
+    "Locations with peripheral operations, by their type or on paths, have the driver `nena.mqtt`; see "
+    "[peripherals.md](peripherals.md)."
+)
 
 
 def _named(path: str, name: str, action: str = "", **more: Any) -> tuple[Try, ...]:
@@ -284,32 +291,42 @@ ROUTES: Final = (
         "GET",
         J,
         (200, 404),
-        f"Empty: {DEVICES}",
+        "The unfinished jobs and the last 1000 ended ones.",
         (
             Try(200, J),
             Try(404, J, query={"relatedVehicle": "X"}),
             Try(404, J, query={"relatedTransportOrder": "X"}),
         ),
     ),
-    Route("GET", f"{J}/{{name}}", (200, 404), DEVICES, (Try(404, f"{J}/J-1"),)),
+    Route("GET", f"{J}/{{name}}", (200, 404), "", (Try(404, f"{J}/J-1"),)),
     Route(
-        "POST", f"{J}/{{name}}", (200, 400, 404, 409), f"Always 400: {DEVICES}", (Try(400, f"{J}/J-1", {}),)
+        "POST",
+        f"{J}/{{name}}",
+        (200, 400, 404, 409),
+        DEVICES,
+        (Try(400, f"{J}/J-1", {}), Try(404, f"{J}/J-1", FOR_NO_DEVICE)),
     ),
-    Route("POST", f"{J}/{{name}}/withdrawal", (200, 404), DEVICES, (Try(404, f"{J}/J-1/withdrawal"),)),
+    Route(
+        "POST",
+        f"{J}/{{name}}/withdrawal",
+        (200, 404),
+        "Jobs of transport orders, too: the vehicle then fails its drive.",
+        (Try(404, f"{J}/J-1/withdrawal"),),
+    ),
     Route("POST", f"{J}/dispatcher/trigger", (200,), "", (Try(200, f"{J}/dispatcher/trigger"),)),
     Route("POST", f"{P}/{{name}}/withdrawal", (200, 404), "", _named(P, "Goods in", "/withdrawal")),
     Route(
         "GET",
         f"{P}/{{name}}/commAdapter/attachmentInformation",
         (200, 404),
-        "No driver is attached.",
+        "`nena.mqtt` if the location has a device.",
         _named(P, "Goods in", "/commAdapter/attachmentInformation"),
     ),
     Route(
         "PUT",
         f"{P}/{{name}}/commAdapter/attachment",
         (200, 400, 404),
-        f"Always 400: {DEVICES}",
+        "Only `nena.mqtt`, where it is attached.",
         (
             Try(400, f"{P}/Goods in/commAdapter/attachment", query=_value("x")),
             Try(404, f"{P}/Nothing/commAdapter/attachment", query=_value("x")),
@@ -319,7 +336,7 @@ ROUTES: Final = (
         "PUT",
         f"{P}/{{name}}/commAdapter/enabled",
         (200, 404),
-        "400 for `true`: no driver is attached.",
+        "Always enabled where there is a device; 400 for anything else.",
         (
             *_named(P, "Goods in", "/commAdapter/enabled", query=_value("false")),
             Try(400, f"{P}/Goods in/commAdapter/enabled", query=_value("true")),

@@ -58,7 +58,9 @@ def test_the_time_of_an_execution_begins_with_its_acknowledgement() -> None:
 def test_a_location_may_have_a_timeout_of_its_own() -> None:
     made = devices()
     for given in ("90", "soon", "-1", "inf", "nan"):
-        made.expect(Location(name="Door", x_mm=0, y_mm=0, type="Doors", properties={EXECUTION_TIMEOUT: given}))
+        made.expect(
+            Location(name="Door", x_mm=0, y_mm=0, type="Doors", properties={EXECUTION_TIMEOUT: given})
+        )
     made.answer("Door", "J", D.ACKNOWLEDGED, 0.0)
     assert made.overdue(89.9) == []
     assert made.overdue(90.0) != []

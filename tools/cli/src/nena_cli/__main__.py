@@ -48,7 +48,9 @@ COMMANDS: Final = {
     "dispatch": Command("nena_cli.vehicles", "dispatch", "Send a vehicle to a destination."),
     "traffic": Command("nena_cli.vehicles", "traffic", "Show where vehicles will be in the next minute."),
     "zones": Command("nena_cli.zones", "app", "Zone sets (VDA 5050 3.0)."),
-    "peripherals": Command("nena_cli.peripherals", "app", "Peripheral devices, such as doors, and their jobs."),
+    "peripherals": Command(
+        "nena_cli.peripherals", "app", "Peripheral devices, such as doors, and their jobs."
+    ),
     "plant": Command("nena_cli.plants", "app", "Plant models: openTCS XML, LIF and NeNa's own JSON."),
     "vda5050": Command(
         "nena_cli.conversations", "app", "Record, replay, show and check VDA 5050 conversations."
