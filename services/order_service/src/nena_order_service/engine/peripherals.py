@@ -1,7 +1,7 @@
 """Peripheral jobs: request them along routes, send them to their devices, and let vehicles wait for them.
 
 Everything here runs in the engine's units of work. A job is stored before its device is asked; after a
-restart the device is asked again, with the same jobId. See decision 0050.
+restart the device is asked again, with the same jobId. See decision 0052.
 """
 
 from __future__ import annotations
