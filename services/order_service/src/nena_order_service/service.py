@@ -145,21 +145,17 @@ def build(
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
     devices = PeripheralLink(mqtt, topics, engine)
-    engine.peripherals.port = devices
     hosts = _make_host_services(engine, fleet)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream = EventStream(engine, settings.events)
-    changes = ChangeLog(plant, clock)
-    engine.unit_of_work.listeners += [publisher, stream, changes]
-    engine.unit_of_work.peripheral_listeners += [publisher, changes]
+    changes, loop_lag = ChangeLog(plant, clock), LoopLag(clock)
+    _listen(engine, publisher, stream, changes)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
-    loop_lag = LoopLag(clock)
-    counts = {} if answers is None else answers
-    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, devices, counts)
+    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, {} if answers is None else answers)
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,
@@ -174,6 +170,11 @@ def build(
     return OrderService(
         engine, fleet, publisher, heartbeat, sweep, mqtt, app, api, stream, changes, hosts, loop_lag, elected
     )
+
+
+def _listen(engine: Engine, publisher: StatusPublisher, stream: EventStream, changes: ChangeLog) -> None:
+    engine.unit_of_work.listeners += [publisher, stream, changes]
+    engine.unit_of_work.peripheral_listeners += [publisher, changes]
 
 
 def make_fleet(

@@ -15,7 +15,6 @@ from typing import Final, Protocol
 
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.mqtt import MqttApi
-from nena_order_service.api.peripheral_link import PeripheralLink
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.fleet.robot import LinkStatus
@@ -63,7 +62,6 @@ class Monitored:
     mqtt_api: MqttApi
     stream: EventStream
     loop_lag: LoopLag
-    devices: PeripheralLink
     answers: Mapping[int, int]
     """Number of HTTP answers by status."""
 
@@ -374,8 +372,8 @@ PERIPHERALS: Final[Section[Monitored]] = Section(
             "Answers of devices: `accepted`, `finished`, `failed`; `ignored` if repeated, late or about an "
             "unknown job; `malformed` if unreadable.",
             lambda s: {
-                **{each.name.lower(): s.engine.peripherals.answers[each.name.lower()] for each in Verdict},
-                "malformed": s.devices.malformed,
+                each: s.engine.peripherals.answers[each]
+                for each in (*(verdict.name.lower() for verdict in Verdict), "malformed")
             },
             "verdict",
         ),

@@ -32,11 +32,10 @@ class PeripheralLink:
     """Connects peripheral devices with the engine; call all methods in the event loop's thread."""
 
     def __init__(self, mqtt: MqttLink, topics: FleetTopics, engine: Engine) -> None:
-        self.malformed = 0
-        """Number of devices' messages that could not be read."""
         self._mqtt = mqtt
         self._topics = topics
         self._engine = engine
+        engine.peripherals.port = self
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.JOB_STATE), self._answered)
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATE), self._reported)
 
@@ -66,19 +65,22 @@ class PeripheralLink:
 
     def _read(self, message: Inbound, model: type[M]) -> M | None:
         if len(message.payload) > LONGEST:
-            self.malformed += 1
+            self._count_malformed()
             log.warning("message of a peripheral device is too long", topic=message.topic)
             return None
         try:
             return model.model_validate_json(message.payload)
         except ValidationError as error:
-            self.malformed += 1
+            self._count_malformed()
             log.warning(
                 "message of a peripheral device is unreadable",
                 topic=message.topic,
                 problems=problems_of(error),
             )
             return None
+
+    def _count_malformed(self) -> None:
+        self._engine.peripherals.answers["malformed"] += 1
 
     def _message(self, location: str, topic: PeripheralTopic, body: BaseModel) -> Outbound:
         payload = body.model_dump_json(by_alias=True, exclude_none=True).encode()
