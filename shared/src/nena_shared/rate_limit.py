@@ -52,8 +52,9 @@ BYTES_PER_MESSAGE: Final = 10_000
 class MessageRate:
     """Limits the messages on each topic, so that a faulty robot cannot occupy a program.
 
-    A program drops messages beyond the limit before it reads them. A later message makes up for them, because
-    each state is complete.
+    A program drops messages beyond the limit before it reads them. The next message makes up for a dropped
+    state, because each state is complete; a dropped connection message or factsheet stays unknown until the
+    robot sends another.
     """
 
     def __init__(self, rate: float, burst: int) -> None:

@@ -66,7 +66,7 @@ def _import_without_generator() -> None:
         with suppress(ImportError):
             import_module("rosidl_generator_py")
     finally:
-        del sys.modules[GENERATOR]
+        sys.modules.pop(GENERATOR, None)  # another thread may have been faster
 
 
 @contextmanager

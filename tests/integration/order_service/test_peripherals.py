@@ -25,6 +25,7 @@ DOOR = "Door 1/east"
 """With a sign that topics must not have."""
 BEFORE, BEHIND = "South 2", "South 3"
 GATED = f"{BEFORE} --- {BEHIND}"
+ENABLED = "--kernel.peripherals.enabled"
 
 
 def plant_with_door(folder: Path) -> Path:
@@ -68,7 +69,7 @@ ORDER = {"name": "T-1", "destinations": [{"locationName": BEHIND, "operation": "
 
 async def test_the_robot_gets_the_path_behind_a_door_once_it_is_open(fleet: Fleet) -> None:
     wire = fleet.peer()
-    program = fleet.order_service("--plant", plant_with_door(fleet.folder))
+    program = fleet.order_service("--plant", plant_with_door(fleet.folder), ENABLED)
     client = await program.client()
     fleet.agent(speed=8.0)
     await vehicle_idle(client)
@@ -96,7 +97,7 @@ async def test_the_robot_gets_the_path_behind_a_door_once_it_is_open(fleet: Flee
 
 async def test_killed_while_the_door_opens_it_asks_again_and_the_door_opens_once(fleet: Fleet) -> None:
     wire = fleet.peer()
-    arguments = ("--plant", plant_with_door(fleet.folder))
+    arguments = ("--plant", plant_with_door(fleet.folder), ENABLED)
     program = fleet.order_service(*arguments)
     client = await program.client()
     fleet.agent(speed=8.0)
@@ -118,7 +119,7 @@ async def test_killed_while_the_door_opens_it_asks_again_and_the_door_opens_once
 
 async def test_killed_while_the_door_opens_unheard_it_learns_of_it_by_asking_again(fleet: Fleet) -> None:
     wire = fleet.peer()
-    arguments = ("--plant", plant_with_door(fleet.folder))
+    arguments = ("--plant", plant_with_door(fleet.folder), ENABLED)
     program = fleet.order_service(*arguments)
     client = await program.client()
     fleet.agent(speed=8.0)
@@ -135,7 +136,7 @@ async def test_killed_while_the_door_opens_unheard_it_learns_of_it_by_asking_aga
 
 
 async def test_hosts_see_devices_and_create_jobs(fleet: Fleet) -> None:
-    program = fleet.order_service("--plant", plant_with_door(fleet.folder))
+    program = fleet.order_service("--plant", plant_with_door(fleet.folder), ENABLED)
     client = await program.client()
     unknown = {"location": "Nowhere", "operation": "open", "reservationToken": "host"}
     assert (await client.post("/v1/peripheralJobs", json=unknown)).status_code == 404

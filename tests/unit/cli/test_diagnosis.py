@@ -3,6 +3,7 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from nena_cli.client import ServiceState
 from nena_cli.diagnosis import explain_order, explain_vehicle, report_of
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import Hold, TransportOrderState, TransportOrderStatus
@@ -51,12 +52,28 @@ def order(name: str, state: TransportOrderState, **more: Any) -> TransportOrderS
 
 def test_a_healthy_fleet_needs_nobody() -> None:
     fleet = [vehicle("V-1"), vehicle("V-2", VehicleState.IDLE), vehicle("V-3", VehicleState.EXECUTING, "V-1")]
-    report = report_of({"http://a": "active, ready"}, fleet, [order("T", TransportOrderState.ACTIVE)], NOW)
+    report = report_of(
+        {"http://a": ServiceState("active, ready", healthy=True)},
+        fleet,
+        [order("T", TransportOrderState.ACTIVE)],
+        NOW,
+    )
 
     assert report.attention == ()
     assert report.waiting_vehicles == 1
     assert report.vehicles == {VehicleState.EXECUTING: 2, VehicleState.IDLE: 1}
     assert report.orders == {TransportOrderState.ACTIVE: 1}
+
+
+def test_an_order_service_that_is_not_ready_comes_first() -> None:
+    services = {
+        "http://a": ServiceState("active, not ready, broker not connected", healthy=False),
+        "http://b": ServiceState("standby", healthy=True),
+    }
+    found = report_of(services, [vehicle("V-1", VehicleState.ERROR)], [], NOW).attention
+
+    assert [(each.name, each.state) for each in found] == [("http://a", "NOT READY"), ("V-1", "ERROR")]
+    assert "broker not connected" in found[0].reason
 
 
 def test_the_head_of_the_longest_queue_comes_first() -> None:
@@ -100,6 +117,7 @@ def test_orders_that_need_a_person() -> None:
     orders = [
         order("recent", TransportOrderState.FAILED, finished=NOW - timedelta(minutes=59)),
         order("old", TransportOrderState.FAILED, finished=NOW - timedelta(minutes=61)),
+        order("nowhere", TransportOrderState.UNROUTABLE, finished=NOW),
         order("held", TransportOrderState.ACTIVE, held=hold),
         order("late", TransportOrderState.BEING_PROCESSED, late=True),
         order("late-at-its-end", TransportOrderState.FINISHED, late=True, finished=NOW),
@@ -108,6 +126,7 @@ def test_orders_that_need_a_person() -> None:
 
     assert [(each.name, each.state) for each in found] == [
         ("recent", "FAILED"),
+        ("nowhere", "UNROUTABLE"),
         ("held", "HELD"),
         ("late", "LATE"),
     ]

@@ -62,6 +62,8 @@ def test_defaults() -> None:
     [
         (("-o", "yaml", "fleet", "list"), Format.YAML),
         (("fleet", "list", "--json"), Format.JSON),
+        (("--json", "fleet", "list", "-o", "yaml"), Format.YAML),
+        (("-o", "yaml", "fleet", "list", "--json"), Format.JSON),
         (("fleet", "list", "--output", "name"), Format.NAME),
     ],
 )

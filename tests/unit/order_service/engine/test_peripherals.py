@@ -113,9 +113,8 @@ async def started(
 ) -> Site:
     store, clock, fleet = store or MemoryStore(), clock or ManualClock(), ScriptedFleet({})
     on_failure = settings.pop("on_failure", ())
-    given = EngineSettings(
-        release_seconds=0.0, default_map_id="map", peripherals=PeripheralSettings(**settings)
-    )
+    peripherals = PeripheralSettings(**{"enabled": True, **settings})
+    given = EngineSettings(release_seconds=0.0, default_map_id="map", peripherals=peripherals)
     engine = await make_engine(plant, store, fleet, settings=given, clock=clock, on_failure=on_failure)
     door = engine.peripherals.port = Door(engine)
     for name, where in ({"V1": "A"} if at is None else at).items():

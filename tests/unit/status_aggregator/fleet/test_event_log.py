@@ -62,6 +62,22 @@ def test_conditions_are_logged_with_reasons() -> None:
     assert conditions[1].values["how"] == "at the robot"
 
 
+def test_values_of_a_condition_are_short_and_name_coordinates() -> None:
+    recorded = Recorded()
+    error = {"error_type": "x", "error_level": "FATAL", "error_description": "e" * 100_000}
+    recorded.model.on_state(ROBOT, state(errors=[error]), at(0))
+    recorded.model.flush(at(0))
+    assert len(str(recorded.last(Code.CONDITION).values)) < 10_000
+
+    route = way("goal:7")
+    (node,) = route["node_states"]
+    route["node_states"] = ({**node, "node_position": {"x": 1.0, "y": 2.0, "map_id": "m"}},)
+    driving = state(2, at=1, driving=True, order_id="o", last_node_id="A", **route)
+    recorded.model.on_state(ROBOT, driving, at(1))
+    recorded.model.flush(at(1))
+    assert recorded.last(Code.CONDITION).values["next"] == "x 1.00, y 2.00"
+
+
 def test_silence_is_logged_without_a_message() -> None:
     recorded = Recorded(silence=5)
     recorded.model.on_state(ROBOT, state(), at(0))

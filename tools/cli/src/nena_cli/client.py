@@ -46,6 +46,14 @@ class UnreachableError(Exception):
     """No order service answers, or none of those that answer is active."""
 
 
+@dataclass(frozen=True, slots=True)
+class ServiceState:
+    """State of an order service, as text, and whether it is as it should be."""
+
+    text: str
+    healthy: bool
+
+
 class Connection:
     """Connection to the active one of several order services, found by querying each."""
 
@@ -81,7 +89,7 @@ class Connection:
         try:
             return operation.answer.model_validate_json(answer.content)
         except ValidationError as error:
-            message = f"{answer.url} answered {answer.status_code} and {NOT_ONE}"
+            message = f"{answer.url} answered {answer.status_code} and {_unknown_form(answer)}"
             raise UnreachableError(message) from error
 
     def pages(self, operation: Operation[P], query: Query) -> Iterator[P]:
@@ -95,19 +103,22 @@ class Connection:
             if after is None:
                 return
 
-    def readiness(self) -> dict[str, str]:
-        """Return the state of the order service at each URL, as text."""
+    def readiness(self) -> dict[str, ServiceState]:
+        """Return the state of the order service at each URL."""
         return {url: self._state_of(url) for url in self._urls}
 
-    def _state_of(self, url: str) -> str:
+    def _state_of(self, url: str) -> ServiceState:
         try:
             answer = self._client.get(f"{url}/readyz")
             found = Readiness.model_validate_json(answer.content)
         except httpx.TransportError as error:
-            return f"not reachable: {error}"
+            return ServiceState(f"not reachable: {error}", healthy=False)
         except ValidationError:
-            return NOT_ONE
-        return ", ".join((found.role, "ready" if found.ready else "not ready", *found.problems))
+            return ServiceState(NOT_ONE, healthy=False)
+        if found.role == "standby":
+            return ServiceState("standby", healthy=True)
+        text = ", ".join((found.role, "ready" if found.ready else "not ready", *found.problems))
+        return ServiceState(text, healthy=found.ready)
 
     @contextmanager
     def stream(self, path: str, query: dict[str, str], last_id: str | None) -> Iterator[Iterator[str]]:
@@ -165,6 +176,13 @@ class Connection:
         """Try this URL first next time."""
         self._urls.remove(url)
         self._urls.insert(0, url)
+
+
+def _unknown_form(answer: httpx.Response) -> str:
+    """Return why a successful answer cannot be read."""
+    if answer.headers.get("content-type", "").startswith("application/json"):
+        return "its answer has a form that this nena does not know; is it of another release?"
+    return NOT_ONE
 
 
 def _stands_by(problem: Problem) -> bool:

@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from nena_cli.client import Connection, RefusedError
+from nena_cli.client import Connection, RefusedError, ServiceState
 from nena_cli.output import REFUSED
 from nena_cli.service import Service, of_service
 from nena_cli.tables import STATE_STYLES, STUCK, VEHICLE_STYLES, vehicle_chains
@@ -29,12 +29,16 @@ DEEPEST: Final = 20
 """Dependencies followed from one order to the next."""
 OPEN: Final = tuple(each for each in TransportOrderState if not each.final)
 """States of unfinished orders."""
+UNDONE: Final = (TransportOrderState.FAILED, TransportOrderState.UNROUTABLE)
+NEWEST: Final = 50
+"""Orders that ended undone and are looked at: those created last."""
 GONE: Final = ("OFFLINE", "CONNECTION_BROKEN", "SILENT")
 CONTROLLED: Final = (None, "AUTOMATIC", "SEMIAUTOMATIC")
 """Operating modes in which fleet control commands a robot (VDA 5050 6.10.6; None: not reported)."""
 STYLES: Final[dict[str, str]] = {
     **{each.value: style for each, style in STATE_STYLES.items()},
     **{each.value: style for each, style in VEHICLE_STYLES.items()},
+    "NOT READY": "red",
     "WAITING": "yellow",
     "HELD": "yellow",
     "LATE": "red",
@@ -95,7 +99,8 @@ def status(service: Service) -> None:
             for page in connection.pages(LIST_ORDERS, {"state": [each.value for each in OPEN]})
             for order in page.transport_orders
         ]
-        failed = connection.call(LIST_ORDERS, query={"state": "FAILED", "limit": 50}).transport_orders
+        ended = {"state": [each.value for each in UNDONE], "limit": NEWEST}
+        failed = connection.call(LIST_ORDERS, query=ended).transport_orders
     report = report_of(services, vehicles, (*orders, *failed), now=datetime.now(UTC))
     service.print_one(report, *_status_tables(report))
     if report.attention:
@@ -114,7 +119,7 @@ def explain(
 
 
 def report_of(
-    services: Mapping[str, str],
+    services: Mapping[str, ServiceState],
     vehicles: Sequence[VehicleStatus],
     orders: Sequence[TransportOrderStatus],
     now: datetime,
@@ -129,11 +134,12 @@ def report_of(
     )
     circles = sorted({chain.circle for chain in chains.values() if chain.circle})
     return StatusReport(
-        services=dict(services),
+        services={url: each.text for url, each in services.items()},
         vehicles=Counter(each.state for each in vehicles),
         waiting_vehicles=len(chains),
         orders=Counter(each.state for each in orders if not each.state.final),
         attention=(
+            *(_of_service(url, each) for url, each in services.items() if not each.healthy),
             *(_of_vehicle(each, behind[each.name]) for each in stuck),
             *(
                 Attention(name=each[0], state="WAITING", reason=_circle(each), advice=_leave_circle(each))
@@ -205,6 +211,11 @@ def _needs_a_person(vehicle: VehicleStatus) -> bool:
     return vehicle.state in STUCK and vehicle.connection != "HIBERNATING"
 
 
+def _of_service(url: str, found: ServiceState) -> Attention:
+    advice = "Check the order service, its URL and its log."
+    return Attention(name=url, state="NOT READY", reason=found.text, advice=advice)
+
+
 def _of_vehicle(vehicle: VehicleStatus, behind: int) -> Attention:
     step = _vehicle_step(vehicle)
     return Attention(
@@ -220,8 +231,8 @@ def _of_order(order: TransportOrderStatus, now: datetime) -> Attention | None:
     recent = order.finished is not None and now - order.finished <= RECENT
     if order.held:
         state, advice = "HELD", f"nena orders resume {order.name}"
-    elif order.state is TransportOrderState.FAILED and recent:
-        state, advice = "FAILED", f"nena orders show {order.name}"
+    elif order.state in UNDONE and recent:
+        state, advice = order.state.value, f"nena orders show {order.name}"
     elif order.late and not order.state.final:
         state, advice = "LATE", f"nena explain {order.name}"
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from enum import StrEnum
 from inspect import Parameter, Signature
 from pathlib import Path
@@ -87,10 +88,22 @@ def group(*more: Parameter, hidden: bool = True, **settings: Any) -> typer.Typer
 
 def option(context: typer.Context, name: str) -> Any:  # noqa: ANN401 - of any type
     """Return an option's value: from the command line, that nearest to the command, or the default."""
+    given = next(_given(context, name), None)
+    return context.params.get(name) if given is None else given.params[name]
+
+
+def output_of(context: typer.Context) -> Format:
+    """Return the output format: that nearest to the command; ``--json`` is one of its spellings."""
+    for at in _given(context, "as_json", "output"):
+        return Format.JSON if at.params["as_json"] else at.params["output"]
+    return Format.TABLE
+
+
+def _given(context: typer.Context, *names: str) -> Iterator[Any]:
+    """Yield the contexts, innermost first, that have one of these options from the command line."""
     at: Any = context
     while at is not None:
-        source = at.get_parameter_source(name)
-        if source is not None and source.name == "COMMANDLINE":
-            return at.params[name]
+        sources = (at.get_parameter_source(name) for name in names)
+        if any(source is not None and source.name == "COMMANDLINE" for source in sources):
+            yield at
         at = at.parent
-    return context.params.get(name)

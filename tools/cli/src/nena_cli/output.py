@@ -24,7 +24,7 @@ WRONG: Final = 2
 UNLIMITED: Final = 10_000
 """Columns of a table that is not wrapped."""
 
-IDENTIFIERS: Final = ("name", "zone_set_id", "vehicle")
+IDENTIFIERS: Final = ("name", "zone_set_id", "vehicle", "location")
 """Fields that name an object, in order of preference."""
 
 

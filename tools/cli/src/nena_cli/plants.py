@@ -308,7 +308,7 @@ def put(
         data = read_bytes(file)
     with service.connected() as connection:
         done = connection.call(CHANGE_PLANT, content=data, query={"check": str(check).lower()})
-    if service.output is not Format.TABLE:
+    if service.output not in (Format.TABLE, Format.WIDE):
         print_object(service.output, done)
         return
     for each in done.warnings:

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from rich.table import Table
 
 from nena_cli.client import Connection, RefusedError, UnreachableError
-from nena_cli.options import DEFAULT_URL, OPTIONS, Format, option
+from nena_cli.options import DEFAULT_URL, OPTIONS, Format, option, output_of
 from nena_cli.output import REFUSED, fail, print_object, print_objects, print_table
 from nena_shared.fleet_api.operations import LIST_ORDERS, LIST_VEHICLES
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
@@ -105,12 +105,11 @@ def of_service(command: Callable[Concatenate[Service, P], None]) -> Callable[...
 
 def service_of(context: typer.Context) -> Service:
     """Return the service that the options select; those nearest to the command's name win."""
-    as_json = option(context, "as_json")
     return Service(
         option(context, "url") or [DEFAULT_URL],
         option(context, "token"),
         option(context, "token_file"),
-        Format.JSON if as_json else option(context, "output") or Format.TABLE,
+        output_of(context),
     )
 
 

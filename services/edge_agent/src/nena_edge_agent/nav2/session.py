@@ -215,9 +215,9 @@ class RosSession:
         return node.create_client(kind, name, callback_group=_Answers())
 
     def request(self, client: Any, request: Any, on_answer: Callable[[Any], None]) -> Any:  # noqa: ANN401
-        """Call a service and pass its answer to ``on_answer``, in the ROS thread; None: the client has ended.
+        """Call a service and pass its answer to ``on_answer``, in the ROS thread or at once.
 
-        Returns the future for :meth:`drop`.
+        The answer is None if the client has ended. Returns the future for :meth:`drop`.
         """
         awaited = client.callback_group.awaited
         future = client.call_async(request)

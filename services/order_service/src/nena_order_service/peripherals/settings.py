@@ -11,10 +11,10 @@ class PeripheralSettings(SettingsGroup):
     """Peripheral devices, such as doors and lifts, over MQTT."""
 
     enabled: bool = Field(
-        default=True,
+        default=False,
         description=(
             "Execute the peripheral operations of paths and destinations. false: they are ignored, and "
-            "robots do not wait for devices."
+            "robots do not wait for devices. New; see its limits in docs/peripherals.md."
         ),
     )
     acknowledge_timeout: float = Field(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import hypot
 
+from pydantic import JsonValue
+
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.vda5050.state import MobileRobotPosition, State
 from nena_status_aggregator.fleet.condition import Condition, Reason
@@ -61,7 +63,8 @@ class EventLog:
         changed = condition is not robot.condition
         if changed or (robot.condition in NOT_MOVING and reason.code != robot.reason.code):
             values: Values = {
-                **robot.reason.values,
+                **{key: _short(value) for key, value in robot.reason.values.items()},
+                **robot.reason.shown,
                 "condition": robot.condition.value,
                 "before": condition.value,
                 "reason": robot.reason.code,
@@ -94,6 +97,10 @@ class EventLog:
 
     def _of_robot(self, robot: Robot, code: Code, text: str, values: Values, at: Timestamp) -> None:
         self._publish(Event(at.utc, code, text, robot.id, _order_of(robot), values))
+
+
+def _short(value: JsonValue) -> JsonValue:
+    return short(value) if isinstance(value, str) else value
 
 
 def _distance(start: MobileRobotPosition, end: MobileRobotPosition) -> float:

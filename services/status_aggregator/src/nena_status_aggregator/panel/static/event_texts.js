@@ -2,7 +2,7 @@
 
 import { element, foreign, verbatim } from "./dom.js";
 import { conditionText, nameOf, reasonOf } from "./explanations.js";
-import { fillable, plural, t } from "./i18n.js";
+import { chosenLanguage, fillable, plural, t } from "./i18n.js";
 
 /** Create the text of an event. Events of earlier releases may lack the values for it, and show the English sentence instead. */
 export function details({ code, text, values }) {
@@ -39,5 +39,7 @@ function condition(values) {
   if (!complete) return null;
   const text = conditionText({ condition: values.condition });
   if (reasonCode === "idle_why") return { text, words: values.why };
-  return { text: `${text}: ${reasonOf({ reasonCode, reasonValues: values })}` };
+  const reason = reasonOf({ reasonCode, reasonValues: values });
+  const words = reasonCode === "waits_other" && chosenLanguage() !== "en" ? values.why : undefined;
+  return { text: `${text}: ${reason}`, words };
 }
