@@ -27,7 +27,9 @@ def test_each_document_has_its_file(present: dict[str, Any]) -> None:
 @pytest.mark.parametrize("name", [each for each in NAMES if each not in GROWING])
 def test_interface_is_unchanged(name: str, present: dict[str, Any]) -> None:
     expected = json.loads(file_of(name).read_text(encoding="utf-8"))
-    assert json.loads(text_of(present[name])) == expected
+    assert json.loads(text_of(present[name])) == expected, (
+        "if intended: PYTHONPATH=tests python -m golden.outside, and a line in CHANGELOG.md"
+    )
 
 
 def test_settings_keep_their_names(present: dict[str, Any]) -> None:

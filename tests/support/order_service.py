@@ -22,7 +22,7 @@ def request(*stops: str, **fields: Any) -> TransportOrderRequest:
 
 
 def raw_order(*stops: str, number: int = 1, name: str = "", **fields: Any) -> TransportOrder:
-    """Make an order that created."""
+    """Make an order that was just created."""
     name = name or f"T-{number}"
     return TransportOrder.created(request(*stops, **fields), number=number, name=name, now=NOW)
 

@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from nena_cli.client import Connection, RefusedError, ServiceState
+from nena_cli.client import Connection, Query, RefusedError, ServiceState
 from nena_cli.output import REFUSED
 from nena_cli.service import Service, of_service
 from nena_cli.tables import STATE_STYLES, STUCK, VEHICLE_STYLES, vehicle_chains
@@ -99,7 +99,7 @@ def status(service: Service) -> None:
             for page in connection.pages(LIST_ORDERS, {"state": [each.value for each in OPEN]})
             for order in page.transport_orders
         ]
-        ended = {"state": [each.value for each in UNDONE], "limit": NEWEST}
+        ended: Query = {"state": [each.value for each in UNDONE], "limit": NEWEST}
         failed = connection.call(LIST_ORDERS, query=ended).transport_orders
     report = report_of(services, vehicles, (*orders, *failed), now=datetime.now(UTC))
     service.print_one(report, *_status_tables(report))

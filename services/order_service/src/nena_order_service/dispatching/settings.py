@@ -182,7 +182,7 @@ class DispatchSettings(SettingsGroup):
     order_candidates: list[CandidateKey] = Field(
         [CandidateKey.BY_PRIORITY, CandidateKey.BY_DEADLINE, CandidateKey.BY_AGE],
         min_length=1,
-        description="Sort keys by which a vehicle chooses its order.",
+        description="Sort keys by which a vehicle chooses its order; only with SCARCER.",
     )
     deadline_at_risk: float = Field(
         60.0, ge=0, description="Time before its deadline from which an order is at risk, seconds."

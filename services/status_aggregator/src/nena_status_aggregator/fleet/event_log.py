@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import hypot
 
-from pydantic import JsonValue
-
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.vda5050.state import MobileRobotPosition, State
 from nena_status_aggregator.fleet.condition import Condition, Reason
@@ -99,7 +97,7 @@ class EventLog:
         self._publish(Event(at.utc, code, text, robot.id, _order_of(robot), values))
 
 
-def _short(value: JsonValue) -> JsonValue:
+def _short(value: str | float) -> str | float | None:
     return short(value) if isinstance(value, str) else value
 
 
