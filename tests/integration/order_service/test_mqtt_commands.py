@@ -141,10 +141,24 @@ async def orders_are_held_and_withdrawn(host: Host) -> None:
     assert (withdrawn["status"], withdrawn["transportOrder"]["state"]) == (200, "FAILED")
 
 
+async def devices_are_asked_for(host: Host) -> None:
+    """The plant has none; devices and their topics are tested in test_peripherals.py."""
+    assert (await host.ask("peripherals"))["peripherals"]["peripherals"] == []
+    assert (await host.ask("peripheralJobs"))["peripheralJobs"]["peripheralJobs"] == []
+    assert (await host.ask("peripheral", location="Door"))["status"] == 404
+    assert (await host.ask("peripheralJob", peripheralJob="J"))["status"] == 404
+    assert (await host.ask("withdrawPeripheralJob", peripheralJob="J"))["status"] == 404
+    job = {"location": "Door", "operation": "open", "reservationToken": "wms"}
+    assert (await host.ask("createPeripheralJob", **job))["status"] == 404
+
+
+OF_DEVICES = {"deviceJob", "deviceCancel", "deviceJobState", "deviceState", "peripheralStatus"}
+
+
 async def everything_is_as_documented(client: httpx.AsyncClient, host: Host) -> None:
     """Wait for a message on each described channel, and check all of them."""
     document = (await client.get("/asyncapi.json")).json()
-    channels = set(document["channels"])
+    channels = set(document["channels"]) - OF_DEVICES
 
     async def unheard() -> set[str]:
         return channels - misfits(document, host.heard())[1]
@@ -178,6 +192,7 @@ async def test_every_command_works_as_documented(fleet: Fleet, service: Start, h
     await paths_are_locked_and_vehicles_told(client, host)
     await sequences_are_made_and_completed(host)
     await orders_are_held_and_withdrawn(host)
+    await devices_are_asked_for(host)
     assert (await host.ask("instantAction", vehicle="Robot-01", actionType="resume"))["status"] == 200
     await order_in(client, "T-1", "FINISHED")
 

@@ -41,6 +41,12 @@ PROPERTY = {"key": "colour", "value": "red"}
 SEQUENCE = {"name": "S-1", "orderTypes": ["a", "b"], "failureFatal": True, "properties": [PROPERTY]}
 POSE = {"x": 1, "y": 2, "theta": 0.5, "mapId": "hall"}
 BODIES: dict[str, dict[str, Any]] = {
+    "peripherals": {},
+    "peripheral": {"location": "Door 1"},
+    "peripheralJobs": {},
+    "peripheralJob": {"peripheralJob": "J-1"},
+    "createPeripheralJob": {"location": "Door 1", "operation": "open", "reservationToken": "wms"},
+    "withdrawPeripheralJob": {"peripheralJob": "J-1"},
     "withdraw": {"transportOrder": "T-1", "reason": "late", "immediate": False, "version": 3},
     "hold": {"transportOrder": "T-1", "by": "ann", "reason": "waits"},
     "resume": {"transportOrder": "T-1", "by": "ann"},

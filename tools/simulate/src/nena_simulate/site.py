@@ -122,6 +122,10 @@ class VolatileStore(Store):
         """Return nothing."""
         return Unfinished((), {}, 0)
 
+    async def documents(self, kind: str) -> dict[str, str]:  # noqa: ARG002 - as in Store
+        """Return nothing."""
+        return {}
+
     def _committed(self) -> None:
         waiting, self._then = self._then, []
         for each in waiting:

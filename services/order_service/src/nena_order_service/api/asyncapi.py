@@ -79,7 +79,7 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
     location, at = "{location}", ("location",)
     return (
         Channel(
-            "peripheralJob",
+            "deviceJob",
             topics.peripheral(location, PeripheralTopic.JOB),
             "send",
             DeviceRequest,
@@ -87,7 +87,7 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
             parameters=at,
         ),
         Channel(
-            "peripheralCancel",
+            "deviceCancel",
             topics.peripheral(location, PeripheralTopic.CANCEL),
             "send",
             DeviceCancellation,
@@ -95,7 +95,7 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
             parameters=at,
         ),
         Channel(
-            "peripheralJobState",
+            "deviceJobState",
             topics.peripheral(location, PeripheralTopic.JOB_STATE),
             "receive",
             DeviceAnswer,
@@ -104,7 +104,7 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
             answered=False,
         ),
         Channel(
-            "peripheralState",
+            "deviceState",
             topics.peripheral(location, PeripheralTopic.STATE),
             "receive",
             DeviceReport,

@@ -216,7 +216,7 @@ def test_the_length_of_line_guidance_is_that_of_the_path() -> None:
         ({"theta": 3.2}, "heading 3.2 is not between"),
         (
             {"loadRestriction": {"unloaded": True, "loaded": False, "loadSetNames": ["p"]}},
-            "does not allow loads",
+            "forbids loads",
         ),
         (
             {"feasibleActions": [robot_action("x", actionParameters=[{"key": "k", "value": None}])]},
