@@ -317,10 +317,12 @@ async def test_a_closed_pipe_ends_a_command_quietly(fleet: Fleet) -> None:
     read, write = os.pipe()
     process = await asyncio.create_subprocess_exec(*command, stdout=write, stderr=asyncio.subprocess.PIPE)
     os.close(write)
-    await client.put("/v1/vehicles/Robot-01/integrationLevel", json={"level": "TO_BE_NOTICED"})
     await asyncio.to_thread(os.read, read, 1)
     os.close(read)
-    await client.put("/v1/vehicles/Robot-01/integrationLevel", json={"level": "TO_BE_UTILIZED"})
+    changed = await client.put(
+        "/v1/vehicles/Robot-01/integrationLevel", json={"integrationLevel": "TO_BE_NOTICED"}
+    )
+    assert changed.status_code == 200
     _, errors = await asyncio.wait_for(process.communicate(), PATIENCE)
     assert (process.returncode, errors) == (1, b"")
 
