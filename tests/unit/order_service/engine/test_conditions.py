@@ -305,7 +305,9 @@ async def _play(steps: list[str], chance: Random) -> None:
 async def _restarted(site: Site, store: MemoryStore) -> Site:
     again = await make(store, **site.fleet.at)
     again.fleet.cancelled = site.fleet.cancelled
-    again.ends, again.begun, again.sequences = site.ends, site.begun, site.sequences
+    again.ends = site.ends | again.ends  # an order may give way as soon as the vehicles are back
+    again.begun = site.begun | again.begun
+    again.sequences = site.sequences
     return again
 
 
