@@ -306,7 +306,7 @@ async def _restarted(site: Site, store: MemoryStore) -> Site:
     again = await make(store, **site.fleet.at)
     again.fleet.cancelled = site.fleet.cancelled
     again.ends = site.ends | again.ends  # an order may give way as soon as the vehicles are back
-    again.begun = site.begun | again.begun
+    again.begun = [*site.begun, *(each for each in again.begun if each not in site.begun)]
     again.sequences = site.sequences
     return again
 
