@@ -63,6 +63,9 @@ WITHIN = PATIENCE
 AGE = timedelta(minutes=4)
 """Age of the orders in the hall."""
 
+SILENCE_LIMIT = 3600.0
+"""Seconds, longer than any test: most robots of the hall publish a state once and must not become silent."""
+
 
 def seconds_now() -> float:
     """Return the seconds from the examples' start to now, so that robots' clocks are right."""
@@ -86,7 +89,8 @@ class Hall:
         fleet = FleetTopics(f"{interface_name}/nena")
         addresses = ("--http.port", str(port), "--mqtt.port", str(broker.port))
         topics = ("--topic_prefix", fleet.prefix, "--interface_name", interface_name)
-        return cls(peer, port, (*addresses, *topics), TopicScheme(interface_name), fleet)
+        limits = ("--silence_limit", str(SILENCE_LIMIT))
+        return cls(peer, port, (*addresses, *topics, *limits), TopicScheme(interface_name), fleet)
 
     @property
     def url(self) -> str:
