@@ -148,8 +148,8 @@ async def devices_are_asked_for(host: Host) -> None:
     assert (await host.ask("peripheral", location="Door"))["status"] == 404
     assert (await host.ask("peripheralJob", peripheralJob="J"))["status"] == 404
     assert (await host.ask("withdrawPeripheralJob", peripheralJob="J"))["status"] == 404
-    job = {"location": "Door", "operation": "open", "reservationToken": "wms"}
-    assert (await host.ask("createPeripheralJob", **job))["status"] == 404
+    made = await host.ask("createPeripheralJob", location="Door", operation="open", reservationToken="wms")
+    assert made["status"] == 404
 
 
 OF_DEVICES = {"deviceJob", "deviceCancel", "deviceJobState", "deviceState", "peripheralStatus"}
