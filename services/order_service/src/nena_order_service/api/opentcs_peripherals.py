@@ -23,7 +23,7 @@ NOT_FOUND: Final = 404
 
 
 class JobOperation(Body):
-    """The operation of a job; openTCS lets hosts only create IMMEDIATE ones that nobody waits for."""
+    """The operation of a job. As in openTCS, hosts create only IMMEDIATE jobs without completionRequired."""
 
     operation: Annotated[str, Field(min_length=1, max_length=200)]
     location_name: Annotated[str, Field(min_length=1, max_length=200)]
