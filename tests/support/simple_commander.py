@@ -25,6 +25,9 @@ MANAGERS = 2
 ATTEMPT = 1.0
 """Seconds between two attempts to set the initial pose."""
 
+FRESH = 3
+"""Messages of feedback after which the server has worked through what came before the first of them."""
+
 
 class SimpleCommander:
     """One goal at a time, polled until it has ended."""
@@ -144,6 +147,14 @@ class SimpleCommander:
 
     def is_task_complete(self) -> bool:
         return bool(self._result is None or self._result.done())
+
+    def wait_for_progress(self) -> None:
+        """Wait for feedback that is newer than the result request, which the server has then received.
+
+        A server that is shut down answers the requests that it has, and no later one.
+        """
+        self.feedback.clear()
+        wait_until(lambda: len(self.feedback.messages) >= FRESH, what="feedback")
 
     def cancel_task(self) -> None:
         answer_of(self._handle.cancel_goal_async())

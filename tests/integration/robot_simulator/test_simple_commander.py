@@ -119,6 +119,7 @@ def test_simple_commander_shuts_down_and_starts_nav2(domain_id: int, peer: RosPe
     with simulated_robot(domain_id):
         commander = SimpleCommander(peer, start=(1.0, 1.0))
         assert commander.go_to_pose(35.0, 1.0)
+        commander.wait_for_progress()
         assert commander.lifecycle_shutdown() == [True, True]
         assert commander.result() == "FAILED"
         wait_until(lambda: not peer.node.count_publishers("amcl_pose"), what="all servers down")
