@@ -110,7 +110,7 @@ class DemoSession:
                 "starting broker, order service, status aggregator, simulator and two edge agents"
             )
             self._stack = await stack.start(self._processes, self._options)
-            self._progress.line(f"order service at {self._stack.rest_url}/openapi.json")
+            self._progress.line(f"order service at {self._stack.rest_url}/docs")
             self._progress.line(f"control panel at {self._stack.panel_url}/")
             self._host = Host(self._stack.mqtt, self._stack.rest_url, self._progress.change)
             self._cleanup.push_async_callback(self._host.rest.aclose)

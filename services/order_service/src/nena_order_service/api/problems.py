@@ -89,15 +89,15 @@ def _problem_of_validation(request: Request, error: RequestValidationError) -> P
     return Problem(
         title="Request does not fit",
         status=HTTPStatus.UNPROCESSABLE_ENTITY,
-        detail="The request is malformed. Fix the problems listed in errors; see /openapi.json.",
+        detail="The request is malformed. Fix the problems listed in errors; see /docs.",
         errors=tuple(in_words(found, whole="body", root="body", most=FINDINGS_SHOWN)),
     )
 
 
 def _problem_of_status(request: Request, error: HTTPException) -> Problem:
     details = {
-        HTTPStatus.NOT_FOUND: f"Unknown path {request.url.path}; see /openapi.json.",
-        HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not supported at this path; see /openapi.json.",
+        HTTPStatus.NOT_FOUND: f"Unknown path {request.url.path}; see /docs.",
+        HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not supported at this path; see /docs.",
     }
     status = HTTPStatus(error.status_code)
     return Problem(title=status.phrase, status=status, detail=details.get(status, str(error.detail)))

@@ -23,6 +23,7 @@ from starlette.routing import Mount
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_order_service.api import problems
+from nena_order_service.api.documentation import DOCS, FILES, REDOC, describe_login, documentation
 from nena_order_service.api.encoding import EncodedPage, encode
 from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_order_service.api.host_requests import ETag
@@ -49,7 +50,7 @@ ChangePlant = Callable[..., Awaitable[None]]
 """Signature of :meth:`ServiceRunner.change_plant`."""
 
 
-OPEN = frozenset({"/", "/healthz", "/readyz"})
+OPEN = frozenset({"/", "/healthz", "/readyz", DOCS, REDOC})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})
 GUARDED: tuple[Operation[Any], ...] = (*OPERATIONS, CHANGE_PLANT)
 ROLES_KEPT = 1000
@@ -58,6 +59,8 @@ OPENTCS_PLANT_CHANGES = ("/v1/locations/", "/energyLevelThresholdSet", "/envelop
 """Parts of the paths in openTCS's web API that change the plant model."""
 
 PAGES = {
+    DOCS: "REST API: try requests",
+    REDOC: "REST API: read",
     "/openapi.json": "REST API (OpenAPI 3.1)",
     "/asyncapi.json": "MQTT API (AsyncAPI 3.0)",
     "/v1/transportOrders": "transport orders",
@@ -136,9 +139,11 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     app.include_router(_events(stream))
     app.include_router(plant_model_router(service.plant_json, service.change_plant))
     app.include_router(_probes(service))
+    app.include_router(documentation())
     for path, other in service.mounted.items():
         app.router.routes.append(_mounted(path, other))
     describe_problems(app)
+    describe_login(app)
     return app
 
 
@@ -149,9 +154,9 @@ def role_needed(method: str, path: str) -> Role | None:
     Operations are found by the part of their path before a name, so no spelling of a name can bypass the role
     of an operation.
     """
-    if path in OPEN:
-        return None
     reads = method in READING
+    if path in OPEN or (reads and path.startswith(f"{FILES}/")):
+        return None
     if not reads and any(part in path for part in OPENTCS_PLANT_CHANGES):
         return Role.ADMIN
     inner = path[max(path.rfind("/v1/"), 0) :]  # as seen by a mounted application, such as openTCS's web API

@@ -1,4 +1,4 @@
-"""A real Chromium, and a simulated hall that it shows."""
+"""A real Chromium, and a simulated hall for the panel."""
 
 from __future__ import annotations
 
