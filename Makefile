@@ -72,8 +72,8 @@ lint: $(STAMP) ## check style, types, import rules and known vulnerabilities
 	$(BIN)/bandit --quiet -ll --recursive $(SOURCES)
 	deploy/audit
 
-test-unit: $(STAMP) ## unit tests only: no broker, ROS or browser; a few minutes
-	$(BIN)/pytest tests/unit $(SHARED_OUT) -m "not broker and not postgres and not ros and not e2e"
+test-unit: $(STAMP) ## unit tests only: no broker, ROS, browser or simulated plants; about three minutes
+	$(BIN)/pytest tests/unit $(SHARED_OUT) -m "not broker and not postgres and not ros and not e2e and not simulation"
 
 test: $(STAMP) action-types broker browser ## all tests but the long ones; TESTS=path runs a part of them
 	$(BIN)/pytest $(SHARED_OUT) $(TESTS)

@@ -19,6 +19,8 @@ from support.restarts.life import Death, History, live
 from support.restarts.oracle import check, check_end
 from support.restarts.scenarios import SCENARIOS
 
+pytestmark = pytest.mark.simulation
+
 PAUSES = (0.3, 2.0, 20.0)
 """Seconds without an agent: the robot is on its way, near to its goal, or has stood there for a while."""
 ALWAYS = 10_000

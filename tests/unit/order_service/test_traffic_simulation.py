@@ -11,6 +11,8 @@ from support.examples import KERNEL_PLANTS
 from support.traffic.engine_simulation import Adversity, EngineSimulation
 from support.traffic.random_plant import random_plant
 
+pytestmark = pytest.mark.simulation
+
 ORDERS = 50
 ROBOTS = (2, 6, 12, 20, 3, 60, 8, 40, 5)
 """Many of them take minutes: they come with the soak."""

@@ -14,6 +14,8 @@ from nena_simulate.observation import Doing
 from nena_simulate.simulation import simulate, simulate_all
 from nena_simulate.site import Case, Disturbances
 
+pytestmark = pytest.mark.simulation
+
 HALL = two_halls()
 MINUTES = 1.5
 CASE = Case(

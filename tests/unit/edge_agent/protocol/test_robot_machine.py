@@ -52,6 +52,8 @@ from support.expressible import EXPRESSIBLE
 from support.robot_core import Bench, action, at, order
 from support.robot_oracle import Oracle
 
+pytestmark = pytest.mark.simulation
+
 BLOCKING = st.sampled_from([each.value for each in BlockingType])
 KINDS = st.sampled_from(["work", "press", "lamp"])
 ENDED = ("FINISHED", "FAILED")

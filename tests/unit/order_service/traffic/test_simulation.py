@@ -10,6 +10,8 @@ from support.examples import PLANTS
 from support.traffic.random_plant import random_plant, random_roads
 from support.traffic.simulation import Simulation
 
+pytestmark = pytest.mark.simulation
+
 ORDERS = 50
 ROBOTS = (2, 3, 5, 8, 12, 40, 20, 60)
 LENGTHS_MM = (0, 800, 1500)
