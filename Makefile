@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 # The first supported interpreter that runs; `make PYTHON=...` overrides it.
 PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && command -v $$p && break; done)
-DISTRIBUTIONS := shared $(addprefix services/,order_service edge_agent status_aggregator robot_simulator) $(addprefix tools/,conversations cli demo deploy simulate)
+DISTRIBUTIONS := shared $(addprefix services/,order_service edge_agent status_aggregator robot_simulator) $(addprefix tools/,client conversations cli demo deploy simulate)
 SOURCES := $(DISTRIBUTIONS:%=%/src)
 # Processes that run tests in parallel; each test has its own ROS domain, broker and ports.
 WORKERS ?= 2

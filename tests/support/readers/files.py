@@ -15,7 +15,7 @@ import typer
 from typer.testing import CliRunner
 
 from nena_cli import orders, zones
-from nena_cli.client import Connection, RefusedError
+from nena_client import Client, RefusedError
 from nena_conversations.broker import FreshHeaders, paced
 from nena_conversations.recording import RecordingError, read_file
 from nena_deploy.identities import SiteTopics
@@ -172,13 +172,13 @@ def _by_command(place: Place, app: typer.Typer, before: list[str], sample: bytes
     """Read a file by a command of ``nena``; the order service refuses all that comes to it."""
     file, sent = place.new() / "given.json", []
 
-    def call(_: Connection, operation: object, name: str = "", *, body: Any, **_more: object) -> None:
+    def call(_: Client, operation: object, name: str = "", *, body: Any, **_more: object) -> None:
         sent.append(httpx.Request("POST", "http://127.0.0.1", json=body))
         raise RefusedError(Problem(title="Conflict", status=409, detail=f"{operation} {name} has come"))
 
     def read() -> None:
         sent.clear()
-        with patch.object(Connection, "call", call):
+        with patch.object(Client, "call", call):
             done = CliRunner().invoke(app, [*before, str(file)])
         if done.exception and not isinstance(done.exception, SystemExit):
             raise done.exception

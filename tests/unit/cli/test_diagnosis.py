@@ -3,8 +3,8 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from nena_cli.client import ServiceState
 from nena_cli.diagnosis import explain_order, explain_vehicle, report_of
+from nena_client import ServiceState
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import Hold, TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus

@@ -8,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from nena_cli import orders, zones
-from nena_cli.client import Connection, Event
 from nena_cli.options import Format
 from nena_cli.tables import vehicles_table
+from nena_client import Client, Event
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
 
@@ -49,10 +49,10 @@ def test_watch_output_ends_with_a_newline(
         connection="ONLINE",
     )
     event = Event("vehicle", None, status.model_dump(mode="json", by_alias=True))
-    monkeypatch.setattr(orders, "follow", lambda *_, **__: iter([event]))
+    monkeypatch.setattr(Client, "events", lambda *_, **__: iter([event]))
     board = orders.Board(VehicleStatus, vehicles_table)
 
-    told = list(orders.watch(Connection([], None), board, {"kind": "vehicle"}, Format.TABLE))
+    told = list(orders.watch(Client([]), board, {"kind": "vehicle"}, Format.TABLE))
 
     out = capsys.readouterr().out
     assert told == [status]

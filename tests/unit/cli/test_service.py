@@ -12,9 +12,9 @@ import typer
 from rich.table import Table
 from typer.testing import CliRunner
 
-from nena_cli.client import RefusedError, UnreachableError
 from nena_cli.options import DEFAULT_URL, Format
 from nena_cli.service import Service, of_service
+from nena_client import RefusedError, UnreachableError
 from nena_shared.fleet_api.transport_order import Problem
 
 app = typer.Typer()

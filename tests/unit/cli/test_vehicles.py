@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from nena_cli import vehicles
-from nena_cli.client import Connection
+from nena_client import Client
 from nena_shared.fleet_api.operations import Operation
 from nena_shared.fleet_api.requests import VehicleList
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
@@ -38,13 +38,13 @@ def test_filtered_list_follows_queues_through_all_vehicles(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def call(
-        _: Connection, operation: Operation[VehicleList], *, query: dict[str, list[str]] | None = None
+        _: Client, operation: Operation[VehicleList], *, query: dict[str, list[str]] | None = None
     ) -> VehicleList:
         assert operation.method == "GET"
         wanted = (query or {}).get("state")
         return VehicleList(vehicles=tuple(each for each in FLEET if not wanted or each.state in wanted))
 
-    monkeypatch.setattr(Connection, "call", call)
+    monkeypatch.setattr(Client, "call", call)
     monkeypatch.setenv("COLUMNS", "200")
     done = CliRunner().invoke(vehicles.app, ["list", "--state", "EXECUTING"])
     assert done.exit_code == 0, done.output

@@ -11,10 +11,11 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from nena_cli.client import Connection, Query, RefusedError, ServiceState
 from nena_cli.output import REFUSED
 from nena_cli.service import Service, of_service
 from nena_cli.tables import STATE_STYLES, STUCK, VEHICLE_STYLES, vehicle_chains
+from nena_client import Client, RefusedError, ServiceState
+from nena_client.exchange import Query
 from nena_shared.fleet_api.base import Resource
 from nena_shared.fleet_api.operations import LIST_ORDERS, LIST_VEHICLES, SHOW_ORDER
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
@@ -178,7 +179,7 @@ def explain_order(orders: Sequence[TransportOrderStatus], fleet: Mapping[str, Ve
     return Explanation(name=orders[0].name, steps=tuple(steps), advice=advice)
 
 
-def _explain_order(connection: Connection, name: str, fleet: Mapping[str, VehicleStatus]) -> Explanation:
+def _explain_order(connection: Client, name: str, fleet: Mapping[str, VehicleStatus]) -> Explanation:
     """Read the order and the unfinished ones that it depends on; raises RefusedError."""
     orders = [connection.call(SHOW_ORDER, name)]
     while len(orders) < DEEPEST and not orders[-1].state.final:
@@ -189,7 +190,7 @@ def _explain_order(connection: Connection, name: str, fleet: Mapping[str, Vehicl
     return explain_order(orders, fleet)
 
 
-def _first_unfinished(connection: Connection, names: Sequence[str]) -> TransportOrderStatus | None:
+def _first_unfinished(connection: Client, names: Sequence[str]) -> TransportOrderStatus | None:
     for name in names:
         try:
             order = connection.call(SHOW_ORDER, name)

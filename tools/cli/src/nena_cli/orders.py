@@ -16,10 +16,10 @@ from rich.table import Table
 from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import parse_measure, parse_property, parse_stop
-from nena_cli.client import Connection, Event, follow
 from nena_cli.options import Format, group
 from nena_cli.output import REFUSED, echo, fail, print_objects
 from nena_cli.service import Service, of_service, order_names
+from nena_client import Client, Event
 from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api.operations import (
     CREATE_ORDER,
@@ -70,11 +70,11 @@ class Board(Generic[B]):
         return self.table(tuple(self._shown.values()))
 
 
-def watch(connection: Connection, board: Board[B], query: dict[str, str], output: Format) -> Generator[B]:
+def watch(connection: Client, board: Board[B], query: dict[str, str], output: Format) -> Generator[B]:
     """Redraw a table on a terminal, else print each change; yield the changes until the caller stops."""
     if output is Format.WIDE:
         output = Format.TABLE  # its header would be repeated for each change
-    events = follow(connection, query, on_break=lambda why: echo(f"nena: reconnecting: {why}", "yellow"))
+    events = connection.events(query, on_break=lambda why: echo(f"nena: reconnecting: {why}", "yellow"))
     changes = (board.take(event) for event in events if event.kind == query["kind"])
     console = Console()
     if output is not Format.TABLE or not console.is_terminal:
@@ -270,9 +270,7 @@ def _request(file: typer.FileBinaryRead | None, **fields: object) -> TransportOr
         raise typer.BadParameter("; ".join(problems_of(error, FINDINGS_SHOWN))) from error
 
 
-def print_or_watch(
-    service: Service, connection: Connection, order: TransportOrderStatus, *, wait: bool
-) -> None:
+def print_or_watch(service: Service, connection: Client, order: TransportOrderStatus, *, wait: bool) -> None:
     """Print a new order, or with ``wait`` watch it to its end and set the exit status."""
     if wait:
         _watch_one(service, connection, order.name)
@@ -280,7 +278,7 @@ def print_or_watch(
         _print(service, order)
 
 
-def _watch_one(service: Service, connection: Connection, name: str) -> None:
+def _watch_one(service: Service, connection: Client, name: str) -> None:
     """Watch an order to its end; exit with status 1 unless it is FINISHED."""
     order = connection.call(SHOW_ORDER, name)
     if order.state.final:
@@ -295,7 +293,7 @@ def _watch_one(service: Service, connection: Connection, name: str) -> None:
 
 
 def _orders(
-    connection: Connection, query: dict[str, str | int | Sequence[str]]
+    connection: Client, query: dict[str, str | int | Sequence[str]]
 ) -> Iterator[TransportOrderStatus]:
     for page in connection.pages(LIST_ORDERS, query):
         yield from page.transport_orders

@@ -11,9 +11,10 @@ from pydantic import JsonValue
 
 from nena_cli import arguments as option
 from nena_cli import tables
-from nena_cli.client import Connection, Query
 from nena_cli.options import group
 from nena_cli.service import Service, of_service
+from nena_client import Client
+from nena_client.exchange import Query
 from nena_shared.fleet_api.operations import COMPLETE_SEQUENCE, CREATE_SEQUENCE, LIST_SEQUENCES, SHOW_SEQUENCE
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus
 
@@ -89,7 +90,7 @@ def complete(service: Service, name: Name) -> None:
         _print(service, connection.call(COMPLETE_SEQUENCE, name, body={}))
 
 
-def _all(connection: Connection, query: Query) -> Iterator[OrderSequenceStatus]:
+def _all(connection: Client, query: Query) -> Iterator[OrderSequenceStatus]:
     for page in connection.pages(LIST_SEQUENCES, query):
         yield from page.order_sequences
 

@@ -15,9 +15,9 @@ import typer
 from pydantic import BaseModel
 from rich.table import Table
 
-from nena_cli.client import Connection, RefusedError, UnreachableError
 from nena_cli.options import DEFAULT_URL, OPTIONS, Format, option, output_of
 from nena_cli.output import REFUSED, fail, print_object, print_objects, print_table
+from nena_client import Client, RefusedError, UnreachableError
 from nena_shared.fleet_api.operations import LIST_ORDERS, LIST_VEHICLES
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -36,7 +36,7 @@ class Service:
     output: Format
 
     @contextmanager
-    def connected(self) -> Iterator[Connection]:
+    def connected(self) -> Iterator[Client]:
         """Connect; report an error in one line and exit."""
         try:
             with self.opened() as connection:
@@ -51,9 +51,9 @@ class Service:
             raise typer.Exit(0) from error
 
     @contextmanager
-    def opened(self) -> Iterator[Connection]:
+    def opened(self) -> Iterator[Client]:
         """Connect; raises RefusedError, UnreachableError and OSError."""
-        connection = Connection(self.urls, self._token())
+        connection = Client(self.urls, self._token(), retry_for=0)
         try:
             yield connection
         finally:
@@ -131,7 +131,7 @@ def order_names(context: typer.Context, incomplete: str) -> list[str]:
 def _completions(
     context: typer.Context,
     incomplete: str,
-    list_: Callable[[Connection], Sequence[VehicleStatus | TransportOrderStatus]],
+    list_: Callable[[Client], Sequence[VehicleStatus | TransportOrderStatus]],
 ) -> list[str]:
     try:
         with service_of(context).opened() as connection:

@@ -12,11 +12,19 @@ from typing import Any
 import pytest
 from fastapi import FastAPI, Response
 
-from nena_cli import client
-from nena_cli.client import Connection, Event, RefusedError, UnreachableError, follow, read_events
+from nena_client import AsyncClient, Client, Event, RefusedError, UnreachableError, client
+from nena_client.exchange import Call, EventReader, Query
 from nena_order_service.api.server import make_standby_app
-from nena_shared.fleet_api.operations import DELIVERY, Operation
-from nena_shared.fleet_api.transport_order import DeliveryPhase, DeliveryStatus, Problem
+from nena_shared.fleet_api.operations import CREATE_ORDER, DELIVERY, DISPATCH, LIST_ORDERS, Operation
+from nena_shared.fleet_api.requests import TransportOrdersQuery
+from nena_shared.fleet_api.transport_order import (
+    DeliveryPhase,
+    DeliveryStatus,
+    Destination,
+    Problem,
+    TransportOrderRequest,
+    TransportOrderState,
+)
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.broker import free_port
@@ -67,11 +75,11 @@ async def test_the_active_one_is_found_and_asked_first_from_then_on() -> None:
     async with AsyncExitStack() as stack:
         standby = await stack.enter_async_context(served(make_standby_app(lambda: "", lambda: "")))
         url = await stack.enter_async_context(served(active(seen)))
-        connection = Connection([f"http://127.0.0.1:{free_port()}", standby, url + "/"], "secret")
+        connection = Client([f"http://127.0.0.1:{free_port()}", standby, url + "/"], "secret", retry_for=0)
         for _ in range(2):
             found = await asyncio.to_thread(connection.call, at("/here"))
             assert found.transport_order == "T-1"
-        assert connection._urls[0] == url
+        assert connection._addresses.urls[0] == url
         assert seen == ["Bearer secret"] * 2
         connection.close()
 
@@ -79,7 +87,7 @@ async def test_the_active_one_is_found_and_asked_first_from_then_on() -> None:
 async def test_missing_active_service_lists_all_queried_urls() -> None:
     away = f"http://127.0.0.1:{free_port()}"
     async with served(make_standby_app(lambda: "", lambda: "")) as standby:
-        connection = Connection([away, standby], None)
+        connection = Client([away, standby], retry_for=0)
         with pytest.raises(UnreachableError) as caught:
             await asyncio.to_thread(connection.call, at("/here"))
         assert away in str(caught.value)
@@ -89,7 +97,7 @@ async def test_missing_active_service_lists_all_queried_urls() -> None:
 
 async def test_refusal_lists_all_errors() -> None:
     async with served(active([])) as url:
-        connection = Connection([url], None)
+        connection = Client(url)
         with pytest.raises(RefusedError, match=r"It has ended\.\n- one\n- two"):
             await asyncio.to_thread(connection.call, at("/refused"))
         with pytest.raises(RefusedError, match="check the URL"):
@@ -114,24 +122,25 @@ data: {}
 
 
 def test_events_are_read_and_half_an_event_is_none() -> None:
-    assert list(read_events(STREAM.split("\n"))) == [
+    reader = EventReader()
+    assert [each for each in map(reader.read, STREAM.split("\n")) if each] == [
         Event("transportOrder", "3", {"name": "T-1"}),
         Event("heartbeat", None, {}),
         Event("synced", "4", {}),
     ]
-    assert list(read_events(["event: synced", "data: {}"])) == []
+    assert [EventReader().read(line) for line in ("event: synced", "data: {}")] == [None, None]
 
 
-class Breaking(Connection):
+class Breaking(Client):
     """Its streams break after the content from the test."""
 
     def __init__(self, *streams: list[str] | None) -> None:
-        super().__init__(["http://127.0.0.1:1"], None)
+        super().__init__("http://127.0.0.1:1")
         self._streams = iter(streams)
         self.asked: list[str | None] = []
 
     @contextmanager
-    def stream(self, _path: str, _query: dict[str, str], last_id: str | None) -> Iterator[Iterator[str]]:
+    def _stream(self, _query: Query | None, last_id: str | None) -> Iterator[Iterator[str]]:
         self.asked.append(last_id)
         lines = next(self._streams)
         if lines is None:
@@ -143,7 +152,7 @@ def test_broken_stream_resumes_after_the_last_event(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(client, "RETRY_PAUSE", 0.0)
     connection = Breaking(STREAM.split("\n"), None, STREAM.split("\n"))
     told: list[str] = []
-    kinds = [each.kind for each in islice(follow(connection, {}, on_break=told.append), 6)]
+    kinds = [each.kind for each in islice(connection.events(on_break=told.append), 6)]
     assert kinds == ["transportOrder", "heartbeat", "synced"] * 2
     assert connection.asked == [None, "4", "4"]
     assert told == ["away"]
@@ -151,4 +160,56 @@ def test_broken_stream_resumes_after_the_last_event(monkeypatch: pytest.MonkeyPa
 
 def test_unreachable_service_at_the_first_attempt_is_an_error() -> None:
     with pytest.raises(UnreachableError):
-        next(follow(Breaking(None), {}))
+        next(Breaking(None).events())
+
+
+ORDER = TransportOrderRequest(destinations=(Destination(location_name="Packing", operation="NOP"),))
+
+
+def test_a_creation_gets_a_key_and_keeps_the_one_it_has() -> None:
+    made = Call.of(CREATE_ORDER, "", ORDER, {})
+    assert made.repeatable
+    assert made.arguments["json"]["destinations"] == [{"locationName": "Packing", "operation": "NOP"}]
+    assert made.arguments["json"]["idempotencyKey"]
+    keyed = Call.of(CREATE_ORDER, "", ORDER.model_copy(update={"idempotency_key": "WMS-7"}), {})
+    assert keyed.arguments["json"]["idempotencyKey"] == "WMS-7"
+
+
+def test_a_query_model_becomes_query_parameters() -> None:
+    query = TransportOrdersQuery(state=[TransportOrderState.FAILED], limit=5)
+    assert Call.of(LIST_ORDERS, "", query, {}).arguments["params"] == {"state": ["FAILED"], "limit": 5}
+
+
+@pytest.mark.parametrize(
+    ("operation", "body", "repeatable"),
+    [
+        (LIST_ORDERS, None, True),
+        (CREATE_ORDER, {"idempotencyKey": "WMS-7"}, True),
+        (CREATE_ORDER, {"name": "WMS-7"}, False),
+        (DISPATCH, None, False),
+    ],
+)
+def test_only_requests_without_a_second_effect_are_repeated(
+    operation: Operation[Any], body: Any, *, repeatable: bool
+) -> None:
+    assert Call.of(operation, "", None, {"body": body}).repeatable is repeatable
+
+
+async def test_requests_wait_for_an_order_service_that_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "RETRY_PAUSE", 0.01)
+    port = free_port()
+    async with AsyncClient(f"http://127.0.0.1:{port}", retry_for=PATIENCE) as patient:
+        waiting = asyncio.create_task(patient.call(at("/here")))
+        server = HttpServer(active([]), HttpSettings(port=port))
+        task = asyncio.create_task(server.run())
+        assert (await waiting).transport_order == "T-1"
+        server.stop()
+        await asyncio.wait_for(task, PATIENCE)
+
+
+async def test_a_refusal_is_not_repeated() -> None:
+    seen: list[str | None] = []
+    async with served(active(seen)) as url, AsyncClient(url, "secret", retry_for=PATIENCE) as patient:
+        with pytest.raises(RefusedError, match="It has ended"):
+            await patient.call(at("/refused"))
+    assert seen == ["Bearer secret"]

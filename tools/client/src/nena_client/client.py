@@ -1,0 +1,311 @@
+"""Clients of the order service's REST API and event stream; they find the active one of several."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Generator, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager
+from typing import Self, Unpack
+
+import httpx
+from pydantic import BaseModel
+
+from nena_client.exchange import (
+    ANSWER,
+    EVENTS,
+    STREAM,
+    A,
+    Addresses,
+    Attempt,
+    Call,
+    Event,
+    EventReader,
+    Options,
+    P,
+    Query,
+    RefusedError,
+    ServiceState,
+    UnreachableError,
+    next_page,
+    problem_of,
+    read,
+)
+from nena_shared.fleet_api.operations import LIST_VEHICLES, SHOW_ORDER, Operation
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+
+RETRY_FOR = 30.0
+"""How long a client repeats a request by default, seconds: a takeover takes less."""
+RETRY_PAUSE = 1.0
+"""Delay before a request or a broken event stream is tried again, seconds."""
+ORDER_EVENT = "transportOrder"
+
+
+def _headers(token: str | None) -> dict[str, str]:
+    return {"Authorization": f"Bearer {token}"} if token else {}
+
+
+class Client:
+    """Blocking client. Use it as a context manager, or call :meth:`close`.
+
+    Args:
+        urls: of the order service, or of all of a fleet.
+        token: of a user; None: the order service requires none.
+        retry_for: how long requests are repeated while no order service answers, seconds; only requests that
+            may be repeated, to which the client adds idempotency keys.
+
+    """
+
+    def __init__(
+        self, urls: str | Sequence[str], token: str | None = None, *, retry_for: float = RETRY_FOR
+    ) -> None:
+        self._client = httpx.Client(headers=_headers(token), timeout=ANSWER)
+        self._addresses = Addresses.of(urls)
+        self._retry_for = retry_for
+
+    def __enter__(self) -> Self:
+        """Return the client."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close all connections."""
+        self.close()
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._client.close()
+
+    def call(
+        self,
+        operation: Operation[A],
+        name: str = "",
+        request: BaseModel | None = None,
+        **options: Unpack[Options],
+    ) -> A:
+        """Call an operation on the object of this name; raises RefusedError and UnreachableError."""
+        return read(operation, self._send(Call.of(operation, name, request, options)))
+
+    def pages(self, operation: Operation[P], query: Query | None = None) -> Iterator[P]:
+        """Yield the pages of a list; raises RefusedError and UnreachableError."""
+        page = self.call(operation, query=next_page(None, query))
+        yield page
+        while page.next is not None:
+            page = self.call(operation, query=next_page(page.next, query))
+            yield page
+
+    def readiness(self) -> dict[str, ServiceState]:
+        """Return the state of the order service at each URL."""
+        return {url: self._state_of(url) for url in self._addresses.urls}
+
+    def events(
+        self, query: Query | None = None, *, on_break: Callable[[str], None] = lambda _: None
+    ) -> Generator[Event]:
+        """Follow the events endlessly; resume after the last one when the connection breaks.
+
+        Raises RefusedError, and UnreachableError if the first attempt fails.
+        """
+        last_id: str | None = None
+        ever = False
+        while True:
+            try:
+                with self._stream(query, last_id) as lines:
+                    reader = EventReader()
+                    for event in filter(None, map(reader.read, lines)):
+                        ever = True
+                        last_id = event.id or last_id
+                        yield event
+            except UnreachableError as error:
+                if not ever:
+                    raise
+                on_break(str(error))
+            time.sleep(RETRY_PAUSE)
+
+    def wait_for(self, order: str) -> TransportOrderStatus:
+        """Wait until a transport order has ended, and return it."""
+        events = self.events({"kind": ORDER_EVENT, ORDER_EVENT: order})
+        status = self.call(SHOW_ORDER, order)
+        while not status.state.final:
+            next(events)  # also a heartbeat: an order that ended before the stream began has no event
+            status = self.call(SHOW_ORDER, order)
+        events.close()
+        return status
+
+    def _send(self, call: Call) -> httpx.Response:
+        give_up = time.monotonic() + self._retry_for
+        while True:
+            try:
+                return self._send_once(call)
+            except UnreachableError:
+                if not call.repeatable or time.monotonic() + RETRY_PAUSE > give_up:
+                    raise
+            time.sleep(RETRY_PAUSE)
+
+    def _send_once(self, call: Call) -> httpx.Response:
+        attempt = Attempt(self._addresses)
+        for url in attempt.urls():
+            try:
+                answer = self._client.request(call.method, url + call.path, **call.arguments)
+            except httpx.TransportError as error:
+                attempt.failed(url, error)
+                continue
+            if attempt.accepts(url, answer):
+                break
+        return answer
+
+    def _state_of(self, url: str) -> ServiceState:
+        try:
+            return ServiceState.of(self._client.get(f"{url}/readyz"))
+        except httpx.TransportError as error:
+            return ServiceState(f"not reachable: {error}", healthy=False)
+
+    def _active(self) -> str:
+        """Return the URL of the active order service; a single one counts as active."""
+        if len(self._addresses.urls) > 1:
+            self.call(LIST_VEHICLES, query={"limit": 1})
+        return self._addresses.urls[0]
+
+    @contextmanager
+    def _stream(self, query: Query | None, last_id: str | None) -> Iterator[Iterator[str]]:
+        """Follow the lines of the event stream; raises as :meth:`call` does, also while it is followed."""
+        url = self._active()
+        headers = {"Last-Event-ID": last_id} if last_id else {}
+        following = self._client.stream("GET", url + EVENTS, params=query, headers=headers, timeout=STREAM)
+        try:
+            with following as answer:
+                if not answer.is_success:
+                    answer.read()
+                    raise RefusedError(problem_of(answer))
+                yield answer.iter_lines()
+        except httpx.TransportError as error:
+            message = f"{url}: {error}"
+            raise UnreachableError(message) from error
+
+
+class AsyncClient:
+    """The same for asyncio. Use it as an asynchronous context manager, or call :meth:`close`."""
+
+    def __init__(
+        self, urls: str | Sequence[str], token: str | None = None, *, retry_for: float = RETRY_FOR
+    ) -> None:
+        self._client = httpx.AsyncClient(headers=_headers(token), timeout=ANSWER)
+        self._addresses = Addresses.of(urls)
+        self._retry_for = retry_for
+
+    async def __aenter__(self) -> Self:
+        """Return the client."""
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Close all connections."""
+        await self.close()
+
+    async def close(self) -> None:
+        """Close all connections."""
+        await self._client.aclose()
+
+    async def call(
+        self,
+        operation: Operation[A],
+        name: str = "",
+        request: BaseModel | None = None,
+        **options: Unpack[Options],
+    ) -> A:
+        """Call an operation on the object of this name; raises RefusedError and UnreachableError."""
+        return read(operation, await self._send(Call.of(operation, name, request, options)))
+
+    async def pages(self, operation: Operation[P], query: Query | None = None) -> AsyncIterator[P]:
+        """Yield the pages of a list; raises RefusedError and UnreachableError."""
+        page = await self.call(operation, query=next_page(None, query))
+        yield page
+        while page.next is not None:
+            page = await self.call(operation, query=next_page(page.next, query))
+            yield page
+
+    async def readiness(self) -> dict[str, ServiceState]:
+        """Return the state of the order service at each URL."""
+        return {url: await self._state_of(url) for url in self._addresses.urls}
+
+    async def events(
+        self, query: Query | None = None, *, on_break: Callable[[str], None] = lambda _: None
+    ) -> AsyncGenerator[Event]:
+        """Follow the events endlessly; resume after the last one when the connection breaks.
+
+        Raises RefusedError, and UnreachableError if the first attempt fails.
+        """
+        last_id: str | None = None
+        ever = False
+        while True:
+            try:
+                async with self._stream(query, last_id) as lines:
+                    reader = EventReader()
+                    async for line in lines:
+                        event = reader.read(line)
+                        if event is not None:
+                            ever = True
+                            last_id = event.id or last_id
+                            yield event
+            except UnreachableError as error:
+                if not ever:
+                    raise
+                on_break(str(error))
+            await asyncio.sleep(RETRY_PAUSE)
+
+    async def wait_for(self, order: str) -> TransportOrderStatus:
+        """Wait until a transport order has ended, and return it."""
+        events = self.events({"kind": ORDER_EVENT, ORDER_EVENT: order})
+        status = await self.call(SHOW_ORDER, order)
+        while not status.state.final:
+            await anext(events)
+            status = await self.call(SHOW_ORDER, order)
+        await events.aclose()
+        return status
+
+    async def _send(self, call: Call) -> httpx.Response:
+        give_up = time.monotonic() + self._retry_for
+        while True:
+            try:
+                return await self._send_once(call)
+            except UnreachableError:
+                if not call.repeatable or time.monotonic() + RETRY_PAUSE > give_up:
+                    raise
+            await asyncio.sleep(RETRY_PAUSE)
+
+    async def _send_once(self, call: Call) -> httpx.Response:
+        attempt = Attempt(self._addresses)
+        for url in attempt.urls():
+            try:
+                answer = await self._client.request(call.method, url + call.path, **call.arguments)
+            except httpx.TransportError as error:
+                attempt.failed(url, error)
+                continue
+            if attempt.accepts(url, answer):
+                break
+        return answer
+
+    async def _state_of(self, url: str) -> ServiceState:
+        try:
+            return ServiceState.of(await self._client.get(f"{url}/readyz"))
+        except httpx.TransportError as error:
+            return ServiceState(f"not reachable: {error}", healthy=False)
+
+    async def _active(self) -> str:
+        """Return the URL of the active order service; a single one counts as active."""
+        if len(self._addresses.urls) > 1:
+            await self.call(LIST_VEHICLES, query={"limit": 1})
+        return self._addresses.urls[0]
+
+    @asynccontextmanager
+    async def _stream(self, query: Query | None, last_id: str | None) -> AsyncIterator[AsyncIterator[str]]:
+        """Follow the lines of the event stream; raises as :meth:`call` does, also while it is followed."""
+        url = await self._active()
+        headers = {"Last-Event-ID": last_id} if last_id else {}
+        following = self._client.stream("GET", url + EVENTS, params=query, headers=headers, timeout=STREAM)
+        try:
+            async with following as answer:
+                if not answer.is_success:
+                    await answer.aread()
+                    raise RefusedError(problem_of(answer))
+                yield answer.aiter_lines()
+        except httpx.TransportError as error:
+            message = f"{url}: {error}"
+            raise UnreachableError(message) from error

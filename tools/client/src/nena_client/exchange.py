@@ -1,0 +1,218 @@
+"""Requests, answers, events, and which of several order services to ask; without I/O."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any, TypedDict, TypeVar
+from uuid import uuid4
+
+import httpx
+from pydantic import BaseModel, JsonValue, ValidationError
+
+from nena_shared.fleet_api.operations import Operation
+from nena_shared.fleet_api.requests import OrderSequencePage, Readiness, TransportOrderPage, VehicleList
+from nena_shared.fleet_api.transport_order import Problem
+
+A = TypeVar("A", bound=BaseModel)
+P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList)
+Query = Mapping[str, str | int | Sequence[str]]
+
+PAGE = 200
+"""Items per page."""
+CONNECT_SECONDS = 5.0
+ANSWER_SECONDS = 30.0
+"""Timeout of a request, seconds; longer than the order service waits for its store and for robots."""
+ANSWER = httpx.Timeout(ANSWER_SECONDS, connect=CONNECT_SECONDS)
+SILENCE_SECONDS = 20.0
+"""Seconds without data after which an event stream is broken; it has a heartbeat every five seconds."""
+STREAM = httpx.Timeout(SILENCE_SECONDS, connect=CONNECT_SECONDS)
+EVENTS = "/v1/events"
+NOT_ONE = "is not an order service; check the URL"
+
+
+class RefusedError(Exception):
+    """The order service rejected a request; the text says why and what to do."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__("\n".join([problem.detail, *(f"- {each}" for each in problem.errors)]))
+        self.problem = problem
+
+
+class UnreachableError(Exception):
+    """No order service answers, or none of those that answer is active."""
+
+
+class Options(TypedDict, total=False):
+    """What a call may state besides its request model."""
+
+    query: Query | None
+    body: JsonValue
+    """Body as JSON, for callers that have no model."""
+    content: bytes | None
+    """Body as bytes, such as a plant model."""
+    headers: Mapping[str, str] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A request to any of the order services."""
+
+    method: str
+    path: str
+    arguments: dict[str, Any]
+    """Arguments of httpx's ``request``."""
+    repeatable: bool
+    """Whether sending it twice has no other effect than sending it once."""
+
+    @classmethod
+    def of(cls, operation: Operation[Any], name: str, request: BaseModel | None, options: Options) -> Call:
+        """Return the request of an operation.
+
+        A request that creates an object gets an idempotency key, if it has none.
+        """
+        query, body = options.get("query"), options.get("body")
+        keyed = isinstance(body, Mapping) and "idempotencyKey" in body
+        if request is not None:
+            fields = request.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+            if operation.method == "GET":
+                query = {**fields, **(query or {})}
+            else:
+                keyed = "idempotency_key" in type(request).model_fields
+                body = {"idempotencyKey": str(uuid4()), **fields} if keyed else fields
+        arguments = {
+            "params": query,
+            "json": body,
+            "content": options.get("content"),
+            "headers": options.get("headers"),
+        }
+        repeatable = operation.method != "POST" or keyed
+        return cls(operation.method, operation.path_of(name), arguments, repeatable)
+
+
+@dataclass(slots=True)
+class Addresses:
+    """URLs of the order services of a fleet; the last one that was active is asked first."""
+
+    urls: list[str]
+
+    @classmethod
+    def of(cls, urls: str | Sequence[str]) -> Addresses:
+        """Return them without their trailing slashes."""
+        return cls([each.rstrip("/") for each in ([urls] if isinstance(urls, str) else urls)])
+
+    def prefer(self, url: str) -> None:
+        """Ask this one first next time."""
+        self.urls.remove(url)
+        self.urls.insert(0, url)
+
+
+@dataclass(slots=True)
+class Attempt:
+    """One round through all order services."""
+
+    addresses: Addresses
+    failures: list[str] = field(default_factory=list)
+
+    def urls(self) -> Iterator[str]:
+        """Yield the URLs to ask; raises UnreachableError at their end."""
+        yield from tuple(self.addresses.urls)
+        raise UnreachableError("\n".join(self.failures))
+
+    def failed(self, url: str, error: Exception) -> None:
+        """Note that an order service does not answer."""
+        self.failures.append(f"{url}: {error}")
+
+    def accepts(self, url: str, answer: httpx.Response) -> bool:
+        """Return whether it is the answer of the active one; raises RefusedError."""
+        if answer.is_success:
+            self.addresses.prefer(url)
+            return True
+        problem = problem_of(answer)
+        if not _stands_by(problem):
+            raise RefusedError(problem)
+        self.failures.append(f"{url}: {problem.detail}")
+        return False
+
+
+def read(operation: Operation[A], answer: httpx.Response) -> A:
+    """Return the body of a successful answer; raises UnreachableError if it has another form."""
+    try:
+        return operation.answer.model_validate_json(answer.content)
+    except ValidationError as error:
+        message = f"{answer.url} answered {answer.status_code} and {_unknown_form(answer)}"
+        raise UnreachableError(message) from error
+
+
+def next_page(after: str | None, query: Query | None) -> Query:
+    """Return the query of the page after ``after``; None: of the first one."""
+    return {**(query or {}), "limit": PAGE, **({"after": after} if after else {})}
+
+
+def _unknown_form(answer: httpx.Response) -> str:
+    """Return why a successful answer cannot be read."""
+    if answer.headers.get("content-type", "").startswith("application/json"):
+        return "its answer has a form that this nena does not know; is it of another release?"
+    return NOT_ONE
+
+
+def _stands_by(problem: Problem) -> bool:
+    return problem.status == HTTPStatus.SERVICE_UNAVAILABLE and problem.title == "Standing by"
+
+
+def problem_of(answer: httpx.Response) -> Problem:
+    """Return the problem of an answer that is no success."""
+    try:
+        return Problem.model_validate_json(answer.content)
+    except ValidationError:
+        detail = f"{answer.url} answered {answer.status_code} and {NOT_ONE}"
+        return Problem(title="No order service", status=answer.status_code, detail=detail)
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceState:
+    """State of an order service, as text, and whether it is as it should be."""
+
+    text: str
+    healthy: bool
+
+    @classmethod
+    def of(cls, answer: httpx.Response) -> ServiceState:
+        """Return what ``/readyz`` reports."""
+        try:
+            found = Readiness.model_validate_json(answer.content)
+        except ValidationError:
+            return cls(NOT_ONE, healthy=False)
+        if found.role == "standby":
+            return cls("standby", healthy=True)
+        text = ", ".join((found.role, "ready" if found.ready else "not ready", *found.problems))
+        return cls(text, healthy=found.ready)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A server-sent event."""
+
+    kind: str
+    id: str | None
+    data: Any
+
+
+class EventReader:
+    """Reads events line by line; an incomplete one at the end is dropped."""
+
+    def __init__(self) -> None:
+        self._fields: dict[str, str] = {}
+
+    def read(self, line: str) -> Event | None:
+        """Return the event that this line ends."""
+        if line:
+            name, _, value = line.partition(":")
+            self._fields[name] = value.removeprefix(" ")
+            return None
+        fields, self._fields = self._fields, {}
+        if "data" not in fields:
+            return None
+        return Event(fields.get("event", "message"), fields.get("id"), json.loads(fields["data"]))
