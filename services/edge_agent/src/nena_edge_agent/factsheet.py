@@ -95,7 +95,7 @@ def make_factsheet(
         physical_parameters=_physical(settings),
         protocol_limits=_limits(settings, capabilities.maximum_nodes),
         protocol_features=factsheet.ProtocolFeatures(
-            optional_parameters=supported(capabilities, limits.tolerance if limits else None),
+            optional_parameters=supported(capabilities, limits),
             mobile_robot_actions=tuple(_action(each, capabilities.rules) for each in _offered(capabilities)),
         ),
         mobile_robot_geometry=_geometry(settings, limits.contour if limits else ()),

@@ -202,10 +202,11 @@ def test_the_command(broker: Broker, domain_id: int) -> None:
 
 async def test_nav2_parameters_are_reported(domain_id: int) -> None:
     settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
-    with simulated_robot(domain_id, tolerance={"xy": 0.15}):
+    with simulated_robot(domain_id, tolerance={"xy": 0.15, "yaw": 0.2}):
         view = await look(settings)
 
-    assert (view.tolerance, view.server_timeout) == (0.15, 20)
+    assert (view.tolerance, view.theta_tolerance, view.server_timeout) == (0.15, 0.2, 20)
     (nav2,) = (each for each in judge_robot(view, settings) if each.link is Link.NAVIGATION)
     assert "goal tolerance 0.15 m" in nav2.text
+    assert "heading tolerance 0.2 rad" in nav2.text
     assert "waits 20 ms" in nav2.text

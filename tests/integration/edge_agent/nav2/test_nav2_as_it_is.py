@@ -153,7 +153,7 @@ async def test_operator_takes_over_during_navigate_through_poses(bench: Bench) -
 
 async def test_nav2_goal_tolerance_is_checked_before_driving(bench: Bench) -> None:
     narrow = {"n1": position(10.0, radius=0.1)}
-    with bench.simulator(tolerance={"xy": 0.4}):
+    with bench.simulator(tolerance={"xy": 0.4, "yaw": 0.2}):
         async with bench.agent(ros=QUICK) as fleet:
             await fleet.state(ready)
             fleet.send(order("n0", "n1", positions=narrow))
@@ -161,6 +161,7 @@ async def test_nav2_goal_tolerance_is_checked_before_driving(bench: Bench) -> No
             assert "goal tolerance is 0.4 m" in texts(state)
             assert state["lastNodeId"] == "n0"
             await until(lambda: "at least 0.4 m" in factsheet(bench), what="the tolerance in the factsheet")
+            assert "at least 0.2 rad" in factsheet(bench)
 
 
 def factsheet(bench: Bench) -> str:

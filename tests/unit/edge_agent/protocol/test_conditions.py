@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from nena_edge_agent.driver.port import (
@@ -288,7 +290,7 @@ def test_the_collision_monitor_is_reported_only_during_a_drive() -> None:
     assert robot.errors == []
 
 
-LIMITS = DriveLimits(tolerance=0.25, hand_over=0.6, map_id=MAP)
+LIMITS = DriveLimits(tolerance=0.25, hand_over=0.6, map_id=MAP, theta_tolerance=0.25)
 
 
 def test_a_node_below_the_goal_tolerance_is_reported_before_the_drive() -> None:
@@ -301,6 +303,29 @@ def test_a_node_below_the_goal_tolerance_is_reported_before_the_drive() -> None:
     assert (error.error_type, error.error_level) == (DEVIATION_TOO_SMALL, ErrorLevel.WARNING)
     assert "'n2' allows a deviation of 0.1 m" in str(error.error_description)
     assert "0.25 m" in str(error.error_description)
+
+
+def test_a_heading_below_the_goal_tolerance_is_reported_before_the_drive() -> None:
+    bench = Bench()
+    bench.do(LIMITS)
+    exact = position(20.0, theta=1.0).model_copy(update={"allowed_deviation_theta": 0.1})
+    bench.send(order("n0", "n1", "n2", positions={"n2": exact}))
+
+    (error,) = bench.state.errors
+    assert error.error_type == DEVIATION_TOO_SMALL
+    assert "'n2' allows a deviation of 0.1 rad, but Nav2's goal tolerance is 0.25 rad" in str(
+        error.error_description
+    )
+    assert "yaw_goal_tolerance" in str(error.error_hint)
+
+
+@pytest.mark.parametrize("theta_tolerance", [None, 0.1])
+def test_a_heading_that_navigation_may_reach_causes_no_warning(theta_tolerance: float | None) -> None:
+    bench = Bench()
+    bench.do(replace(LIMITS, theta_tolerance=theta_tolerance))
+    exact = position(20.0, theta=1.0).model_copy(update={"allowed_deviation_theta": 0.1})
+    bench.send(order("n0", "n1", "n2", positions={"n2": exact}))
+    assert bench.errors == []
 
 
 def test_nodes_that_allow_enough_cause_no_warning() -> None:

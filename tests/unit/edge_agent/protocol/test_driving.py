@@ -453,6 +453,22 @@ def test_an_edge_without_length_is_driven_by_a_robot_that_is_elsewhere() -> None
     assert bench.goal.pose.x == 4.0
 
 
+@pytest.mark.clause("6.1.2/zero", "7.3/theta")
+@pytest.mark.parametrize(("theta", "driven"), [(0.2, False), (1.5, True)], ids=["as required", "off it"])
+def test_an_edge_without_length_is_driven_by_a_robot_off_the_required_heading(
+    theta: float,
+    driven: bool,  # noqa: FBT001
+) -> None:
+    """The first node is traversed with any heading; the next one at the same place is not."""
+    bench = Bench()
+    bench.do(at(0.0, theta=theta))
+    facing = position(0.0, theta=0.0)
+    bench.send(order("n0", "n1", positions={"n0": facing, "n1": facing}))
+
+    assert [goal.pose for goal in bench.goals] == [Pose(0.0, 0.0, 0.0, MAP)] * driven
+    assert bench.nodes == ["n1"] * driven
+
+
 def test_the_hint_is_correct_after_a_failure_of_navigation_during_a_drive() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))

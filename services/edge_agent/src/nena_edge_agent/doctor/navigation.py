@@ -46,6 +46,8 @@ class RosView:
     grid: Grid | None = None
     tolerance: float | None = None
     """Distance from a goal within which Nav2 considers it reached, m (``xy_goal_tolerance``)."""
+    theta_tolerance: float | None = None
+    """Deviation from a goal's heading at which it still counts as reached, rad (``yaw_goal_tolerance``)."""
     server_timeout: float | None = None
     """Time for which bt_navigator waits for its servers, ms (``default_server_timeout``)."""
     path_types: bool = True
@@ -213,6 +215,8 @@ def _drives(view: RosView) -> str:
     notes = []
     if view.tolerance is not None:
         notes.append(f"goal tolerance {view.tolerance:g} m (no node may allow less)")
+    if view.theta_tolerance is not None:
+        notes.append(f"heading tolerance {view.theta_tolerance:g} rad (likewise)")
     if view.server_timeout is not None:
         notes.append(f"waits {view.server_timeout:g} ms for its servers")
     return "".join(f"; {each}" for each in notes)

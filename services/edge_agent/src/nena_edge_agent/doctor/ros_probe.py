@@ -105,6 +105,7 @@ class _Probe:
             pose=self._pose,
             grid=self._grid,
             tolerance=parameters.xy_tolerance,
+            theta_tolerance=parameters.yaw_tolerance,
             server_timeout=parameters.server_timeout,
             path_types=interface(FOLLOW_PATH) is not None,
             path_servers=self._path_servers(),

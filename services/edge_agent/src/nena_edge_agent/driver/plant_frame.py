@@ -81,7 +81,8 @@ class PlantFrame:
             case port.DriveLimits(tolerance, hand_over, map_id):
                 to_length = self.on(map_id).length_to_plant
                 contour = tuple((to_length(x), to_length(y)) for x, y in event.contour)
-                return port.DriveLimits(to_length(tolerance), to_length(hand_over), map_id, contour)
+                lengths = (to_length(tolerance), to_length(hand_over))
+                return port.DriveLimits(*lengths, map_id, contour, event.theta_tolerance)
             case _:
                 return event
 

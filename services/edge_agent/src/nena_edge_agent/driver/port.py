@@ -227,15 +227,16 @@ class BlockedReport:
 class DriveLimits:
     """Navigation's goal tolerance and footprint, in m on the map ``map_id``.
 
-    A goal counts as reached within ``tolerance``. To pass a goal at full speed, the next one must arrive
-    ``hand_over`` m plus one replanning period before it. ``contour`` is the footprint around the robot's
-    origin; empty: unknown.
+    A goal counts as reached within ``tolerance``, and within ``theta_tolerance`` rad of its heading (None:
+    unknown). To pass a goal at full speed, the next one must arrive ``hand_over`` m plus one replanning
+    period before it. ``contour`` is the footprint around the robot's origin; empty: unknown.
     """
 
     tolerance: float
     hand_over: float
     map_id: str
     contour: tuple[tuple[float, float], ...] = ()
+    theta_tolerance: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,6 +36,7 @@ class Nav2Parameters:
     """
 
     xy_tolerance: float | None = None
+    yaw_tolerance: float | None = None
     approach: float | None = None
     server_timeout: float | None = None
     speed: float | None = None
@@ -50,7 +51,7 @@ class Nav2Parameters:
         within = tolerance or self.xy_tolerance or GOAL_TOLERANCE
         hand_over = max(within, self.approach or 0.0) + known_each
         log.info("Nav2's parameters", tolerance=within, hand_over=hand_over)
-        return DriveLimits(within, hand_over, map_id, self.contour)
+        return DriveLimits(within, hand_over, map_id, self.contour, self.yaw_tolerance)
 
 
 def contour_of(footprint: str, radius: float | None) -> Contour:
@@ -94,6 +95,7 @@ class ParameterReader:
         )
         numbers = await asyncio.gather(
             self._number(self._controller, f"{checker}.xy_goal_tolerance"),
+            self._number(self._controller, f"{checker}.yaw_goal_tolerance"),
             self._number(self._controller, f"{follower}.approach_velocity_scaling_dist"),
             self._number(self._navigator, "default_server_timeout"),
         )

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from nena_edge_agent.driver.port import DriveLimits
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.geometry import Footprint
 from nena_shared.vda5050.action import ActionStatus
@@ -118,7 +119,6 @@ _ALWAYS: tuple[OptionalParameter, ...] = (
         description="The robot drives to coordinates; it does not know nodes by name.",
     ),
     OptionalParameter(parameter="order.nodes.nodePosition.theta", support=Support.SUPPORTED),
-    OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationTheta", support=Support.SUPPORTED),
     OptionalParameter(parameter="order.edges.length", support=Support.SUPPORTED),
 )
 
@@ -156,16 +156,21 @@ TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
 """Fields that the setting ``tolerated_parameters`` may name."""
 
 
-def supported(capabilities: Capabilities, tolerance: float | None = None) -> tuple[OptionalParameter, ...]:
+def supported(capabilities: Capabilities, limits: DriveLimits | None = None) -> tuple[OptionalParameter, ...]:
     """Return the optional fields for the factsheet (section 6.10).
 
-    Unlisted fields are unsupported. ``tolerance`` is navigation's goal tolerance, m.
+    Unlisted fields are unsupported. ``limits`` are navigation's, None: not reported.
     """
-    least = f"at least {tolerance:g} m: Nav2's goal tolerance" if tolerance else None
-    deviation = OptionalParameter(
-        parameter="order.nodes.nodePosition.allowedDeviationXY",
-        support=Support.SUPPORTED,
-        description=least,
+    deviations = (
+        OptionalParameter(
+            parameter=f"order.nodes.nodePosition.{field}",
+            support=Support.SUPPORTED,
+            description=f"at least {tolerance:g} {unit}: Nav2's goal tolerance" if tolerance else None,
+        )
+        for field, tolerance, unit in (
+            ("allowedDeviationTheta", limits.theta_tolerance if limits else None, "rad"),
+            ("allowedDeviationXY", limits.tolerance if limits else None, "m"),
+        )
     )
     more: list[str] = []
     if capabilities.limits_speed:
@@ -175,7 +180,7 @@ def supported(capabilities: Capabilities, tolerance: float | None = None) -> tup
     if ActionStatus.RETRIABLE in capabilities.rules.action_statuses:
         more += ["nodes.actions.retriable", "edges.actions.retriable"]
     listed = (OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in more)
-    return (*_ALWAYS, deviation, *listed)
+    return (*_ALWAYS, *deviations, *listed)
 
 
 def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | None] | None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from nena_edge_agent.driver.port import PoseReport, SessionReport, SessionState
+from nena_edge_agent.driver.port import DriveLimits, PoseReport, SessionReport, SessionState
 from nena_edge_agent.protocol import edge_paths
+from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.geometry import radius
 from nena_edge_agent.protocol.robot_state import (
@@ -15,6 +16,7 @@ from nena_edge_agent.protocol.robot_state import (
     RobotState,
 )
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
+from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.own_actions import CONFIGURE_ROS_SESSION, ROS_SESSION, STOP_ROS_SESSION
 from nena_shared.vda5050.state import InfoLevel, Information
 
@@ -211,25 +213,35 @@ def _retry(robot: RobotState) -> ErrorEntry | None:
 
 def _deviation(robot: RobotState) -> ErrorEntry | None:
     """Report the next node whose allowed deviation is below Nav2's goal tolerance."""
-    limits, default = robot.reports.limits, robot.capabilities.default_deviation_xy
+    limits = robot.reports.limits
     if limits is None:
         return None
-    narrow = (
-        (node, allowed)
-        for node in robot.progress.nodes
-        if node.node_position and (allowed := radius(node.node_position, default)) < limits.tolerance
-    )
-    node, allowed = next(narrow, (None, 0.0))
-    if node is None:
+    for node in robot.progress.nodes:
+        found = node.node_position and _too_small(node.node_position, limits, robot.capabilities)
+        if found:
+            text, parameter = found
+            return error(
+                DEVIATION_TOO_SMALL,
+                f"node '{node.node_id}' allows a deviation of {text}: the drive can fail",
+                hint=f"increase the node's allowed deviation, or lower {parameter} of Nav2's goal checker",
+                node_id=node.node_id,
+                order_id=robot.progress.order_id,
+            )
+    return None
+
+
+def _too_small(
+    position: NodePosition, limits: DriveLimits, capabilities: Capabilities
+) -> tuple[str, str] | None:
+    """Return what is wrong with the allowed deviation, and Nav2's parameter; None: nothing."""
+    xy = radius(position, capabilities.default_deviation_xy)
+    if xy < limits.tolerance:
+        return f"{xy:g} m, but Nav2's goal tolerance is {limits.tolerance:g} m", "xy_goal_tolerance"
+    theta = position.allowed_deviation_theta or capabilities.default_deviation_theta
+    least = limits.theta_tolerance
+    if position.theta is None or least is None or theta >= least:
         return None
-    return error(
-        DEVIATION_TOO_SMALL,
-        f"node '{node.node_id}' allows a deviation of {allowed:g} m, but Nav2's goal "
-        f"tolerance is {limits.tolerance:g} m: the drive can fail",
-        hint="increase the node's allowed deviation, or lower xy_goal_tolerance of Nav2's goal checker",
-        node_id=node.node_id,
-        order_id=robot.progress.order_id,
-    )
+    return f"{theta:g} rad, but Nav2's goal tolerance is {least:g} rad", "yaw_goal_tolerance"
 
 
 def _external_goal(robot: RobotState) -> ErrorEntry | None:

@@ -235,10 +235,17 @@ def _is_next_edge_barred(robot: RobotState, position: NodePosition) -> bool:
 
 
 def _is_already_at(robot: RobotState, position: NodePosition, pose: port.Pose) -> bool:
-    """Return whether the edge to ``position`` has no length and the robot is already there."""
-    last = robot.progress.last_node if robot.progress.on_last_node else None
+    """Return whether the edge to ``position`` has no length and the robot is already there, as required.
+
+    It may have been turned by hand since, or have begun its order with another heading than its first node's.
+    """
+    last, capabilities = robot.progress.last_node if robot.progress.on_last_node else None, robot.capabilities
     same = last and last.node_position and is_same_position(last.node_position, position)
-    return bool(same) and is_within_deviation(pose, position, robot.capabilities.default_deviation_xy)
+    return (
+        bool(same)
+        and is_within_deviation(pose, position, capabilities.default_deviation_xy)
+        and heading_matches(pose, position, capabilities.default_deviation_theta)
+    )
 
 
 def _base_length_left(robot: RobotState) -> float:
