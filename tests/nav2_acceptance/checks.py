@@ -146,7 +146,7 @@ async def _extended(site: Nav2Site, mode: str, share: float | None) -> float:
         else:
             length, begin = share * dist(site.here, way[1]), _place(site)
             order_id = site.send(*way[:2], radius=DEVIATION)
-            await until(lambda: dist(begin, _place(site)) >= length, timeout=60.0, what="part of the way")
+            await until(lambda: dist(begin, _place(site)) >= length, what="part of the way")
         site.extend(order_id, way, radius=DEVIATION)
         done = await site.when(
             lambda state: (state["orderId"], state["lastNodeId"]) == (order_id, f"n{len(way)}"), since=0

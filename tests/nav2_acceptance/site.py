@@ -16,7 +16,7 @@ from nena_shared.vda5050.order import NodePosition
 from support.edge_agent import FleetControl, ended, status_of
 from support.nav2_agent import ROS, Bench, ready
 from support.robot_core import action, order, position
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 Place = tuple[float, float]
 FORGIVING = 0.6
@@ -89,7 +89,6 @@ class Nav2Site:
         client = self.bench.ros.client(GetState, name)
         await until(
             lambda: self.bench.ros.call(client, GetState.Request()).current_state.label == "active",
-            timeout=60.0,
             what=f"{server} active",
         )
 
@@ -126,7 +125,7 @@ class Nav2Site:
                 await self.put_at(self.pose)
         await self.when(ready, since=begun)
 
-    async def when(self, accept: Any, *, since: int, within: float = 60.0) -> dict[str, Any]:
+    async def when(self, accept: Any, *, since: int, within: float = PATIENCE) -> dict[str, Any]:
         """Wait for a state after the first ``since`` for which ``accept`` is true."""
         fleet = self.bench.fleet
         return await until(
@@ -181,10 +180,10 @@ class Nav2Site:
         return await self.when(ended(order_id), since=0, within=within)
 
     async def moves(self) -> None:
-        await until(lambda: self.bench.speed > 0.1, timeout=30.0, what="the robot on its way")
+        await until(lambda: self.bench.speed > 0.1, what="the robot on its way")
 
-    async def stands(self, *, within: float = 30.0) -> None:
-        await until(lambda: self.bench.speed < 0.01, timeout=within, what="the robot at rest")
+    async def stands(self) -> None:
+        await until(lambda: self.bench.speed < 0.01, what="the robot at rest")
 
     async def instant(self, action_type: str, **parameters: Any) -> dict[str, Any]:
         """Send an instant action and wait for its end."""

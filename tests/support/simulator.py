@@ -23,7 +23,7 @@ from nena_robot_simulator.node import RobotNode
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 from nena_shared.clock import SystemClock
 from support.ros import RosPeer
-from support.waiting import PATIENCE, wait_until
+from support.waiting import PATIENCE, STARTUP, wait_until
 
 HALL = hall(min_x=-20, min_y=-20, max_x=40, max_y=40, resolution=0.2)
 
@@ -134,7 +134,7 @@ class SimulatorProcess:
         assert self._process.stderr is not None
         self._process.stderr.close()
 
-    def wait_for_line(self, *parts: str, timeout: float = PATIENCE) -> None:
+    def wait_for_line(self, *parts: str, timeout: float = STARTUP) -> None:
         """Wait until one line of the log holds all ``parts``."""
         wait_until(
             lambda: any(all(part in line for part in parts) for line in list(self.lines)),

@@ -62,7 +62,8 @@ def test_simple_commander_uses_behaviors_controller_and_maps(
             assert begin()
             wait_until(commander.is_task_complete, what="its end")
             assert commander.result() == "SUCCEEDED"
-        assert odometry.messages[-1].pose.pose.position.x < 1.9
+        odometry.clear()
+        assert odometry.wait_for().pose.pose.position.x < 1.9
         commander.clear_all_costmaps()
         write_map(tmp_path)
         assert commander.change_map(f"{tmp_path}/map.yaml")

@@ -66,7 +66,7 @@ async def test_trajectory_of_a_layout_is_sent_to_the_controller(
         wanted = {"name": "T", "destinations": [{"locationName": "B"}], "intendedVehicle": "Robot"}
         created = await host.post("/v1/transportOrders", json=wanted)
         assert created.is_success, created.text
-        order = await order_in(host, "T", "FINISHED", "FAILED", "UNROUTABLE", seconds=60.0)
+        order = await order_in(host, "T", "FINISHED", "FAILED", "UNROUTABLE")
         states = [*fleet.states]
     assert order["state"] == "FINISHED", order
     shown = next(each for each in states if each["edgeStates"])

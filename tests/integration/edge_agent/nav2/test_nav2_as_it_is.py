@@ -100,7 +100,7 @@ async def test_robot_in_recovery_behaviors_is_blocked(bench: Bench) -> None:
             await fleet.state(ready)
             fleet.send(LONG_WAY)
             await until(lambda: bench.speed > 0.1, what="the robot backing up")
-            state = await fleet.state(lambda state: "ROBOT_BLOCKED" in error_types(state), within=20.0)
+            state = await fleet.state(lambda state: "ROBOT_BLOCKED" in error_types(state))
             assert state["driving"]
 
 

@@ -72,8 +72,8 @@ async def test_nav2_shuts_down_during_a_drive_and_returns(domain_id: int, tmp_pa
         with SimulatorProcess("--config", file, directory=tmp_path) as nav2:
             await (await robot.ready()).driving(goal_at(1, 30.0))
             nav2.stop(signal.SIGTERM)
+            await asyncio.to_thread(nav2.ended)  # however long that takes, it has said goodbye
             failed = await robot.hears(DriveFailed, seconds=0.75 * LEASE)
-            nav2.ended()
         assert failed.failure is DriveFailure.NAVIGATION_GONE
         await until(lambda: not robot.all(NavigationReport)[-1].available, what="word that Nav2 is gone")
         with SimulatorProcess("--config", file, directory=tmp_path):

@@ -113,7 +113,9 @@ class RosNames(SettingsGroup):
     costmap: RosName = Field(
         "local_costmap/local_costmap", description="Node whose parameters hold the robot's footprint."
     )
-    planner: RosName = Field("planner_server", description="Node whose parameters are read.")
+    planner: RosName = Field(
+        "planner_server", description="Node of Nav2's planner; if it dies, the robot is stopped."
+    )
     navigator: RosName = Field("bt_navigator", description="Node whose parameters are read.")
     localiser: RosName = Field(
         "amcl/get_state", description="Service with the localisation's lifecycle state; optional."
@@ -158,7 +160,7 @@ class RosNames(SettingsGroup):
 
     @property
     def status(self) -> str:
-        """Return topic of the goal statuses of the action for one pose."""
+        """Return the topic with the goal statuses of the action for one pose."""
         return status_of(self.action)
 
 
@@ -241,7 +243,7 @@ class LocalisationSettings(SettingsGroup):
 
 
 class OfferSettings(SettingsGroup):
-    """The features of Nav2 that are used if this machine has nav2_msgs."""
+    """Optional features of Nav2, used if this machine has nav2_msgs."""
 
     speed_limit: bool = Field(
         default=True,
@@ -257,7 +259,9 @@ class OfferSettings(SettingsGroup):
         description="Drive edges with a trajectory or corridor along it, by the controller's action: "
         "without Nav2's planner, which avoids obstacles, and without recoveries.",
     )
-    mask_resolution: float = Field(0.05, ge=0.01, le=1.0, description="Cell size of that mask, metres.")
+    mask_resolution: float = Field(
+        0.05, ge=0.01, le=1.0, description="Cell size of the keep-out mask, metres."
+    )
 
 
 class RosSettings(SettingsGroup):
@@ -312,7 +316,8 @@ class RosSettings(SettingsGroup):
         "{ careful = '/opt/trees/careful.xml' }. Needs nav2_msgs.",
     )
     nav2: OfferSettings = Field(
-        default_factory=OfferSettings, description="What of Nav2 is used where nav2_msgs is available."
+        default_factory=OfferSettings,
+        description="Optional features of Nav2, used if nav2_msgs is available.",
     )
     watch_period: Seconds = Field(1.0, description="Interval between checks for Nav2, seconds.")
     call_timeout: Seconds = Field(1.0, description="Timeout of ROS services, seconds.")

@@ -27,7 +27,7 @@ log = get_logger(__name__)
 LONGEST_CHAIN = 20
 """Maximum number of frames between the robot and the map."""
 MOST_FRAMES = 1000
-"""Number of frames beyond which outdated ones are dropped: their names may be new each time."""
+"""Number of frames beyond which outdated ones are dropped: a publisher may use new names each time."""
 STEP = 0.05
 """Distance between two reported poses, m or rad."""
 PERIOD = 1.0
