@@ -12,6 +12,7 @@ import pytest
 
 from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import (
+    Arrived,
     DriveFailed,
     DriveFailure,
     DriveLimits,
@@ -33,7 +34,7 @@ from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
 from nena_shared.ros import GoalStatus
 from support.clocks import ManualClock
-from support.pausing import turn_passes
+from support.pausing import pass_time, turn_passes
 from support.waiting import until
 
 READING = PoseReading(1.0, 2.0, 0.5, "map", 1, 0.01, 0.01, 0.01)
@@ -452,3 +453,23 @@ async def test_a_robot_whose_localisation_dies_during_a_drive_is_reported_as_mov
         await turn_passes()
     lost = [each for each in told if isinstance(each, MapPoseReport)][-1]
     assert (lost.localized, lost.vx) == (False, 0.5)
+
+
+async def test_an_arrival_is_judged_after_the_poses_that_a_delay_held_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told = list[MapDriverEvent]()
+
+    async def answered() -> bool:
+        return True
+
+    async with on_the_way(monkeypatch, told) as (driver, station, clock):
+        monkeypatch.setattr(station, "request_pose", answered, raising=False)
+        driver._on_pose(READING)
+        driver._on_statuses([GoalEntry("a" * 32, GoalStatus.SUCCEEDED)])
+        clock.advance(3.0)
+        pass_time(driver_module.HELD_UP + 0.1)
+        at_goal = replace(READING, y=0.0, stamp=2)
+        asyncio.get_running_loop().call_later(0.1, driver._on_pose, at_goal)
+        await until(lambda: any(isinstance(each, Arrived | DriveFailed) for each in told), what="the end")
+    assert [each for each in told if isinstance(each, Arrived | DriveFailed)] == [Arrived(1)]

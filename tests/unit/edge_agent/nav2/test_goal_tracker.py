@@ -292,6 +292,40 @@ class TestConfirmation:
         talk.array("A:4 B:2")
         assert talk.cancelled == ["B"]
 
+    def test_a_late_id_of_a_finished_drive_does_not_end_the_next_one(self, talk: Conversation) -> None:
+        """Goal 1 was sent twice; B, its second one, is listed after goal 2 was sent, and succeeds at once."""
+        talk.go_to(goal(1))
+        talk.later(3.6)
+        talk.at(5.0)
+        talk.array("A:4")
+        talk.go_to(goal(2, 9.0))
+        assert talk.given == [1, 1, 2]
+        talk.array("A:4 B:4")
+        talk.later(2.5)
+        assert talk.events == [Arrived(1)]
+        assert talk.given == [1, 1, 2, 2]
+        for array in ("A:4 B:4 C:2", "A:4 B:4 C:6 D:2"):
+            talk.array(array)
+        talk.at(9.0)
+        talk.array("A:4 B:4 C:6 D:4")
+        assert talk.events == [Arrived(1), Arrived(2)]
+        assert all(not external for _, external, _ in talk.goal_reports)
+
+    def test_a_lost_goal_that_is_accepted_late_does_not_end_the_next_one(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(1.0)
+        talk.go_to(goal(2, 9.0))
+        talk.later(2.6)
+        assert talk.given == [1, 2]
+        talk.array("A:2")
+        talk.at(5.0)
+        talk.array("A:4")
+        assert talk.given == [1, 2, 2]
+        talk.array("A:4 B:2")
+        talk.at(9.0)
+        talk.array("A:4 B:4")
+        assert talk.events == [Arrived(2)]
+
     def test_waits_for_navigation_without_a_timeout(self) -> None:
         talk = Conversation()
         nobody = NavigationReport(available=False, reason="no node publishes the status")

@@ -90,7 +90,7 @@ TICK = 0.05
 FEEDBACK_TIMEOUT = GIVEN_UP_AFTER
 """Seconds without feedback of a drive after which bt_navigator counts as dead also without odometry."""
 HELD_UP = 0.3
-"""Tolerated delay of the event loop, seconds; beyond it, unread feedback may be waiting."""
+"""Tolerated delay of the event loop, seconds; beyond it, unread feedback and poses may be waiting."""
 GLANCE = 0.2
 """Interval between checks that the driving server is still in the ROS graph, seconds."""
 READINGS = 5
@@ -641,7 +641,8 @@ class Nav2Driver:
             and self._ticking is None
             and (self._tracker.busy or self._initial_position.busy)
         ):
-            self._ticking = self._loop.call_later(TICK, self._tick)
+            due = self._loop.time() + TICK
+            self._ticking = self._loop.call_at(due, self._tick, due)
 
     def _do(self, command: Command | PublishInitialPose) -> None:
         if isinstance(command, Report):
@@ -683,8 +684,12 @@ class Nav2Driver:
         code = await node.cancel(goal_id)
         self._apply(self._tracker.on_cancel_answer(goal_id, code, self._clock.monotonic()))
 
-    def _tick(self) -> None:
+    def _tick(self, due: float) -> None:
+        """Check the timeouts; if the loop was delayed during a drive, first read what has arrived."""
         self._ticking = None
+        if self._tracker.wanted is not None and self._loop.time() - due > HELD_UP:
+            self._ticking = self._loop.call_later(HELD_UP, self._tick, inf)
+            return
         now = self._clock.monotonic()
         self._apply(self._initial_position.tick(now))
         self._apply(self._tracker.tick(now))

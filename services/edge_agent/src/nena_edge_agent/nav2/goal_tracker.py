@@ -51,7 +51,7 @@ class GoalDrive:
     counted_from: int = 0
     """``times_sent`` when Nav2 was last unavailable; attempts before that do not count."""
     preempts: bool = False
-    """Whether it was sent while another goal was active, whose result it may get."""
+    """Whether another goal was active or not listed yet when it was sent, whose result it may get."""
     interrupted: bool = False
     """Whether the controller was stopped on the way: the navigator may mistake that for success."""
     give_up_at: float | None = None
@@ -229,7 +229,7 @@ class GoalTracker:
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
         """Drive to ``goal``; a current goal is replaced without a stop."""
-        self._drive = GoalDrive(goal)
+        self._drive = GoalDrive(goal, preempts=self._registry.incomplete(now))
         return self._advance(now)
 
     def drop(self, now: float) -> list[Command]:

@@ -175,6 +175,10 @@ class GoalRegistry:
         """Return whether the last sent goal is still awaited."""
         return self._awaited and now - self._given_at < self._confirmation_time
 
+    def incomplete(self, now: float) -> bool:
+        """Return whether a goal sent by topic may still be listed: the first of two may have been lost."""
+        return self._claims > 0 and now - self._given_at < 2 * self._confirmation_time
+
     def forget(self, goal_id: str) -> None:
         """Remove a goal that the server does not know."""
         if goal_id in self._goals:
@@ -232,7 +236,7 @@ class GoalRegistry:
             self._orphans |= {self.given_before}
 
     def _expire(self, now: float) -> None:
-        if now - self._given_at >= 2 * self._confirmation_time:
+        if not self.incomplete(now):
             self._claims = 0
 
 
