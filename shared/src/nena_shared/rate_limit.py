@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -49,22 +50,38 @@ BYTES_PER_MESSAGE: Final = 10_000
 """A longer message counts as several."""
 
 
+POSTPONED: Final = 1000
+"""Maximum number of topics with a postponed message."""
+
+
 class MessageRate:
     """Limits the messages on each topic, so that a faulty robot cannot occupy a program.
 
-    A program drops messages beyond the limit before it reads them. The next message makes up for a dropped
-    state, because each state is complete; a dropped connection message or factsheet stays unknown until the
-    robot sends another.
+    A program drops messages beyond the limit before it reads them, except for the last one of a topic: it is
+    read once the limit allows, because no other may follow a last will or a factsheet.
     """
 
     def __init__(self, rate: float, burst: int) -> None:
         self._limit = RateLimit(rate, burst)
         self._logged = RateLimit(rate=1 / 60, burst=1)
+        self._postponed: dict[str, Callable[[], None]] = {}
 
-    def exceeded(self, topic: str, size: int, now: float) -> bool:
-        """Count a message of ``size`` bytes; return whether to drop it. ``now``: monotonic clock, s."""
+    def exceeded(self, topic: str, size: int, now: float, *, read: Callable[[], None]) -> bool:
+        """Count a message of ``size`` bytes; return whether to drop it. ``now``: monotonic clock, s.
+
+        :meth:`read_postponed` may call ``read`` later, unless the message has more than
+        :data:`BYTES_PER_MESSAGE` bytes.
+        """
+        self._postponed.pop(topic, None)
         if not self._limit.wait(topic, now, cost=max(1.0, size / BYTES_PER_MESSAGE)):
             return False
+        if size <= BYTES_PER_MESSAGE and len(self._postponed) < POSTPONED:
+            self._postponed[topic] = read
         if not self._logged.wait(topic, now):
             log.warning("dropping messages: a robot sends too many or too long ones", topic=topic)
         return True
+
+    def read_postponed(self, now: float) -> None:
+        """Read the postponed messages that the limit allows by now; call this periodically."""
+        for topic in [each for each in self._postponed if not self._limit.wait(each, now, cost=0)]:
+            self._postponed.pop(topic)()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -56,26 +58,66 @@ def test_never_more_than_burst_and_rate_allow(pauses: list[float], rate: float, 
     assert passed <= burst + rate * now + 1e-6
 
 
+def exceeded(rate: MessageRate, topic: str, size: int, now: float) -> bool:
+    return rate.exceeded(topic, size, now, read=list)
+
+
 def test_a_topic_beyond_its_rate_is_dropped_and_others_are_not() -> None:
     rate = MessageRate(2.0, 3)
 
-    assert [rate.exceeded("a", 10, 0.0) for _ in range(5)] == [False] * 3 + [True] * 2
-    assert not rate.exceeded("b", 10, 0.0)
-    assert not rate.exceeded("a", 10, 0.5)
+    assert [exceeded(rate, "a", 10, 0.0) for _ in range(5)] == [False] * 3 + [True] * 2
+    assert not exceeded(rate, "b", 10, 0.0)
+    assert not exceeded(rate, "a", 10, 0.5)
 
 
 def test_a_long_message_counts_as_several() -> None:
     rate = MessageRate(1.0, 10)
 
-    assert not rate.exceeded("a", 12 * BYTES_PER_MESSAGE, 0.0), "one is always read"
-    assert rate.exceeded("a", 10, 2.0)
-    assert not rate.exceeded("a", 10, 3.0)
+    assert not exceeded(rate, "a", 12 * BYTES_PER_MESSAGE, 0.0), "one is always read"
+    assert exceeded(rate, "a", 10, 2.0)
+    assert not exceeded(rate, "a", 10, 3.0)
 
 
 def test_dropped_messages_are_logged_once_a_minute() -> None:
     rate = MessageRate(0.001, 1)
     with capture_logs() as logs:
         for second in range(0, 90, 10):
-            rate.exceeded("a", 10, float(second))
+            exceeded(rate, "a", 10, float(second))
 
     assert [each["topic"] for each in logs] == ["a", "a"]
+
+
+def test_the_last_dropped_message_of_a_topic_is_read_once_its_rate_allows() -> None:
+    rate, found = MessageRate(1.0, 1), list[int]()
+
+    def receive(number: int, now: float) -> None:
+        if not rate.exceeded("a", 10, now, read=partial(receive, number, 2.0)):
+            found.append(number)
+
+    for number in range(5):
+        receive(number, 0.0)
+    for now in (0.5, 2.0, 2.5, 9.0):
+        rate.read_postponed(now)
+
+    assert found == [0, 4]
+
+
+def test_a_dropped_message_is_not_read_after_a_newer_one() -> None:
+    rate, found = MessageRate(1.0, 1), list[int]()
+    for number, now in ((0, 0.0), (1, 0.1), (2, 1.1)):
+        if not rate.exceeded("a", 10, now, read=partial(found.append, number)):
+            found.append(number)
+    rate.read_postponed(9.0)
+
+    assert found == [0, 2]
+
+
+def test_few_and_short_messages_are_postponed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rate_limit, "POSTPONED", 1)
+    rate, found = MessageRate(1.0, 1), list[str]()
+    for topic, size in (("long", BYTES_PER_MESSAGE + 1), ("a", 10), ("b", 10)):
+        for _ in range(2):
+            rate.exceeded(topic, size, 0.0, read=partial(found.append, topic))
+    rate.read_postponed(9.0)
+
+    assert found == ["a"]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound
+from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import codec_for
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.mqtt import FleetSubscriber
 from nena_status_aggregator.settings import AggregatorSettings
+from support.clocks import ManualClock
 from support.fleet_examples import ROBOT
 from support.honest_robot import HonestRobot
 
@@ -42,3 +44,21 @@ async def test_a_flood_of_one_robot_is_dropped_and_counted() -> None:
     assert other_robot.state
     assert model.statistics.too_many[MessageKind.STATE] == 30
     assert model.statistics.too_many[MessageKind.ROBOT_MAP] == 10
+
+
+async def test_the_last_will_of_a_robot_that_flooded_its_connection_topic_is_read() -> None:
+    model, codec, clock = FleetModel(ModelLimits()), codec_for("2.1.0"), ManualClock()
+    link = FleetSubscriber(AggregatorSettings(messages_per_second=10, messages_burst=20), model, clock)
+    robot = HonestRobot(key=ROBOT)
+    for each in [ConnectionState.ONLINE] * 30 + [ConnectionState.CONNECTION_BROKEN]:
+        deliver(link, f"uagv/v2/{ROBOT}/connection", codec.encode(robot.connection(each)))
+    known = model.robots.get(ROBOT)
+    assert known
+    assert known.connection
+    assert known.connection.connection_state is ConnectionState.ONLINE
+
+    link.read_postponed()
+    assert known.connection.connection_state is ConnectionState.ONLINE, "not before the limit allows"
+    clock.advance(1.0)
+    link.read_postponed()
+    assert known.connection.connection_state is ConnectionState.CONNECTION_BROKEN

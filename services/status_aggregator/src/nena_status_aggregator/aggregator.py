@@ -68,6 +68,7 @@ class Aggregator:
         followed_until = 0.0
         while True:
             now = self.clock.monotonic()
+            self.link.read_postponed()
             if self.events.clients:
                 followed_until = now + IDLE_DELAY
             if now < followed_until:

@@ -102,6 +102,10 @@ class FleetSubscriber:
         if self.mqtt.state.connected and not self._model.link_up:
             self._model.on_link(connected=True, at=Timestamp.of(self._clock))
 
+    def read_postponed(self) -> None:
+        """Read the last messages of robots that had sent too many, once their limit allows."""
+        self._rate.read_postponed(self._clock.monotonic())
+
     def _subscribe_robots(self, schemes: Iterable[TopicScheme]) -> None:
         """Subscribe to all robots below these topics, unless already subscribed."""
         for scheme in schemes:
@@ -154,7 +158,7 @@ class FleetSubscriber:
                     None,
                 )
                 return
-            if self._has_too_many(kind, inbound, at):
+            if self._has_too_many(kind, inbound, at, partial(handle, inbound)):
                 return
             self._repaired = False
             try:
@@ -171,9 +175,11 @@ class FleetSubscriber:
 
         self.mqtt.subscribe(scheme.for_all(Topic(kind)), handle)
 
-    def _has_too_many(self, kind: MessageKind, inbound: Inbound, at: Timestamp) -> bool:
-        """Count a message that is beyond the limit of its robot."""
-        if not self._rate.exceeded(inbound.topic, len(inbound.payload), at.monotonic):
+    def _has_too_many(
+        self, kind: MessageKind, inbound: Inbound, at: Timestamp, read: Callable[[], None]
+    ) -> bool:
+        """Count a message that is beyond the limit of its robot; ``read`` reads it again."""
+        if not self._rate.exceeded(inbound.topic, len(inbound.payload), at.monotonic, read=read):
             return False
         self._model.statistics.too_many[kind] += 1
         return True
@@ -221,7 +227,8 @@ class FleetSubscriber:
         key = self._fleet_topics.robot_of_map(inbound.topic)
         if key is None or not self._share.has(key) or len(str(key)) > KEY_LENGTH:
             return
-        if self._has_too_many(MessageKind.ROBOT_MAP, inbound, at):
+        again = partial(self._on_fleet_message, MessageKind.ROBOT_MAP, self._read_robot_map, inbound)
+        if self._has_too_many(MessageKind.ROBOT_MAP, inbound, at, again):
             return
         if len(inbound.payload) > PAYLOAD_LIMIT:
             problem = f"map of {len(inbound.payload)} bytes exceeds the limit of {PAYLOAD_LIMIT}"

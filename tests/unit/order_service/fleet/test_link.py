@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import pytest
@@ -26,6 +27,7 @@ from nena_shared.vda5050.versions import codec_for
 from support.clocks import ManualClock
 from support.fleet import make_vda_order
 from support.honest_robot import HonestRobot
+from support.waiting import until
 
 pytestmark = pytest.mark.clause("4.2")
 
@@ -313,3 +315,27 @@ def test_a_robot_that_floods_is_read_at_its_rate_and_others_at_once() -> None:
     clock.advance(0.1)
     send(flood, Topic.STATE, codec.encode(states[50]))
     assert last_of(flood) == states[50].header_id, "the next one makes up for those that were dropped"
+
+
+async def test_the_last_will_of_a_robot_that_flooded_its_connection_topic_is_read() -> None:
+    mqtt, codec, clock = Handlers(), codec_for("2.1.0"), ManualClock()
+    link = FleetLink(
+        mqtt,
+        addresses=addresses(version="2.1.0"),
+        settings=FleetSettings(messages_per_second=10, messages_burst=20, tick_interval=0.001),
+        clock=clock,
+        on_events=lambda *_: None,
+    )
+    robot, topic = HonestRobot(key=ROBOT), V2.of(ROBOT, Topic.CONNECTION)
+    wills = [ConnectionState.ONLINE] * 30 + [ConnectionState.CONNECTION_BROKEN]
+    for each in wills:
+        payload = codec.encode(robot.connection(each))
+        mqtt.by_filter[V2.for_all(Topic.CONNECTION)](Inbound(topic, payload, retained=False))
+    assert link.view(ROBOT).link is LinkStatus.ONLINE
+    clock.advance(1.0)
+
+    running = asyncio.create_task(link.run())
+    await until(lambda: link.view(ROBOT).link is LinkStatus.CONNECTION_BROKEN, what="the last will is read")
+    running.cancel()
+    assert link.statistics.received[Topic.CONNECTION] == len(wills)
+    assert link.statistics.too_many == 11

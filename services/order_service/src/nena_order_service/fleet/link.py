@@ -432,6 +432,7 @@ class FleetLink:
     async def _look(self) -> None:
         await asyncio.sleep(self._settings.tick_interval)
         self._notice_broker()
+        self._rate.read_postponed(self._now())
         self._hand_out(self._controller.tick(self._now()))
 
     def _notice_broker(self) -> None:
@@ -473,15 +474,23 @@ class FleetLink:
 
         def handle(scheme: TopicScheme, inbound: Inbound) -> None:
             self.statistics.received[topic] += 1
-            read = self._read(kind, scheme, inbound)
-            if read:
-                self._hand_out(take(*read, self._now()))
+            read(scheme, inbound)
+
+        def read(scheme: TopicScheme, inbound: Inbound) -> None:
+            found = self._read(kind, scheme, inbound, later=partial(read, scheme, inbound))
+            if found:
+                self._hand_out(take(*found, self._now()))
 
         for scheme in self._addresses.schemes:
             self._mqtt.subscribe(scheme.for_all(topic), partial(handle, scheme), qos=qos)
 
-    def _read(self, kind: type[M], scheme: TopicScheme, inbound: Inbound) -> tuple[RobotKey, M] | None:
-        """Read a message; ignore one that is malformed, outdated or beyond the limits."""
+    def _read(
+        self, kind: type[M], scheme: TopicScheme, inbound: Inbound, *, later: Callable[[], None]
+    ) -> tuple[RobotKey, M] | None:
+        """Read a message; ignore one that is malformed, outdated or beyond the limits.
+
+        ``later`` reads it again: the last one beyond the robot's rate.
+        """
         self._notice_broker()
         robot = scheme.robot_of(inbound.topic)
         if robot is None:
@@ -492,7 +501,7 @@ class FleetLink:
         if not self._controller.has_room_for(robot):
             self.statistics.robot_limit += 1
             return None
-        if self._rate.exceeded(inbound.topic, len(inbound.payload), self._now()):
+        if self._rate.exceeded(inbound.topic, len(inbound.payload), self._now(), read=later):
             self.statistics.too_many += 1
             return None
         try:
