@@ -160,7 +160,17 @@ def test_no_token_crosses_a_sites_containers_unencrypted(name: str, port: int) -
     (job,) = [each for each in scraped["scrape_configs"] if each["job_name"] == f"nena-{name}"]
     assert job["scheme"] == "https"
     assert job["static_configs"] == [{"targets": [f"{name}:{port}"]}]
-    assert f"/etc/prometheus/{job['tls_config']['ca_file']}" in folders_of_site("prometheus")
+    folder, _, file = f"/etc/prometheus/{job['tls_config']['ca_file']}".rpartition("/")
+    assert (folders_of_site("prometheus")[folder], file) == ("${SITE}/broker", "ca.pem")
+
+
+def test_files_of_nena_deploy_are_mounted_with_their_folders() -> None:
+    """A container with a single file keeps reading it after another one has replaced it."""
+    site = yaml.safe_load((ROOT / "docker-compose.site.yml").read_text())["services"]
+    sources = {source for name in site for source in folders_of_site(name).values()}
+    assert {each for each in sources if each.startswith("${SITE") and Path(each).suffix} == {
+        "${SITE:?names the folder that nena-deploy has made}/broker/mosquitto.conf"
+    }, "written once"
 
 
 def test_the_panel_of_a_site_verifies_the_order_service() -> None:
