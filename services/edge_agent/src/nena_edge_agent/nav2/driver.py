@@ -636,11 +636,8 @@ class Nav2Driver:
                 self._tasks.start("follow a path", self._paths.do(command.command), vital=False)
             else:
                 self._do(command)
-        if (
-            not self._stopped
-            and self._ticking is None
-            and (self._tracker.busy or self._initial_position.busy)
-        ):
+        busy = self._tracker.busy or self._initial_position.busy
+        if busy and self._ticking is None and not self._stopped:
             due = self._loop.time() + TICK
             self._ticking = self._loop.call_at(due, self._tick, due)
 
@@ -691,8 +688,7 @@ class Nav2Driver:
             self._ticking = self._loop.call_later(HELD_UP, self._tick, inf)
             return
         now = self._clock.monotonic()
-        self._apply(self._initial_position.tick(now))
-        self._apply(self._tracker.tick(now))
+        self._apply([*self._initial_position.tick(now), *self._tracker.tick(now)])
 
     def _report(self, event: MapDriverEvent) -> None:
         if isinstance(event, Halted):
