@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import chain
 from secrets import token_hex
+from types import MappingProxyType
 from typing import Any
 
 from fastapi import FastAPI
@@ -28,6 +29,7 @@ from nena_order_service.api.peripheral_link import PeripheralLink
 from nena_order_service.api.peripheral_requests import PeripheralRequests
 from nena_order_service.api.rest import ChangePlant, Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
+from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
@@ -94,18 +96,20 @@ class OrderService:
         await self.hosts.load()
         await asyncio.to_thread(self.engine.prepare)
         await self.engine.start(self.fleet)
-        start("mqtt", self._connect())
+        start("mqtt", self._once_elected(self.mqtt.run))
         start("fleet control", self.fleet.run())
         start("kernel", self.engine.run())
         start("loop lag", self.loop_lag.run())
         start("heartbeat", self.heartbeat.run(self.mqtt))
         start("zone sets", self.hosts.zones.run())
         start("retained sweep", self.sweep.run(), vital=False)
+        for each in self.hosts.webhooks.hooks:
+            start(f"web hook {each.settings.name}", self._once_elected(each.run), vital=False)
 
-    async def _connect(self) -> None:
+    async def _once_elected(self, work: Callable[[], Awaitable[None]]) -> None:
         if self.elected:
             await self.elected.wait()
-        await self.mqtt.run()
+        await work()
 
     def close_streams(self) -> None:
         """Close the event streams."""
@@ -129,7 +133,7 @@ def build(
     term: Term = always,
     change_plant: ChangePlant | None = None,
     elected: asyncio.Event | None = None,
-    answers: Mapping[int, int] | None = None,  # HTTP answers by status, for the metrics
+    answers: Mapping[int, int] = MappingProxyType({}),  # HTTP answers by status, for the metrics
 ) -> OrderService:
     """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
@@ -145,17 +149,17 @@ def build(
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
     devices = PeripheralLink(mqtt, topics, engine)
-    hosts = _make_host_services(engine, fleet)
+    hosts = _make_host_services(engine, fleet, Webhooks.of(settings.webhooks, store, clock))
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream = EventStream(engine, settings.events)
     changes, loop_lag = ChangeLog(plant, clock), LoopLag(clock)
-    _listen(engine, publisher, stream, changes)
+    _listen(engine, publisher, stream, changes, hosts.webhooks)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
-    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, {} if answers is None else answers)
+    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, answers, hosts.webhooks)
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,
@@ -172,8 +176,16 @@ def build(
     )
 
 
-def _listen(engine: Engine, publisher: StatusPublisher, stream: EventStream, changes: ChangeLog) -> None:
+def _listen(
+    engine: Engine,
+    publisher: StatusPublisher,
+    stream: EventStream,
+    changes: ChangeLog,
+    webhooks: Webhooks,
+) -> None:
     engine.unit_of_work.listeners += [publisher, stream, changes]
+    if webhooks.hooks:
+        engine.unit_of_work.listeners.append(webhooks)
     engine.unit_of_work.peripheral_listeners += [publisher, changes]
 
 
@@ -191,13 +203,14 @@ def make_fleet(
     )
 
 
-def _make_host_services(engine: Engine, fleet: FleetLink) -> HostServices:
+def _make_host_services(engine: Engine, fleet: FleetLink, webhooks: Webhooks) -> HostServices:
     return HostServices(
         HostRequests(engine),
         SequenceRequests(engine),
         PathLocks(engine),
         ZoneSets(engine, fleet.send_zone_set),
         PeripheralRequests(engine),
+        webhooks,
     )
 
 

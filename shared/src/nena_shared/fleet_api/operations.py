@@ -27,6 +27,7 @@ from nena_shared.fleet_api.peripherals import (
 from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetList, ZoneSetStatus
 from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleStatus
+from nena_shared.fleet_api.webhooks import WebhookList
 from nena_shared.plant.exchange import JSON_LIMITS
 
 A = TypeVar("A")
@@ -41,6 +42,7 @@ PERIPHERAL_JOBS: Final = "/v1/peripheralJobs"
 PLANT_MODEL: Final = "/v1/plantModel"
 SUMMARY: Final = "/v1/summary"
 TRAFFIC_PLAN: Final = "/v1/traffic/plan"
+WEBHOOKS: Final = "/v1/webhooks"
 
 MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}
 
@@ -158,6 +160,7 @@ TAGS: Final = {
     PLANT_MODEL: "plant model",
     SUMMARY: "summary",
     TRAFFIC_PLAN: "traffic",
+    WEBHOOKS: "web hooks",
 }
 
 CREATE_ORDER = Operation(
@@ -600,6 +603,15 @@ CHANGE_PLANT = Operation(
 )
 """The body is a file in one of several formats, so this route is written by hand."""
 
+LIST_WEBHOOKS = Operation(
+    "webhooks",
+    "List the web hooks with their last attempts.",
+    "GET",
+    WEBHOOKS,
+    WebhookList,
+    Role.ADMIN,
+)
+
 OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     CREATE_ORDER,
     LIST_ORDERS,
@@ -636,6 +648,7 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     WITHDRAW_JOB,
     SUMMARISE,
     SHOW_TRAFFIC_PLAN,
+    LIST_WEBHOOKS,
 )
 """All operations with generated routes. A route that also matches another one's path comes after it."""
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import hypot
 
 from nena_order_service import errors
 from nena_order_service.api.peripheral_requests import PeripheralRequests
+from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.zone_sets import ZoneSets
@@ -545,6 +546,7 @@ class HostServices:
     locks: PathLocks
     zones: ZoneSets
     peripherals: PeripheralRequests
+    webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
 
     async def load(self) -> None:
         """Restore what hosts have uploaded to the store."""

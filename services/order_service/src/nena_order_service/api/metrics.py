@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from http import HTTPStatus
 from importlib.metadata import version
 from time import time
@@ -15,6 +15,7 @@ from typing import Final, Protocol
 
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.mqtt import MqttApi
+from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.fleet.robot import LinkStatus
@@ -64,6 +65,7 @@ class Monitored:
     loop_lag: LoopLag
     answers: Mapping[int, int]
     """Number of HTTP answers by status."""
+    webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
 
     @property
     def store(self) -> Store:
@@ -322,6 +324,23 @@ MESSAGES: Final[Section[Monitored]] = Section(
             "status",
         ),
         *link_metrics("nena_mqtt_", lambda s: s.mqtt.state),
+        counter(
+            "nena_order_service_webhook_messages_total",
+            "Messages of web hooks: `delivered`, or given up (`dropped`).",
+            lambda s: {
+                (each.settings.name, result): count
+                for each in s.webhooks.hooks
+                for result, count in (("delivered", each.delivered), ("dropped", each.dropped))
+            },
+            "webhook",
+            "result",
+        ),
+        gauge(
+            "nena_order_service_webhook_retrying",
+            "1 while the receiver of a web hook does not accept a message.",
+            lambda s: {each.settings.name: each.failing for each in s.webhooks.hooks},
+            "webhook",
+        ),
         gauge("nena_event_clients", "Clients of the event stream.", lambda s: s.stream.clients),
         counter(
             "nena_order_service_event_overflows_total",

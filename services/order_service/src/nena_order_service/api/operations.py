@@ -24,6 +24,7 @@ from nena_shared.fleet_api.peripherals import (
 from nena_shared.fleet_api.plant import ZoneSetList
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
+from nena_shared.fleet_api.webhooks import WebhookList
 from nena_shared.plant import PlantPose
 from nena_shared.vda5050.action import Action, ActionParameter
 from nena_shared.vda5050.zone_set import ZoneSet
@@ -86,6 +87,7 @@ class HostOperations:
         self._locks = hosts.locks
         self._zones = hosts.zones
         self._peripherals = hosts.peripherals
+        self._webhooks = hosts.webhooks
         self.handlers: Mapping[str, Handler] = {
             operation: getattr(self, method) for operation, method in _METHODS.items()
         }
@@ -290,6 +292,10 @@ class HostOperations:
     @_does(table.SHOW_TRAFFIC_PLAN)
     async def _show_traffic_plan(self, _: Call[None]) -> Reply:
         return Reply(await self._requests.traffic_plan())
+
+    @_does(table.LIST_WEBHOOKS)
+    async def _list_webhooks(self, _: Call[None]) -> Reply:
+        return Reply(WebhookList(webhooks=self._webhooks.statuses))
 
     def _parameters(self, vehicle: str, asked: bodies.InstantActionRequest) -> tuple[ActionParameter, ...]:
         """Return the action's parameters; a pose is converted to the frame of the vehicle's map."""
