@@ -164,6 +164,33 @@ async def test_nav2_goal_tolerance_is_checked_before_driving(bench: Bench) -> No
             assert "at least 0.2 rad" in factsheet(bench)
 
 
+@pytest.mark.parametrize(
+    "navigation",
+    [
+        Navigation.TOPICS,
+        *(
+            pytest.param(each, marks=needs_action_types)
+            for each in (Navigation.ACTION, Navigation.THROUGH_POSES)
+        ),
+    ],
+)
+async def test_robot_off_its_heading_turns_at_the_node_where_it_stands(
+    bench: Bench, navigation: Navigation
+) -> None:
+    facing = position(0.0, theta=0.0)
+    with bench.simulator(start={"yaw": 1.5}):
+        async with bench.agent(ros={**QUICK, "navigation": navigation}) as fleet:
+            await fleet.state(ready)
+            fleet.send(order("n0", "n1", positions={"n0": facing, "n1": facing}))
+            done = await fleet.state(ended("o1"))
+            assert (done["lastNodeId"], error_types(done)) == ("n1", [])
+            assert abs(done["agvPosition"]["theta"]) < 0.35
+            await until(
+                lambda: abs(float(bench.odometry[-1].twist.twist.angular.z)) < 0.01, what="standstill"
+            )
+            assert max(map(abs, bench.places)) < 0.3
+
+
 def factsheet(bench: Bench) -> str:
     return str(bench.fleet.peer.payloads(bench.fleet.topic(Topic.FACTSHEET))[-1:])
 
