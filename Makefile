@@ -142,7 +142,7 @@ peers-test: $(STAMP) broker ## the edge agent and the order service with npm's v
 
 # At a site: NAV2="--domain 7 --namespace r1 --start 0,0 --end 4,0 --kill '...' --revive '...'".
 NAV2 ?= --simulator
-nav2-test: $(STAMP) action-types broker ## the edge agent against the Nav2 in reach (NAV2="--domain 7 ..."); writes build/nav2-test.md
+nav2-test: $(STAMP) action-types broker ## test the edge agent with a running Nav2 (NAV2="--domain 7 ..."); writes build/nav2-test.md
 	PYTHONPATH=tests $(BIN)/python -m nav2_acceptance $(NAV2)
 
 colcon-test: $(STAMP) broker ## build the edge agent as a ROS package with colcon, and start the installed agent

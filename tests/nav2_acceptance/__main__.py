@@ -1,4 +1,4 @@
-"""Run the acceptance suite against the Nav2 in reach: ``make nav2-test``."""
+"""Run the acceptance suite against a running Nav2: ``make nav2-test``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from support.ros import RosPeer
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the checks and write the report; return 1 where one of them has failed."""
+    """Run the checks and write the report; return 1 if one of them has failed."""
     options = _options().parse_args(argv)
     with ExitStack() as stack:
         if options.simulator:
@@ -66,7 +66,7 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--domain", type=int, default=0, help="ROS domain id")
     parser.add_argument("--namespace", default="/", help="ROS namespace of the robot")
     parser.add_argument(
-        "--start", type=_place, default=(0.0, 0.0), help="x,y of one end of a free, straight way"
+        "--start", type=_place, default=(0.0, 0.0), help="x,y of one end of a free, straight line"
     )
     parser.add_argument(
         "--end", type=_place, default=(4.0, 0.0), help="x,y of the other end, 4 m away or more"
@@ -75,20 +75,25 @@ def _options() -> argparse.ArgumentParser:
         "--pose",
         type=_place,
         default=None,
-        help="x,y of a robot that does not know where it is; default: none",
+        help="x,y for the initial position of a robot that is not localised; unset: none is set",
     )
-    parser.add_argument("--beside", type=_place, default=(2.0, 1.0), help="x,y of a free place beside it")
+    parser.add_argument("--beside", type=_place, default=(2.0, 1.0), help="x,y of a free position beside it")
     for name, words in (
         ("outside", "outside of the map"),
-        ("obstacle", "within an obstacle"),
-        ("edge", "at one"),
+        ("obstacle", "in an obstacle"),
+        ("edge", "at the edge of one"),
     ):
-        parser.add_argument(f"--{name}", type=_place, default=None, help=f"x,y of a place {words}")
+        parser.add_argument(
+            f"--{name}", type=_place, default=None, help=f"x,y of an unreachable position {words}"
+        )
     parser.add_argument("--kill", default="", help="shell command that kills the process {server}")
     parser.add_argument("--revive", default="", help="shell command that starts it again")
-    parser.add_argument("--checks", default="", help="letters of the checks to run, as abc; default: all")
+    parser.add_argument("--checks", default="", help="letters of the checks to run, such as abc; unset: all")
     parser.add_argument(
-        "--output", type=Path, default=Path("build/nav2-test"), help="files without their ending"
+        "--output",
+        type=Path,
+        default=Path("build/nav2-test"),
+        help="path of the reports, without .md and .json",
     )
     return parser
 

@@ -1,4 +1,4 @@
-"""The checks that any Nav2 has to pass with the edge agent, a to l; each returns what it found in words."""
+"""The checks a to l, which any Nav2 must pass with the edge agent; each returns its result as text."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ SERVERS = (
 )
 ORDERS_TIMED = 5
 DEVIATION = 1.1
-"""Metres that nodes allow which are to be passed at 0.5 m/s (docs/nav2.md)."""
+"""Allowed deviation of nodes that are passed at 0.5 m/s, metres (docs/nav2.md)."""
 SOON = 3.0
-"""Seconds from an order to the goal in Nav2's array that count as well, also on a busy computer."""
+"""Maximum time from an order to the goal in Nav2's status array, seconds; also for a busy computer."""
 
 
 def error_codes(state: dict[str, Any]) -> str:
@@ -45,7 +45,7 @@ def error_codes(state: dict[str, Any]) -> str:
 async def doctor(site: Nav2Site) -> str:
     if site.pose is not None:
         async with site.agent():
-            pass  # it is placed where it is, if it does not know that
+            pass  # sets the position of a robot that is not localised
     settings = RosSettings(domain_id=site.bench.domain_id, namespace=site.namespace, call_timeout=1.0)
     findings = judge_robot(await look(settings), settings)
     missing = [f"{each.link}: {each.text}" for each in findings if each.verdict is LinkVerdict.MISSING]
@@ -74,7 +74,7 @@ async def cancel(site: Nav2Site) -> str:
         assert await site.bench.speed_at(state) < 0.01
         assert not state["driving"]
         await site.done(order_id)
-    return f"FINISHED and standing after {took:.2f} s"
+    return f"FINISHED, robot stands after {took:.2f} s"
 
 
 async def unreachable(site: Nav2Site) -> str:
@@ -82,7 +82,7 @@ async def unreachable(site: Nav2Site) -> str:
     places = {"outside": course.outside, "obstacle": course.obstacle, "edge": course.edge}
     known = {name: place for name, place in places.items() if place is not None}
     if not known:
-        text = "no place that cannot be reached (--outside, --obstacle, --edge)"
+        text = "no unreachable position is known (--outside, --obstacle, --edge)"
         raise LeftOutError(text)
     await site.close_in()
     try:
@@ -100,7 +100,7 @@ async def unreachable(site: Nav2Site) -> str:
         site.send(site.far, radius=0.05)
         await site.when(lambda state: "DEVIATION_TOO_SMALL" in error_types(state), since=since)
         await site.instant("cancelOrder")
-        told.append("deviation below the tolerance: told before driving")
+        told.append("deviation below the tolerance: reported before driving")
     return "; ".join(told)
 
 
@@ -115,23 +115,23 @@ async def foreign_goals(site: Nav2Site) -> str:
             await site.when(lambda state: "EXTERNAL_GOAL" in error_types(state), since=since)
             done = await site.done(order_id)
             assert error_types(done) == [], f"{mode}: {error_codes(done)}"
-    return f"the order waits, and goes on afterwards ({', '.join(MODES)})"
+    return f"the order waits, then continues ({', '.join(MODES)})"
 
 
 async def extensions(site: Nav2Site) -> str:
     told = [
-        f"{mode}, {name}: least speed {await _extended(site, mode, share):.2f} of cruise"
+        f"{mode}, {name}: lowest speed {await _extended(site, mode, share):.2f} of cruise"
         for mode in MODES[1:]
         for name, share in (("early", 0.2), ("on request", None), ("late", 0.6))
     ]
     if not told:
-        text = "nav2_msgs is not on this machine"
+        text = "nav2_msgs is not installed here"
         raise LeftOutError(text)
     return "; ".join(told)
 
 
 async def _extended(site: Nav2Site, mode: str, share: float | None) -> float:
-    """Extend an order after a share of its way; return the least speed between start and end.
+    """Extend an order after a share of its path; return the lowest speed between start and end.
 
     ``share`` None: when the robot requests it.
     """
@@ -146,7 +146,7 @@ async def _extended(site: Nav2Site, mode: str, share: float | None) -> float:
         else:
             length, begin = share * dist(site.here, way[1]), _place(site)
             order_id = site.send(*way[:2], radius=DEVIATION)
-            await until(lambda: dist(begin, _place(site)) >= length, what="part of the way")
+            await until(lambda: dist(begin, _place(site)) >= length, what="part of the path")
         site.extend(order_id, way, radius=DEVIATION)
         done = await site.when(
             lambda state: (state["orderId"], state["lastNodeId"]) == (order_id, f"n{len(way)}"), since=0
@@ -183,7 +183,7 @@ async def deaths(site: Nav2Site) -> str:
 
 
 def _moved_for(site: Nav2Site, seen: int) -> float:
-    """Return the seconds from the message ``seen`` of the odometry to the robot's rest, by its own clock."""
+    """Return the time from the odometry message ``seen`` to standstill by the robot's clock, seconds."""
     messages = site.bench.odometry[seen - 1 :]
     moving = [each for each in messages if abs(each.twist.twist.linear.x) >= STANDING]
     return stamp_of(moving[-1]) - stamp_of(messages[0]) if moving else 0.0
@@ -198,7 +198,7 @@ async def _stopped_or_done(site: Nav2Site, order_id: str, since: int) -> str:
 
     state = await site.when(over, since=since, within=120.0)
     if state["errors"]:
-        assert await site.bench.speed_at(state) < 0.05, "told as standing, and drives"
+        assert await site.bench.speed_at(state) < 0.05, "reported as standing, but drives"
         return f"stands, {', '.join(sorted(set(error_types(state))))}"
     return "drives on to the end"
 
@@ -214,7 +214,7 @@ async def agent_killed(site: Nav2Site) -> str:
         agent.restart()
         done = await site.done(order_id)
         assert error_types(done) == [], error_codes(done)
-    return "the order goes on after a kill"
+    return "the order continues"
 
 
 async def pause(site: Nav2Site) -> str:
@@ -226,7 +226,7 @@ async def pause(site: Nav2Site) -> str:
         await site.instant("stopPause")
         done = await site.done(order_id)
         assert error_types(done) == [], error_codes(done)
-    return "stands, and goes on"
+    return "stops and continues"
 
 
 async def place_lost(site: Nav2Site) -> str:
@@ -243,7 +243,7 @@ async def place_lost(site: Nav2Site) -> str:
         await site.when(ready, since=since)
         done = await site.done(site.send(site.far))
         assert error_types(done) == [], error_codes(done)
-    return f"lost: {error_codes(lost)[:80]}...; set again, and driven on"
+    return f"reported as lost ({error_codes(lost)[:80]}...); continues with the new pose"
 
 
 async def maps(site: Nav2Site) -> str:
@@ -275,7 +275,7 @@ CHECKS: dict[str, tuple[str, Check]] = {
     "a": ("doctor", doctor),
     "b": ("orders in each mode", orders),
     "c": ("cancel", cancel),
-    "d": ("unreachable places", unreachable),
+    "d": ("unreachable positions", unreachable),
     "e": ("goals of other clients", foreign_goals),
     "f": ("early and late extension", extensions),
     "g": ("each process killed", deaths),

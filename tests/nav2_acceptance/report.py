@@ -1,4 +1,4 @@
-"""What the checks found, as Markdown and as JSON."""
+"""The results of the checks, as Markdown and as JSON."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from dataclasses import asdict, dataclass
 from nav2_acceptance.checks import CHECKS
 from nav2_acceptance.site import LeftOutError, Nav2Site
 
-OK, FAILED, LEFT_OUT = "ok", "FAILED", "left out"
+OK, FAILED, LEFT_OUT = "ok", "FAILED", "skipped"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One check: its letter and name, how it went, what was found, and the seconds that it took."""
+    """The result of one check: ``text`` is what it found, ``seconds`` how long it took."""
 
     letter: str
     name: str
@@ -25,7 +25,7 @@ class Finding:
 
 
 async def run(site: Nav2Site, letters: Iterable[str] = tuple(CHECKS)) -> list[Finding]:
-    """Run the checks, one after the other; one that fails does not end the others."""
+    """Run the checks one after the other, also after one has failed."""
     findings = []
     for letter in letters:
         name, check = CHECKS[letter]
@@ -34,19 +34,19 @@ async def run(site: Nav2Site, letters: Iterable[str] = tuple(CHECKS)) -> list[Fi
             verdict, text = OK, await check(site)
         except LeftOutError as error:
             verdict, text = LEFT_OUT, str(error)
-        except Exception as error:  # noqa: BLE001 - whatever it is, the report says so
+        except Exception as error:  # noqa: BLE001 - any failure belongs in the report
             verdict, text = FAILED, f"{type(error).__name__}: {str(error)[:500]}"
         findings.append(Finding(letter, name, verdict, text, round(time.monotonic() - began, 1)))
     return findings
 
 
 def as_json(findings: Iterable[Finding]) -> str:
-    """Write the report for programs."""
+    """Return the report for programs."""
     return json.dumps([asdict(each) for each in findings], indent=2) + "\n"
 
 
 def as_markdown(findings: Iterable[Finding]) -> str:
-    """Write the report for people."""
+    """Return the report for people."""
     lines = ["| | check | result | found | s |", "|---|---|---|---|---|"]
     for each in findings:
         text = each.text.replace("|", "/").replace("\n", " ")

@@ -1,4 +1,4 @@
-"""The robot simulator as a Nav2 in reach, with the replanning, slowing and recoveries of a real one."""
+"""The robot simulator as the Nav2 under test, with the replanning, slowing and recoveries of a real one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Nav2 under test: where it is, which places it can reach, and how its processes are killed."""
+"""The Nav2 under test: its address, the positions for the checks, and how to kill its processes."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from support.waiting import PATIENCE, until
 
 Place = tuple[float, float]
 FORGIVING = 0.6
-"""Metres that nodes of the course allow."""
+"""Allowed deviation of the nodes, metres."""
 
 NO_POSE = "no pose received"
-"""Part of the error of a robot that does not know where it is."""
+"""Part of the error of a robot that is not localised."""
 
 
 class LeftOutError(Exception):
-    """A check that cannot run on this Nav2; the text says what is missing."""
+    """A check cannot run on this Nav2; the text says what is missing."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """Places on the map, m: the robot drives to and fro between ``start`` and ``end``, over what is between.
+    """Positions on the map, m: the robot drives back and forth between ``start`` and ``end``.
 
-    ``beside`` is a place for another client's goal. The others cannot be reached, where they are known.
+    ``beside`` is the goal of another client. The others are unreachable; None: unknown.
     """
 
     start: Place
@@ -45,16 +45,16 @@ class Course:
     edge: Place | None = None
 
     def between(self, share: float) -> Place:
-        """Return a place on the straight way, 0 at the start, 1 at the end."""
+        """Return a position on the straight line, 0 at the start, 1 at the end."""
         (x0, y0), (x1, y1) = self.start, self.end
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
 
 @dataclass
 class Nav2Site:
-    """A Nav2 in reach. ``kill`` and ``revive`` are shell commands with ``{server}``; empty: not possible.
+    """A running Nav2. ``kill`` and ``revive`` are shell commands with ``{server}``; empty: not possible.
 
-    A robot that does not know where it is, as in a simulation that has just started, is placed at ``pose``.
+    ``pose`` becomes the initial position of a robot that is not localised, as after a simulation's start.
     """
 
     bench: Bench
@@ -64,7 +64,7 @@ class Nav2Site:
     revive: str = ""
     pose: Place | None = None
     speed: float | None = None
-    """Of its controller, m/s; None: unknown."""
+    """Speed of its controller, m/s; None: unknown."""
     _orders: Any = field(default_factory=lambda: count(1))
 
     async def die(self, server: str) -> None:
@@ -82,7 +82,7 @@ class Nav2Site:
         await self._brought_up(server)
 
     async def _brought_up(self, server: str) -> None:
-        """Wait until a server's lifecycle manager has activated it, which has no lifecycle of its own."""
+        """Wait until a server is active; lifecycle managers have no lifecycle of their own."""
         if server.startswith("lifecycle_manager"):
             return
         name = f"{self.namespace.rstrip('/')}/{server}/get_state"
@@ -93,7 +93,7 @@ class Nav2Site:
         )
 
     async def close_in(self) -> None:
-        """Make ``course.obstacle`` a place without a way, where that is not so already."""
+        """Make ``course.obstacle`` unreachable, unless it already is."""
 
     async def open_up(self) -> None:
         """Undo :meth:`close_in`."""
@@ -107,7 +107,7 @@ class Nav2Site:
 
     @asynccontextmanager
     async def agent(self, navigation: str = "auto", **changes: Any) -> AsyncIterator[FleetControl]:
-        """Run an edge agent on this Nav2, and wait until it can be sent somewhere."""
+        """Run an edge agent on this Nav2, and wait until it accepts orders."""
         ros = {**ROS, "call_timeout": 1.0, "namespace": self.namespace, "navigation": navigation}
         ros |= changes.pop("ros", {})
         begun = len(self.bench.fleet.states)
@@ -116,7 +116,7 @@ class Nav2Site:
             yield fleet
 
     async def _located(self, begun: int) -> None:
-        """Wait until the robot can be sent somewhere."""
+        """Wait until the robot accepts orders; set its initial position first if it needs one."""
         if self.pose is not None:
             state = await self.when(
                 lambda state: ready(state) or NO_POSE in str(state["errors"]), since=begun
@@ -142,7 +142,7 @@ class Nav2Site:
 
     @property
     def far(self) -> Place:
-        """The end of the course that the robot is farther from."""
+        """Return the end of the course that is farther from the robot."""
         return max(self.course.start, self.course.end, key=lambda place: dist(place, self.here))
 
     def send(self, *places: Place, radius: float = FORGIVING, horizon: int = 0) -> str:
@@ -158,7 +158,7 @@ class Nav2Site:
         return order_id
 
     def extend(self, order_id: str, way: Sequence[Place], *, radius: float) -> None:
-        """Release the last place of ``way``, of which the order has all others."""
+        """Release the last position of ``way``; the order already has all others."""
         last = len(way)
         nodes = {f"n{index}": self.node(way[index - 1], radius) for index in (last - 1, last)}
         first = 2 * (last - 1)
@@ -169,7 +169,7 @@ class Nav2Site:
         return position(*place, radius=radius)
 
     def over(self) -> tuple[Place, ...]:
-        """Return the places from where the robot is to the far end."""
+        """Return the positions from the robot to the far end."""
         shares = (0.33, 0.67, 1.0)
         if self.far == self.course.start:
             return tuple(self.course.between(1.0 - each) for each in shares)
@@ -180,10 +180,10 @@ class Nav2Site:
         return await self.when(ended(order_id), since=0, within=within)
 
     async def moves(self) -> None:
-        await until(lambda: self.bench.speed > 0.1, what="the robot on its way")
+        await until(lambda: self.bench.speed > 0.1, what="the robot driving")
 
     async def stands(self) -> None:
-        await until(lambda: self.bench.speed < 0.01, what="the robot at rest")
+        await until(lambda: self.bench.speed < 0.01, what="standstill")
 
     async def instant(self, action_type: str, **parameters: Any) -> dict[str, Any]:
         """Send an instant action and wait for its end."""
@@ -198,7 +198,7 @@ class Nav2Site:
 
 
 class SimulatedSite(Nav2Site):
-    """The robot simulator, whose processes die by faults."""
+    """The robot simulator; its faults kill and restart processes."""
 
     async def die(self, server: str) -> None:
         self.bench.fault("server_died", server=server)
