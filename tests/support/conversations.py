@@ -1,4 +1,4 @@
-"""Stories recorded as fixtures: a fleet control and one real loopback agent, over a real broker.
+"""Conversations recorded as fixtures: fleet control and one loopback agent, over a real broker.
 
 ``python -m support.conversations FOLDER`` records all of them again (``make conversations``).
 """
@@ -27,14 +27,14 @@ Story = Callable[[BenchRobot], Awaitable[None]]
 
 
 async def order_with_actions(robot: BenchRobot) -> None:
-    """An order with actions on nodes and along an edge, to its end."""
+    """An order with actions on nodes and on an edge."""
     pick, lamp = action("pick-1", "HARD", "pick"), action("wait-1", "NONE", "wait", duration=0.1)
     await robot.begin("n0", "n1", "n2", node_actions={"n1": [pick]}, edge_actions={"n1-n2": [lamp]})
     await robot.finish("n2")
 
 
 async def updates(robot: BenchRobot) -> None:
-    """A base that is extended twice, the second time with another horizon."""
+    """A base that is extended twice, the second time with a new horizon."""
     first = await robot.begin("n0", "n1", "n2", released=2)
     second = order("n1", "n2", "n3", "n4", order_id=first.order_id, update=1, first=2, released=2)
     robot.fleet.send(second)
@@ -54,7 +54,7 @@ async def cancel(robot: BenchRobot) -> None:
 
 
 async def pause(robot: BenchRobot) -> None:
-    """A pause on the way, and on again."""
+    """A pause during a drive, and its end."""
     await robot.begin("n0", "n1")
     await robot.state(lambda state: state.driving)
     robot.fleet.instant(action("p", "NONE", "startPause"))
@@ -65,7 +65,7 @@ async def pause(robot: BenchRobot) -> None:
 
 
 async def refusals(robot: BenchRobot) -> None:
-    """Orders that are refused, from elsewhere and with an unknown action, until one is taken."""
+    """Rejected orders (wrong start node, unknown action), then an accepted one."""
     robot.fleet.send(order("n7", "n8", order_id="far"))
     await robot.state(errors)
     robot.fleet.send(order("n0", "n1", order_id="dance", node_actions={"n1": [action("d", "HARD", "dance")]}))
@@ -75,14 +75,14 @@ async def refusals(robot: BenchRobot) -> None:
 
 
 async def failure(robot: BenchRobot) -> None:
-    """An action that fails on the way, for which the rest of the order is cancelled."""
+    """An action that fails, so that the rest of the order is cancelled."""
     await robot.begin("n0", "n1", "n2", node_actions={"n1": [action("f", "HARD", "failAlways")]})
     await robot.state(lambda state: "ACTION_FAILED" in errors(state))
     await robot.cancel()
 
 
 async def retry(robot: BenchRobot) -> None:
-    """An action that fails, is tried again and is done then."""
+    """An action that fails, is retried, and succeeds."""
     await robot.begin("n0", "n1", node_actions={"n0": [action("f", "HARD", "failOnce", retriable=True)]})
     await robot.state(
         lambda state: any(each.action_status.value == "RETRIABLE" for each in state.action_states)
@@ -94,7 +94,7 @@ async def retry(robot: BenchRobot) -> None:
 
 
 async def zones(robot: BenchRobot) -> None:
-    """A zone set that is brought and enabled, and a zone that is entered with a release."""
+    """A zone set that is downloaded and enabled, and a zone that is entered with a release."""
     robot.fleet.publish(Topic.ZONE_SET, transfer(zone("gate", "RELEASE", 13, 17)))
     await robot.state(lambda state: bool(state.zone_sets))
     robot.fleet.instant(action("e", "NONE", "enableZoneSet", zoneSetId="s1"))
@@ -114,7 +114,7 @@ STORIES: dict[str, tuple[Story, ...]] = {
 
 
 async def record(story: Story, version: str, file: Path) -> None:
-    """Record one story, from before the agent's first message."""
+    """Record one conversation, from before the agent's first message."""
     broker = Broker()
     try:
         with TemporaryDirectory() as folder:
@@ -152,7 +152,7 @@ def recorder(broker: Broker, file: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 
 async def record_all(folder: Path) -> None:
-    """Record every story in every version that has it; the folder must exist."""
+    """Record every conversation in every version that supports it; the folder must exist."""
     for version, stories in STORIES.items():
         for story in stories:
             await record(story, version, folder / f"{version}-{story.__name__}.jsonl")

@@ -55,7 +55,7 @@ def agent_settings(broker: Broker, interface_name: str, folder: Path, **changes:
 
 @asynccontextmanager
 async def running_agent(settings: EdgeAgentSettings) -> AsyncIterator[asyncio.Event]:
-    """Run the agent in this loop; it ends in order when the block does, or the given event is set."""
+    """Run the agent in this loop until the block ends or the yielded event is set."""
     stop = asyncio.Event()
     task = asyncio.create_task(serve(settings, stop), name="agent under test")
     try:
@@ -94,7 +94,7 @@ class AgentProcess:
             self.kill()
 
     def kill(self) -> None:
-        """End it as ``kill -9`` does."""
+        """Kill it as by ``kill -9``."""
         self.process.send_signal(signal.SIGKILL)
         self.process.wait()
 
@@ -104,7 +104,7 @@ class AgentProcess:
         return self.process.wait(PATIENCE)
 
     def restart(self) -> None:
-        """Start it once more with the same options."""
+        """Start it again with the same options."""
         self.process = self._start()
 
     def _start(self) -> subprocess.Popen[bytes]:
@@ -114,13 +114,13 @@ class AgentProcess:
 
 @lru_cache(maxsize=10_000)
 def _read(payload: bytes) -> dict[str, Any]:
-    """Parse a message once, however often a test looks through all of them."""
+    """Parse a message; tests search all messages repeatedly, and each is parsed once."""
     found: dict[str, Any] = json.loads(payload)
     return found
 
 
 class FleetControl:
-    """Sends to one robot, and reads its messages."""
+    """Fleet control of one robot: sends orders and actions, and reads its messages."""
 
     def __init__(
         self, peer: MqttPeer, interface_name: str, serial: str = SERIAL, version: str = "2.1.0"
@@ -130,7 +130,7 @@ class FleetControl:
         self._codec = codec_for(version)
         self._topics = topics_for(version, interface_name)
         self.honest_headers = False
-        """Whether headers are counted and tell the time, as those of a real fleet control."""
+        """Whether messages have header IDs and timestamps as from a real fleet control."""
         self._counts: Counter[Topic] = Counter()
 
     def topic(self, topic: Topic) -> str:
@@ -143,7 +143,7 @@ class FleetControl:
         self.publish(Topic.INSTANT_ACTIONS, InstantActions(**HEADER, actions=tuple(actions)))
 
     def publish(self, topic: Topic, message: Header) -> None:
-        """Send any message of fleet control, under the robot's version and name."""
+        """Send any message of fleet control, with the robot's version and name in its header."""
         named = message.model_copy(update=self._header(topic))
         self.peer.publish(self.topic(topic), self._codec.encode(named))
 
@@ -179,7 +179,7 @@ class FleetControl:
 
 
 def ended(order_id: str) -> Callable[[dict[str, Any]], bool]:
-    """Accept a state in which ``order_id`` is over."""
+    """Return a filter for states in which ``order_id`` has ended."""
 
     def accept(state: dict[str, Any]) -> bool:
         actions = [each["actionStatus"] in ("FINISHED", "FAILED") for each in state["actionStates"]]

@@ -116,7 +116,7 @@ class HonestRobot:
                 self.instants[action.action_id] = (action, self._run_instant(action))
 
     def step(self) -> None:
-        """Do the next thing: drive to a node, begin an action, or end it."""
+        """Take the next step: drive to a node, start an action, or end it."""
         if self.paused:
             return
         running = next((each for each in self.actions if not self.statuses[each.action_id].ended), None)
@@ -135,7 +135,7 @@ class HonestRobot:
             self._clear()
 
     def restart(self, *, journal: bool) -> None:
-        """Restart; without a journal the order is forgotten."""
+        """Restart; without a journal the order is lost."""
         self.header_id = 0
         self.instants.clear()
         if not journal:
@@ -165,7 +165,7 @@ class HonestRobot:
         )
 
     def state(self, seconds: float = 0.0) -> State:
-        """Report everything, as a new message."""
+        """Return a complete new state."""
         self.header_id += 1
         own = [_action_state(each, self.statuses[each.action_id]) for each in self.actions]
         instants = [_action_state(*each) for each in self.instants.values()]

@@ -33,7 +33,7 @@ TRIES = 60
 
 
 class BenchRobot:
-    """One robot, as its fleet control and as a person at its control door see it."""
+    """One robot, seen by fleet control and by its simulation control."""
 
     def __init__(self, peer: MqttPeer, interface_name: str, *, serial: str = SERIAL, version: str) -> None:
         self._peer = peer
@@ -64,7 +64,7 @@ class BenchRobot:
         raise AssertionError
 
     def publish(self, payload: bytes) -> None:
-        """Send anything to the control door."""
+        """Send any message to the simulation control."""
         self._peer.publish(f"{self._place}/control", payload)
 
     async def answered(self, number: int) -> None:
@@ -100,7 +100,7 @@ class BenchRobot:
         return sent
 
     async def finish(self, node_id: str) -> State:
-        """Make the robot hurry to the end of its order, at ``node_id``, and return its state there."""
+        """Drive the robot fast to the end of its order, at ``node_id``, and return its state there."""
         await self.command("speed", speed=500)
         done = await self.state(lambda state: idle(state) and state.last_node_id == node_id)
         await self.command("speed", speed=10)

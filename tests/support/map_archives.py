@@ -1,4 +1,4 @@
-"""Maps of Nav2 in archives, as fleet control has them brought."""
+"""Archives with Nav2 maps, as fleet control has robots download them."""
 
 from __future__ import annotations
 

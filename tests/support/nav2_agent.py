@@ -22,14 +22,14 @@ from support.simulator import SimulatorProcess, publisher_to
 from support.waiting import until
 
 ROS: dict[str, Any] = {"goals": PATIENT.model_dump(), "watch_period": 0.1, "call_timeout": 3.0}
-"""Quick to notice, and patient with a slow machine."""
+"""Short check intervals, and long timeouts for a slow machine."""
 
 ROUNDED = 0.01
-"""Seconds by which the timestamp of a state is rounded down at most."""
+"""Maximum rounding of a state's timestamp, downwards, seconds."""
 
 
 class Bench:
-    """What a test has in its hands: fleet control, the ROS graph, and a folder for the programs."""
+    """Test bench: fleet control, the ROS graph, and a folder for the programs."""
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class Bench:
 
     @property
     def speed(self) -> float:
-        """How fast the robot is by its odometry, m/s."""
+        """Return the robot's speed by its odometry, m/s."""
         return abs(self._odometry.messages[-1].twist.twist.linear.x) if self._odometry.messages else 0.0
 
     async def speed_at(self, state: dict[str, Any]) -> float:
@@ -78,13 +78,13 @@ class Bench:
         return abs(float(before[-1].twist.twist.linear.x))
 
     def speeds(self, start: float, end: float) -> list[float]:
-        """Return how fast the robot was between two places of its way by its odometry: m, m/s."""
+        """Return the robot's speeds (m/s) between two positions on its path (m), by its odometry."""
         found = self._odometry.messages
         return [each.twist.twist.linear.x for each in found if start < each.pose.pose.position.x < end]
 
     @property
     def places(self) -> list[float]:
-        """Where the robot has been by its odometry: x, m."""
+        """Return the robot's x coordinates by its odometry, m."""
         return [each.pose.pose.position.x for each in self._odometry.messages]
 
     @property
@@ -93,11 +93,11 @@ class Bench:
         return self._odometry.messages
 
     async def moves(self) -> None:
-        """Wait until the robot drives; then navigation has taken its goal."""
+        """Wait until the robot drives, so that navigation has accepted its goal."""
         await until(lambda: self.speed > 0.5, what="the robot on its way")
 
     async def killed_while_pausing(self, agent: AgentProcess) -> None:
-        """Pause the drive, kill the agent meanwhile, and check that the pause ends with the robot at rest."""
+        """Kill the agent while it pauses a drive, and check that the pause finishes at standstill."""
         self.fleet.instant(action("p", "NONE", "startPause"))
         await self.fleet.state(lambda state: status_of(state, "p") == "RUNNING")
         agent.kill()
@@ -151,7 +151,7 @@ class Bench:
 
 
 def stamp_of(message: Odometry) -> float:
-    """When it was stamped, UTC in s."""
+    """Return the message's timestamp, UTC in s."""
     return float(message.header.stamp.sec + message.header.stamp.nanosec / 1e9)
 
 

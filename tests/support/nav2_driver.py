@@ -27,9 +27,9 @@ E = TypeVar("E", bound=Told)
 
 MAP = "hall"
 QUICK = GoalSettings(confirmation_time=0.5, settle_time=0.3, pose_wait=1.0, cancel_time=0.5)
-"""Patience for tests of what never comes."""
+"""Short timeouts, for tests in which something never arrives."""
 PATIENT = GoalSettings(settle_time=0.3, pose_wait=3.0)
-"""Patience with a slow machine: what is on its way is not given up."""
+"""Long timeouts, so that a slow machine fails nothing that is still coming."""
 
 
 def goal_at(generation: int, x: float, y: float = 0.0, *, theta: float = 0.0, xy: float = 0.5) -> MapGoal:
@@ -60,7 +60,7 @@ class DrivenRobot:
         await self.driver.stop()
 
     def _hear(self, event: MapDriverEvent) -> None:
-        """Store an event; of a goal table also each row that is new or has changed."""
+        """Store an event, and each new or changed row of a goal table."""
         self.events.append(event)
         if isinstance(event, GoalTable):
             self.events += [goal for goal in event.goals if self._goals.get(goal.goal_id) != goal]
@@ -99,7 +99,7 @@ class DrivenRobot:
 
 
 class ScriptedNav2:
-    """The topics of Nav2, and behind them nothing but the test."""
+    """Nav2's topics, with only the test behind them."""
 
     def __init__(self, peer: RosPeer) -> None:
         self._stamp = 0

@@ -61,7 +61,7 @@ EVERYWHERE = (ActionScope.NODE, ActionScope.EDGE, ActionScope.INSTANT)
 
 WORK = ActionDeclaration("work", EVERYWHERE, pause_allowed=True, cancel_allowed=True, restartable=True)
 PRESS = ActionDeclaration("press", EVERYWHERE)
-"""Can be neither held nor stopped, and not begun again."""
+"""Can be neither paused nor cancelled, and not restarted."""
 LAMP = ActionDeclaration("lamp", EVERYWHERE, cancel_allowed=True, open_ended=True)
 LIFT = ActionDeclaration("lift", (ActionScope.NODE,), parameters=(Parameter("height", ValueDataType.NUMBER),))
 ACTIONS = {**PREDEFINED, **{each.action_type: each for each in (WORK, PRESS, LAMP, LIFT)}}
@@ -88,7 +88,7 @@ def action(
 
 
 def hard(action_id: str, action_type: str, **parameters: Any) -> Action:
-    """Make an action that nothing runs beside."""
+    """Make an action with blocking type HARD."""
     return action(action_id, "HARD", action_type, **parameters)
 
 
@@ -153,7 +153,7 @@ def at(x: float, y: float = 0.0, theta: float = 0.0, *, localized: bool = True) 
 
 
 class Bench:
-    """A core whose driver and plug-ins are the test's own hands."""
+    """A robot core; the test acts as its driver and its plug-ins."""
 
     def __init__(
         self,
@@ -247,7 +247,7 @@ class Bench:
 
 
 def restarted(bench: Bench) -> Bench:
-    """Return a robot that has read again what this one would have journalled."""
+    """Return a robot that has restarted with what this one would have journalled."""
     kept = bench.core.memory().model_dump_json(exclude_defaults=True)
     power = POWER_ACTIONS & frozenset(bench.capabilities.actions)
     return Bench(memory=Memory.model_validate_json(kept), rules=bench.capabilities.rules, power=power)

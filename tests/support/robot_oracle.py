@@ -1,4 +1,4 @@
-"""The rules of a robot's orders, kept apart from the core that is held against them."""
+"""The rules for a robot's orders, independent of the core that is tested against them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tests need of ROS: a domain of their own, a node spun in a thread, waiting with a bound.
+"""ROS for tests: a separate domain for each test, nodes in threads, and waiting with timeouts.
 
 Importing this module sets up the process for ROS tests: discovery stays on this machine, no shared memory
 (a killed process would leave zombies in it), and a number of the wrong type in a message is an error.
@@ -53,7 +53,7 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 CALLS = 3
-"""How often a service is called that does not answer."""
+"""Maximum number of calls of a service that does not answer."""
 
 
 class Participant:
@@ -65,7 +65,7 @@ class Participant:
     """
 
     DISCOVERY = 2.0
-    """Seconds after which it has seen who else is in the domain."""
+    """Time after which all other participants of the domain are discovered, seconds."""
 
     def __init__(self, domain_id: int) -> None:
         self.context = Context()
@@ -99,11 +99,11 @@ _joining = threading.Lock()
 _participants: dict[int, Participant] = {}
 _reservations: list[socket.socket] = []
 _free: list[int] = []
-"""Domains of this process that no test uses now, the one that was used last at the end."""
+"""Domains of this process that no test uses now; the last used one is at the end."""
 
 
 def _participant(domain_id: int) -> Participant:
-    """Return this process in a domain; it stays there until it ends."""
+    """Return this process's participant in a domain, which exists until the process ends."""
     with _joining:
         if domain_id not in _participants:
             _participants[domain_id] = Participant(domain_id)
@@ -139,7 +139,7 @@ def own_domain_id(count: int = 1) -> Iterator[int]:
 
 
 def _reserve(count: int) -> int:
-    """Reserve domain ids for this process; they are free again when it ends, whatever happens to it.
+    """Reserve domain IDs for this process; they are free again when it ends, even by a crash.
 
     The reservation is an abstract socket name. The ids 1 to 101 stay clear of the ephemeral ports of Linux.
     """
@@ -162,7 +162,7 @@ def _reserve(count: int) -> int:
 
 
 class Inbox(Generic[T]):
-    """The messages of one topic in the order of arrival, filled by the ROS thread."""
+    """The messages of one topic in the order of arrival; the ROS thread adds them."""
 
     def __init__(self) -> None:
         self._messages: list[T] = []
@@ -262,7 +262,7 @@ class RosPeer:
     def call(self, client: Any, request: Any, *, timeout: float = PATIENCE) -> Any:
         """Call a service and return its answer.
 
-        DDS may lose a call where the two have only just found each other, so an unanswered one is made again.
+        DDS may lose a call or its answer while client and server discover each other, so it is repeated.
         """
         done = threading.Event()
         for _ in range(CALLS):

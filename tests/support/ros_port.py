@@ -19,7 +19,7 @@ from nena_edge_agent.actions.plugin import (
 
 
 class ScriptedRos:
-    """``services`` are the responses of those that are there; ``listeners`` hear what is published."""
+    """``services`` has the responses of existing services, ``listeners`` is the number of subscribers."""
 
     def __init__(self) -> None:
         self.published: list[tuple[str, dict[str, Any]]] = []

@@ -8,7 +8,7 @@ from nena_edge_agent.driver.port import Area, DriveGoal, OwnGoals, Pose
 
 
 class ScriptedDriver:
-    """Stores its commands."""
+    """A driver that stores its commands."""
 
     def __init__(self) -> None:
         self.goals: list[DriveGoal] = []

@@ -26,12 +26,12 @@ from support.nav2_driver import DrivenRobot
 from support.waiting import until
 
 WARM_UP = 10
-"""Cycles before the first look: what is loaded or pooled once stays."""
+"""Cycles before the first measurement: modules and memory pools are loaded once, and kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """What a process has: threads, descriptors, resident bytes."""
+    """Resources of a process: threads, file descriptors, resident bytes."""
 
     threads: int
     descriptors: int
@@ -44,7 +44,7 @@ class Left:
         return cls(process.num_threads(), process.num_fds(), process.memory_info().rss)
 
     def more_than(self, before: Left, cycles: int, seconds: float) -> dict[str, Any]:
-        """Return what so many cycles have left, and how long each took."""
+        """Return the resources left after these cycles, and the seconds per cycle."""
         return {
             "cycles": cycles,
             "threads_more": self.threads - before.threads,
@@ -88,7 +88,7 @@ async def _live(robot: DrivenRobot) -> None:
 
 
 async def main() -> None:
-    """Measure."""
+    """Run the cycles and print the measurements."""
     domain_id, cycles = map(int, sys.argv[1:])
     async with DrivenRobot(domain_id, start_session=False) as robot:
         await _off(robot)

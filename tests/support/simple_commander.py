@@ -1,4 +1,4 @@
-"""What nav2_simple_commander's BasicNavigator does, call by call, without a line of it."""
+"""A client that makes the same calls as nav2_simple_commander's BasicNavigator, without its code."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from support.simulator import goal, initial_pose
 from support.waiting import wait_until
 
 ALLOWANCE = Duration(sec=10)
-"""Time for a behaviour, the default of BasicNavigator."""
+"""Default timeout of behaviours in BasicNavigator."""
 MANAGERS = 2
-"""Lifecycle managers of a Nav2."""
+"""Number of Nav2's lifecycle managers."""
 ATTEMPT = 1.0
 """Seconds between two attempts to set the initial pose."""
 
 FRESH = 3
-"""Messages of feedback after which the server has worked through what came before the first of them."""
+"""Feedback messages after which the server has handled every request from before the first of them."""
 
 
 class SimpleCommander:
-    """One goal at a time, polled until it has ended."""
+    """Sends one goal at a time, and polls until it has ended."""
 
     def __init__(self, peer: RosPeer, *, start: tuple[float, float] = (0.0, 0.0)) -> None:
         self._peer = peer
@@ -44,7 +44,7 @@ class SimpleCommander:
         self.feedback: Inbox[Any] = Inbox()
 
     def wait_until_nav2_active(self, navigator: str = "bt_navigator", localizer: str = "amcl") -> None:
-        """Wait for the localiser, publish an initial pose until it answers, wait for the navigator."""
+        """Wait for the localisation, publish an initial pose until it responds, wait for the navigator."""
         self._wait_for_node_to_activate(localizer)
         self._wait_for_initial_pose()
         self._wait_for_node_to_activate(navigator)
@@ -91,11 +91,11 @@ class SimpleCommander:
 
     @property
     def missed_waypoints(self) -> list[int]:
-        """Return the places that followWaypoints() has missed, by their number."""
+        """Return the indices of the waypoints that followWaypoints() has missed."""
         return [each.index for each in answer_of(self._result).result.missed_waypoints]
 
     def get_path(self, start: tuple[float, float] | None, end: tuple[float, float]) -> Any | None:
-        """Plan a path from ``start``, None: from where the robot is."""
+        """Plan a path from ``start``; None: from the robot's position."""
         kind: Any = interface("nav2_msgs/action/ComputePathToPose")
         request = kind.Goal(start=goal(*start or (0.0, 0.0)), goal=goal(*end), use_start=start is not None)
         return self._planned("compute_path_to_pose", kind, request)
@@ -111,7 +111,7 @@ class SimpleCommander:
         return self._peer.call(self._peer.client(kind, f"{name}/get_costmap"), kind.Request()).map
 
     def lifecycle_startup(self) -> list[bool]:
-        """Start all lifecycle managers' servers; return the answers, which the original does not look at."""
+        """Start the servers of all lifecycle managers; return the answers, which BasicNavigator ignores."""
         return self._manage("STARTUP")
 
     def lifecycle_shutdown(self) -> list[bool]:
@@ -151,7 +151,7 @@ class SimpleCommander:
     def wait_for_progress(self) -> None:
         """Wait for feedback that is newer than the result request, which the server has then received.
 
-        A server that is shut down answers the requests that it has, and no later one.
+        A server that shuts down answers only requests that it has already received.
         """
         self.feedback.clear()
         wait_until(lambda: len(self.feedback.messages) >= FRESH, what="feedback")
@@ -160,7 +160,7 @@ class SimpleCommander:
         answer_of(self._handle.cancel_goal_async())
 
     def result(self) -> str:
-        """Return what getResult() would, by its name."""
+        """Return the name of the result that getResult() would return."""
         names = {
             GoalStatus.STATUS_SUCCEEDED: "SUCCEEDED",
             GoalStatus.STATUS_ABORTED: "FAILED",
@@ -169,7 +169,7 @@ class SimpleCommander:
         return names.get(answer_of(self._result).status, "UNKNOWN")
 
     def change_state(self, server: str, transition: int) -> bool:
-        """Do what lifecycleStartup and lifecycleShutdown have the managers do."""
+        """Change a server's state, as lifecycleStartup and lifecycleShutdown do by the managers."""
         request = ChangeState.Request()
         request.transition.id = transition
         client = self._peer.client(ChangeState, f"{server}/change_state")

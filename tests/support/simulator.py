@@ -1,4 +1,4 @@
-"""Simulated robots for tests: in this process, or as the program that a user starts."""
+"""Simulated robots for tests, in this process or as a separate program."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def simulated_robot(
     actions: bool = True,
     **robot: Any,
 ) -> Iterator[RobotNode]:
-    """Run one robot in a thread of this process; ``robot`` holds fields of its settings."""
+    """Run one robot in a thread of this process; ``robot`` are fields of its settings."""
     settings = RobotSettings(domain_id=domain_id, namespace=namespace, **robot)
     node = RobotNode(
         settings,
@@ -105,7 +105,7 @@ def trace(arrays: list[GoalStatusArray]) -> list[str]:
 
 
 class SimulatorProcess:
-    """The program itself, started by its console script; ends with the context at the latest."""
+    """The simulator's program, started by its console script and killed at the end of the context."""
 
     def __init__(self, *arguments: str, directory: Path) -> None:
         environment = {**os.environ, "TMPDIR": str(directory)}
@@ -135,7 +135,7 @@ class SimulatorProcess:
         self._process.stderr.close()
 
     def wait_for_line(self, *parts: str, timeout: float = STARTUP) -> None:
-        """Wait until one line of the log holds all ``parts``."""
+        """Wait until one line of the log contains all ``parts``."""
         wait_until(
             lambda: any(all(part in line for part in parts) for line in list(self.lines)),
             timeout=timeout,
@@ -147,11 +147,11 @@ class SimulatorProcess:
 
     @property
     def frozen(self) -> bool:
-        """Whether SIGSTOP has taken effect."""
+        """Return whether SIGSTOP has taken effect."""
         return bool(psutil.Process(self._process.pid).status() == psutil.STATUS_STOPPED)
 
     def ended(self, timeout: float = PATIENCE) -> int:
-        """Wait for the end and return the exit status."""
+        """Wait until the program has exited, and return its exit status."""
         status = self._process.wait(timeout)
         self._reader.join(timeout)
         return status

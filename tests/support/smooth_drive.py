@@ -1,4 +1,4 @@
-"""An order whose nodes are passed, given in two parts, and how slow the robot is at them."""
+"""An order in two parts whose nodes are passed, and the robot's lowest speed at them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from support.ros import Inbox
 from support.waiting import PATIENCE
 
 SPACING = 2.0
-"""Metres from node to node."""
+"""Distance between two nodes, metres."""
 NODES = ("n0", "n1", "n2", "n3", "n4")
 NEAR = 0.9
-"""Metres around a node in which the robot counts as passing it; it brakes over half a metre."""
+"""Distance from a node within which the robot counts as passing it, metres; it brakes over half a metre."""
 SPEED = 0.5
-"""m/s of the robot's cruise."""
+"""Cruise speed, m/s."""
 LIKE_NAV2 = ("--replan_period", "1.0", "--recovery_time", "18")
-"""Options with which the simulator plans again and recovers as Nav2's default behaviour trees do."""
+"""Options for replanning and recoveries as in Nav2's default behaviour trees."""
 REGULATED = {"speed": SPEED, "acceleration": 2.5, "approach": 0.6}
-"""A base under Regulated Pure Pursuit."""
+"""Limits of a robot with Regulated Pure Pursuit."""
 WAYS = {
     Navigation.TOPICS: 1.35,
     Navigation.ACTION: 1.1,
@@ -43,7 +43,7 @@ def settings(navigation: Navigation) -> dict[str, Any]:
 
 
 async def drive(fleet: FleetControl, odometry: Inbox[Any], radius: float) -> float:
-    """Drive over the nodes, the last two of which are released on the way; return how slow it was at them.
+    """Drive over the nodes, and release the last two on the way; return the lowest relative speed at them.
 
     The result is the minimum speed at a passed node as a share of the robot's cruise speed.
     """
