@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from itertools import count
 from math import inf
 from typing import Protocol, TypeVar
 
@@ -78,8 +79,13 @@ class TrafficManager:
         self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
         """The same for vehicles that have since been seen standing beside a point, until they are on one or
         drive on. Their pose alone may wrongly show them clear of a curved path."""
-        self._to_extend: dict[str, None] = {}
-        """Vehicles whose routes may be only partly allocated; see :meth:`extending`."""
+        self._to_extend: dict[str, int] = {}
+        """Vehicles whose routes may be only partly allocated, with their places in :meth:`extending`."""
+        self._numbers = count()
+        self._unsettled: set[str] = set()
+        """Vehicles for which something may have changed since they were last settled."""
+        self._woken_by: dict[str, set[str]] = {}
+        """By vehicle: those that remain settled until it changes."""
         self._enough: dict[str, tuple[int, int]] = {}
         """By vehicle: when it last held enough; see :meth:`holds_enough`."""
         self._halted: frozenset[str] = frozenset()
@@ -188,11 +194,12 @@ class TrafficManager:
         end = next((each for each in ends if each >= allocated), allocated)
         self._scheduler.resume(vehicle, way[:allocated], way[allocated:end])
         self._journeys[vehicle] = Journey(tuple(way), allocated, released=allocated)
-        self._to_extend[vehicle] = None
+        self._extend(vehicle)
 
     def remove(self, vehicle: str) -> None:
         """Remove a vehicle: it no longer holds, requests or claims anything."""
         self._control.forget(vehicle)
+        self._unsettled.add(vehicle)
         self._turn_backs.pop(vehicle, None)
         self._enough.pop(vehicle, None)
         self._journeys.pop(vehicle, None)
@@ -211,6 +218,7 @@ class TrafficManager:
     def forget_routes(self) -> None:
         """Drop the cached routes of waiting vehicles, because the plant has changed."""
         self._control.forget_routes()
+        self._unsettled.update(self._to_extend)
 
     def displaces(self, vehicle: str, goal: str) -> bool:
         """Return whether vehicles at rest, now or soon, would have to make room for a drive to ``goal``."""
@@ -255,7 +263,7 @@ class TrafficManager:
     def _departed(self, granted: D) -> D:
         self._left_at.pop(granted.vehicle, None)
         self._journeys[granted.vehicle] = Journey(granted.way)
-        self._to_extend[granted.vehicle] = None
+        self._extend(granted.vehicle)
         return granted
 
     def replan(self, vehicle: str, steps: Sequence[Step], location: str | None = None) -> Refusal | None:
@@ -269,7 +277,7 @@ class TrafficManager:
         if refusal is None:
             journey.way, journey.refusal = (*journey.way[: journey.allocated], *way), None
             self._control.forget_refusal(vehicle)
-            self._to_extend[vehicle] = None
+            self._extend(vehicle)
         return refusal
 
     def route_around(
@@ -293,6 +301,7 @@ class TrafficManager:
         """Withdraw a route of which nothing is released yet; the vehicle stays at rest."""
         self.give_back(vehicle)
         self._journeys.pop(vehicle)
+        self._unsettled.add(vehicle)
         self._scheduler.give_up_claim(vehicle)
 
     def give_back(self, vehicle: str) -> None:
@@ -301,7 +310,7 @@ class TrafficManager:
         if journey and journey.allocated > journey.released:
             self._scheduler.give_back(vehicle, journey.allocated - journey.released)
             journey.allocated = journey.released
-            self._to_extend[vehicle] = None
+            self._extend(vehicle)
 
     def allocate(
         self,
@@ -319,6 +328,7 @@ class TrafficManager:
             return False
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
         before = journey.released
+        self._unsettled.add(vehicle)
         journey.refusal, stopped = None, False
         least = max(ahead, 1 if length_mm else 0)
         while occupant.claimed:
@@ -361,6 +371,7 @@ class TrafficManager:
         than allowed also holds what it has reached.
         """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
+        self._unsettled.add(vehicle)
         reached = min(reached, len(journey.way))
         if journey.allocated + len(occupant.claimed) < reached:  # beyond the section that it claims
             self._scheduler.resume(vehicle, (), journey.way[journey.allocated : reached])
@@ -386,6 +397,7 @@ class TrafficManager:
         journey = self._journeys[vehicle]
         self._scheduler.give_up_claim(vehicle)
         journey.way, journey.refusal = journey.way[: journey.allocated], None
+        self._unsettled.add(vehicle)
         self._control.forget_refusal(vehicle)
 
     def break_off(self, vehicle: str) -> None:
@@ -403,13 +415,38 @@ class TrafficManager:
         return vehicle in self._broken_off
 
     def extending(self) -> list[tuple[str, Journey]]:
-        """Return the driving vehicles whose routes are only partly allocated, with their routes.
+        """Return the driving vehicles to which more may be allocated, with their routes.
 
-        The others, of which there may be many, need no traffic control until they arrive.
+        The others, of which there may be many, need no traffic control for now: their whole routes are
+        allocated, or they hold and claim enough until they or the vehicles ahead of them change.
         """
-        found = [(name, journey) for name in self._to_extend if (journey := self._journeys.get(name))]
-        self._to_extend = {name: None for name, journey in found if not journey.all_allocated}
-        return [(name, journey) for name, journey in found if not journey.all_allocated]
+        for name in self._scheduler.take_changed():
+            self._unsettled.add(name)
+            self._unsettled.update(self._woken_by.pop(name, ()))
+        found = []
+        for name in sorted(self._unsettled & self._to_extend.keys(), key=self._to_extend.__getitem__):
+            journey = self._journeys.get(name)
+            if journey is None or journey.all_allocated:
+                del self._to_extend[name]
+            elif not self._is_settled(name, journey):
+                found.append((name, journey))
+        self._unsettled = {name for name, _ in found}
+        return found
+
+    def _extend(self, vehicle: str) -> None:
+        """Serve a vehicle whose route may be only partly allocated, after the others."""
+        if vehicle not in self._to_extend:
+            self._to_extend[vehicle] = next(self._numbers)
+        self._unsettled.add(vehicle)
+
+    def _is_settled(self, vehicle: str, journey: Journey) -> bool:
+        """Return whether a vehicle can neither be allocated nor claim more now; if so, await changes."""
+        if journey.refusal or not self.holds_enough(vehicle):
+            return False
+        causes = self._control.claims_enough_until(vehicle)
+        for each in causes or ():
+            self._woken_by.setdefault(each, set()).add(vehicle)
+        return causes is not None
 
     @property
     def waiting(self) -> frozenset[str]:

@@ -39,6 +39,18 @@ class ResourceSet:
     uses: Uses
 
 
+def opposite_edges(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
+    """Return the edges in the opposite direction, for each path and the point to which it is driven."""
+    edges: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
+    for each in plant.edges():
+        edges[each.source, each.destination].append(each.id)
+    return {
+        (each.path.name, each.destination): edges[each.destination, each.source]
+        for each in plant.edges()
+        if (each.destination, each.source) in edges
+    }
+
+
 class Resources:
     """Finds the resources that each step in one plant needs; none unless ``exclusive``.
 

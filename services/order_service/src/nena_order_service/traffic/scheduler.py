@@ -83,6 +83,8 @@ class Scheduler:
         self._rests: dict[str, list[ResourceSet]] = {}
         self._versions: Counter[str] = Counter()
         """Number of changes of what a vehicle holds, claims or will rest on."""
+        self._changed: set[str] = set()
+        """The vehicles of which this has changed; see :meth:`take_changed`."""
         self._later: defaultdict[str, Counter[str]] = defaultdict(Counter)
         """For each vehicle, those that cannot arrive before it, with the number of resources concerned."""
 
@@ -238,6 +240,11 @@ class Scheduler:
         """Return a number that changes with what a vehicle holds, claims or will rest on."""
         return self._versions[name]
 
+    def take_changed(self) -> set[str]:
+        """Return the vehicles whose :meth:`version` has changed since the last call."""
+        changed, self._changed = self._changed, set()
+        return changed
+
     def versions(self, names: Iterable[str]) -> dict[str, int]:
         """Return the :meth:`version` of each vehicle."""
         return {name: self._versions[name] for name in names}
@@ -333,13 +340,17 @@ class Scheduler:
 
     def _add(self, index: UseIndex, name: str, uses: Uses) -> None:
         """Add a use, and the precedence that follows from it."""
-        self._versions[name] += 1
+        self._changes(name)
         self._order(index, name, index.add(name, uses), 1)
 
     def _remove(self, index: UseIndex, name: str, uses: Uses) -> None:
         """Remove a use, and the precedence that followed from it."""
-        self._versions[name] += 1
+        self._changes(name)
         self._order(index, name, index.remove(name, uses), -1)
+
+    def _changes(self, name: str) -> None:
+        self._versions[name] += 1
+        self._changed.add(name)
 
     def _order(self, index: UseIndex, name: str, uses: Uses, count: int) -> None:
         if index is self._claims:

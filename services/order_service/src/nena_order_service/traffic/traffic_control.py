@@ -31,7 +31,7 @@ from math import inf
 from nena_order_service.routing.graph import NoRouteError, Route, burdened
 from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.evasion import Evader, Evasion, VehicleTest, no_vehicle, overlap
-from nena_order_service.traffic.resources import Resources, ResourceSet
+from nena_order_service.traffic.resources import Resources, ResourceSet, opposite_edges
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, SearchLimit, Turns, WaitReason
 from nena_shared.plant import PlantModel, UnknownObjectError
 
@@ -283,6 +283,15 @@ class TrafficControl:
         resting = set(held) - {start, goal}
         return self._routes.around(vehicle, start, occupied, avoid, resting)
 
+    def claims_enough_until(self, vehicle: str) -> Collection[str] | None:
+        """Return the vehicles of which one must change before this one can claim more; None: unknown."""
+        if vehicle in self._refusals:
+            return None
+        if self._claims_enough(vehicle):
+            return ()
+        known = self._known_refusal(vehicle)
+        return known.versions if known and self.scheduler.occupant(vehicle).claimed else None
+
     def decide(
         self,
         movable: VehicleTest,
@@ -296,7 +305,7 @@ class TrafficControl:
             movable: returns whether a vehicle at rest could drive away now.
             lost: returns whether it is unknown when a vehicle at rest could drive away. A vehicle that waits
                 for it takes any detour, and never gets the right of way: others would wait forever.
-            extending: the vehicles under way with a part of their route that is not allocated yet.
+            extending: the vehicles under way that may claim or be allocated more of their routes.
             searches: maximum number of route searches; if they do not suffice, ``unfinished`` is set.
 
         """
@@ -438,15 +447,13 @@ class TrafficControl:
         the right of way caused it: another vehicle may have it next time.
         """
         journey, claimed = self.journeys[vehicle], len(self.scheduler.occupant(vehicle).claimed)
-        if claimed >= SECTION or claimed == len(journey.way) - journey.allocated:
+        if self._claims_enough(vehicle):
             self._refusals.pop(vehicle, None)
             return None
-        known = self._known_refusals.get(vehicle)
-        if known and known.versions == self.scheduler.versions(known.versions):
+        if known := self._known_refusal(vehicle):
             refused: _Refused | None = known.refused
         else:
             self._limit.claims += 1
-            self._known_refusals.pop(vehicle, None)
             self._in_the_way = {vehicle}
             ahead = journey.way[journey.allocated :]
             refused = self._claim_section(vehicle, ahead, right_of_way, more_than=claimed)
@@ -457,6 +464,16 @@ class TrafficControl:
             self._refusals.pop(vehicle, None)
             return None
         return refused
+
+    def _claims_enough(self, vehicle: str) -> bool:
+        """Return whether a vehicle under way claims a whole section, or all of its route."""
+        journey, claimed = self.journeys[vehicle], len(self.scheduler.occupant(vehicle).claimed)
+        return claimed >= SECTION or claimed == len(journey.way) - journey.allocated
+
+    def _known_refusal(self, vehicle: str) -> _KnownRefusal | None:
+        """Return the last refusal of a vehicle's claim, unless one of its causes has changed."""
+        known = self._known_refusals.get(vehicle)
+        return known if known and known.versions == self.scheduler.versions(known.versions) else None
 
     def _claim_section(
         self,
@@ -596,7 +613,7 @@ class _RouteSearch:
         self._scheduler = scheduler
         self._journeys = journeys
         self._drivable = {*plant.points_by_name, *plant.paths_by_name}
-        self._opposite_edges = _opposite_edges(plant)
+        self._opposite_edges = opposite_edges(plant)
         self._found: dict[str, tuple[tuple[str, RouteRequest], Route]] = {}
         """For each vehicle the start and request of its last search, and the route found."""
         self._burden: dict[str, float] = {}
@@ -680,15 +697,3 @@ class _RouteSearch:
             for use in each.uses:
                 for edge in self._opposite_edges.get((use, each.point), ()):
                     burden[edge] += times * ONCOMING
-
-
-def _opposite_edges(plant: PlantModel) -> dict[tuple[str, str], list[str]]:
-    """Return the edges in the opposite direction, for each path and the point to which it is driven."""
-    edges: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
-    for each in plant.edges():
-        edges[each.source, each.destination].append(each.id)
-    return {
-        (each.path.name, each.destination): edges[each.destination, each.source]
-        for each in plant.edges()
-        if (each.destination, each.source) in edges
-    }
