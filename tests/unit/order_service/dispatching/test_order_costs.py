@@ -3,7 +3,7 @@ from __future__ import annotations
 from math import inf
 
 from nena_order_service.engine.conditions import Sequences
-from nena_order_service.engine.dispatching import KnownCosts, OrderFit, OrderKnowledge
+from nena_order_service.engine.order_knowledge import KnownCosts, OrderFit, OrderKnowledge
 from nena_order_service.orders.automatic import park_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick

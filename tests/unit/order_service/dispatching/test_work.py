@@ -81,6 +81,17 @@ async def test_the_end_of_an_order_costs_the_same_with_a_long_queue(
     assert calls[1] < calls[0] * ALIKE, calls
 
 
+async def test_the_end_of_an_order_costs_the_same_with_many_kinds_of_orders() -> None:
+    calls = []
+    for number in (FEW, MANY):
+        engine, fleet = await waiting(0, {})
+        for index in range(number):
+            engine.create(request(NAMES[index % len(NAMES)], type=f"type {index}"), f"T{index}")
+        fleet.finish("V1")
+        calls.append(calls_of(lambda fleet=fleet: fleet.finish("V1")))  # type: ignore[misc]
+    assert calls[1] < calls[0] * ALIKE, calls
+
+
 async def test_a_new_order_costs_the_same_with_a_long_queue() -> None:
     calls = []
     for number in (FEW, MANY):

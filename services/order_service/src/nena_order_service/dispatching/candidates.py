@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from heapq import merge
+from heapq import heappop, heappush, heapreplace, merge
 from itertools import islice
 from math import inf
 from typing import NamedTuple
@@ -64,6 +64,10 @@ def kind_of(order: TransportOrder) -> OrderKind:
     )
 
 
+KindHead = tuple[Urgency, OrderKind]
+"""A kind of orders that wait, and its most urgent order."""
+
+
 class WaitingOrders:
     """Finds the most urgent orders of some kinds without checking the others.
 
@@ -79,10 +83,10 @@ class WaitingOrders:
         self._kinds: dict[OrderKind, list[Urgency]] = {}
         self._kind_of: dict[int, OrderKind] = {}
         """Kinds by order number, without held orders."""
-        self._for_any: dict[OrderKind, None] = {}
-        """Kinds that name no vehicle."""
-        self._for_one: dict[str, dict[OrderKind, None]] = {}
-        """Kinds that name a vehicle, by vehicle name."""
+        self._for_any: list[KindHead] = []
+        """Kinds that name no vehicle, that of the most urgent order first."""
+        self._for_one: dict[str, list[KindHead]] = {}
+        """The same for kinds that name a vehicle, by vehicle name."""
 
     def __len__(self) -> int:
         """Return how many orders wait, held ones included."""
@@ -120,27 +124,28 @@ class WaitingOrders:
         return self._kind_of.get(number)
 
     def kinds(self, vehicles: Iterable[str]) -> Iterator[OrderKind]:
-        """Yield the kinds of orders that wait for any vehicle or for one of these."""
-        yield from tuple(self._for_any)
-        for vehicle in vehicles:
-            yield from tuple(self._for_one.get(vehicle, ()))
+        """Yield the kinds of orders that wait for any vehicle or for one of these, most urgent first."""
+        rows = (self._for_any, *(self._for_one.get(vehicle, ()) for vehicle in vehicles))
+        return (kind for _, kind in merge(*filter(None, rows)))
 
     def naming(self, vehicle: str) -> Iterator[OrderKind]:
-        """Yield the kinds of orders that wait for this vehicle only."""
-        return iter(tuple(self._for_one.get(vehicle, ())))
+        """Yield the kinds of orders that wait for this vehicle only, most urgent first."""
+        return (kind for _, kind in self._for_one.get(vehicle, ()))
 
     def example(self, kind: OrderKind) -> int:
         """Return the number of the most urgent order of a kind."""
         return self._kinds[kind][0][-1]
 
     def first(self, kinds: Iterable[OrderKind], limit: int, after: Urgency | None = None) -> list[int]:
-        """Return the numbers of the most urgent orders of these kinds that come after ``after``."""
-        rows = [self._kinds[kind] for kind in kinds]
+        """Return the numbers of the most urgent orders of these kinds that come after ``after``.
+
+        The kinds are sorted as by :meth:`kinds`. Without ``after``, no more of them are read than are needed.
+        """
+        rows = map(self._kinds.__getitem__, kinds)
         if after is None:
-            parts: Iterable[Iterable[Urgency]] = (row[:limit] for row in rows)
-        else:
-            starts = ((row, bisect_right(row, after)) for row in rows)
-            parts = (row[start : start + limit] for row, start in starts)
+            return [urgency[-1] for urgency in islice(_merged(rows), limit)]
+        starts = ((row, bisect_right(row, after)) for row in rows)
+        parts = (row[start : start + limit] for row, start in starts)
         return [urgency[-1] for urgency in islice(merge(*parts), limit)]
 
     def part(self, start: int, limit: int) -> list[int]:
@@ -150,25 +155,57 @@ class WaitingOrders:
     def _offer(self, number: int, kind: OrderKind) -> None:
         self._kind_of[number] = kind
         self.fresh[number] = None
-        if kind not in self._kinds:
-            self._kinds[kind] = []
-            self._same_vehicle(kind)[kind] = None
-        insort(self._kinds[kind], self._urgencies[number])
+        row, urgency = self._kinds.setdefault(kind, []), self._urgencies[number]
+        before = row[0] if row else None
+        insort(row, urgency)
+        self._move(kind, before, row[0])
 
     def _take_back(self, number: int, kind: OrderKind) -> None:
         self.fresh.pop(number, None)
-        _remove(self._kinds[kind], self._urgencies[number])
-        if not self._kinds[kind]:
+        row = self._kinds[kind]
+        before = row[0]
+        _remove(row, self._urgencies[number])
+        self._move(kind, before, row[0] if row else None)
+        if not row:
             del self._kinds[kind]
-            same = self._same_vehicle(kind)
-            del same[kind]
-            if not same and kind.intended_vehicle is not None:
-                del self._for_one[kind.intended_vehicle]
 
-    def _same_vehicle(self, kind: OrderKind) -> dict[OrderKind, None]:
-        if kind.intended_vehicle is None:
-            return self._for_any
-        return self._for_one.setdefault(kind.intended_vehicle, {})
+    def _move(self, kind: OrderKind, before: Urgency | None, now: Urgency | None) -> None:
+        """Sort a kind by its most urgent order, which was or is None without orders."""
+        if before == now:
+            return
+        vehicle = kind.intended_vehicle
+        heads = self._for_any if vehicle is None else self._for_one.setdefault(vehicle, [])
+        if before is not None:
+            del heads[bisect_left(heads, before, key=_urgency_of)]
+        if now is not None:
+            insort(heads, (now, kind), key=_urgency_of)
+        if not heads and vehicle is not None:
+            del self._for_one[vehicle]
+
+
+def _urgency_of(head: KindHead) -> Urgency:
+    return head[0]
+
+
+def _merged(rows: Iterable[Sequence[Urgency]]) -> Iterator[Urgency]:
+    """Merge sorted rows that are sorted by their first items; read a row only when it is needed."""
+    heap: list[tuple[Urgency, int, Sequence[Urgency]]] = []
+    for row in rows:
+        while heap and heap[0][0] < row[0]:
+            yield _pop(heap)
+        heappush(heap, (row[0], 0, row))
+    while heap:
+        yield _pop(heap)
+
+
+def _pop(heap: list[tuple[Urgency, int, Sequence[Urgency]]]) -> Urgency:
+    """Return the first item of all rows, and advance in its row."""
+    urgency, place, row = heap[0]
+    if place + 1 < len(row):
+        heapreplace(heap, (row[place + 1], place + 1, row))
+    else:
+        heappop(heap)
+    return urgency
 
 
 def _remove(row: list[Urgency], urgency: Urgency) -> None:
@@ -337,6 +374,18 @@ EXAMPLES_AT_MOST = 50
 """Maximum vehicles checked for why none accepts an order; equal reasons count once."""
 
 
+class FreeKind(NamedTuple):
+    """Everything that decides which orders a free vehicle may get, apart from its name and position."""
+
+    routing_kind: int
+    sequence: str | None
+    restriction: str
+    order_types: tuple[AcceptableOrderType, ...]
+    carried: Carried | None
+    kept_for: int | None
+    gives_up: bool
+
+
 @dataclass(frozen=True, slots=True)
 class LocatedCandidate:
     """A vehicle as the dispatcher sees it, and its position; None if unknown."""
@@ -349,12 +398,28 @@ class LocatedCandidate:
     order_types: tuple[AcceptableOrderType, ...] = ()
     view: RobotView | None = None
     """What was known of its robot; None: irrelevant."""
+    routing_kind: int = 0
+    """Number of its kind for the router: those of one kind have the same routes."""
 
     @property
     def significant_fields(self) -> tuple[object, ...]:
         """Return what is relevant for the assignment of orders; energy alone is not."""
         where = self.standing and self.standing.point
         return *self.reason_key, self.seen.restriction, self.seen.gives_up, self.seen.carried, where
+
+    @property
+    def free_kind(self) -> FreeKind:
+        """Return what decides the orders that a free vehicle may get, unless they name or exclude it."""
+        seen = self.seen
+        return FreeKind(
+            self.routing_kind,
+            self.sequence,
+            seen.restriction,
+            seen.order_types,
+            seen.carried,
+            seen.kept_for,
+            bool(seen.gives_up),
+        )
 
     @property
     def reason_key(self) -> ReasonKey:
@@ -373,6 +438,8 @@ class Candidates:
     ) -> None:
         self.free: dict[str, LocatedCandidate] = {}
         """Those that may get orders, by name."""
+        self.alike: dict[FreeKind, dict[str, str]] = {}
+        """The start points of those that may get orders, by kind and name."""
         self.soon: dict[str, None] = {}
         """Names of those that are about to be free."""
         self.fresh: dict[str, Urgency | None] = {}
@@ -389,6 +456,7 @@ class Candidates:
         before = self._known.get(name)
         self._known[name] = found
         is_new = before is None or before.significant_fields != found.significant_fields
+        self._group(before, found)
         if found.seen.soon:
             self.soon[name] = None
         else:
@@ -408,6 +476,16 @@ class Candidates:
         if found.seen.obstacle and is_new:
             self._unavailable.setdefault(found.reason_key, {})[name] = None
         return is_new
+
+    def _group(self, before: LocatedCandidate | None, found: LocatedCandidate) -> None:
+        """Move a free vehicle to its kind in :attr:`alike`."""
+        name = found.vehicle.name
+        if before and (alike := self.alike.get(before.free_kind)):
+            alike.pop(name, None)
+            if not alike:
+                del self.alike[before.free_kind]
+        if found.standing and not found.seen.obstacle:
+            self.alike.setdefault(found.free_kind, {})[name] = found.standing.point
 
     def refresh(self, names: Iterable[str]) -> None:
         """Update the vehicles of these names."""
@@ -442,8 +520,14 @@ class Candidates:
         """Return the last view of a vehicle; None for one that never gets orders."""
         return self._known.get(name)
 
-    def relevant(self, named: Iterable[str]) -> dict[str, LocatedCandidate]:
-        """Return the free vehicles and those that soon will be, these, and one of each kind of the others."""
+    def relevant(
+        self, named: Iterable[str], free: Iterable[str] | None = None
+    ) -> dict[str, LocatedCandidate]:
+        """Return the free vehicles and those that soon will be, these, and one of each kind of the others.
+
+        ``free`` are the free vehicles to return; None: all.
+        """
         examples = [next(iter(each)) for each in self._unavailable.values()][:EXAMPLES_AT_MOST]
-        names = sorted({*self.free, *self.soon, *examples, *(name for name in named if name in self._known)})
+        free = self.free if free is None else free
+        names = sorted({*free, *self.soon, *examples, *(name for name in named if name in self._known)})
         return {name: self._known[name] for name in names}

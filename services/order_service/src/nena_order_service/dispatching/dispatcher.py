@@ -232,6 +232,7 @@ KINDS_NAMED: Final = 5
 """Maximum number of kinds of obstacles named in a reason."""
 
 NOTHING_KEPT: Final[Mapping[int, str]] = MappingProxyType({})
+NONE_LEFT_OUT: Final[Mapping[int, int]] = MappingProxyType({})
 
 
 class Knowledge(Protocol):
@@ -297,6 +298,14 @@ class Dispatcher:
         """Whether orders are sorted by urgency, so that those behind the first ones need not be examined."""
         return tuple(self.settings.orders) == URGENCY and self.settings.choosers is not Chooser.SCARCER
 
+    @property
+    def by_cost(self) -> bool:
+        """Whether orders choose vehicles by complete costs, so that only as many near ones are compared."""
+        first = self.settings.vehicle_candidates[0]
+        return (
+            first is CandidateKey.BY_COMPLETE_ROUTING_COSTS and self.settings.choosers is not Chooser.SCARCER
+        )
+
     def decide(
         self,
         orders: Iterable[TransportOrder],
@@ -305,16 +314,20 @@ class Dispatcher:
         *,
         now: datetime,
         kept: Mapping[int, str] = NOTHING_KEPT,
+        left_out: Mapping[int, int] = NONE_LEFT_OUT,
     ) -> Decisions:
         """Assign as many of the dispatchable ``orders``, sorted by urgency, as possible.
 
         ``kept`` maps order numbers to vehicles that give up dispensable orders for them; only these vehicles
-        get these orders. An order is never assigned to two vehicles, nor two orders to one vehicle.
+        get these orders. ``left_out`` has the numbers of free vehicles that could execute an order, but are
+        not among ``vehicles`` because enough others are nearer. An order is never assigned to two vehicles,
+        nor two orders to one vehicle.
         """
         settings = self.settings
         moment = Now(now, timedelta(seconds=settings.deadline_at_risk))
         waiting = self._sorted(orders, moment, kept)
         found = _Round(settings, {each.name: each for each in vehicles}, knowledge, moment, kept)
+        found.left_out = left_out
         if settings.choosers is Chooser.SCARCER and found.free < len(waiting):
             found.let_vehicles_choose(waiting)
         together = settings.choosers is Chooser.TOGETHER and settings.vehicle_candidates[0] in ROUTING_COSTS
@@ -369,6 +382,8 @@ class _Round:
         kept: Mapping[int, str],
     ) -> None:
         self.decisions = Decisions()
+        self.left_out = NONE_LEFT_OUT
+        """Numbers of further free vehicles that could execute an order, by its number."""
         self._settings = settings
         self._vehicles = vehicles
         self._knowledge = knowledge
@@ -469,7 +484,7 @@ class _Round:
                 crowding = self._settings.crowding if len(orders) > 1 else 0.0
                 dearer = crowding and crowding * self._knowledge.crowd(order)
                 found[order.number] = _Choices(
-                    nearest, len(free), self._settings.vehicle_candidates[0], dearer
+                    nearest, self._count(order, free), self._settings.vehicle_candidates[0], dearer
                 )
             else:
                 self.decisions.reasons[order.name] = self._why_waiting(order, wait_reasons, free)
@@ -499,9 +514,13 @@ class _Round:
         pairs = [*self._possible((order, self._vehicles[name]) for name in free)]
         if pairs:
             best = min(pairs, key=rank)
-            self._assign(best, self._why(best, len(free)))
+            self._assign(best, self._why(best, self._count(order, free)))
         else:
             self.decisions.reasons[order.name] = self._why_waiting(order, {}, free)
+
+    def _count(self, order: TransportOrder, free: Sequence[str]) -> int:
+        """Return the number of free vehicles that could execute an order."""
+        return len(free) + self.left_out.get(order.number, 0)
 
     def _why_waiting(
         self, order: TransportOrder, wait_reasons: Mapping[str, str], free: Sequence[str]

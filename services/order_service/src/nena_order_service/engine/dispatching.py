@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-from collections import Counter, OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from math import inf
 
 from nena_order_service.dispatching.candidates import (
     Candidates,
     Carried,
     DispatchedVehicle,
     Energy,
+    FreeKind,
     LocatedCandidate,
     OrderKind,
-    acceptable,
     carried,
-    why_not_accepted,
 )
 from nena_order_service.dispatching.dispatcher import (
     BUSY,
+    NONE_LEFT_OUT,
     Assignment,
     Decisions,
     Dispatcher,
@@ -29,178 +28,19 @@ from nena_order_service.dispatching.dispatcher import (
     explain,
     why_no_vehicle,
 )
-from nena_order_service.engine.conditions import Sequences
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
-from nena_order_service.engine.state import VehicleRecords
+from nena_order_service.engine.order_knowledge import KnownCosts, OrderFit, OrderKnowledge, stops_of
 from nena_order_service.fleet.position import NotLocatedError, Standing
 from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import DROP
 from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
-from nena_order_service.orders.vda_orders import OrderPlanner, Pick
-from nena_order_service.routing.graph import NoRouteError
-from nena_order_service.routing.router import NO_ROUTE, OrderCosts, RouteCost, RouteCosts, RoutePlan
-from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on
-from nena_shared.fleet_api.transport_order import Destination, TransportOrderState
-from nena_shared.fleet_api.vehicle import AcceptableOrderType, VehicleState
+from nena_order_service.routing.router import RoutePlan
+from nena_order_service.vehicles.registry import FleetVehicle, why_not_on
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.plant import UnknownObjectError
-
-
-@dataclass(frozen=True, slots=True)
-class OrderFit:
-    """Combines the order types and restrictions set by hosts with those of the plant model."""
-
-    records: VehicleRecords
-    sequences: Sequences
-
-    def order_types(self, vehicle: FleetVehicle) -> tuple[AcceptableOrderType, ...]:
-        """Return the order types that a vehicle accepts: those set by hosts, otherwise the plant model's."""
-        chosen = self.records.of(vehicle.key).acceptable_order_types
-        if chosen is not None:
-            return chosen
-        return acceptable(vehicle.model.acceptable_order_types if vehicle.model else None)
-
-    def accept(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
-        """Set the order types that a vehicle accepts; its current order is not affected."""
-        self.records.change(vehicle.key, acceptable_order_types=types)
-
-    def why_unsuitable(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
-        """Return, as a predicate, why a vehicle must not execute an order; empty if it may."""
-        if vehicle.name in order.status.excluded_vehicles:
-            return "has failed at this order"
-        why = self.sequences.why_unsuitable(order, vehicle.name)
-        return why or why_not_accepted(self.order_types(vehicle), order.status.type)
-
-
-REASONS_KEPT = 1000
-"""Maximum number of cached reasons for missing routes, which waiting orders need repeatedly."""
-
-COSTS_KEPT = 4_000
-"""Maximum number of orders with cached costs, for each kind of vehicle."""
-
-ENTRIES_KEPT = 1_000_000
-"""Maximum number of cached costs of single points; in large plants, it limits the orders instead."""
-
-
-class KnownCosts:
-    """Costs of routes, and reasons for missing routes, cached until the plant changes."""
-
-    def __init__(self, planner: OrderPlanner, registry: VehicleRegistry) -> None:
-        self.planner = planner
-        self.finder = planner.finder
-        self.registry = registry
-        self.ways = RouteCosts(planner.plant, planner.finder)
-        self._why = lru_cache(REASONS_KEPT)(self._find_out_why)
-        self._orders: OrderedDict[tuple[int, int, int], OrderCosts] = OrderedDict()
-        self._limit = min(COSTS_KEPT, 1 + ENTRIES_KEPT // (len(planner.plant.points) + 1))
-
-    def forget(self) -> None:
-        """Drop all cached routes and reasons for missing ones."""
-        self._why.cache_clear()
-        self._orders.clear()
-
-    def of(self, order: TransportOrder, vehicle: FleetVehicle, kind: int) -> OrderCosts:
-        """Compute the costs of an order without coordinates, for vehicles of a kind."""
-        found = self.ways.of(_stops(order), vehicle=vehicle.model, avoid=order.resources_to_avoid)
-        self._orders[order.number, order.index, kind] = found
-        if len(self._orders) > self._limit:
-            self._orders.popitem(last=False)
-        return found
-
-    def known(self, order: TransportOrder, kind: int) -> OrderCosts | None:
-        """Return the cached costs of an order for vehicles of a kind, if any."""
-        key = order.number, order.index, kind
-        found = self._orders.get(key)
-        if found:
-            self._orders.move_to_end(key)
-        return found
-
-    def why_no_route(self, order: TransportOrder, vehicle: str, start: str) -> str:
-        """Return why a vehicle that starts at a point has no route."""
-        stops = tuple(_stops(order))
-        return self._why(stops, order.resources_to_avoid, vehicle, start)
-
-    def _find_out_why(
-        self, stops: Sequence[Destination], avoid: frozenset[str], vehicle: str, start: str
-    ) -> str:
-        try:
-            self.finder.find(start, stops, vehicle=self.registry.model(vehicle), avoid=avoid)
-        except (NoRouteError, UnknownObjectError) as error:
-            return str(error)
-        return "the route is too expensive"
-
-
-class OrderKnowledge:
-    """Provides the dispatcher with facts about orders and vehicles during one decision."""
-
-    def __init__(
-        self,
-        costs: KnownCosts,
-        places: Mapping[str, tuple[FleetVehicle, str]],
-        planner: OrderPlanner,
-        fit: OrderFit,
-        assigned: Callable[[], Iterable[TransportOrder]],
-    ) -> None:
-        """``places`` maps vehicles that may get orders to their start points.
-
-        ``assigned`` returns the orders that vehicles are executing.
-        """
-        self._costs = costs
-        self._places = places
-        self._planner = planner
-        self._fit = fit
-        self._assigned = assigned
-        self._kinds = {name: costs.finder.router.kind(each.model) for name, (each, _) in places.items()}
-
-    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
-        """Return, as a predicate, why a vehicle must never execute an order; empty if it may."""
-        known = self._costs.registry.named(vehicle)
-        return "" if known is None or order.status.automatic else self._fit.why_unsuitable(order, known)
-
-    def recharges(self, order: TransportOrder) -> bool:
-        """Return whether the next operation of an order is a recharge."""
-        return self._planner.recharges(order)
-
-    def pick(self, order: TransportOrder) -> Pick | None:
-        """Return what an order picks up first; None if it picks up nothing, or drops something before."""
-        return self._planner.pick(order)
-
-    def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
-        """Return the cost of a vehicle's route through an order's destinations; infinite without a route."""
-        try:
-            return self._cost(order, vehicle)
-        except UnknownObjectError:  # the plant lacks a resource to avoid; `why_no_route` names it
-            return NO_ROUTE
-
-    def _cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
-        who, start = self._places[vehicle]
-        if known := self._costs.known(order, self._kinds[vehicle]):
-            return known.source(start)
-        stops = _stops(order)
-        if any(each.coordinate for each in stops):
-            return self._costs.ways.cost(start, stops, vehicle=who.model, avoid=order.resources_to_avoid)
-        return self._costs.of(order, who, self._kinds[vehicle]).source(start)
-
-    def crowd(self, order: TransportOrder) -> int:
-        """Return how many visits to the order's destinations are outstanding for assigned orders."""
-        return sum(self._visits[each.location_name] for each in _stops(order))
-
-    @cached_property
-    def _visits(self) -> Counter[str | None]:
-        """The number of outstanding visits to each location or point."""
-        stops = (each.location_name for order in self._assigned() for each in _stops(order))
-        return Counter(name for name in stops if name is not None)
-
-    def why_no_route(self, order: TransportOrder, vehicle: str) -> str:
-        """Return why a vehicle has no route for an order."""
-        return self._costs.why_no_route(order, vehicle, self._places[vehicle][1])
-
-
-def _stops(order: TransportOrder) -> list[Destination]:
-    """Return the destinations that have not been reached yet."""
-    return [each.destination for each in order.status.drive_orders[order.index :]]
-
 
 NO_ORDER = "idle: no waiting orders"
 NO_ORDER_FITS = (
@@ -225,6 +65,8 @@ FEW = 8
 """Maximum number of free vehicles to which this applies."""
 ORDERS_FOR_MANY = 16
 """Number of orders compared at once for more vehicles; assigning an order takes milliseconds."""
+ALL_COMPARED = 50
+"""Number of free vehicles up to which all are compared with orders; of more, only the nearest ones."""
 
 STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
 """Vehicle states in which a robot can at most continue its current order."""
@@ -414,7 +256,13 @@ class Dispatching:
             carried=self._carried(vehicle, view),
         )
         return LocatedCandidate(
-            vehicle, seen, standing, self.fit.sequences.bound_to(vehicle.name), seen.order_types, view
+            vehicle,
+            seen,
+            standing,
+            self.fit.sequences.bound_to(vehicle.name),
+            seen.order_types,
+            view,
+            self._costs.finder.router.kind(vehicle.model),
         )
 
     def _free_soon(self, vehicle: FleetVehicle, order: TransportOrder) -> LocatedCandidate | None:
@@ -512,13 +360,14 @@ class Dispatching:
     def _decide(self, orders: Sequence[TransportOrder]) -> tuple[Decisions, Mapping[str, LocatedCandidate]]:
         """Run the dispatcher; repeat while a vehicle has changed since it was last read."""
         while True:
-            candidates = self._relevant(orders)
+            candidates, left_out = self._nearest(orders) or (self._relevant(orders), NONE_LEFT_OUT)
             decisions = self._dispatcher.decide(
                 orders,
                 (each.seen for each in candidates.values()),
                 self._knowledge(candidates),
                 now=self._clock.now(),
                 kept=self._kept,
+                left_out=left_out,
             )
             chosen = [candidates[each.vehicle].vehicle for each in decisions.assignments]
             if sum(map(self._candidates.look_at, chosen)) == 0:
@@ -526,15 +375,86 @@ class Dispatching:
 
     def _relevant(self, orders: Sequence[TransportOrder]) -> Mapping[str, LocatedCandidate]:
         """Return the relevant vehicles for orders; only the intended ones if each order has one."""
+        named = self._named(orders)
+        if all(each.status.intended_vehicle for each in orders):
+            return {name: found for name in sorted(named) if (found := self._candidates.get(name))}
+        return self._candidates.relevant(named)
+
+    def _named(self, orders: Iterable[TransportOrder]) -> set[str]:
+        """Return the vehicles that any of the orders names, excludes or has reserved."""
         named: set[str] = set()
         for order in orders:
             status = order.status
             named.update(status.excluded_vehicles)
             named.update(filter(None, (status.intended_vehicle, self.fit.sequences.meant(order))))
             named.update(filter(None, (self._kept.get(order.number),)))
-        if all(each.status.intended_vehicle for each in orders):
-            return {name: found for name in sorted(named) if (found := self._candidates.get(name))}
-        return self._candidates.relevant(named)
+        return named
+
+    def _nearest(
+        self, orders: Sequence[TransportOrder]
+    ) -> tuple[Mapping[str, LocatedCandidate], Mapping[int, int]] | None:
+        """Return the relevant vehicles for orders, and how many free ones are left out for each order.
+
+        Of many free vehicles only those are needed that are nearest to an order, as many as there are orders,
+        and one of each kind for its wait reason. None: all of them are needed.
+        """
+        known = self._candidates
+        many = len(known.free) > ALL_COMPARED and self._dispatcher.by_cost
+        if not many or all(each.status.intended_vehicle for each in orders):
+            return None
+        named = self._named(orders)
+        unnamed = {
+            kind: example
+            for kind, members in known.alike.items()
+            if (example := next((each for each in members if each not in named), None))
+        }
+        knowledge = self._knowledge({each: known.free[each] for each in unnamed.values()})
+        fitting: dict[int, list[FreeKind]] = {}
+        nearest = {*unnamed.values()}
+        for order in orders:
+            if order.status.intended_vehicle or order.number in self._kept:
+                continue
+            recharges, pick = knowledge.recharges(order), knowledge.pick(order)
+            kinds = fitting[order.number] = [
+                kind
+                for kind, example in unnamed.items()
+                if not knowledge.why_unsuitable(order, example)
+                and not known.free[example].seen.why_not(order, recharges=recharges, pick=pick)
+            ]
+            near = self._near(order, kinds, len(orders) + len(named))
+            if near is None:
+                return None
+            nearest.update(near)
+        wanted = nearest | named
+        left_out = {
+            number: sum(len(known.alike[kind]) - len(known.alike[kind].keys() & wanted) for kind in kinds)
+            for number, kinds in fitting.items()
+        }
+        return known.relevant(named, nearest), left_out
+
+    def _near(self, order: TransportOrder, kinds: Iterable[FreeKind], number: int) -> Iterable[str] | None:
+        """Return the free vehicles of these kinds that are nearest to an order, at least ``number``.
+
+        None: their costs are not cached, or none of them has a route.
+        """
+        if any(each.coordinate for each in stops_of(order)):
+            return None
+        names, costs = list[str](), list[float]()
+        for kind in kinds:
+            members = self._candidates.alike[kind]
+            example = self._candidates.free[next(iter(members))].vehicle
+            try:
+                found = self._costs.known(order, kind.routing_kind)
+                found = found or self._costs.of(order, example, kind.routing_kind)
+            except UnknownObjectError:  # a resource to avoid that the plant lacks
+                return None
+            names += members
+            costs += found.complete([*members.values()])
+        if not names:
+            return ()
+        limit = sorted(costs)[:number][-1]
+        near = [name for name, cost in zip(names, costs, strict=True) if cost <= limit and cost < inf]
+        return near or None
 
     def _with_new_reasons(self, touched: Iterable[str]) -> dict[int, None]:
         """Return the orders whose wait reasons may have changed."""

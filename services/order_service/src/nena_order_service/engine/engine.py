@@ -18,10 +18,11 @@ from typing import Protocol
 from nena_order_service.dispatching.dispatcher import VehicleFit
 from nena_order_service.engine.conditions import Sequences
 from nena_order_service.engine.context import Context, FleetControl
-from nena_order_service.engine.dispatching import Dispatching, OrderFit
+from nena_order_service.engine.dispatching import Dispatching
 from nena_order_service.engine.driving import Driving, Pauses, RestartGate, Stuck
 from nena_order_service.engine.idle import IdleVehicles
 from nena_order_service.engine.life_cycle import LifeCycle
+from nena_order_service.engine.order_knowledge import OrderFit
 from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.positions import Positions
 from nena_order_service.engine.recovery import Recovery

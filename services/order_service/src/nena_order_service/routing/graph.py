@@ -256,6 +256,11 @@ class CostMap:
         """Return the cost from a point; infinity if there is no route."""
         return self.costs[self.indices[point]]
 
+    def sources(self, points: Iterable[str]) -> list[float]:
+        """Return the cost from each of many points."""
+        costs, indices = self.costs, self.indices
+        return [costs[indices[point]] for point in points]
+
 
 def burdened(burden: Mapping[str, float]) -> Callable[[Step], float]:
     """Return a cost function that adds the given shares for edges and points to each step."""

@@ -419,6 +419,11 @@ class OrderCosts:
             best = min(best, RouteCost(initial + entry.rest, initial))
         return best
 
+    def complete(self, points: Sequence[str]) -> list[float]:
+        """Return the complete cost for vehicles that start at each of many points."""
+        rows = [[cost + entry.rest for cost in entry.to_it.sources(points)] for entry in self.entries]
+        return [min(costs) for costs in zip(*rows, strict=True)] if rows else [inf] * len(points)
+
 
 class RouteCosts:
     """Computes the costs of routes in one plant; routes to coordinates are searched one by one."""
