@@ -6,6 +6,7 @@ from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.driving import RestartGate
 from nena_shared.plant import PlantModel, Vehicle
 from support.clocks import ManualClock
+from support.operations import calls_of
 from support.scripted_fleet import ScriptedFleet, make_context
 
 PLANT = PlantModel(name="two", vehicles=(Vehicle(name="V1"), Vehicle(name="V2")))
@@ -75,3 +76,20 @@ def test_retained_connection_messages_are_awaited_first() -> None:
 
     assert not opened(gate)
     assert "each robot" in gate.reason
+
+
+def test_waiting_costs_the_same_however_many_robots_have_reported() -> None:
+    calls = []
+    for number in (20, 200):
+        names = [f"V{index:03}" for index in range(number)]
+        plant = PlantModel(name="many", vehicles=tuple(Vehicle(name=name) for name in names))
+        fleet = ScriptedFleet(dict.fromkeys(names, "A"), mute={names[-1]})
+        context = make_context(plant, settings=EngineSettings(restart_patience=20.0))
+        context.connect(fleet)
+        gate = RestartGate(context)
+        gate.begin(tuple(context.registry))
+        assert not opened(gate)
+        calls.append(calls_of(lambda gate=gate: opened(gate)))  # type: ignore[misc]
+        fleet.mute.clear()
+        assert opened(gate)
+    assert calls[0] == calls[1]

@@ -63,22 +63,23 @@ class RestartGate:
         self._context = context
         self._timeout = context.settings.restart_patience
         self._until = context.clock.monotonic() + self._timeout
-        self._remembered: tuple[FleetVehicle, ...] = ()
+        self._remembered: dict[str, FleetVehicle] = {}
+        """The vehicles to wait for, by name, without some that have reported since."""
         self._open = False
 
     def begin(self, remembered: tuple[FleetVehicle, ...]) -> None:
         """Start waiting for these vehicles."""
-        self._remembered = remembered
+        self._remembered = {each.name: each for each in remembered}
         self._until = self._context.clock.monotonic() + self._timeout
 
     @property
     def is_open(self) -> bool:
         """Whether anything may be sent to robots."""
         if not self._open:
-            missing, fleet = self._missing(), self._context.fleet
+            fleet = self._context.fleet
             late = self._context.clock.monotonic() >= self._until and fleet.connected_for() >= self._timeout
-            self._open = late or (not missing and fleet.all_known())
-            if self._open and missing:
+            self._open = late or (not self._any_missing() and fleet.all_known())
+            if self._open and (missing := self._missing()):
                 log.warning("robots without a state keep their resources", vehicles=missing)
         return self._open
 
@@ -90,8 +91,21 @@ class RestartGate:
         whom = ", ".join(self._missing()) or "each robot"
         return f"it waits for the first state of {whom}"
 
+    def _any_missing(self) -> bool:
+        """Return whether any vehicle has yet to report; those that have reported are not checked again."""
+        reported, found = list[str](), False
+        for name, vehicle in self._remembered.items():
+            view = self._context.view(vehicle)
+            if view.state is not None:
+                reported.append(name)
+            elif found := view.link in MAY_STILL_SPEAK:
+                break
+        for name in reported:
+            del self._remembered[name]
+        return found
+
     def _missing(self) -> list[str]:
-        views = ((vehicle.name, self._context.view(vehicle)) for vehicle in self._remembered)
+        views = ((vehicle.name, self._context.view(vehicle)) for vehicle in self._remembered.values())
         return [name for name, view in views if view.state is None and view.link in MAY_STILL_SPEAK]
 
 
