@@ -93,6 +93,21 @@ async def test_orders_are_created_listed_shown_and_withdrawn(fleet: Fleet) -> No
     assert "T-1 is FAILED: not needed" in watched.stderr
 
 
+async def test_orders_are_imported_from_a_file(fleet: Fleet, tmp_path: Path) -> None:
+    client = await fleet.order_service().client()
+    nena, file = Nena(str(client.base_url)), tmp_path / "shift.csv"
+    file.write_text("name,stops\nT-1,Goods in:Load cargo > South 2\nT-2,Nowhere\nT-3,South 2\n")
+    checked = await nena("orders", "import", str(file), "--check")
+    assert (checked.exit_code, "2 possible, 1 refused" in checked.stderr) == (1, True), checked.output
+    assert await nena.json("orders", "list") == []
+    made = await nena.json("orders", "import", str(file), status=1)
+    assert [each["name"] for each in made] == ["T-1", "T-3"]
+    again = await nena("orders", "import", str(file))
+    assert "line 3 (T-2)" in again.stderr
+    assert "Nowhere" in again.stderr
+    assert [each["name"] for each in await nena.json("orders", "list")] == ["T-3", "T-1"]
+
+
 async def test_sequences_are_created_filled_shown_and_completed(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
     nena = Nena(str(client.base_url))

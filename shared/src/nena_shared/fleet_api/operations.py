@@ -33,6 +33,7 @@ from nena_shared.plant.exchange import JSON_LIMITS
 A = TypeVar("A")
 
 ORDERS: Final = "/v1/transportOrders"
+ORDER_BATCH: Final = "/v1/transportOrders/batch"
 SEQUENCES: Final = "/v1/orderSequences"
 VEHICLES: Final = "/v1/vehicles"
 PATHS: Final = "/v1/paths"
@@ -43,6 +44,9 @@ PLANT_MODEL: Final = "/v1/plantModel"
 SUMMARY: Final = "/v1/summary"
 TRAFFIC_PLAN: Final = "/v1/traffic/plan"
 WEBHOOKS: Final = "/v1/webhooks"
+
+BATCH_BYTES: Final = 4_000_000
+"""Maximum size of a batch of orders: 1,000 orders with two destinations have about 0.3 MB."""
 
 MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}
 
@@ -151,6 +155,7 @@ class Operation(Generic[A]):
 
 TAGS: Final = {
     ORDERS: "transport orders",
+    ORDER_BATCH: "transport orders",
     SEQUENCES: "order sequences",
     VEHICLES: "vehicles",
     PATHS: "paths",
@@ -182,6 +187,17 @@ CREATE_ORDER = Operation(
         Refusal.UNKNOWN_SEQUENCE,
         Refusal.SEQUENCE_REFUSES,
     ),
+)
+CREATE_ORDERS = Operation(
+    "createTransportOrders",
+    "Create up to 1000 transport orders, each on its own: some may be refused.",
+    "POST",
+    ORDER_BATCH,
+    transport_order.TransportOrderBatchAnswer,
+    Role.OPERATOR,
+    request=transport_order.TransportOrderBatch,
+    refusals=(Refusal.NOT_SAVED,),
+    max_body=BATCH_BYTES,
 )
 LIST_ORDERS = Operation(
     "transportOrders",
@@ -614,6 +630,7 @@ LIST_WEBHOOKS = Operation(
 
 OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     CREATE_ORDER,
+    CREATE_ORDERS,
     LIST_ORDERS,
     SHOW_ORDER,
     DELIVERY,

@@ -290,7 +290,7 @@ class Problem(Resource):
 
 
 class CreationAnswer(Resource):
-    """Answer over MQTT to a request to create a transport order."""
+    """Answer to one request to create a transport order, over MQTT or in a batch."""
 
     status: int
     """HTTP status: 201 created, 200 already created with this key, 4xx rejected, 5xx failed."""
@@ -299,6 +299,22 @@ class CreationAnswer(Resource):
     idempotency_key: str | None = None
     transport_order: TransportOrderStatus | None = None
     problem: Problem | None = None
+
+
+class TransportOrderBatch(Request):
+    """Request to create several transport orders."""
+
+    transport_orders: Annotated[tuple[TransportOrderRequest, ...], Field(min_length=1, max_length=1000)]
+    """Created one after the other: an order may depend on earlier ones."""
+    check_only: bool = False
+    """Whether nothing is created, to see what would be refused."""
+
+
+class TransportOrderBatchAnswer(Resource):
+    """What became of each order of a batch."""
+
+    results: tuple[CreationAnswer, ...]
+    """In the order of the requests; status 200 without an order: it could be created."""
 
 
 class OrderSequenceRequest(Request):

@@ -1,4 +1,4 @@
-"""``nena orders``: create, list, show, watch, withdraw, hold, resume."""
+"""``nena orders``: create, import, list, show, watch, withdraw, hold, resume."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import parse_measure, parse_property, parse_stop
 from nena_cli.options import Format, group
+from nena_cli.order_files import read_orders
 from nena_cli.output import REFUSED, echo, fail, print_objects
 from nena_cli.service import Service, of_service, order_names
 from nena_client import Client, Event
 from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api.operations import (
     CREATE_ORDER,
+    CREATE_ORDERS,
     DELIVERY,
     HOLD,
     LIST_ORDERS,
@@ -34,6 +36,7 @@ from nena_shared.fleet_api.operations import (
 )
 from nena_shared.fleet_api.transport_order import (
     DependencyFailure,
+    TransportOrderBatch,
     TransportOrderRequest,
     TransportOrderState,
     TransportOrderStatus,
@@ -43,6 +46,8 @@ from nena_shared.vda5050.malformed import problems_of
 
 B = TypeVar("B", TransportOrderStatus, VehicleStatus)
 
+BATCH = 1000
+"""Orders that one request creates."""
 ENDED_SHOWN = 10
 """Ended orders that stay on the screen."""
 
@@ -144,6 +149,43 @@ def create(
     body = request.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
     with service.connected() as connection:
         print_or_watch(service, connection, connection.call(CREATE_ORDER, body=body), wait=wait)
+
+
+@app.command("import")
+@of_service
+def import_(
+    service: Service,
+    file: Annotated[typer.FileText, typer.Argument(help="CSV file; - for standard input.")],
+    *,
+    check: Annotated[
+        bool, typer.Option("--check", help="Create nothing; show what would be refused.")
+    ] = False,
+) -> None:
+    """Create a transport order for each line of a CSV file.
+
+    The column `stops` has the stops of `nena orders create`, separated by `>`. Further columns: name,
+    priority, deadline, intendedVehicle, type, dependencies. An order with a name is not created twice.
+    """
+    orders, created, refused = list(read_orders(file)), 0, 0
+    with service.connected() as connection:
+        for start in range(0, len(orders), BATCH):
+            part = orders[start : start + BATCH]
+            request = TransportOrderBatch(
+                transport_orders=tuple(order for _, order in part), check_only=check
+            )
+            results = connection.call(CREATE_ORDERS, request=request).results
+            for (line, _), result in zip(part, results, strict=True):
+                if result.problem:
+                    refused += 1
+                    detail = "; ".join((result.problem.detail, *result.problem.errors))
+                    echo(f"line {line} ({result.name or 'no name'}): {detail}", "red")
+            made = tuple(each.transport_order for each in results if each.transport_order)
+            created += sum(not each.problem for each in results)
+            if made and service.output is not Format.TABLE:
+                _print(service, *made)
+    echo(f"{created} {'possible' if check else 'created, or already there'}, {refused} refused")
+    if refused:
+        raise typer.Exit(REFUSED)
 
 
 @app.command("list")

@@ -76,7 +76,7 @@ class Call:
         query, body = options.get("query"), options.get("body")
         keyed = isinstance(body, Mapping) and "idempotencyKey" in body
         if request is not None:
-            fields = request.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+            fields = request.model_dump(mode="json", by_alias=True, exclude_unset=True)
             if operation.method == "GET":
                 query = {**fields, **(query or {})}
             else:

@@ -10,7 +10,8 @@ from typing import Any, Generic, TypeVar
 from pydantic import BaseModel
 
 from nena_order_service.api.encoding import EncodedPage
-from nena_order_service.api.host_requests import ETag, HostServices
+from nena_order_service.api.host_requests import Creation, ETag, HostServices, Refused
+from nena_order_service.api.problems import problem_of
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
@@ -22,7 +23,13 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralList,
 )
 from nena_shared.fleet_api.plant import ZoneSetList
-from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
+from nena_shared.fleet_api.transport_order import (
+    CreationAnswer,
+    OrderSequenceRequest,
+    TransportOrderBatch,
+    TransportOrderBatchAnswer,
+    TransportOrderRequest,
+)
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 from nena_shared.fleet_api.webhooks import WebhookList
 from nena_shared.plant import PlantPose
@@ -96,6 +103,14 @@ class HostOperations:
     async def _create_order(self, call: Call[TransportOrderRequest]) -> Reply:
         order, new = await self._requests.create(call.request)
         return Reply(order, _created(new=new))
+
+    @_does(table.CREATE_ORDERS)
+    async def _create_orders(self, call: Call[TransportOrderBatch]) -> Reply:
+        found = await self._requests.create_all(
+            call.request.transport_orders, check_only=call.request.check_only
+        )
+        results = tuple(map(_creation_answer, call.request.transport_orders, found))
+        return Reply(TransportOrderBatchAnswer(results=results))
 
     @_does(table.LIST_ORDERS)
     async def _list_orders(self, call: Call[bodies.TransportOrdersQuery]) -> Reply:
@@ -312,6 +327,17 @@ class HostOperations:
             ActionParameter(key="lastNodeId", value=robot.point),
             *given,
         )
+
+
+def _creation_answer(request: TransportOrderRequest, made: Creation | Refused) -> CreationAnswer:
+    """Return what became of one request of a batch."""
+    key = request.idempotency_key
+    if isinstance(made, Exception):
+        problem = problem_of(made)
+        return CreationAnswer(status=problem.status, name=request.name, idempotency_key=key, problem=problem)
+    order, new = made
+    name = order.name if order else request.name
+    return CreationAnswer(status=_created(new=new), name=name, idempotency_key=key, transport_order=order)
 
 
 def _created(*, new: bool) -> HTTPStatus:

@@ -1,0 +1,65 @@
+"""Several orders in one request."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+
+NAME = {"destinations": [{"locationName": "South 2"}]}
+
+
+async def sent(
+    client: httpx.AsyncClient, *orders: dict[str, Any], check: bool = False
+) -> list[dict[str, Any]]:
+    answer = await client.post(
+        "/v1/transportOrders/batch", json={"transportOrders": orders, "checkOnly": check}
+    )
+    assert answer.status_code == 200, answer.text
+    results: list[dict[str, Any]] = answer.json()["results"]
+    return results
+
+
+async def count(client: httpx.AsyncClient) -> int:
+    return len((await client.get("/v1/transportOrders")).json()["transportOrders"])
+
+
+BATCH = (
+    {"name": "first", **NAME},
+    {"name": "second", "dependencies": ["first"], **NAME},
+    {"name": "third", "destinations": [{"locationName": "Nowhere"}]},
+    {"name": "first", "destinations": [{"locationName": "South 3"}]},
+    {"idempotencyKey": "key-5", **NAME},
+)
+
+
+async def test_each_order_is_created_or_refused_on_its_own(client: httpx.AsyncClient) -> None:
+    results = await sent(client, *BATCH)
+    assert [each["status"] for each in results] == [201, 201, 404, 409, 201]
+    assert [each["name"] for each in results][:4] == ["first", "second", "third", "first"]
+    assert results[1]["transportOrder"]["dependencies"] == ["first"]
+    assert "Nowhere" in results[2]["problem"]["errors"][0]
+    assert await count(client) == 3
+
+
+async def test_a_repeated_batch_creates_nothing_twice(client: httpx.AsyncClient) -> None:
+    first = await sent(client, *BATCH)
+    again = await sent(client, *BATCH)
+    assert [each["status"] for each in again] == [200, 200, 404, 409, 200]
+    assert again[4]["name"] == first[4]["name"]
+    assert await count(client) == 3
+
+
+async def test_a_check_creates_nothing_and_says_the_same(client: httpx.AsyncClient) -> None:
+    results = await sent(client, *BATCH, check=True)
+    assert [each["status"] for each in results] == [200, 200, 404, 409, 200]
+    assert all(each["transportOrder"] is None for each in results)
+    assert await count(client) == 0
+
+
+async def test_a_thousand_orders_are_one_request(client: httpx.AsyncClient) -> None:
+    results = await sent(client, *[{"name": f"T-{number}", **NAME} for number in range(1000)])
+    assert {each["status"] for each in results} == {201}
+    assert (
+        await client.post("/v1/transportOrders/batch", json={"transportOrders": [NAME] * 1001})
+    ).status_code == 422

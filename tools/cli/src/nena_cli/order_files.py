@@ -1,0 +1,77 @@
+"""Transport orders in CSV files, for ``nena orders import``."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+from typing import Any, Final
+
+import typer
+from pydantic import ValidationError
+
+from nena_cli.arguments import parse_stop
+from nena_shared.findings import FINDINGS_SHOWN
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.vda5050.malformed import problems_of
+
+STOPS: Final = "stops"
+BETWEEN_STOPS: Final = ">"
+COLUMNS: Final = (STOPS, "name", "priority", "deadline", "intendedVehicle", "type", "dependencies")
+"""Columns of a file; only ``stops`` is required."""
+DELIMITERS: Final = ",;\t"
+
+
+def read_orders(lines: Iterable[str]) -> Iterator[tuple[int, TransportOrderRequest]]:
+    """Yield each order with the number of its line.
+
+    An order's name is its idempotency key too, so that importing the same file again creates nothing twice.
+
+    Raises:
+        typer.BadParameter: a column or a value is wrong.
+
+    """
+    text = list(lines)
+    header = text[0].removeprefix("\ufeff") if text else ""
+    delimiter = max(DELIMITERS, key=header.count)
+    rows = csv.DictReader([header, *text[1:]], delimiter=delimiter)
+    columns = [each.strip() for each in rows.fieldnames or ()]
+    unknown = sorted(set(columns) - set(COLUMNS))
+    if STOPS not in columns or unknown:
+        hint = f"Known columns: {', '.join(COLUMNS)}"
+        message = f"Unknown column {unknown[0]!r}. {hint}" if unknown else f"No column {STOPS!r}. {hint}"
+        raise typer.BadParameter(message)
+    rows.fieldnames = columns
+    for row in rows:
+        try:
+            yield rows.line_num, _order(row)
+        except (typer.BadParameter, ValidationError) as error:
+            problems = (
+                problems_of(error, FINDINGS_SHOWN) if isinstance(error, ValidationError) else [str(error)]
+            )
+            message = f"Line {rows.line_num}: {'; '.join(problems)}"
+            raise typer.BadParameter(message) from error
+
+
+def _order(row: dict[str | Any, Any]) -> TransportOrderRequest:
+    if None in row:
+        message = "more values than columns"
+        raise typer.BadParameter(message)
+    given = {name: value.strip() for name, value in row.items() if value and value.strip()}
+    stops = [parse_stop(each.strip()) for each in given.pop(STOPS, "").split(BETWEEN_STOPS) if each.strip()]
+    fields: dict[str, Any] = dict(given)
+    if "dependencies" in fields:
+        fields["dependencies"] = fields["dependencies"].split()
+    if "name" in fields:
+        fields["idempotencyKey"] = fields["name"]
+    if "priority" in fields:
+        fields["priority"] = _whole_number(fields["priority"])
+    fields["destinations"] = [each.model_dump(by_alias=True, exclude_unset=True) for each in stops]
+    return TransportOrderRequest.model_validate(fields)
+
+
+def _whole_number(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError as error:
+        message = f"priority {text!r} is not a whole number"
+        raise typer.BadParameter(message) from error
