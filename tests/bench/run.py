@@ -25,6 +25,7 @@ from bench import (
     edge_agent,
     order_service,
     plant_cost,
+    queue_cost,
     rest_to_wire,
     sessions,
     state_cost,
@@ -124,6 +125,10 @@ async def _core(_folder: Path, _samples: int, _seconds: float) -> dict[str, Any]
     return core_cost.measure()
 
 
+async def _queue(_folder: Path, _samples: int, _seconds: float) -> dict[str, Any]:
+    return await queue_cost.measure()
+
+
 async def _plant(_folder: Path, _samples: int, _seconds: float) -> dict[str, Any]:
     return plant_cost.measure()
 
@@ -146,6 +151,7 @@ ENTRIES: dict[str, Callable[[Path, int, float], Awaitable[dict[str, Any]]]] = {
     "memory": _memory,
     "sessions": sessions.measure,
     "core": _core,
+    "queue": _queue,
     "plant": _plant,
     "aggregator": _aggregator,
     "smooth": _smooth,
