@@ -323,6 +323,7 @@ async def make_engine(
     context = make_context(plant, clock=clock, settings=settings, on_failure=on_failure, locks=locks)
     engine = Engine(context, store)
     fleet.engine = engine
+    await engine.load_stops()
     await engine.start(fleet)
     return engine
 

@@ -15,7 +15,7 @@ from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings, StoreSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
-from nena_shared.fleet_api.operations import Refusal
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.tasks import Supervisor
 from nena_shared.web.problem import MEDIA_TYPE
 from support.scripted_fleet import MemoryStore

@@ -20,6 +20,7 @@ from nena_shared.fleet_api.requests import (
     ResumeRequest,
     WithdrawalRequest,
 )
+from nena_shared.fleet_api.stops import StopEndRequest, StopRequest
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
 
@@ -37,6 +38,8 @@ BODIES: dict[str, type[BaseModel]] = {
     "/integrationLevel": IntegrationLevelRequest,
     "/acceptableOrderTypes": OrderTypesRequest,
     "/rerouting": ReroutingRequest,
+    "/v1/stops": StopRequest,
+    "/end": StopEndRequest,
 }
 EXAMPLES = re.findall(r"\$nena(\S+) -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
-from nena_shared.fleet_api.operations import Refusal
+from nena_shared.fleet_api.refusals import Refusal
 
 
 class RefusedError(Exception):
@@ -259,3 +259,32 @@ class UnknownPathError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"Unknown path {name!r}. GET /v1/paths lists them.")
+
+
+class UnknownStopError(RefusedError):
+    """There is no active stop of this name."""
+
+    refusal = Refusal.UNKNOWN_STOP
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            f"Unknown stop {name!r}; it may have been ended. GET /v1/stops lists the active ones."
+        )
+
+
+class TooManyStopsError(RefusedError):
+    """No more stops can be active at once."""
+
+    refusal = Refusal.TOO_MANY_STOPS
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(f"{limit} stops are active. End one of them first.")
+
+
+class VehicleStoppedError(RefusedError):
+    """The vehicle cannot continue while a stop pauses it."""
+
+    refusal = Refusal.VEHICLE_STOPPED
+
+    def __init__(self, name: str, stop: str, why: str) -> None:
+        super().__init__(f"Vehicle {name!r} cannot continue: {why}. End the stop {stop!r} first.")

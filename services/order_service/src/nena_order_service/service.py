@@ -29,6 +29,7 @@ from nena_order_service.api.peripheral_link import PeripheralLink
 from nena_order_service.api.peripheral_requests import PeripheralRequests
 from nena_order_service.api.rest import ChangePlant, Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
+from nena_order_service.api.stop_requests import StopRequests
 from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
@@ -144,7 +145,7 @@ def build(
     engine = make_engine(settings, plant, store, clock)
     client_id = _client_id(settings, epoch)
     topics = FleetTopics(settings.topic_prefix)
-    heartbeat = Heartbeat(topics, clock, epoch=epoch, store_ready=lambda: store.ready)
+    heartbeat = _make_heartbeat(engine, topics, epoch=epoch)
     hooks = LinkHooks(heartbeat.will, lambda: chain(publisher.greeting(), devices.greeting()))
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
@@ -174,6 +175,16 @@ def build(
     return OrderService(
         engine, fleet, publisher, heartbeat, sweep, mqtt, app, api, stream, changes, hosts, loop_lag, elected
     )
+
+
+def _make_heartbeat(engine: Engine, topics: FleetTopics, *, epoch: int) -> Heartbeat:
+    """Build the heartbeat, which is also published when a stop has begun or ended."""
+    store, stops = engine.store, engine.stops
+    heartbeat = Heartbeat(
+        topics, engine.clock, epoch=epoch, store_ready=lambda: store.ready, stops=stops.statuses
+    )
+    stops.changed = heartbeat.hurry
+    return heartbeat
 
 
 def _listen(
@@ -210,6 +221,7 @@ def _make_host_services(engine: Engine, fleet: FleetLink, webhooks: Webhooks) ->
         PathLocks(engine),
         ZoneSets(engine, fleet.send_zone_set),
         PeripheralRequests(engine),
+        StopRequests(engine),
         webhooks,
     )
 

@@ -7,9 +7,8 @@ generated from this table. A new operation needs an entry here and a method of
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 from http import HTTPStatus
 from typing import Any, Final, Generic, Literal, TypeVar
 from urllib.parse import quote
@@ -25,6 +24,8 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralStatus,
 )
 from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetList, ZoneSetStatus
+from nena_shared.fleet_api.refusals import Refusal
+from nena_shared.fleet_api.stops import StopEndRequest, StopList, StopRequest, StopStatus
 from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleStatus
 from nena_shared.fleet_api.webhooks import WebhookList
@@ -37,6 +38,7 @@ ORDER_BATCH: Final = "/v1/transportOrders/batch"
 SEQUENCES: Final = "/v1/orderSequences"
 VEHICLES: Final = "/v1/vehicles"
 PATHS: Final = "/v1/paths"
+STOPS: Final = "/v1/stops"
 ZONE_SETS: Final = "/v1/zoneSets"
 PERIPHERALS: Final = "/v1/peripherals"
 PERIPHERAL_JOBS: Final = "/v1/peripheralJobs"
@@ -49,48 +51,6 @@ BATCH_BYTES: Final = 4_000_000
 """Maximum size of a batch of orders: 1,000 orders with two destinations have about 0.3 MB."""
 
 MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}
-
-
-class Refusal(Enum):
-    """A reason to reject a request, with its HTTP status and description."""
-
-    NAME_TAKEN = HTTPStatus.CONFLICT, "The name is taken."
-    KEY_REUSED = HTTPStatus.UNPROCESSABLE_ENTITY, "The idempotency key was used for a different request."
-    NOT_IN_PLANT = HTTPStatus.UNPROCESSABLE_ENTITY, "The request does not fit the plant model."
-    UNKNOWN_IN_PLANT = HTTPStatus.NOT_FOUND, "The request names something unknown to the plant model."
-    UNKNOWN_ORDER = HTTPStatus.NOT_FOUND, "Unknown transport order."
-    UNKNOWN_DEPENDENCY = HTTPStatus.NOT_FOUND, "Unknown dependency."
-    ORDER_ENDED = HTTPStatus.CONFLICT, "The transport order has ended."
-    ORDER_WITHDRAWN = HTTPStatus.CONFLICT, "The transport order is withdrawn."
-    UNKNOWN_SEQUENCE = HTTPStatus.NOT_FOUND, "Unknown order sequence."
-    SEQUENCE_REFUSES = HTTPStatus.CONFLICT, "The order sequence refuses the order."
-    VERSION_CHANGED = HTTPStatus.PRECONDITION_FAILED, "The object has another version."
-    UNKNOWN_VEHICLE = HTTPStatus.NOT_FOUND, "Unknown vehicle."
-    NOT_REACHED = HTTPStatus.CONFLICT, "The vehicle cannot be reached."
-    VEHICLE_BUSY = HTTPStatus.CONFLICT, "The vehicle has an order."
-    NOT_REROUTABLE = HTTPStatus.CONFLICT, "The vehicle has no order that can be rerouted."
-    UNKNOWN_PATH = HTTPStatus.NOT_FOUND, "Unknown path."
-    UNKNOWN_ZONE_SET = HTTPStatus.NOT_FOUND, "Unknown zone set."
-    ZONE_SET_CHANGED = HTTPStatus.CONFLICT, "A different zone set has this id."
-    UNKNOWN_PERIPHERAL = HTTPStatus.NOT_FOUND, "Unknown peripheral device."
-    UNKNOWN_JOB = HTTPStatus.NOT_FOUND, "Unknown peripheral job."
-    JOB_ENDED = HTTPStatus.CONFLICT, "The peripheral job has ended."
-    INVALID_PLANT = HTTPStatus.UNPROCESSABLE_ENTITY, "The plant model is invalid."
-    PLANT_IN_USE = HTTPStatus.CONFLICT, "Orders or vehicles use elements missing in the new plant model."
-    TOO_MANY_CLIENTS = HTTPStatus.SERVICE_UNAVAILABLE, "The event stream has too many clients."
-    NOT_SAVED = HTTPStatus.SERVICE_UNAVAILABLE, "The database is unavailable; nothing was saved."
-
-    def __init__(self, status: HTTPStatus, meaning: str) -> None:
-        self.status = status
-        self.meaning = meaning
-
-
-def by_status(refusals: Iterable[Refusal]) -> dict[HTTPStatus, str]:
-    """Return the descriptions of refusals by HTTP status."""
-    found: dict[HTTPStatus, str] = {}
-    for each in sorted(refusals, key=lambda each: each.status):
-        found[each.status] = f"{found[each.status]} {each.meaning}" if each.status in found else each.meaning
-    return found
 
 
 _NEW_ORDER: Final = (Refusal.KEY_REUSED, Refusal.NOT_IN_PLANT, Refusal.UNKNOWN_IN_PLANT, Refusal.NOT_SAVED)
@@ -159,6 +119,7 @@ TAGS: Final = {
     SEQUENCES: "order sequences",
     VEHICLES: "vehicles",
     PATHS: "paths",
+    STOPS: "stops",
     ZONE_SETS: "zone sets",
     PERIPHERALS: "peripherals",
     PERIPHERAL_JOBS: "peripherals",
@@ -420,7 +381,12 @@ INSTANT_ACTION = Operation(
     subject="vehicle",
     result="instant_action",
     opentcs=(f"PUT {VEHICLES}/{{name}}/paused",),
-    refusals=(Refusal.UNKNOWN_VEHICLE, Refusal.NOT_REACHED, Refusal.VEHICLE_BUSY),
+    refusals=(
+        Refusal.UNKNOWN_VEHICLE,
+        Refusal.NOT_REACHED,
+        Refusal.VEHICLE_BUSY,
+        Refusal.VEHICLE_STOPPED,
+    ),
 )
 REROUTE = Operation(
     "reroute",
@@ -460,6 +426,40 @@ SHOW_PATH = Operation(
     PathStatus,
     Role.VIEWER,
     refusals=(Refusal.UNKNOWN_PATH,),
+)
+
+LIST_STOPS = Operation(
+    "stops",
+    "List the active stops, with who began each one and why.",
+    "GET",
+    STOPS,
+    StopList,
+    Role.VIEWER,
+    result="stops",
+)
+STOP = Operation(
+    "stop",
+    "Pause all robots, or those in an area and keep others out, until a person ends the stop.",
+    "POST",
+    STOPS,
+    StopStatus,
+    Role.OPERATOR,
+    request=StopRequest,
+    result="stop",
+    refusals=(Refusal.TOO_MANY_STOPS, Refusal.NOT_SAVED),
+)
+END_STOP = Operation(
+    "endStop",
+    "End a stop. The robots that it has paused continue, unless another stop pauses them.",
+    "POST",
+    f"{STOPS}/{{name}}/end",
+    StopStatus,
+    Role.OPERATOR,
+    request=StopEndRequest,
+    may_be_empty=True,
+    subject="stop",
+    result="stop",
+    refusals=(Refusal.UNKNOWN_STOP, Refusal.NOT_SAVED),
 )
 
 LIST_ZONE_SETS = Operation(
@@ -652,6 +652,9 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     LIST_PATHS,
     LOCK_PATH,
     SHOW_PATH,
+    LIST_STOPS,
+    STOP,
+    END_STOP,
     LIST_ZONE_SETS,
     SHOW_ZONE_SET,
     PUT_ZONE_SET,

@@ -36,6 +36,8 @@ class PathStatus(Resource):
     """Whether new routes avoid it."""
     locked_in_plant_model: bool
     """Value in the plant model, used unless a host sets another one."""
+    stop: str | None = None
+    """The stop whose area locks it; None: no stop."""
 
 
 LONGEST_ID = 200

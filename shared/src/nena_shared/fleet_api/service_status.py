@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from nena_shared.fleet_api.base import Moment, Resource
+from nena_shared.fleet_api.stops import StopStatus
 
 HEARTBEAT: Final = 2.0
 """Heartbeat interval, seconds."""
@@ -22,3 +23,5 @@ class ServiceStatus(Resource):
     """Time by the order service's clock; in a last will, the time of connecting."""
     store_ready: bool = False
     """Whether new orders are accepted."""
+    stops: tuple[StopStatus, ...] = ()
+    """The active stops, the oldest first; unknown (empty) unless ``online``."""

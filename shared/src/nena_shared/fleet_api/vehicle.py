@@ -8,6 +8,7 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from nena_shared.fleet_api.base import Moment, Request, Resource
+from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait
 
 ANY_TYPE: Final = "*"
@@ -101,6 +102,8 @@ class VehicleStatus(Resource):
     """Reason for the state, or for being idle, as text."""
     wait: TrafficWait | None = None
     """The vehicles it waits for, where and why; None: not waiting."""
+    stop: VehicleStop | None = None
+    """The stop that pauses it; None: no stop."""
     connection: str
     """ONLINE, OFFLINE, CONNECTION_BROKEN, HIBERNATING; SILENT: no state for too long; UNKNOWN: none ever."""
     operating_mode: str | None = None

@@ -10,7 +10,8 @@ from structlog.testing import capture_logs
 from nena_order_service import errors
 from nena_order_service.api.problems import problem_of
 from nena_order_service.errors import RefusedError
-from nena_shared.fleet_api.operations import CHANGE_PLANT, OPERATIONS, Refusal, by_status
+from nena_shared.fleet_api.operations import CHANGE_PLANT, OPERATIONS
+from nena_shared.fleet_api.refusals import Refusal, by_status
 from support.problems import problem
 
 EVENT_STREAM = {Refusal.TOO_MANY_CLIENTS, Refusal.NOT_SAVED}

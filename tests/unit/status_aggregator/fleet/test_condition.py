@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import State
@@ -327,3 +328,16 @@ def test_a_robot_whose_states_are_unreadable_is_not_silent() -> None:
     condition, text = conclude(overdue=True, unreadable="state: orderId: is missing")
     assert condition is Condition.ERROR
     assert text.endswith("state: orderId: is missing")
+
+
+@pytest.mark.parametrize(
+    ("area", "text"),
+    [
+        (False, "Paused with all robots by Anna: fire drill"),
+        (True, "Paused with this area by Anna: fire drill"),
+    ],
+)
+def test_stopped_robot_has_who_and_why(*, area: bool, text: str) -> None:
+    stop = VehicleStop(name="stop-1", by="Anna", reason="fire drill", area=area)
+    assert conclude(state=state(paused=True), stop=stop) == (Condition.BLOCKED, text)
+    assert conclude(state=state(), stop=stop)[0] is Condition.IDLE, "it is not paused yet"

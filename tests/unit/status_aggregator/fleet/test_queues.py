@@ -7,6 +7,7 @@ from typing import Any
 
 from nena_shared.clock import SystemClock, iso
 from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
+from nena_shared.fleet_api.stops import Area, StopStatus, UnpausedVehicle
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
@@ -201,16 +202,45 @@ def service(*, online: bool, at: float) -> ServiceStatus:
     return ServiceStatus(online=online, timestamp=START + timedelta(seconds=at), store_ready=online)
 
 
+def test_stops_are_published_and_kept_while_the_order_service_is_down() -> None:
+    site = Site()
+    area = Area(x_min=0, y_min=1, x_max=2, y_max=3)
+    stop = StopStatus(
+        name="stop-1",
+        by="Anna",
+        reason="spill",
+        since=START,
+        area=area,
+        vehicles=2,
+        paused=1,
+        not_paused=(UnpausedVehicle(vehicle="V-2", reason="is silent"),),
+    )
+    status = service(online=True, at=0).model_copy(update={"stops": (stop,)})
+    site.model.on_service_status(status, timestamp(0), retained=False)
+    (shown,) = site.view()["orderService"]["stops"]
+    assert (shown["by"], shown["paused"], shown["vehicles"]) == ("Anna", 1, 2)
+    assert shown["area"] == {"xMin": 0, "yMin": 1, "xMax": 2, "yMax": 3, "mapId": None}
+    assert shown["notPaused"] == [{"vehicle": "V-2", "reason": "is silent"}]
+    site.model.on_service_status(service(online=False, at=0), timestamp(1), retained=False)
+    assert site.view()["orderService"]["stops"] == [shown], "the robots are still paused"
+    site.model.on_service_status(service(online=True, at=2), timestamp(2), retained=False)
+    assert site.view()["orderService"]["stops"] == []
+
+
 def test_stopped_order_service_is_published_with_its_last_heartbeat() -> None:
     site = Site()
-    assert site.view()["orderService"] == {"up": None, "lastSign": None}
+    assert site.view()["orderService"] == {"up": None, "lastSign": None, "stops": []}
     site.model.on_service_status(service(online=True, at=0), timestamp(0), retained=False)
-    assert site.view()["orderService"] == {"up": True, "lastSign": None}
+    assert site.view()["orderService"] == {"up": True, "lastSign": None, "stops": []}
     site.pass_time(1)
     site.model.on_service_status(service(online=False, at=0), timestamp(1), retained=False)
-    assert site.view()["orderService"] == {"up": False, "lastSign": iso(START)}
+    assert site.view()["orderService"] == {"up": False, "lastSign": iso(START), "stops": []}
     site.model.on_service_status(service(online=True, at=2), timestamp(2), retained=False)
     site.pass_time(1 + LOST_AFTER)
-    assert site.view()["orderService"] == {"up": False, "lastSign": iso(START + timedelta(seconds=2))}
+    assert site.view()["orderService"] == {
+        "up": False,
+        "lastSign": iso(START + timedelta(seconds=2)),
+        "stops": [],
+    }
     site.model.on_link(connected=False, at=timestamp(site.now))
-    assert site.view()["orderService"] == {"up": None, "lastSign": None}
+    assert site.view()["orderService"] == {"up": None, "lastSign": None, "stops": []}

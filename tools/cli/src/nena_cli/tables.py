@@ -11,6 +11,7 @@ from rich.text import Text
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus, PeripheralStatus
 from nena_shared.fleet_api.plant import ZoneSetStatus
 from nena_shared.fleet_api.requests import InstantActionAnswer
+from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.traffic import TrafficPlan, VehiclePlan
 from nena_shared.fleet_api.transport_order import (
     DeliveryStatus,
@@ -242,6 +243,19 @@ def peripheral_jobs_table(jobs: Iterable[PeripheralJobStatus]) -> Table:
         table.add_row(
             *map(Text, (each.name, each.location, each.operation, each.state, *for_whom, each.reason))
         )
+    return table
+
+
+def stops_table(stops: Iterable[StopStatus]) -> Table:
+    """Return a table with a row for each stop."""
+    table = Table("stop", "area", "by", "since", "reason", "paused", "not paused")
+    for each in stops:
+        area = each.area
+        where = f"{area.x_min:g},{area.y_min:g},{area.x_max:g},{area.y_max:g}" if area else "all robots"
+        paused = "ended" if each.ended else f"{each.paused} of {each.vehicles}"
+        others = "; ".join(f"{other.vehicle} {other.reason}" for other in each.not_paused)
+        since = f"{each.since:%Y-%m-%d %H:%M:%S} UTC"
+        table.add_row(*map(Text, (each.name, where, each.by, since, each.reason, paused, others)))
     return table
 
 

@@ -19,6 +19,7 @@ from nena_shared.fleet_api.peripherals import (
     DeviceRequest,
     PeripheralStatus,
 )
+from nena_shared.fleet_api.refusals import Refusal, by_status
 from nena_shared.fleet_api.service_status import HEARTBEAT, ServiceStatus
 from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.fleet_api.transport_order import (
@@ -57,7 +58,7 @@ class Channel:
     summary: str
     retained: bool = False
     parameters: tuple[str, ...] = ("host",)
-    refusals: tuple[table.Refusal, ...] = ()
+    refusals: tuple[Refusal, ...] = ()
     answered: bool = True
     """Whether the order service answers what it receives."""
 
@@ -224,7 +225,7 @@ def _operation(channel: Channel) -> dict[str, Any]:
         "bindings": {"mqtt": {"qos": 1, "retain": channel.retained}},
     }
     if channel.refusals:
-        found = table.by_status(channel.refusals)
+        found = by_status(channel.refusals)
         made["description"] = "\n".join(f"- {status.value}: {text}" for status, text in found.items())
     if channel.action == "receive" and channel.answered:
         made["reply"] = {"channel": {"$ref": f"#/channels/{channel.name}Answer"}}

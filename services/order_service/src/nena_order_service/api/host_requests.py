@@ -10,9 +10,11 @@ from math import hypot
 
 from nena_order_service import errors
 from nena_order_service.api.peripheral_requests import PeripheralRequests
+from nena_order_service.api.stop_requests import StopRequests
 from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
+from nena_order_service.engine.stops import START_PAUSE, STOP_PAUSE
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.fleet.instant_actions import LEAVES
 from nena_order_service.fleet.outputs import InstantActionEnded
@@ -400,6 +402,7 @@ class HostRequests:
         sent = self._engine.state.sent_orders.of_robot(vehicle.key)
         if action_type in LEAVES and (sent or self._engine.works(vehicle)):
             raise errors.VehicleBusyError(name, self._engine.status(vehicle).transport_order or "")
+        self._respect_stops(vehicle, action_type)
         action = Action(
             action_type=action_type,
             action_id=unique_id(),
@@ -409,6 +412,15 @@ class HostRequests:
         end = self._engine.send_instant_action(vehicle, action)
         seconds = self._engine.settings.instant_action_timeout
         return action, await self._engine.state.instant_actions.wait(action.action_id, end, seconds)
+
+    def _respect_stops(self, vehicle: FleetVehicle, action_type: str) -> None:
+        """Raise VehicleStoppedError for a resume during a stop; note who stays paused at its end."""
+        if action_type == START_PAUSE:
+            self._engine.person_pauses(vehicle)
+        elif action_type == STOP_PAUSE:
+            if stop := self._engine.stops.stop_of(vehicle):
+                raise errors.VehicleStoppedError(vehicle.name, stop.name, stop.text)
+            self._engine.stops.person_resumes(vehicle)
 
     def robot_pose(self, name: str, pose: PlantPose, map_id: str | None = None) -> RobotPose:
         """Convert a pose in the plant's frame to a map of the vehicle's robot, by default its current one."""
@@ -610,9 +622,11 @@ class HostServices:
     locks: PathLocks
     zones: ZoneSets
     peripherals: PeripheralRequests
+    stops: StopRequests
     webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
 
     async def load(self) -> None:
         """Restore what hosts have uploaded to the store."""
+        await self.stops.load()
         await self.locks.load()
         await self.zones.load()

@@ -23,6 +23,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralList,
 )
 from nena_shared.fleet_api.plant import ZoneSetList
+from nena_shared.fleet_api.stops import StopEndRequest, StopList, StopRequest
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
     OrderSequenceRequest,
@@ -94,6 +95,7 @@ class HostOperations:
         self._locks = hosts.locks
         self._zones = hosts.zones
         self._peripherals = hosts.peripherals
+        self._stops = hosts.stops
         self._webhooks = hosts.webhooks
         self.handlers: Mapping[str, Handler] = {
             operation: getattr(self, method) for operation, method in _METHODS.items()
@@ -255,6 +257,18 @@ class HostOperations:
     @_does(table.LOCK_PATH)
     async def _lock_path(self, call: Call[bodies.PathLockRequest]) -> Reply:
         return Reply(await self._locks.set(call.name, locked=call.request.locked))
+
+    @_does(table.LIST_STOPS)
+    async def _list_stops(self, _: Call[None]) -> Reply:
+        return Reply(StopList(stops=self._stops.all()))
+
+    @_does(table.STOP)
+    async def _stop(self, call: Call[StopRequest]) -> Reply:
+        return Reply(await self._stops.begin(call.request, call.caller))
+
+    @_does(table.END_STOP)
+    async def _end_stop(self, call: Call[StopEndRequest]) -> Reply:
+        return Reply(await self._stops.end(call.name, call.request, call.caller))
 
     @_does(table.LIST_ZONE_SETS)
     async def _list_zone_sets(self, _: Call[None]) -> Reply:

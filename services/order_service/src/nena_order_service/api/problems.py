@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from nena_order_service.errors import RefusedError
 from nena_order_service.orders.validation import InvalidRequestError
 from nena_shared.findings import FINDINGS_SHOWN, in_words
-from nena_shared.fleet_api.operations import Refusal
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
 from nena_shared.web.problem import answer

@@ -35,10 +35,9 @@ from nena_shared.fleet_api.operations import (
     OPERATIONS,
     PLANT_MODEL,
     Operation,
-    Refusal,
-    by_status,
 )
 from nena_shared.fleet_api.plant import PlantModelChange
+from nena_shared.fleet_api.refusals import Refusal, by_status
 from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, Readiness
 from nena_shared.web.access import KnownUser, RoleNeeded
 from nena_shared.web.metrics import METRICS, metrics_response

@@ -16,13 +16,14 @@ from nena_shared.clock import Clock
 from nena_shared.fleet_api.epoch import epoch_of, with_epoch
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus
 from nena_shared.fleet_api.service_status import HEARTBEAT, ServiceStatus
+from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
-from nena_shared.tasks import end
+from nena_shared.tasks import end, set_within
 
 log = get_logger(__name__)
 
@@ -162,12 +163,20 @@ class Heartbeat:
     """Shows every :data:`HEARTBEAT` seconds that the event loop runs and the broker is connected."""
 
     def __init__(
-        self, topics: FleetTopics, clock: Clock, *, epoch: int, store_ready: Callable[[], bool]
+        self,
+        topics: FleetTopics,
+        clock: Clock,
+        *,
+        epoch: int,
+        store_ready: Callable[[], bool],
+        stops: Callable[[], tuple[StopStatus, ...]] = tuple,
     ) -> None:
         self._topic = topics.service_status
         self._clock = clock
         self._epoch = epoch
         self._store_ready = store_ready
+        self._stops = stops
+        self._due = asyncio.Event()
         self._ended = False
 
     def will(self) -> Outbound:
@@ -179,7 +188,12 @@ class Heartbeat:
         while True:
             if mqtt.state.connected and not self._ended:
                 mqtt.publish(replace(self._status(online=True), keep=False))
-            await asyncio.sleep(HEARTBEAT)
+            await set_within(self._due, HEARTBEAT)
+            self._due.clear()
+
+    def hurry(self) -> None:
+        """Publish at once, because a stop has begun or ended."""
+        self._due.set()
 
     def end(self, mqtt: MqttLink) -> None:
         """Publish that the service is shutting down."""
@@ -188,7 +202,10 @@ class Heartbeat:
 
     def _status(self, *, online: bool) -> Outbound:
         status = ServiceStatus(
-            online=online, timestamp=self._clock.now(), store_ready=online and self._store_ready()
+            online=online,
+            timestamp=self._clock.now(),
+            store_ready=online and self._store_ready(),
+            stops=self._stops() if online else (),
         )
         body = status.model_dump_json(by_alias=True).encode()
         return Outbound(self._topic, with_epoch(body, self._epoch), retain=True)

@@ -10,6 +10,7 @@ from typing import Final
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.positions import Positions
+from nena_order_service.engine.stops import CLOSED, Stops
 from nena_order_service.fleet.failures import FailureKind, RobotBusyError
 from nena_order_service.fleet.outputs import FleetOutput, VdaOrderFailed
 from nena_order_service.fleet.position import NotLocatedError, Standing
@@ -270,6 +271,8 @@ class Driving:
         pauses: Pauses,
         gate: RestartGate,
         peripherals: Peripherals,
+        *,
+        stops: Stops,
     ) -> None:
         self.mobility = Mobility(context, positions, pauses)
         self._context = context
@@ -282,6 +285,7 @@ class Driving:
         self._registry = context.registry
         self._gate = gate
         self._peripherals = peripherals
+        self._stops = stops
         self._wanted: dict[str, _Wanted] = {}
         """Orders whose current drive order is not sent yet, by vehicle."""
         self._unsent: dict[str, SentOrder] = {}
@@ -366,7 +370,7 @@ class Driving:
     def base_wanted(self, order_id: str) -> None:
         """Extend the base of a robot that requests it (newBaseRequest), if traffic control grants more."""
         record = self._sent.find(order_id)
-        if record and self._gate.is_open and (vehicle := self._under_way(record)):
+        if record and self._may_release and (vehicle := self._under_way(record)):
             self._go_on(vehicle, more=self._context.settings.release_ahead or 1)
 
     def ahead_of(self, record: SentOrder) -> tuple[str, ...]:
@@ -409,10 +413,15 @@ class Driving:
         if not self._traffic.journey(vehicle.name):
             self._state.drive_due = True
 
+    @property
+    def _may_release(self) -> bool:
+        """Whether any robot may be sent an order or more base."""
+        return self._gate.is_open and self._stops.all_robots is None
+
     def let_drive(self) -> Iterator[FleetVehicle | Stuck]:
         """Grant routes and extend bases; yield vehicles that are stuck or have a new wait reason."""
         self._state.drive_due = self._await_report = False
-        if self._gate.is_open:
+        if self._may_release:
             under_way = [name for name, _ in self._traffic.extending()]
             gated = self._peripherals.waiting
             for name in dict.fromkeys([*under_way, *filter(self._traffic.journey, (*self._unsent, *gated))]):
@@ -485,7 +494,7 @@ class Driving:
         record = self._sent.of_robot(vehicle.key)
         if record and record.evasion:
             return "it makes room for others first"
-        if reason := self._gate.reason:
+        if reason := self._gate.reason or self._stops.why(vehicle, self._state.order_of(vehicle.key)):
             return reason
         if vehicle.name in self._pauses:
             return self._pauses.why(vehicle)
@@ -569,7 +578,9 @@ class Driving:
         """Allocate what the robot needs, or ``more`` nodes, and send the order or its update."""
         name = vehicle.name
         unsent = self._unsent.get(name)
-        gate = self._peripherals.gate(vehicle, unsent or self._sent.of_robot(vehicle.key))
+        gate: Gate = CLOSED
+        if not self._stops.why(vehicle, self._state.order_of(vehicle.key)):
+            gate = self._peripherals.gate(vehicle, unsent or self._sent.of_robot(vehicle.key))
         further = self._allocate(vehicle, more, gate)
         journey = self._traffic.journey(name)
         assert journey, "requested by the caller"  # noqa: S101 - for the type

@@ -29,6 +29,7 @@ from nena_order_service.engine.recovery import Recovery
 from nena_order_service.engine.rerouting import Rerouted, Rerouting
 from nena_order_service.engine.state import PERIPHERAL_JOB, Effect, FleetState, PendingChanges
 from nena_order_service.engine.status import Essentials, StatusReporter
+from nena_order_service.engine.stops import STOP, STOPPED_ROBOT, FleetStop, Stops
 from nena_order_service.engine.traffic_plan import TrafficPlans
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.fleet import outputs
@@ -45,6 +46,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralJobStatus,
     PeripheralState,
 )
+from nena_shared.fleet_api.stops import StopRequest
 from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceStatus,
@@ -277,14 +279,19 @@ class Engine:
         self._positions = Positions(context)
         pauses = Pauses(context)
         self.peripherals = Peripherals(context)
-        self._driving = Driving(context, self._positions, pauses, self._gate, self.peripherals)
+        self.stops = Stops(context)
+        self._driving = Driving(
+            context, self._positions, pauses, self._gate, self.peripherals, stops=self.stops
+        )
         fit = OrderFit(context.state.vehicles, self.sequences)
         self._dispatching = Dispatching(context, self._driving, fit)
         self._life_cycle = LifeCycle(context, self._driving, self._dispatching, self.sequences, pauses)
         self._idle = IdleVehicles(context, self._dispatching, self._life_cycle)
         self._rerouting = Rerouting(context, self._driving)
         self._plans = TrafficPlans(context, self._driving)
-        self._reporter = StatusReporter(context, self._driving, self._dispatching, self.sequences, self._idle)
+        self._reporter = StatusReporter(
+            context, self._driving, self._dispatching, self.sequences, self._idle, stops=self.stops
+        )
         self.timings = Timings()
         self.unit_of_work = UnitOfWork(
             self.state,
@@ -299,6 +306,10 @@ class Engine:
     def prepare(self) -> None:
         """Build the routing graphs; call it before :meth:`start`, in any thread."""
         self.context.finder.prepare(each.model for each in self.registry)
+
+    async def load_stops(self) -> None:
+        """Restore the stops from before a restart; call it before :meth:`start`."""
+        self.stops.load(await self.store.documents(STOP), await self.store.documents(STOPPED_ROBOT))
 
     async def start(self, fleet: FleetControl) -> None:
         """Restore unfinished orders and vehicles from the store; call it before the first robot message."""
@@ -384,6 +395,7 @@ class Engine:
             with self.unit_of_work.begin():
                 for vehicle in part:
                     self._positions.see(vehicle)
+                    self.stops.look_at(vehicle)
                 self._dispatching.look_at(part)
             yield
         for name in self._rerouting.kept_waiting():
@@ -481,6 +493,33 @@ class Engine:
         self.context.fleet.instant_action(vehicle.key, action)
         return end
 
+    def stop(self, request: StopRequest, by: str) -> FleetStop:
+        """Pause all robots, or those in an area; see :meth:`Stops.begin`."""
+        with self.change():
+            stop = self.stops.begin(request, by)
+            self._apply_stops()
+        return stop
+
+    def end_stop(self, name: str, by: str, reason: str) -> FleetStop:
+        """End a stop; see :meth:`Stops.end`."""
+        with self.change():
+            stop = self.stops.end(name, by, reason)
+            self._apply_stops()
+        return stop
+
+    def person_pauses(self, vehicle: FleetVehicle) -> None:
+        """Note that a host pauses a vehicle; see :meth:`Stops.person_pauses`."""
+        if not self.unit_of_work.closed:
+            with self.unit_of_work.begin():
+                self.stops.person_pauses(vehicle)
+
+    def _apply_stops(self) -> None:
+        for vehicle in self.registry:
+            self.stops.look_at(vehicle)
+            self._life_cycle.update_reason(vehicle)
+            self.state.vehicle_changed(vehicle.name)
+        self.state.dispatch_due = self.state.drive_due = True
+
     def create_peripheral_job(self, request: PeripheralJobRequest, name: str) -> PeripheralJob:
         """Create a peripheral job; see :meth:`Peripherals.create`."""
         with self.change():
@@ -566,6 +605,7 @@ class Engine:
             case outputs.InstantActionEnded():
                 self.state.instant_actions.ended(event)
                 self._life_cycle.on_instant_action(event)
+                self.stops.ended(event)
             case outputs.ActionRetriable():
                 self._life_cycle.on_retriable_action(event)
             case (
@@ -596,6 +636,7 @@ class Engine:
         self._positions.see(vehicle)
         self.state.vehicle_changed(vehicle.name)
         self._driving.robot_changed(vehicle)
+        self.stops.look_at(vehicle)
         self._life_cycle.robot_changed(vehicle)
 
     def _ask_for_state(self, view: RobotView) -> None:

@@ -1,4 +1,4 @@
-"""Path locks set by hosts, which override the plant model and are kept in the store."""
+"""Path locks set by hosts, which override the plant model and are kept in the store, and those of stops."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ class PathLocks:
         self._engine = engine
         self._plant = engine.plant
         self._locks: dict[str, bool] = {}
+        engine.stops.lock_paths = self._apply
 
     async def load(self) -> None:
         """Restore the locks from before a restart, for paths that still exist."""
@@ -59,8 +60,9 @@ class PathLocks:
 
     def _apply(self) -> None:
         """Apply the locks to routes and traffic."""
-        self._engine.context.finder.set_locks(self._locks)
-        self._engine.traffic.resources.set_locks(self._locks)
+        closed = self._engine.stops.locked_paths
+        self._engine.context.finder.set_locks(self._locks, closed)
+        self._engine.traffic.resources.set_locks({**self._locks, **dict.fromkeys(closed, True)})
 
     def _path(self, name: str) -> Path:
         path = self._plant.paths_by_name.get(name)
@@ -69,10 +71,12 @@ class PathLocks:
         return path
 
     def _status(self, path: Path) -> PathStatus:
+        stop = self._engine.stops.locked_paths.get(path.name)
         return PathStatus(
             name=path.name,
             source_point=path.source,
             destination_point=path.destination,
-            locked=self._locks.get(path.name, path.locked),
+            locked=stop is not None or self._locks.get(path.name, path.locked),
             locked_in_plant_model=path.locked,
+            stop=stop,
         )

@@ -11,9 +11,11 @@ from nena_order_service.engine.context import Context
 from nena_order_service.engine.dispatching import Dispatching
 from nena_order_service.engine.driving import Driving
 from nena_order_service.engine.idle import IdleVehicles
+from nena_order_service.engine.stops import Stops
 from nena_order_service.fleet.position import NotLocatedError, locate
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.vehicles.registry import FleetVehicle, robot_maps
+from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait
 from nena_shared.fleet_api.vehicle import (
     AcceptableOrderType,
@@ -38,6 +40,7 @@ class Essentials(NamedTuple):
     acceptable_order_types: tuple[AcceptableOrderType, ...]
     reason: str
     wait: TrafficWait | None
+    stop: VehicleStop | None
     connection: str
     operating_mode: str | None
     current_position: str | None
@@ -66,6 +69,7 @@ def essentials(
     order_sequence: str | None,
     reason: str,
     wait: TrafficWait | None = None,
+    stop: VehicleStop | None = None,
 ) -> Essentials:
     """Return the essential status of a vehicle."""
     state = view.state
@@ -76,6 +80,7 @@ def essentials(
         acceptable_order_types=order_types,
         reason=reason,
         wait=wait,
+        stop=stop,
         connection=view.link,
         operating_mode=state.operating_mode if state else None,
         current_position=_current_position(vehicle, state, plant) if state else None,
@@ -143,6 +148,8 @@ class StatusReporter:
         dispatching: Dispatching,
         sequences: Sequences,
         idle: IdleVehicles,
+        *,
+        stops: Stops,
     ) -> None:
         self._context = context
         self._state = context.state
@@ -150,6 +157,7 @@ class StatusReporter:
         self._sequences = sequences
         self._idle = idle
         self._driving = driving
+        self._stops = stops
 
     def status_of(self, name: str) -> VehicleStatus | None:
         """Return the status of the vehicle of this name; None if it does not exist."""
@@ -186,11 +194,17 @@ class StatusReporter:
             wait=self._driving.wait(vehicle)
             if order or self._state.sent_orders.of_robot(vehicle.key)
             else None,
+            stop=self._stops.vehicle_stop(vehicle),
         )
 
     def _idle_reason(self, vehicle: FleetVehicle) -> str:
         reason = self._dispatching.idle_reason(vehicle, orders_wait=self._state.orders.any_waiting)
         bound = self._sequences.bound_to(vehicle.name)
         awaits = f"waits for the next order of order sequence {bound!r}" if bound else ""
-        more = (awaits, self._idle.note(vehicle), self._context.traffic.sharing(vehicle.name))
+        more = (
+            self._stops.why(vehicle),
+            awaits,
+            self._idle.note(vehicle),
+            self._context.traffic.sharing(vehicle.name),
+        )
         return "; ".join(filter(None, (reason, *more)))

@@ -276,14 +276,14 @@ class RouteFinder:
         self.planning = Histogram(SHORT)
         """Duration of :meth:`find`."""
 
-    def set_locks(self, locks: Mapping[str, bool]) -> None:
-        """Lock or unlock paths by name, overriding the plant model.
+    def set_locks(self, locks: Mapping[str, bool], closed: Collection[str] = ()) -> None:
+        """Lock or unlock paths by name, overriding the plant model; those in ``closed`` are locked anyway.
 
         Such a lock closes routes for now, but makes no order permanently unroutable.
         """
         self._without_host_locks.set_locks({path: locked for path, locked in locks.items() if not locked})
-        self.router.set_locks(locks)
-        self._locks = dict(locks)
+        self._locks = {**locks, **dict.fromkeys(closed, True)}
+        self.router.set_locks(self._locks)
 
     def prepare(self, vehicles: Iterable[Vehicle | None]) -> None:
         """Build the routing graphs for these vehicles, and for unspecified ones, in advance."""

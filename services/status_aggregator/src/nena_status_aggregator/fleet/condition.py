@@ -7,6 +7,7 @@ from datetime import datetime
 from enum import StrEnum
 
 from nena_shared.clock import iso
+from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
@@ -56,6 +57,8 @@ TEXTS = {
     "field": "Protective field violated.",
     "not_localized": "Not localised; set its position.",
     "paused": "Paused.",
+    "stopped": "Paused with all robots by {by}: {why}",
+    "stopped_area": "Paused with this area by {by}: {why}",
     "action": "Running {action} at {place}.",
     "waits_passing": "Waits for {vehicles} to pass {at}.",
     "waits_standing": "Blocked at {at} by {vehicles}.",
@@ -131,6 +134,8 @@ class ConditionInputs:
     """Transport order to which the vehicle is assigned."""
     wait: TrafficWait | None = None
     """Vehicles that it waits for, according to the order service."""
+    stop: VehicleStop | None = None
+    """The stop that pauses it, according to the order service."""
 
 
 Assessment = tuple[Condition, Reason]
@@ -147,7 +152,12 @@ def assess(inputs: ConditionInputs) -> Assessment:
         return Condition.ERROR, Reason("unreadable", {"problem": inputs.unreadable})
     if inputs.overdue:
         return Condition.SILENT, _silence_reason(inputs)
-    return _held(state) or _working(state, inputs) or _assigned(inputs) or _free(state, inputs.fleet_remark)
+    return (
+        _held(state, inputs.stop)
+        or _working(state, inputs)
+        or _assigned(inputs)
+        or _free(state, inputs.fleet_remark)
+    )
 
 
 def _away(inputs: ConditionInputs) -> Assessment | None:
@@ -186,16 +196,16 @@ def clock_text(moment: datetime) -> str:
     return f"{iso(moment)[11:19]} UTC"
 
 
-def _held(state: State) -> Assessment | None:
+def _held(state: State, stop: VehicleStop | None) -> Assessment | None:
     if state.operating_mode not in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC):
         return Condition.MANUAL, Reason("mode", {"mode": state.operating_mode.value})
     error = worst_error(state)
     if error and error.error_level in (ErrorLevel.FATAL, ErrorLevel.CRITICAL):
         return Condition.ERROR, _error_reason(error)
-    return _blocked(state)
+    return _blocked(state, stop)
 
 
-def _blocked(state: State) -> Assessment | None:
+def _blocked(state: State, stop: VehicleStop | None) -> Assessment | None:
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         by_hand = state.safety_state.active_emergency_stop is EmergencyStop.MANUAL
         return Condition.BLOCKED, Reason("emergency_stop", {"how": "at the robot" if by_hand else "remotely"})
@@ -203,6 +213,9 @@ def _blocked(state: State) -> Assessment | None:
         return Condition.BLOCKED, Reason("field")
     if state.mobile_robot_position and not state.mobile_robot_position.localized:
         return Condition.BLOCKED, Reason("not_localized")
+    if state.paused and stop:
+        code = "stopped_area" if stop.area else "stopped"
+        return Condition.BLOCKED, Reason(code, {"by": stop.by, "why": stop.reason})
     if state.paused:
         return Condition.BLOCKED, Reason("paused")
     return None

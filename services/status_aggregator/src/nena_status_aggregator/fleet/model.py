@@ -11,6 +11,7 @@ from weakref import WeakValueDictionary
 from nena_shared.clock import ClockSkew, iso
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
+from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
@@ -27,7 +28,7 @@ from nena_status_aggregator.fleet.publication import Delta, Publication
 from nena_status_aggregator.fleet.queues import JamLimits, Queues
 from nena_status_aggregator.fleet.robot import PlantFrame, Robot, Timestamp
 from nena_status_aggregator.fleet.statistics import Statistics
-from nena_status_aggregator.fleet.view_builder import short, view_jam, view_order, view_robot
+from nena_status_aggregator.fleet.view_builder import short, view_jam, view_order, view_robot, view_stop
 from nena_status_aggregator.fleet.views import FleetView, OrderView, PlantView, RobotView
 
 
@@ -41,18 +42,21 @@ class OrderServiceWatch:
         """Time of arrival of the last status, monotonic seconds."""
         self.last_sign: datetime | None = None
         """Time of the last heartbeat; None: none received."""
+        self.stops: tuple[StopStatus, ...] = ()
+        """The active stops; a last will does not have them."""
 
     def receive(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
         """Store a status; a retained one, or a last will, has an old timestamp."""
         self._last, self._received_at = status, at.monotonic
         if status.online:
+            self.stops = status.stops
             self.last_sign = status.timestamp if retained else at.utc
             if not retained:
                 self.skew.measure(status.timestamp, at.utc)
 
     def lose(self) -> None:
         """Forget the status: the broker link is down, or the broker no longer retains it."""
-        self._last = self.last_sign = None
+        self._last, self.last_sign, self.stops = None, None, ()
         self.skew = ClockSkew()
 
     def up(self, now: Timestamp) -> bool | None:
@@ -338,7 +342,8 @@ class FleetModel:
         self.advance(at)
         up, sign = self.order_service.up(at), self.order_service.last_sign
         down_since = iso(sign) if sign and up is False else None
-        self._public.order_service = {"up": up, "lastSign": down_since}
+        stops = [view_stop(each) for each in self.order_service.stops]
+        self._public.order_service = {"up": up, "lastSign": down_since, "stops": stops}
         self._public.jams = [view_jam(each) for each in self.queues.jams(at)]
         return self._public.flush(self._view_robot, self._view_order)
 

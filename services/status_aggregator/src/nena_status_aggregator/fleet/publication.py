@@ -112,7 +112,7 @@ class Publication:
         self.orders: PublishedViews[str, OrderView] = PublishedViews()
         self.plant: PlantView | None = None
         self.link: LinkView = {"connected": False, "since": None}
-        self.order_service: OrderServiceView = {"up": None, "lastSign": None}
+        self.order_service: OrderServiceView = {"up": None, "lastSign": None, "stops": []}
         self.jams: list[JamView] = []
         self.malformed: MalformedView = {
             "counts": {},

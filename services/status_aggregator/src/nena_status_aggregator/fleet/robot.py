@@ -297,6 +297,7 @@ class Robot:
                 fleet_remark=self.vehicle.reason if self.vehicle else None,
                 transport_order=self.vehicle.transport_order if self.vehicle else None,
                 wait=self.vehicle.wait if self.vehicle else None,
+                stop=self.vehicle.stop if self.vehicle else None,
             )
         )
         if condition is not self.condition:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from nena_shared.clock import iso
+from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.traffic import TrafficWait
 from nena_shared.fleet_api.transport_order import Destination, Hold
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -33,6 +34,7 @@ from nena_status_aggregator.fleet.views import (
     RobotOrderView,
     RobotView,
     RosSessionView,
+    StopView,
     VehicleView,
     VelocityView,
     WaitView,
@@ -99,6 +101,32 @@ def view_robot(
         "malformed": robot.malformed,
         "problem": short(robot.problem) or None,
         "deviations": [short(str(each)) or "" for each in robot.deviations],
+    }
+
+
+def view_stop(stop: StopStatus) -> StopView:
+    """Build the view of a stop."""
+    area = stop.area
+    return {
+        "name": stop.name,
+        "by": stop.by,
+        "reason": short(stop.reason) or "",
+        "since": iso(stop.since),
+        "area": {
+            "xMin": area.x_min,
+            "yMin": area.y_min,
+            "xMax": area.x_max,
+            "yMax": area.y_max,
+            "mapId": area.map_id,
+        }
+        if area
+        else None,
+        "vehicles": stop.vehicles,
+        "paused": stop.paused,
+        "notPaused": [
+            {"vehicle": each.vehicle, "reason": short(each.reason) or ""}
+            for each in stop.not_paused[:LIST_LIMIT]
+        ],
     }
 
 

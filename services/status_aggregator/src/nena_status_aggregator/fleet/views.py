@@ -282,12 +282,45 @@ class LinkView(TypedDict):
     since: str | None
 
 
+class AreaView(TypedDict):
+    """A rectangle, m in the plant frame; on all maps if ``mapId`` is null."""
+
+    xMin: float
+    yMin: float
+    xMax: float
+    yMax: float
+    mapId: str | None
+
+
+class UnpausedView(TypedDict):
+    """A vehicle that a stop should pause but that is not paused, and why."""
+
+    vehicle: str
+    reason: str
+
+
+class StopView(TypedDict):
+    """A stop: all robots, or those in an area, are paused until a person ends it."""
+
+    name: str
+    by: str
+    reason: str
+    since: str
+    area: AreaView | None
+    """Null: all robots."""
+    vehicles: int
+    paused: int
+    notPaused: list[UnpausedView]
+
+
 class OrderServiceView(TypedDict):
     """Whether the order service is up; null: no status received."""
 
     up: bool | None
     lastSign: str | None
     """Time of its last heartbeat, if it is down."""
+    stops: list[StopView]
+    """The active stops, the oldest first; if it is down, the last known ones."""
 
 
 class JamView(TypedDict):

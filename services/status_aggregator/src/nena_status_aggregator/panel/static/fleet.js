@@ -18,7 +18,7 @@ export class FleetStore extends EventTarget {
   orders = new Map();
   plant = null;
   link = { connected: false, since: null };
-  orderService = { up: null, lastSign: null };
+  orderService = { up: null, lastSign: null, stops: [] };
   jams = [];
   malformed = { counts: {} };
   share = "1/1";
@@ -90,7 +90,10 @@ export class PlantStore extends EventTarget {
   constructor(store) {
     super();
     this.#store = store;
-    store.addEventListener("change", (event) => event.detail.parts.has("plant") && this.#load(store.plant));
+    store.addEventListener("change", ({ detail: { parts } }) => {
+      if (parts.has("plant")) this.#load(store.plant);
+      if (parts.has("orderService") && this.#locksFollowed) this.#loadLocks(); // a stop of an area locks paths
+    });
   }
 
   /** Start loading the locks of the paths from the order service. */

@@ -12,6 +12,7 @@ import "./map/fleet_map.js";
 import "./order_page.js";
 import "./place_page.js";
 import "./robot_page.js";
+import "./stops.js";
 import "./tables.js";
 
 document.documentElement.lang = chosenLanguage();
@@ -37,6 +38,8 @@ part("tabs").show(tables);
 part("search").show(tables, plant);
 document.getElementById("new-order").hidden = Boolean(noCommands);
 part("link-banner").show(store, link);
+part("stops").show(store, session, noCommands);
+part("stop-commands").show(part("stops"), noCommands);
 part("user-menu").show(session);
 map.show(store, plant, enabled);
 for (const view of Object.values(views)) view.show(fleet);
@@ -54,6 +57,8 @@ views.robots.addEventListener("reveal", (event) => map.reveal(event.detail));
 views.history.addEventListener("replay", (event) => map.replay(event.detail));
 document.addEventListener("poseshow", (event) => map.showPose(event.detail));
 document.addEventListener("posepick", (event) => map.pickPose(event.detail));
+document.addEventListener("areashow", (event) => map.showArea(event.detail));
+document.addEventListener("areapick", (event) => map.pickArea(event.detail));
 
 let begun = false;
 followView(([name, id]) => {

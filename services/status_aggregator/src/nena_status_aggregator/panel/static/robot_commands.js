@@ -239,6 +239,7 @@ class RobotCommands extends HTMLElement {
     const focused = document.activeElement === other;
     shown.hidden = false;
     other.hidden = true;
+    this.resume.disabled = Boolean(this.#robot?.reasonCode.startsWith("stopped")); // only the end of the stop resumes it
     if (focused) shown.focus();
   }
 

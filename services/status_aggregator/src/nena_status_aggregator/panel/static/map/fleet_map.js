@@ -114,6 +114,12 @@ class FleetMap extends HTMLElement {
     this.#draw();
   }
 
+  /** Show the area that is being picked; null: none. */
+  showArea(area) {
+    this.area = area;
+    this.#draw();
+  }
+
   /** Show `{robots, time}` of the history; null: live data. */
   replay(shown) {
     this.replayed = shown;
@@ -124,13 +130,24 @@ class FleetMap extends HTMLElement {
 
   /** Pick a position with a click and a heading with a drag: `take(pose)` on each step, `done()` at the end. */
   pickPose({ take, done }) {
+    this.gestures.pickPose(take, this.#startPicking("map.pick", done));
+  }
+
+  /** Pick a rectangle by dragging: `take(area)` on each step, `done()` at the end. */
+  pickArea({ take, done }) {
+    this.gestures.pickArea(take, this.#startPicking("map.pickArea", done));
+  }
+
+  // Show a hint, and return what ends the picking.
+  #startPicking(key, done) {
     this.closest("section").scrollIntoView({ block: "nearest" });
+    setText(this.hint, t(key));
     this.hint.hidden = false;
     this.canvas.focus({ preventScroll: true });
-    this.gestures.pickPose(take, () => {
+    return () => {
       this.hint.hidden = true;
       done();
-    });
+    };
   }
 
   /** Zoom to everything that has a position. */
@@ -147,7 +164,7 @@ class FleetMap extends HTMLElement {
   #build() {
     this.canvas = element("canvas", { tabindex: 0, role: "application" });
     this.painter = new Painter(this.canvas);
-    this.hint = element("div", { class: "hint pick", role: "status" }, t("map.pick"));
+    this.hint = element("div", { class: "hint pick", role: "status" });
     this.hint.hidden = true;
     this.past = element("div", { class: "hint past" });
     this.past.hidden = true;
@@ -196,7 +213,7 @@ class FleetMap extends HTMLElement {
 
   #change({ robots, parts }) {
     if (parts.has("plant")) this.note.hidden = this.store.plant !== null;
-    if (!robots.size && !parts.has("jams")) return;
+    if (!robots.size && !parts.has("jams") && !parts.has("orderService")) return;
     if (!this.#fitted) this.fit();
     this.#describe();
     this.#draw();
@@ -270,7 +287,9 @@ class FleetMap extends HTMLElement {
     const traffic = this.#traffic.vehicles;
     const jams = this.replayed ? new Map() : jamsByVehicle(this.store.jams);
     const { place, layers: { chosen: layers } } = this;
-    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, place, colours, layers, pose, traffic, jams };
+    const stopped = this.replayed ? [] : this.store.orderService.stops.map(({ area }) => area);
+    const areas = [...stopped, this.area].filter(Boolean);
+    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, place, colours, layers, pose, traffic, jams, areas };
     const { places, labels } = this.painter.paint(this.view, scene);
     [this.#places, this.labels] = [places, labels];
     this.#drawScale();

@@ -33,6 +33,21 @@ function paintArrow(context, theta) {
   context.fill();
 }
 
+// An area that is paused, or is being picked.
+function paintArea(context, view, { xMin, yMin, xMax, yMax }, colour) {
+  const [left, top] = view.toScreen(xMin, yMax);
+  const [right, bottom] = view.toScreen(xMax, yMin);
+  context.save();
+  context.fillStyle = context.strokeStyle = colour;
+  context.globalAlpha = 0.16;
+  context.fillRect(left, top, right - left, bottom - top);
+  context.globalAlpha = 1;
+  context.lineWidth = 2;
+  context.setLineDash([8, 4]);
+  context.strokeRect(left, top, right - left, bottom - top);
+  context.restore();
+}
+
 const COLOURS = ["ink", "muted", "line", "surface", "path", "point", "location", "accent", "bad"];
 const CONDITIONS = ["idle", "busy", "waiting", "charging", "blocked", "error", "manual", "silent", "broken", "offline"];
 
@@ -64,7 +79,7 @@ export class Painter {
   }
 
   /**
-   * Paint everything. `scene`: {plan, grids, robots, selected, place, colours, layers, pose, traffic, jams}; `place`: name of a marked place or path; `jams`: robots that wait
+   * Paint everything. `scene`: {plan, grids, robots, selected, place, colours, layers, pose, traffic, jams, areas}; `place`: name of a marked place or path; `jams`: robots that wait
    * behind a vehicle, by its name. Returns `{places, labels}`: the screen positions of the robots, `[{robot, at}]`, and the
    * labels, `[{text, box}]`.
    */
@@ -82,6 +97,7 @@ export class Painter {
     for (const { box } of covered) this.#uncover(box);
     const shown = [...names.placed, ...labels.filter((each) => !covered.has(each))];
     context.scale(devicePixelRatio, devicePixelRatio);
+    for (const area of scene.areas) paintArea(context, view, area, scene.colours.blocked);
     if (scene.place && scene.plan) paintMarked(context, view, scene);
     if (scene.layers.traffic && scene.plan) shown.push(...paintTraffic(context, view, scene, shown.map(({ box }) => box)));
     paintRobots(context, view, places.filter(({ robot, at }) => robot.order?.active || inSight(view, at)), scene);

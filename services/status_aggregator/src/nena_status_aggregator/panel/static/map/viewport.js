@@ -96,7 +96,23 @@ export class Gestures {
    * theta null without a drag, and `done()` at the end, also after Escape.
    */
   pickPose(take, done) {
-    this.#picking = { take, done, from: null };
+    this.#pick(done, ([x, y], [dx, dy]) => {
+      take({ x, y, theta: Math.hypot(dx, dy) < DRAG ? null : Math.atan2(-dy, dx) });
+    });
+  }
+
+  /** Pick a rectangle, dragged from corner to corner: calls `take({xMin, yMin, xMax, yMax})` on each step, and `done()` at the end. */
+  pickArea(take, done) {
+    this.#pick(done, ([x, y], [dx, dy]) => {
+      const [right, top] = [x + dx / this.view.scale, y - dy / this.view.scale];
+      if (!dx || !dy) return; // without an extent
+      take({ xMin: Math.min(x, right), yMin: Math.min(y, top), xMax: Math.max(x, right), yMax: Math.max(y, top) });
+    });
+  }
+
+  // `read`: called with the place of the press (m), and how far it was dragged (pixels).
+  #pick(done, read) {
+    this.#picking = { read, done, from: null };
     this.canvas.classList.add("picking");
   }
 
@@ -107,11 +123,9 @@ export class Gestures {
     done();
   }
 
-  #takePose(event) {
-    const { take, from } = this.#picking;
-    const [x, y] = this.view.toPlane(...from);
-    const [dx, dy] = [event.offsetX - from[0], event.offsetY - from[1]];
-    take({ x, y, theta: Math.hypot(dx, dy) < DRAG ? null : Math.atan2(-dy, dx) });
+  #take(event) {
+    const { read, from } = this.#picking;
+    read(this.view.toPlane(...from), [event.offsetX - from[0], event.offsetY - from[1]]);
   }
 
   #handlers() {
@@ -139,7 +153,7 @@ export class Gestures {
   #move(event) {
     const here = [event.offsetX, event.offsetY];
     this.host.hovered(this.view.toPlane(...here));
-    if (this.#picking?.from) return this.#takePose(event);
+    if (this.#picking?.from) return this.#take(event);
     const before = this.#pointers.get(event.pointerId);
     if (!before) return;
     this.#pointers.set(event.pointerId, here);
@@ -158,7 +172,7 @@ export class Gestures {
   #up(event) {
     this.#pointers.delete(event.pointerId);
     if (this.#picking?.from) {
-      this.#takePose(event);
+      this.#take(event);
       this.#endPicking();
     } else if (this.#travel < CLICK) this.host.picked(event.offsetX, event.offsetY);
   }

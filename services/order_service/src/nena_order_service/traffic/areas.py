@@ -1,0 +1,63 @@
+"""The points and paths of a plant in an area."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final
+
+from nena_shared.fleet_api.stops import Area
+from nena_shared.plant import Path, PlantModel, Point
+from nena_shared.plant.curve import CUBIC_BEZIER_KNOTS, fault, places
+from nena_shared.plant.track import MM_PER_M, ConnectionType, PathTrajectory, TrajectoryPoint
+
+Line = Sequence[tuple[float, float]]
+
+BEZIER_POINTS: Final = 4
+"""Points of a cubic Bezier curve, with its ends."""
+
+
+def resources_in(plant: PlantModel, area: Area) -> frozenset[str]:
+    """Return the names of the points and paths that touch an area.
+
+    A path counts by its straight line, its drawing and its trajectories, as it is unknown which of them a
+    robot follows. Points without a map count on every map.
+    """
+    points = {each.name for each in plant.points if _on_map(each, area) and area.contains(each.x_m, each.y_m)}
+    paths = {each.name for each in plant.paths if _touches(plant, each, area)}
+    return frozenset(points | paths)
+
+
+def _on_map(point: Point, area: Area) -> bool:
+    return None in (point.map_id, area.map_id) or point.map_id == area.map_id
+
+
+def _touches(plant: PlantModel, path: Path, area: Area) -> bool:
+    ends = plant.point(path.source), plant.point(path.destination)
+    if not any(_on_map(each, area) for each in ends):
+        return False
+    return any(area.crosses(*each) for line in _lines(path, *ends) for each in pairwise(line))
+
+
+def _lines(path: Path, source: Point, destination: Point) -> Iterator[Line]:
+    """Yield all lines along which a path may lead, m in the plant frame."""
+    start, end = (source.x_m, source.y_m), (destination.x_m, destination.y_m)
+    yield (start, end)
+    drawn = (
+        start,
+        *((each.x_mm / MM_PER_M, each.y_mm / MM_PER_M) for each in path.layout.control_points),
+        end,
+    )
+    if path.layout.connection_type in (ConnectionType.BEZIER, ConnectionType.BEZIER_3):
+        for first in range(0, len(drawn) - BEZIER_POINTS + 1, BEZIER_POINTS - 1):
+            yield _bezier(drawn[first : first + BEZIER_POINTS])
+    elif len(drawn) > len((start, end)):
+        yield drawn
+    for use in path.vehicle_types:
+        if use.trajectory and not fault(use.trajectory):
+            yield places(use.trajectory)
+
+
+def _bezier(points: Line) -> Line:
+    controls = tuple(TrajectoryPoint(x=x, y=y) for x, y in points)
+    return places(PathTrajectory(degree=3, knot_vector=CUBIC_BEZIER_KNOTS, control_points=controls))

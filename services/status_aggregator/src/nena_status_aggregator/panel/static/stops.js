@@ -1,0 +1,183 @@
+// Stops: a banner for each one, and the forms that begin and end them.
+
+import { command } from "./api.js";
+import { button, element, field, foreign, numberInput, numberOf, refill, setAttribute, setText, verbatim } from "./dom.js";
+import { commandForm } from "./forms.js";
+import { number, t, timeOfDay } from "./i18n.js";
+
+const KEY = "nena-person";
+const CORNERS = ["xMin", "yMin", "xMax", "yMax"];
+
+// The name of the person: the signed-in user, else the name that was last entered in this browser.
+function personField(session) {
+  const by = element("input", { name: "by", required: true, maxlength: 100, autocomplete: "name" });
+  by.value = session?.user ?? localStorage.getItem(KEY) ?? "";
+  by.addEventListener("change", () => localStorage.setItem(KEY, by.value));
+  return by;
+}
+
+function reasonField() {
+  return element("input", { name: "reason", required: true, maxlength: 500 });
+}
+
+/** Fields for the corners of an area (m), which can be drawn on the map and are shown there. */
+class AreaFields {
+  constructor() {
+    this.corners = Object.fromEntries(CORNERS.map((name) => [name, numberInput({ name, required: true })]));
+    this.pickButton = button(t("form.pick"), () => this.#pick());
+    const fields = CORNERS.map((name) => field(t(`stops.${name}`), this.corners[name]));
+    this.element = element("div", { class: "fields" }, ...fields, this.pickButton);
+    this.element.addEventListener("input", () => this.show());
+  }
+
+  /** Return the area as in the order service's API. */
+  get area() {
+    return Object.fromEntries(CORNERS.map((name) => [name, numberOf(this.corners[name])]));
+  }
+
+  /** Show the area on the map. */
+  show() {
+    const complete = Object.values(this.area).every(Number.isFinite);
+    document.dispatchEvent(new CustomEvent("areashow", { detail: complete ? this.area : null }));
+  }
+
+  #take(area) {
+    for (const name of CORNERS) this.corners[name].value = area[name].toFixed(2);
+    this.element.dispatchEvent(new Event("input", { bubbles: true }));
+  }
+
+  #pick() {
+    const detail = { take: (area) => this.#take(area), done: () => this.pickButton.focus() };
+    document.dispatchEvent(new CustomEvent("areapick", { detail }));
+  }
+}
+
+/** The buttons in the header that open the forms. */
+class StopCommands extends HTMLElement {
+  /** `stops`: the element that shows the forms. */
+  show(stops, noCommands) {
+    this.hidden = Boolean(noCommands);
+    if (this.hidden) return;
+    const all = button(t("stops.all"), () => this.#toggle(stops, "all"), { class: "danger" });
+    const area = button(t("stops.area"), () => this.#toggle(stops, "area"));
+    this.buttons = { all, area };
+    for (const each of Object.values(this.buttons)) setAttribute(each, "aria-expanded", "false");
+    stops.addEventListener("form", (event) => this.#mark(event.detail));
+    this.replaceChildren(all, area);
+  }
+
+  #toggle(stops, kind) {
+    const open = stops.opened === kind;
+    stops.openForm(open ? null : kind);
+    if (open) this.buttons[kind].focus();
+  }
+
+  #mark(opened) {
+    for (const [kind, each] of Object.entries(this.buttons)) setAttribute(each, "aria-expanded", String(kind === opened));
+  }
+}
+
+customElements.define("nena-stop-commands", StopCommands);
+
+/** A banner for each active stop, with the form that ends it; and the forms that begin one. Fires `form`. */
+class Stops extends HTMLElement {
+  opened = null; // "all" or "area": the form that is open
+  #rows = new Map();
+
+  /** Attach to the store. */
+  show(store, session, noCommands) {
+    this.session = session;
+    this.noCommands = noCommands;
+    this.list = element("div", { role: "status", "aria-live": "assertive" });
+    this.forms = element("div");
+    this.replaceChildren(this.list, this.forms);
+    store.addEventListener("change", (event) => event.detail.parts.has("orderService") && this.#update(store.orderService.stops));
+    this.#update(store.orderService.stops);
+  }
+
+  /** Open the form that begins a stop of `all` robots or of an `area`; null: none. */
+  openForm(kind) {
+    this.opened = kind;
+    document.dispatchEvent(new CustomEvent("areashow", { detail: null }));
+    this.forms.replaceChildren(...(kind ? [this.#beginForm(kind)] : []));
+    this.dispatchEvent(new CustomEvent("form", { detail: kind }));
+    if (kind) this.forms.querySelector(this.forms.querySelector("[name=by]").value ? "[name=reason]" : "[name=by]").focus();
+  }
+
+  #beginForm(kind) {
+    const [by, reason, area] = [personField(this.session), reasonField(), kind === "area" ? new AreaFields() : null];
+    const named = element("div", { class: "fields" }, field(t("stops.by"), by), field(t("stops.reason"), reason));
+    const hint = element("p", { class: "hint" }, t(`stops.${kind}.hint`));
+    return commandForm({
+      label: t(`stops.${kind}`),
+      submit: t(`stops.${kind}.send`),
+      fields: [hint, named, ...(area ? [area.element] : [])],
+      more: [button(t("stops.cancel"), () => this.openForm(null))],
+      send: async () => {
+        await command(["stops"], { by: by.value, reason: reason.value, ...(area && { area: area.area }) });
+        this.openForm(null);
+        return ["done.stop", {}];
+      },
+    });
+  }
+
+  #update(stops) {
+    const names = new Set(stops.map(({ name }) => name));
+    for (const [name, row] of this.#rows) {
+      if (names.has(name)) continue;
+      row.box.remove();
+      this.#rows.delete(name);
+    }
+    for (const stop of stops) {
+      if (!this.#rows.has(stop.name)) this.#add(stop);
+      this.#fill(this.#rows.get(stop.name), stop);
+    }
+  }
+
+  #add(stop) {
+    const row = { title: element("strong"), reason: verbatim("q"), count: element("span"), others: element("p") };
+    const line = element("div", { class: "line" }, row.title, row.reason, row.count);
+    row.box = element("section", { class: "stop", "data-stop": stop.name }, line, row.others);
+    if (!this.noCommands) {
+      const form = this.#endForm(stop.name);
+      const end = button(t("stops.end"), () => {
+        form.hidden = !form.hidden;
+        setAttribute(end, "aria-expanded", String(!form.hidden));
+        if (!form.hidden) form.querySelector("input").focus();
+      });
+      setAttribute(end, "aria-expanded", "false");
+      form.hidden = true;
+      line.append(end);
+      row.box.append(form);
+    }
+    this.#rows.set(stop.name, row);
+    this.list.append(row.box);
+  }
+
+  #fill(row, stop) {
+    setText(row.title, t(stop.area ? "stops.area.paused" : "stops.all.paused", { by: stop.by, time: timeOfDay(stop.since) }));
+    setText(row.reason, stop.reason);
+    setText(row.count, t("stops.count", { paused: number(stop.paused), count: number(stop.vehicles) }));
+    row.others.hidden = !stop.notPaused.length;
+    refill(row.others, stop.notPaused, () => [
+      element("strong", {}, t("stops.notPaused")),
+      ...stop.notPaused.flatMap(({ vehicle, reason }) => [" ", verbatim("span", vehicle), " (", foreign("span", reason), ")"]),
+    ]);
+  }
+
+  #endForm(name) {
+    const [by, reason] = [personField(this.session), reasonField()];
+    const hint = element("p", { class: "effect" }, t("stops.end.effect"));
+    return commandForm({
+      label: t("stops.end"),
+      submit: t("stops.end.send"),
+      fields: [hint, element("div", { class: "fields" }, field(t("stops.by"), by), field(t("stops.reason"), reason))],
+      send: async () => {
+        await command(["stops", name, "end"], { by: by.value, reason: reason.value });
+        return ["done.stopEnded", {}];
+      },
+    });
+  }
+}
+
+customElements.define("nena-stops", Stops);

@@ -1,0 +1,110 @@
+"""Stops in the API: all robots, or those in an area, pause until a person ends the stop."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from nena_shared.fleet_api.base import Moment, ObjectName, Request, Resource
+
+Person = Annotated[str, Field(min_length=1, max_length=100)]
+Words = Annotated[str, Field(min_length=1, max_length=500)]
+
+
+class Area(Request):
+    """A rectangle, m in the plant frame."""
+
+    x_min: float
+    y_min: float
+    x_max: float
+    y_max: float
+    map_id: ObjectName | None = None
+    """None: on every map."""
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Self:
+        if not (self.x_min < self.x_max and self.y_min < self.y_max):
+            message = "xMin must be less than xMax, and yMin less than yMax"
+            raise ValueError(message)
+        return self
+
+    def contains(self, x: float, y: float) -> bool:
+        """Return whether a position, m in the plant frame, is in the rectangle or on its border."""
+        return self.x_min <= x <= self.x_max and self.y_min <= y <= self.y_max
+
+    def crosses(self, start: tuple[float, float], end: tuple[float, float]) -> bool:
+        """Return whether a straight line touches the rectangle (Liang and Barsky's algorithm)."""
+        enters, leaves = 0.0, 1.0
+        for begin, delta, low, high in (
+            (start[0], end[0] - start[0], self.x_min, self.x_max),
+            (start[1], end[1] - start[1], self.y_min, self.y_max),
+        ):
+            if delta == 0:
+                if not low <= begin <= high:
+                    return False
+                continue
+            first, last = sorted(((low - begin) / delta, (high - begin) / delta))
+            enters, leaves = max(enters, first), min(leaves, last)
+        return enters <= leaves
+
+
+class StopRequest(Request):
+    """Request to pause all robots, or those in an area."""
+
+    by: Person | None = None
+    """Name of the person; None: the user of the request's token."""
+    reason: Words
+    area: Area | None = None
+    """Robots in it pause, and no others are let in; None: all robots pause."""
+
+
+class StopEndRequest(Request):
+    """Request to end a stop."""
+
+    by: Person | None = None
+    """Name of the person; None: the user of the request's token."""
+    reason: Words = "no reason given"
+
+
+class UnpausedVehicle(Resource):
+    """A vehicle that a stop should pause, but whose robot does not report that it is paused."""
+
+    vehicle: str
+    reason: str
+    """Reason, as text."""
+
+
+class StopStatus(Resource):
+    """A stop: all robots, or those in an area, are paused until a person ends it."""
+
+    name: str
+    by: str
+    reason: str
+    since: Moment
+    area: Area | None = None
+    """None: all robots."""
+    vehicles: int = 0
+    """Number of vehicles that it pauses; those that have never connected are not counted."""
+    paused: int = 0
+    """Number of them that are paused."""
+    not_paused: tuple[UnpausedVehicle, ...] = ()
+    """The others."""
+    ended: Moment | None = None
+    """Set in the answer to the request that ends it."""
+
+
+class StopList(Resource):
+    """All active stops, the oldest first."""
+
+    stops: tuple[StopStatus, ...]
+
+
+class VehicleStop(Resource):
+    """The stop that pauses a vehicle."""
+
+    name: str
+    by: str
+    reason: str
+    area: bool
+    """Whether it is the stop of an area; false: of all robots."""
