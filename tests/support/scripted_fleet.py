@@ -50,6 +50,7 @@ class MemoryStore(Store):
 
     def __init__(self) -> None:
         self.held = False
+        self.commits = 0
         self._answers = set()
         self.found = Unfinished((), {}, 0)
         self._waiting: list[Callable[[], None]] = []
@@ -58,6 +59,7 @@ class MemoryStore(Store):
         """Documents by kind and name."""
 
     def commit(self, changes: Changes, then: Callable[[], None]) -> None:
+        self.commits += 1
         orders = {order.number: order for order in self.found.orders}
         orders.update({number: change.order for number, change in changes.orders.items()})
         sequences = {each.number: each for each in self.found.sequences} | changes.sequences
@@ -300,7 +302,13 @@ def make_context(
     settings = settings or EngineSettings(default_map_id="map")
     finder = RouteFinder(plant, Router(plant), without_host_locks=Router(plant))
     finder.set_locks(locks or {})
-    planner = OrderPlanner(plant, finder, OperationMap(), speed_limits=settings.speed_limits)
+    planner = OrderPlanner(
+        plant,
+        finder,
+        OperationMap(),
+        speed_limits=settings.speed_limits,
+        peripherals=settings.peripherals.enabled,
+    )
     registry = VehicleRegistry(plant, default_map_id=settings.default_map_id, adopt_unknown=False)
     return Context(planner, registry, settings, clock or ManualClock(), on_failure=on_failure)
 

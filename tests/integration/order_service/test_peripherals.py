@@ -153,3 +153,15 @@ async def test_hosts_see_devices_and_create_jobs(fleet: Fleet) -> None:
     withdrawn = await client.post("/v1/peripheralJobs/J-1/withdrawal")
     assert (withdrawn.status_code, withdrawn.json()["state"]) == (200, "FAILED")
     assert (await client.post("/v1/peripheralJobs/J-1/withdrawal")).status_code == 409
+
+
+async def test_the_retained_status_of_a_device_that_the_plant_no_longer_has_is_cleared(fleet: Fleet) -> None:
+    topics = FleetTopics(fleet.prefix)
+    wire = fleet.peer()
+    removed = topics.peripheral("Removed/door", PeripheralTopic.STATUS)
+    wire.publish(removed, "{}", retain=True)
+    program = fleet.order_service("--plant", plant_with_door(fleet.folder), ENABLED)
+    await program.client()
+
+    await until(lambda: wire.payloads(removed)[-1:] == [b""])
+    assert json.loads((await wire.wait_for(topic(fleet, PeripheralTopic.STATUS))).payload)["usedBy"] == []

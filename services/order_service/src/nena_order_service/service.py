@@ -292,6 +292,7 @@ def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store,
         finder,
         operations,
         speed_limits=settings.kernel.speed_limits,
+        peripherals=settings.kernel.peripherals.enabled,
     )
     registry = VehicleRegistry(
         plant, default_map_id=settings.kernel.default_map_id, adopt_unknown=settings.kernel.adopt_unknown

@@ -3,123 +3,43 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import pytest
 
-from nena_order_service.engine.context import EngineSettings
-from nena_order_service.engine.engine import Engine
-from nena_order_service.fleet.vda_order import VdaOrder
-from nena_order_service.peripherals.settings import PeripheralSettings
+from nena_order_service.engine.peripherals import MOST_WAITING
 from nena_shared.fleet_api.peripherals import (
     DeviceAnswer,
-    DeviceCancellation,
     DeviceJobState,
-    DeviceRequest,
     PeripheralJobRequest,
     PeripheralJobState,
+    PeripheralJobStatus,
     PeripheralState,
 )
+from nena_shared.fleet_api.traffic import WaitCause
 from nena_shared.fleet_api.transport_order import FailureMeasure, FailureStep, TransportOrderState
-from nena_shared.plant import Location, LocationType, Path, PeripheralOperation, PlantModel, Vehicle
+from nena_shared.plant import Location, Path, PlantModel
 from nena_shared.plant.track import ExecutionTrigger
-from support.clocks import ManualClock
+from nena_shared.vda5050.state import MobileRobotPosition
+from support.doors import base, hall, operation, started
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, status_of
+from support.scripted_fleet import key, status_of
 
 T = ExecutionTrigger
 D = DeviceJobState
 
 
-def operation(
-    name: str, trigger: ExecutionTrigger, *, required: bool = True, at: str = "Door"
-) -> PeripheralOperation:
-    return PeripheralOperation(
-        name=name, location=at, execution_trigger=trigger, completion_required=required
-    )
-
-
-def hall(*operations: PeripheralOperation, closing: tuple[PeripheralOperation, ...] = ()) -> PlantModel:
-    """Make a row of points A to E, with a door on the path from B to C; ``closing`` is on the one to D."""
-    return PlantModel(
-        name="row",
-        points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDE")),
-        paths=(
-            path("A B"),
-            path("B C", peripheral_operations=operations),
-            path("C D", peripheral_operations=closing),
-            path("D E"),
-        ),
-        location_types=(LocationType(name="Doors", allowed_peripheral_operations=("open", "close")),),
-        locations=(Location(name="Door", x_mm=0, y_mm=0, type="Doors"),),
-        vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
-    )
-
-
 @dataclass
-class Door:
-    """Devices controlled by the test; it records what they are asked."""
+class Changed:
+    """Records which devices are published."""
 
-    engine: Engine
-    asked: list[tuple[str, DeviceRequest]] = field(default_factory=list)
-    cancelled: list[str] = field(default_factory=list)
+    locations: list[str] = field(default_factory=list)
 
-    def request(self, location: str, request: DeviceRequest) -> None:
-        self.asked.append((location, request))
+    def job_changed(self, _status: PeripheralJobStatus) -> None:
+        """Record nothing: this is about devices."""
 
-    def cancel(self, _location: str, cancellation: DeviceCancellation) -> None:
-        self.cancelled.append(cancellation.job_id)
-
-    @property
-    def operations(self) -> list[str]:
-        return [each.operation for _, each in self.asked]
-
-    def answer(self, state: DeviceJobState, reason: str = "", *, job: int = -1) -> None:
-        location, asked = self.asked[job]
-        self.engine.on_device_answer(location, DeviceAnswer(job_id=asked.job_id, state=state, reason=reason))
-
-
-@dataclass
-class Site:
-    engine: Engine
-    fleet: ScriptedFleet
-    door: Door
-    store: MemoryStore
-    clock: ManualClock
-
-    def base(self, vehicle: str = "V1") -> str:
-        vda_order = self.fleet.missions.get(key(vehicle))
-        return base(vda_order) if vda_order else ""
-
-    def states(self) -> list[PeripheralJobState]:
-        return [each.status.state for each in self.engine.state.peripheral_jobs.all_visible()[::-1]]
-
-    def reason(self, order: str = "T-1") -> str:
-        return status_of(self.engine, order).reason.rpartition(", but ")[2]
-
-
-def base(vda_order: VdaOrder) -> str:
-    return "".join(node.node_id for node in vda_order.nodes if node.released)
-
-
-async def started(
-    plant: PlantModel,
-    *,
-    store: MemoryStore | None = None,
-    at: dict[str, str] | None = None,
-    clock: ManualClock | None = None,
-    **settings: Any,
-) -> Site:
-    store, clock, fleet = store or MemoryStore(), clock or ManualClock(), ScriptedFleet({})
-    on_failure = settings.pop("on_failure", ())
-    peripherals = PeripheralSettings(**{"enabled": True, **settings})
-    given = EngineSettings(release_seconds=0.0, default_map_id="map", peripherals=peripherals)
-    engine = await make_engine(plant, store, fleet, settings=given, clock=clock, on_failure=on_failure)
-    door = engine.peripherals.port = Door(engine)
-    for name, where in ({"V1": "A"} if at is None else at).items():
-        fleet.appear(name, where)
-    return Site(engine, fleet, door, store, clock)
+    def peripheral_changed(self, location: str) -> None:
+        self.locations.append(location)
 
 
 @pytest.mark.parametrize("trigger", [T.IMMEDIATE, T.BEFORE_ALLOCATION, T.AFTER_ALLOCATION])
@@ -213,12 +133,11 @@ async def test_a_vehicle_drives_its_next_order_only_after_the_required_operation
     site = await started(hall(closing=(operation("close", T.AFTER_MOVEMENT),)))
     site.engine.create(request("D", name="T-1"), "T-1")
     site.fleet.finish("V1")
-    assert status_of(site.engine, "T-1").state is TransportOrderState.FINISHED
-
     site.engine.create(request("E", name="T-2"), "T-2")
     assert len(site.fleet.sent) == 1
     site.door.answer(D.FINISHED)
 
+    assert status_of(site.engine, "T-1").state is TransportOrderState.FINISHED
     assert site.base() == "DE"
 
 
@@ -468,3 +387,298 @@ async def test_a_rerouted_vehicle_no_longer_needs_the_door() -> None:
     assert site.base() == "ABXE"
     assert site.states() == [PeripheralJobState.FAILED]
     assert site.engine.traffic.holders("Door") == frozenset()
+
+
+def with_paths(plant: PlantModel, *paths: Path, points: str = "") -> PlantModel:
+    """Return a plant with further paths and points; a path of the same name replaces the old one."""
+    names = {each.name for each in paths}
+    kept = (each for each in plant.paths if each.name not in names)
+    more = tuple(point(name, 0, 9000 + index) for index, name in enumerate(points.split()))
+    changes = {"paths": (*kept, *paths), "points": (*plant.points, *more)}
+    return PlantModel.model_validate(plant.model_copy(update=changes).model_dump())
+
+
+@pytest.mark.parametrize("restarts", [False, True])
+async def test_an_order_that_was_held_before_its_robot_had_it_asks_the_door_again(*, restarts: bool) -> None:
+    site = await started(hall(operation("open", T.AFTER_ALLOCATION)), at={"V1": "B"})
+    order = site.engine.create(request("E", name="T-1"), "T-1")
+    site.engine.hold(order.number, "Ada", "lunch")
+    assert site.door.cancelled == [site.door.asked[0][1].job_id]
+
+    if restarts:
+        site = await started(site.engine.plant, store=site.store, at={"V1": "B"})
+    site.engine.resume(order.number, "Ada", "back")
+    assert site.fleet.sent == []
+    assert site.reason() == "it waits for peripheral 'Door' to acknowledge 'open'"
+    site.door.answer(D.FINISHED)
+
+    assert site.base() == "BCDE"
+
+
+async def test_a_vehicle_rerouted_away_from_a_door_and_back_asks_it_again() -> None:
+    plant = with_paths(
+        hall(operation("open", T.AFTER_ALLOCATION)),
+        path("B X", 9000, peripheral_operations=(operation("lift", T.AFTER_ALLOCATION, at="Gate"),)),
+        path("X E", 9000),
+        points="X",
+    )
+    gate = Location(name="Gate", x_mm=0, y_mm=0, type="Doors")
+    site = await started(plant.model_copy(update={"locations": (*plant.locations, gate)}))
+    site.engine.create(request("E", name="T-1"), "T-1")
+    for locks in ({"B --- C": True}, {"B --- X": True}):
+        site.engine.traffic.resources.set_locks(locks)
+        site.engine.context.finder.set_locks(locks)
+        site.engine.plant_changed()
+        assert site.base() == "AB"
+
+    assert site.door.operations == ["open", "lift", "open"]
+    site.door.answer(D.FINISHED)
+    assert site.base() == "ABCDE"
+
+
+async def test_a_door_that_was_closed_since_is_opened_again_right_before_the_allocation() -> None:
+    site = await started(hall(operation("open", T.IMMEDIATE)), release_ahead=1)
+    site.engine.create(request("E", name="T-1"), "T-1")
+    site.door.answer(D.FINISHED)
+    site.engine.create_peripheral_job(
+        PeripheralJobRequest(location="Door", operation="close", reservation_token="host"), "J-1"
+    )
+    site.fleet.pass_node("V1", 1)  # while the door closes
+    assert site.base() == "AB"
+
+    site.door.answer(D.FINISHED)
+    assert site.door.operations == ["open", "close", "open"]
+    assert site.base() == "AB"
+    site.door.answer(D.FINISHED)
+
+    assert site.base() == "ABC"
+
+
+async def test_a_door_is_closed_behind_the_first_pass_before_it_is_opened_for_the_second() -> None:
+    opened = operation("open", T.AFTER_ALLOCATION)
+    plant = hall(opened, closing=(operation("close", T.AFTER_MOVEMENT, required=False),))
+    site = await started(with_paths(plant, path("D E", peripheral_operations=(opened,))))
+    site.engine.create(request("E", name="T-1"), "T-1")
+    site.door.answer(D.FINISHED)
+    assert site.base() == "ABCD"
+    assert site.door.operations == ["open"]
+
+    site.fleet.pass_node("V1", 3)
+    site.door.answer(D.FINISHED)
+    assert site.door.operations == ["open", "close", "open"]
+    assert site.base() == "ABCD"
+    site.door.answer(D.FINISHED)
+
+    assert site.base() == "ABCDE"
+
+
+async def test_a_closing_job_that_waited_for_its_device_comes_before_an_older_opening_one() -> None:
+    door = (operation("open", T.IMMEDIATE),)
+    close = operation("close", T.AFTER_MOVEMENT, required=False)
+    site = await started(hall(*door, closing=(close,)), at={"V1": "B", "V2": "A"})
+    site.engine.create(request("E", name="T-1", intendedVehicle="V1"), "T-1")
+    site.door.answer(D.FINISHED)
+    site.engine.create(request("D", name="T-2", intendedVehicle="V2"), "T-2")
+    site.engine.on_device_state("Door", PeripheralState.UNAVAILABLE)
+    for index in (1, 2):
+        site.fleet.pass_node("V1", index)
+    site.fleet.finish("V1")
+
+    site.engine.on_device_state("Door", PeripheralState.IDLE)
+    assert site.door.operations == ["open", "close"]
+    site.door.answer(D.FINISHED)
+    assert site.door.operations == ["open", "close", "open"]
+    assert site.base("V2") == "AB"
+
+
+async def test_an_operation_of_a_destination_waits_for_a_vehicle_in_the_door() -> None:
+    site = await started(hall(operation("open", T.AFTER_ALLOCATION)), at={"V1": "B", "V2": "E"})
+    site.engine.create(request("D", name="T-1", intendedVehicle="V1"), "T-1")
+    site.door.answer(D.FINISHED)
+    close = {"location": "Door", "operation": "close"}
+    destination = {"locationName": "E", "peripheralOperations": [close]}
+    site.engine.create(request(name="T-2", destinations=[destination], intendedVehicle="V2"), "T-2")
+
+    assert site.door.operations == ["open"]
+    assert site.reason("T-2") == "it waits for V1, which passes 'Door' first"
+    site.fleet.finish("V1")
+
+    assert site.door.operations == ["open", "close"]
+    assert site.engine.peripherals.status("Door").used_by == ("V2",)
+
+
+async def test_a_dispensable_operation_of_a_destination_waits_for_a_vehicle_in_the_door() -> None:
+    site = await started(hall(operation("open", T.AFTER_ALLOCATION)), at={"V1": "B", "V2": "E"})
+    site.engine.create(request("D", name="T-1", intendedVehicle="V1"), "T-1")
+    site.door.answer(D.FINISHED)
+    close = {"location": "Door", "operation": "close", "completionRequired": False}
+    destination = {"locationName": "E", "peripheralOperations": [close]}
+    site.engine.create(request(name="T-2", destinations=[destination], intendedVehicle="V2"), "T-2")
+    assert site.door.operations == ["open"]
+
+    site.fleet.finish("V1")
+
+    assert site.door.operations == ["open", "close"]
+
+
+@pytest.mark.parametrize("trigger", [T.IMMEDIATE, T.BEFORE_ALLOCATION])
+async def test_a_vehicle_in_a_door_is_named_by_those_that_wait_for_it(trigger: ExecutionTrigger) -> None:
+    site = await started(hall(operation("open", trigger)), at={"V1": "B", "V2": "A"})
+    site.engine.create(request("D", name="T-1", intendedVehicle="V1"), "T-1")
+    site.door.answer(D.FINISHED)
+    site.engine.create(request("C", name="T-2", intendedVehicle="V2"), "T-2")
+
+    site.fleet.pass_node("V1", 1)  # it may still reach into the door
+    waiting = site.engine.registry.named("V2")
+    assert waiting
+    wait = site.engine.status(waiting).wait
+    assert wait
+    assert (wait.vehicles, wait.cause) == (("V1",), WaitCause.PASSES)
+    assert site.door.operations == ["open"]
+
+
+async def test_a_robot_that_stopped_in_a_door_uses_it_until_it_is_out() -> None:
+    site = await started(hall(operation("open", T.AFTER_ALLOCATION)), at={"V1": "B"})
+    order = site.engine.create(request("D", name="T-1"), "T-1")
+    site.door.answer(D.FINISHED)
+    pose = MobileRobotPosition(x=3.0, y=0.0, theta=0.0, map_id="map", localized=True)
+    site.fleet.fields["V1"] = {"mobile_robot_position": pose}
+    site.engine.withdraw(order.number, "no longer wanted")
+    site.fleet.confirm_cancel("V1")
+    site.engine.look()
+
+    site.engine.create_peripheral_job(
+        PeripheralJobRequest(location="Door", operation="close", reservation_token="host"), "J-1"
+    )
+
+    assert site.door.operations == ["open"]
+    assert site.engine.peripherals.status("Door").used_by == ("V1",)
+
+
+LAST_CLOSES = hall(closing=(operation("close", T.AFTER_MOVEMENT),))
+
+
+async def test_a_required_operation_of_the_last_movement_that_fails_fails_the_order() -> None:
+    site = await started(LAST_CLOSES)
+    site.engine.create(request("D", name="T-1"), "T-1")
+    site.fleet.pass_node("V1", 3)
+    site.door.answer(D.FAILED, "blocked")
+    assert status_of(site.engine, "T-1").state is TransportOrderState.BEING_PROCESSED
+
+    site.fleet.finish("V1")
+
+    order = status_of(site.engine, "T-1")
+    assert order.state is TransportOrderState.FAILED
+    assert order.reason == "peripheral 'Door' has not executed 'close': blocked"
+
+
+@pytest.mark.parametrize("restarts", [False, True])
+@pytest.mark.parametrize("answer", [D.FINISHED, D.FAILED])
+async def test_an_order_ends_after_the_required_operation_of_its_last_movement(
+    answer: DeviceJobState, *, restarts: bool
+) -> None:
+    retry = (FailureStep(do=FailureMeasure.RETRY, times=3),)
+    site = await started(LAST_CLOSES, on_failure=retry)
+    site.engine.create(request("D", name="T-1"), "T-1")
+    site.fleet.finish("V1")
+    order = status_of(site.engine, "T-1")
+    assert order.state is TransportOrderState.BEING_PROCESSED
+    assert order.reason == (
+        "vehicle V1 is done at destination 1 of 1, but it waits for peripheral 'Door' to acknowledge 'close'"
+    )
+
+    location, asked = site.door.asked[-1]
+    if restarts:
+        site = await started(LAST_CLOSES, store=site.store, at={"V1": "D"}, on_failure=retry)
+        assert status_of(site.engine, "T-1").state is TransportOrderState.BEING_PROCESSED
+    site.engine.on_device_answer(location, DeviceAnswer(job_id=asked.job_id, state=answer))
+
+    assert status_of(site.engine, "T-1").state is TransportOrderState(answer)
+    assert (asked.operation, len(site.fleet.sent)) == ("close", 0 if restarts else 1)
+
+
+async def test_a_failure_while_an_order_is_held_is_told_to_those_who_resume_it() -> None:
+    site = await started(LAST_CLOSES)
+    order = site.engine.create(request("E", name="T-1"), "T-1")
+    site.fleet.pass_node("V1", 3)
+    site.engine.hold(order.number, "Ada", "lunch", immediate=False)
+    site.door.answer(D.FAILED, "blocked")
+
+    assert "since then: peripheral 'Door' has not executed 'close': blocked" in site.reason()
+
+
+async def test_the_failure_policy_decides_after_a_restart() -> None:
+    site = await started(hall(operation("open", T.AFTER_ALLOCATION)))
+    site.engine.create(request("E", name="T-1"), "T-1")
+    site.door.answer(D.FAILED, "blocked")
+
+    again = await started(site.engine.plant, store=site.store, at={"V1": "A"})
+    assert again.fleet.finish("V1")
+
+    assert status_of(again.engine, "T-1").state is TransportOrderState.FAILED
+    assert again.door.asked == []
+
+
+async def test_the_job_of_a_device_that_becomes_unavailable_is_sent_again_when_it_is_back() -> None:
+    site = await started(hall(operation("open", T.AFTER_ALLOCATION)), execution_timeout=60.0, sends=1)
+    site.engine.create(request("E", name="T-1"), "T-1")
+    site.engine.on_device_state("Door", PeripheralState.UNAVAILABLE)
+    assert site.reason() == "it waits for peripheral 'Door' to acknowledge 'open'; it reports UNAVAILABLE"
+    site.clock.advance(59.0)
+    site.engine.look()
+    assert site.states() == [PeripheralJobState.BEING_PROCESSED]
+
+    site.engine.on_device_state("Door", PeripheralState.IDLE)
+
+    assert site.door.operations == ["open", "open"]
+    assert site.door.asked[0][1].job_id == site.door.asked[1][1].job_id
+    site.engine.on_device_state("Door", PeripheralState.UNAVAILABLE)
+    site.clock.advance(60.0)
+    site.engine.look()
+    assert status_of(site.engine, "T-1").reason.startswith("vehicle V1 travels")
+    assert site.fleet.finish("V1")
+    assert status_of(site.engine, "T-1").reason.endswith("within 60 s; it reports UNAVAILABLE")
+
+
+async def test_jobs_for_which_no_vehicle_waits_are_limited() -> None:
+    site = await started(hall())
+    site.engine.on_device_state("Door", PeripheralState.UNAVAILABLE)
+    for number in range(MOST_WAITING + 2):
+        site.engine.create_peripheral_job(
+            PeripheralJobRequest(location="Door", operation="open", reservation_token="host"), f"J-{number}"
+        )
+
+    jobs = {each.name: each.status for each in site.engine.state.peripheral_jobs.all_visible()}
+    assert [name for name, status in jobs.items() if status.state.final] == ["J-1", "J-0"]
+    assert jobs["J-0"].reason == f"more than {MOST_WAITING} jobs wait for the device"
+
+
+async def test_answers_and_states_without_news_commit_nothing() -> None:
+    site = await started(hall(operation("open", T.AFTER_ALLOCATION)))
+    site.engine.create(request("E", name="T-1"), "T-1")
+    site.door.answer(D.FINISHED)
+    site.engine.on_device_state("Door", PeripheralState.IDLE)
+    site.store.commits = 0
+
+    site.door.answer(D.FINISHED)
+    site.engine.on_device_state("Door", PeripheralState.IDLE)
+    site.engine.on_device_state("Nowhere", PeripheralState.IDLE)
+
+    assert site.store.commits == 0
+    assert site.engine.peripherals.answers["ignored"] == 1
+
+
+async def test_a_device_is_used_by_the_vehicle_that_holds_it() -> None:
+    site = await started(hall(operation("open", T.AFTER_ALLOCATION)))
+    changed = Changed()
+    site.engine.unit_of_work.peripheral_listeners.append(changed)
+    site.engine.create(request("E", name="T-1"), "T-1")
+    site.door.answer(D.FINISHED)
+    assert site.engine.peripherals.status("Door").used_by == ("V1",)
+
+    changed.locations.clear()
+    for index in (1, 2, 3):
+        site.fleet.pass_node("V1", index)
+
+    assert site.engine.peripherals.status("Door").used_by == ()
+    assert changed.locations == ["Door"]

@@ -77,8 +77,19 @@ def test_times_begin_again_when_devices_can_be_reached_again() -> None:
 def test_an_unavailable_device_is_not_free() -> None:
     made = devices()
     made.end("Door", "J")
-    assert made.report("Door", PeripheralState.UNAVAILABLE)
-    assert not made.report("Door", PeripheralState.UNAVAILABLE)
+    made.report("Door", PeripheralState.UNAVAILABLE, 1.0)
     assert not made.is_free("Door")
-    made.report("Door", PeripheralState.IDLE)
+    assert not made.report("Door", PeripheralState.IDLE, 2.0)
     assert made.is_free("Door")
+
+
+def test_the_job_of_an_unavailable_device_has_the_execution_timeout_and_is_sent_again() -> None:
+    made = devices()
+    assert not made.report("Door", PeripheralState.UNAVAILABLE, 4.0)
+    assert made.overdue(63.9) == []
+    (overdue,) = made.overdue(64.0)
+    assert overdue.reason == "peripheral 'Door' has not finished it within 60 s; it reports UNAVAILABLE"
+    assert made.report("Door", PeripheralState.EXECUTING, 63.0)
+    assert not made.report("Door", PeripheralState.IDLE, 63.5)
+    assert made.overdue(67.9) == []
+    assert made.overdue(68.0) == [Overdue("J", "Door")]

@@ -28,7 +28,9 @@ from support.plants import path, plant, point
 def sets(model: PlantModel, start: str, end: str, location: str | None = None) -> list[ResourceSet]:
     resources = Resources(model)
     route = Router(model).route(start, end)
-    return list(resources.along(route.steps, start=resources.at(start), location=location))
+    return list(
+        resources.along(route.steps, start=resources.at(start), at_goal=(location,) if location else ())
+    )
 
 
 def test_a_vehicle_needs_a_door_from_the_path_that_opens_it_to_the_one_that_closes_it() -> None:

@@ -241,8 +241,8 @@ def test_a_straight_way_needs_the_point_at_its_end() -> None:
 
 def test_a_location_is_exclusive_also_for_a_vehicle_already_there() -> None:
     scene = Scene(tracks("A B"), v="A", w="B")
-    scene.control.request_route(RouteRequest("v", "A", location="Shelf"))
-    scene.control.request_route(RouteRequest("w", "B", location="Shelf"))
+    scene.control.request_route(RouteRequest("v", "A", at_goal=("Shelf",)))
+    scene.control.request_route(RouteRequest("w", "B", at_goal=("Shelf",)))
 
     assert list(scene.decide()) == ["RouteGrant v A"]
     assert (

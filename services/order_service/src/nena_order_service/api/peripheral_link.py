@@ -38,6 +38,7 @@ class PeripheralLink:
         engine.peripherals.port = self
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.JOB_STATE), self._answered)
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATE), self._reported)
+        mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATUS), self._retained)
 
     def request(self, location: str, request: DeviceRequest) -> None:
         """Ask a device to execute a job."""
@@ -62,6 +63,12 @@ class PeripheralLink:
             self._engine.on_device_state(location, PeripheralState.UNKNOWN)
         elif report := self._read(message, DeviceReport):
             self._engine.on_device_state(location, report.state)
+
+    def _retained(self, message: Inbound) -> None:
+        """Clear the retained status of a device that the plant no longer has."""
+        location = self._topics.location_of(message.topic)
+        if message.payload and self._engine.peripherals.operations(location) is None:
+            self._mqtt.publish(Outbound(message.topic, b"", retain=True))
 
     def _read(self, message: Inbound, model: type[M]) -> M | None:
         if len(message.payload) > LONGEST:

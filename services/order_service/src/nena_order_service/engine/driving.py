@@ -18,6 +18,7 @@ from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.forecast import UNKNOWN_SPEED_MM_S
@@ -32,10 +33,12 @@ from nena_order_service.traffic.traffic_control import (
 )
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
+from nena_shared.fleet_api.transport_order import DriveOrderState
 from nena_shared.log import get_logger
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
@@ -113,12 +116,14 @@ class RestartGate:
 class Pauses:
     """Vehicles that are paused with an order until they can continue.
 
-    The order is on hold or will be retried later, the vehicle is not localised, or locked paths close its
-    route. A paused vehicle stays where it is: it is not sent away to make room.
+    The order is on hold or will be retried later, a device executes an operation after the last movement,
+    the vehicle is not localised, or locked paths close its route. A paused vehicle stays where it is: it is
+    not sent away to make room.
     """
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, peripherals: Peripherals) -> None:
         self._context = context
+        self._peripherals = peripherals
         self._orders = context.state.orders
         self._numbers = context.state.pauses
 
@@ -142,6 +147,10 @@ class Pauses:
         """Return whether a vehicle can continue with its order."""
         return not self._orders.get(self._numbers[vehicle.name]).held and not self.why(vehicle)
 
+    def awaits_device(self, robot: RobotKey) -> bool:
+        """Return whether a robot at rest has to wait for a device behind it."""
+        return bool(self._peripherals.behind(self._context.registry.discover(robot)))
+
     def why(self, vehicle: FleetVehicle) -> str:
         """Return why a vehicle cannot continue; empty if it can, or if its order is on hold."""
         order = self._orders.get(self._numbers[vehicle.name])
@@ -150,6 +159,10 @@ class Pauses:
             return ""
         if status.next_try and self._context.clock.now() < status.next_try:
             return f"it retries at {status.next_try:%H:%M:%S} UTC"
+        if jobs := self._peripherals.behind(vehicle):
+            return self._peripherals.wait_for(jobs[0])
+        if order.current.state is DriveOrderState.FINISHED:
+            return ""
         view = self._context.view(vehicle)
         try:
             standing = self._context.planner.standing(vehicle, view)
@@ -389,6 +402,10 @@ class Driving:
             self.positions.note(vehicle)
             self._rest(vehicle)
 
+    def failed_behind(self, record: SentOrder) -> PeripheralJob | None:
+        """Return a required job after a movement that has failed; None if there is none."""
+        return self._peripherals.failed_behind(record)
+
     def broken_off(self, record: SentOrder, event: object) -> None:
         """End a VDA order early: its robot keeps what it holds until it is seen standing.
 
@@ -455,6 +472,7 @@ class Driving:
         """Withdraw jobs that no route needs, and send devices the next ones."""
         for name in [each for each in self._peripherals.waiting if not self._traffic.journey(each)]:
             del self._peripherals.waiting[name]
+        self._peripherals.note_users()
         self._peripherals.withdraw_needless({each.vda_order.order_id: each for each in self._unsent.values()})
         self._peripherals.dispatch()
 

@@ -277,8 +277,8 @@ class Engine:
         self.sequences = Sequences(context)
         self._gate = RestartGate(context)
         self._positions = Positions(context)
-        pauses = Pauses(context)
         self.peripherals = Peripherals(context)
+        pauses = Pauses(context, self.peripherals)
         self.stops = Stops(context)
         self._driving = Driving(
             context, self._positions, pauses, self._gate, self.peripherals, stops=self.stops
@@ -367,6 +367,8 @@ class Engine:
     def _settle(self) -> None:
         """Dispatch and drive until no more steps follow from the changes."""
         while self._life_cycle.settle_due or self.state.dispatch_due or self.state.drive_due:
+            for job in self.peripherals.take_failed():
+                self._life_cycle.on_failed_peripheral(job)
             self._life_cycle.settle()
             if self.state.dispatch_due:
                 with self.timings.dispatch.timed():
@@ -377,8 +379,6 @@ class Engine:
                         self._life_cycle.stuck(outcome)
                     else:
                         self._life_cycle.update_reason(outcome)
-            for job in self.peripherals.take_failed():
-                self._life_cycle.on_failed_peripheral(job)
 
     def look(self) -> None:
         """Retry waiting work, and publish vehicles whose status has changed without an event."""
@@ -532,13 +532,13 @@ class Engine:
 
     def on_device_answer(self, location: str, answer: DeviceAnswer) -> None:
         """Handle the answer of a peripheral device."""
-        if not self.unit_of_work.closed:
+        if self.peripherals.awaits(location, answer) and not self.unit_of_work.closed:
             with self.change():
                 self.peripherals.answered(location, answer)
 
     def on_device_state(self, location: str, state: PeripheralState) -> None:
         """Handle the state that a peripheral device reports."""
-        if not self.unit_of_work.closed:
+        if self.peripherals.is_news(location, state) and not self.unit_of_work.closed:
             with self.change():
                 self.peripherals.reported(location, state)
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Final
 
 from nena_order_service.engine.context import Context
-from nena_order_service.fleet.failures import FailureKind
+from nena_order_service.fleet.failures import FailureKind, OrderFailure
 from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import DROP, PICK
@@ -149,15 +149,6 @@ def is_carrying(
         elif operation in giving and each.state is DriveOrderState.FINISHED:
             carrying = False
     return carrying or bool(reported)
-
-
-@dataclass(frozen=True, slots=True)
-class OrderFailure:
-    """A failure of an order at its vehicle: kind and description; ``ahead`` names the next path and point."""
-
-    kind: FailureKind
-    words: str
-    ahead: tuple[str, ...] = ()
 
 
 class FailureAssessment:

@@ -13,10 +13,10 @@ from nena_order_service.engine.conditions import Conditions, Sequences
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.dispatching import GIVES_UP, Dispatched, Dispatching
 from nena_order_service.engine.driving import Driving, Pauses, Stuck
-from nena_order_service.engine.failure_policy import Decision, FailureAssessment, OrderFailure, with_others
+from nena_order_service.engine.failure_policy import Decision, FailureAssessment, with_others
 from nena_order_service.engine.recovery import LostOrderError, Recovery
 from nena_order_service.fleet import outputs
-from nena_order_service.fleet.failures import FailureKind, with_details
+from nena_order_service.fleet.failures import FailureKind, OrderFailure, with_details
 from nena_order_service.fleet.instant_actions import retry_or_skip
 from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.fleet.vda_order import unique_id
@@ -88,8 +88,6 @@ class LifeCycle:
         self._timeouts = DueTimes(self._orders.is_over)
         self._answers: dict[str, tuple[str, str]] = {}
         """VDA 5050 orderIds and failure texts, by the IDs of the instant actions sent for them."""
-        self._given_up: dict[str, OrderFailure] = {}
-        """Failures for which VDA 5050 orders are cancelled, by orderId."""
 
     # Requests of hosts
 
@@ -290,8 +288,14 @@ class LifeCycle:
             self.update_reason(vehicle)
 
     def _resume_driving(self, order: TransportOrder, vehicle: FleetVehicle, *, first: bool = False) -> None:
-        """End the pause of an order and drive to its current destination; fail it without a route."""
+        """End the pause of an order and drive to its current destination; fail it without a route.
+
+        Without a destination that is left, the order is finished.
+        """
         self._pauses.end(vehicle.name)
+        if order.current.state is DriveOrderState.FINISHED:
+            self._end(order.finished(self._clock.now()))
+            return
         order, planner = order.tried(), self._context.planner
         try:
             standing = planner.standing(vehicle, self._context.view(vehicle))
@@ -391,16 +395,18 @@ class LifeCycle:
         if order.state is S.WITHDRAWN:
             words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle had finished its base"
             self._end(order.failed(words, now))
-        elif sent.partial:
-            given_up = self._given_up.pop(sent.vda_order.order_id, None)
-            if given_up and not order.held:
-                self._fail(order, given_up)
-            else:
-                self._continue(order, again=True)
-        elif index + 1 == len(order.status.drive_orders):
-            self._end(order.drive_order_finished(index, now).finished(now))
+            return
+        job = self._driving.failed_behind(sent)
+        failure = sent.given_up or (_failure_of(job) if job else None)
+        order = order if sent.partial else order.drive_order_finished(index, now)
+        last = order.current.state is DriveOrderState.FINISHED
+        if failure and not order.held:
+            self._fail(order, failure)
+        elif last and not failure and not self._pauses.awaits_device(sent.robot):
+            self._end(order.finished(now))
         else:
-            self._continue(order.drive_order_finished(index, now))
+            order = order.failed_while_held(failure.words) if failure else order
+            self._continue(order, again=sent.partial)
 
     def _drive_order_failed(self, order: TransportOrder, failure: OrderFailure) -> None:
         if order.state is S.WITHDRAWN:
@@ -413,13 +419,12 @@ class LifeCycle:
 
     def _drive_order_cancelled(self, order: TransportOrder, sent: SentOrder) -> None:
         """End a withdrawn order; pause a held one, or continue it if it was resumed meanwhile."""
-        given_up = self._given_up.pop(sent.vda_order.order_id, None)
         if order.state is S.WITHDRAWN:
             words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has released it"
             self._end(order.failed(words, self._clock.now()))
-        elif given_up and not order.held:
-            self._fail(order, given_up)
-        elif order.is_operating and not given_up:
+        elif sent.given_up and not order.held:
+            self._fail(order, sent.given_up)
+        elif order.is_operating and not sent.given_up:
             self._drive_order_failed(order, OrderFailure(FailureKind.UNCLEAR, BEGUN_MEANWHILE))
         else:
             self._continue(order, again=True)
@@ -431,6 +436,9 @@ class LifeCycle:
         if self._registry.employed(order.vehicle) is None:
             why = f"vehicle {order.vehicle!r} no longer exists; {failure.words}"
             self._end(order.failed(why, self._clock.now()))
+            return
+        if order.current.state is DriveOrderState.FINISHED:  # nothing is left to try again
+            self._end(order.failed(failure.words, self._clock.now()))
             return
         decision = self._failures.decide(order, failure)
         step, words, now = decision.step, failure.words, self._clock.now()
@@ -478,17 +486,23 @@ class LifeCycle:
             self._driving.drop_evasion(job.order_id)
             return
         vehicle = self._registry.named(order.vehicle)
-        if order.state is not S.BEING_PROCESSED or order.held or vehicle is None:
+        if order.state is not S.BEING_PROCESSED or vehicle is None:
             return
-        status, sent = job.status, self._sent.of_order(order)
-        words = f"peripheral {status.location!r} has not executed {status.operation!r}: {status.reason}"
-        failure = OrderFailure(FailureKind.DRIVE, words, (status.path,) if status.path else ())
-        if sent is None:
+        failure, sent = _failure_of(job), self._sent.of_order(order)
+        if order.held:
+            if job.after_movement:
+                self._orders.put(order.failed_while_held(failure.words))
+        elif sent is None:
             self._driving.abandon(vehicle)
             self._fail(order, failure)
         elif not sent.cancelled and not sent.all_released:
-            self._given_up[sent.vda_order.order_id] = failure
-            self._driving.end_early(sent, partial=True)
+            self._driving.end_early(self._give_up(sent, failure), partial=True)
+
+    def _give_up(self, sent: SentOrder, failure: OrderFailure) -> SentOrder:
+        """Note for which failure a VDA 5050 order ends early."""
+        sent = sent.model_copy(update={"given_up": failure})
+        self._sent.put(sent)
+        return sent
 
     # Retriable actions (VDA 5050 3.0, sections 6.2.3 and 6.6.9)
 
@@ -525,10 +539,8 @@ class LifeCycle:
                 "robot rejected the answer about its failed action", vda_order=order_id, reason=event.reason
             )
             known = event.status is ActionStatus.FAILED  # otherwise it may be retrying right now
-            self._given_up[order_id] = OrderFailure(
-                FailureKind.ACTION if known else FailureKind.UNCLEAR, words
-            )
-            self._driving.cancel(sent)
+            kind = FailureKind.ACTION if known else FailureKind.UNCLEAR
+            self._driving.cancel(self._give_up(sent, OrderFailure(kind, words)))
 
     # The end
 
@@ -615,3 +627,10 @@ class LifeCycle:
             self._orders.put(order.failed(f"no longer possible in this plant: {error}", self._clock.now()))
         else:
             self._orders.put(self._conditions.restore(order))
+
+
+def _failure_of(job: PeripheralJob) -> OrderFailure:
+    """Return what a failed job means for the order that needs it."""
+    status = job.status
+    words = f"peripheral {status.location!r} has not executed {status.operation!r}: {status.reason}"
+    return OrderFailure(FailureKind.DRIVE, words, (status.path,) if status.path else ())

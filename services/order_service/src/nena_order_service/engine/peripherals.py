@@ -45,6 +45,8 @@ log = get_logger(__name__)
 
 T = ExecutionTrigger
 JOB_PREFIX = "PeripheralJob"
+MOST_WAITING = 100
+"""Maximum number of jobs for which no vehicle waits, of each device; the oldest ones fail beyond it."""
 NO_LONGER_NEEDED = "its vehicle no longer needs it"
 
 
@@ -91,8 +93,10 @@ class Peripherals:
         for location in context.plant.locations:
             self._devices.expect(location)
         self._failed: list[PeripheralJob] = []
+        self._users: dict[str, frozenset[str]] = {}
+        """The vehicles that hold each device, as published."""
         self._last: dict[str, PeripheralJob] = {}
-        """The job that each device has executed last."""
+        """The job that each device was sent last: its state is what this job made of it."""
 
     # Vehicles on their routes
 
@@ -100,11 +104,12 @@ class Peripherals:
         """Return how far a VDA order may be allocated and released; request its jobs that are due."""
         self.waiting.pop(vehicle.name, None)
         needs = self._needs(record)
-        earlier = self._still_required(vehicle, record)
+        earlier = self.behind(vehicle, record)
         if record is None or not (needs or earlier):
             return OPEN
         for operation in needs.at_once():
-            self.require(operation, vehicle, record)
+            if self.requested(operation) is None:
+                self.require(operation, vehicle, record)
         return _RouteGate(self, vehicle, record, needs, earlier)
 
     def moved(
@@ -122,10 +127,10 @@ class Peripherals:
                     self._state.drive_due = True
 
     def require(self, operation: NeededOperation, vehicle: FleetVehicle, record: SentOrder) -> PeripheralJob:
-        """Return the job for an operation of a route, and create it if there is none yet."""
+        """Return the job that an operation of a route waits for; create it unless there is a valid one."""
         job = self._jobs.at(operation.key)
-        if job and not self._is_outdated(job):
-            return job
+        if job and (valid := self._valid(job, last_step=len(record.way) - 1)):
+            return valid
         order = None if record.evasion else self._state.order_of(record.robot)
         status = PeripheralJobStatus(
             name=f"{JOB_PREFIX}-{sortable_id()}",
@@ -158,14 +163,14 @@ class Peripherals:
     def why(self, job: PeripheralJob) -> str:
         """Return what an unfinished job waits for, as the end of a sentence about its device."""
         status, location = job.status, job.status.location
-        if job.over:
-            return f"; {status.operation!r} has failed"
+        state, other = self._devices.state(location), self._devices.job(location)
+        verb = "execute"
         if status.state is PeripheralJobState.BEING_PROCESSED:
             verb = "finish" if self._devices.acknowledged(location) else "acknowledge"
-            return f"to {verb} {status.operation!r}"
-        state, other = self._devices.state(location), self._devices.job(location)
         if not state.takes_jobs:
-            return f"to execute {status.operation!r}; it reports {state}"
+            return f"to {verb} {status.operation!r}; it reports {state}"
+        if other == job.name:
+            return f"to {verb} {status.operation!r}"
         running = self._jobs.named(other) if other else None
         if running:
             return f"to execute {status.operation!r} after {running.status.operation!r}"
@@ -175,9 +180,14 @@ class Peripherals:
     def note(self, vehicle: str) -> str:
         """Return for which device a vehicle waits; empty if it waits for none."""
         job = self._jobs.named(self.waiting.get(vehicle, ""))
-        if job is None:
-            return ""
-        return f"it waits for peripheral {job.status.location!r} {self.why(job)}"
+        return self.wait_for(job) if job else ""
+
+    def wait_for(self, job: PeripheralJob) -> str:
+        """Return that a vehicle waits for a job."""
+        location, operation = job.status.location, job.status.operation
+        if job.over:
+            return f"peripheral {location!r} has not executed {operation!r}"
+        return f"it waits for peripheral {location!r} {self.why(job)}"
 
     def location_waited_for(self, vehicle: str) -> str | None:
         """Return the location of the device for which a vehicle waits; None if it waits for none."""
@@ -190,6 +200,23 @@ class Peripherals:
             if job.key and not job.after_movement and not self._is_needed(job, unsent):
                 self._withdraw(job, NO_LONGER_NEEDED)
         self._jobs.forget_ended(lambda job: self._is_needed(job, unsent))
+
+    def failed_behind(self, record: SentOrder) -> PeripheralJob | None:
+        """Return a required job after a movement of a VDA order that has failed; None if there is none."""
+        required = (
+            self.requested(each)
+            for each in self._needs(record).operations
+            if each.required and each.trigger is T.AFTER_MOVEMENT
+        )
+        return next((job for job in required if job and job.over and not job.done), None)
+
+    def note_users(self) -> None:
+        """Publish the devices whose users have changed."""
+        for location in self._operations:
+            users = self._traffic.holders(location)
+            if users != self._users.get(location, frozenset()):
+                self._users[location] = users
+                self._state.peripheral_changed(location)
 
     def take_failed(self) -> list[PeripheralJob]:
         """Return the failed jobs on which vehicles depend, since the last call."""
@@ -222,6 +249,7 @@ class Peripherals:
             operations=self._operations.get(location, ()),
             job=self.job_status(job) if job else None,
             waiting=tuple(waiting),
+            used_by=tuple(sorted(self._traffic.holders(location))),
         )
 
     def job_status(self, job: PeripheralJob) -> PeripheralJobStatus:
@@ -256,11 +284,15 @@ class Peripherals:
     # Devices
 
     def dispatch(self) -> None:
-        """Send each free device its next job: the oldest that may begin."""
-        for job in self._jobs.unfinished():
+        """Send each free device its next job: the oldest that may begin, and first those after movements.
+
+        A door is closed behind one vehicle before it is opened for the next one, never after that.
+        """
+        for job in sorted(self._jobs.unfinished(), key=lambda job: not job.after_movement):
             location = job.status.location
             waits = job.status.state is PeripheralJobState.TO_BE_PROCESSED
-            if waits and self._devices.is_free(location) and self._may_begin(job):
+            if waits and self._devices.is_free(location) and not self._other_users(job):
+                self._last[location] = job
                 self._put(job.begun())
                 self._devices.begin(location, job.name, self._clock.monotonic())
                 self._ask(job)
@@ -268,13 +300,14 @@ class Peripherals:
     def restore(self, documents: Mapping[str, str]) -> None:
         """Restore jobs after a restart; those under way are sent again when the broker is connected."""
         self._jobs.load(documents)
-        for job in self._jobs.all_visible()[::-1]:
-            if job.done:
-                self._last[job.status.location] = job
+        ended = [job for job in self._jobs.all_visible() if job.status.finished]
+        for job in sorted(ended, key=lambda job: (job.status.finished, job.number)):
+            self._last[job.status.location] = job
         for job in self._jobs.unfinished():
             if job.status.location not in self._operations:
                 self._fail(job, "the plant model no longer has its device", cancel=True)
             elif job.status.state is PeripheralJobState.BEING_PROCESSED:
+                self._last[job.status.location] = job
                 self._devices.begin(job.status.location, job.name, self._clock.monotonic())
 
     def under_way(self) -> list[tuple[str, DeviceRequest]]:
@@ -285,37 +318,46 @@ class Peripherals:
         committed = [each for each in self._jobs.all_visible() if each.status.state is running]
         return [(each.status.location, each.request(now)) for each in committed]
 
-    def answered(self, location: str, answer: DeviceAnswer) -> None:
-        """Handle a device's answer."""
+    def awaits(self, location: str, answer: DeviceAnswer) -> bool:
+        """Return whether a device's answer is new; others are counted, and change nothing."""
+        if self._devices.awaits(location, answer.job_id, answer.state):
+            return True
         job = self._jobs.named(answer.job_id)
-        known = job is not None and job.status.location == location
+        state = job.status.state if job else "unknown"
+        log.info("answer ignored", peripheral=location, job=answer.job_id, answer=answer.state, state=state)
+        self.answers[Verdict.IGNORED.name.lower()] += 1
+        return False
+
+    def answered(self, location: str, answer: DeviceAnswer) -> None:
+        """Handle a device's answer that is new; see :meth:`awaits`."""
+        job = self._jobs.named(answer.job_id)
         now = self._clock.monotonic()
-        verdict = (
-            self._devices.answer(location, answer.job_id, answer.state, now) if known else Verdict.IGNORED
-        )
+        verdict = self._devices.answer(location, answer.job_id, answer.state, now)
         self.answers[verdict.name.lower()] += 1
-        if job is None or verdict is Verdict.IGNORED:
-            state = job.status.state if job else "unknown"
-            log.info(
-                "answer ignored", peripheral=location, job=answer.job_id, answer=answer.state, state=state
-            )
-        elif verdict is Verdict.FINISHED:
+        if job is None:
+            return
+        if verdict is Verdict.FINISHED:
             self._devices.end(location, job.name)
-            job = job.finished(self._clock.now())
-            self._last[location] = job
-            self._put(job)
+            self._put(job.finished(self._clock.now()))
             log.info("peripheral job finished", job=job.name, peripheral=location)
         elif verdict is Verdict.FAILED:
             self._fail(job, answer.reason or "the device gives no reason")
         self._state.drive_due = True
         self._state.peripheral_changed(location)
 
+    def is_news(self, location: str, state: PeripheralState) -> bool:
+        """Return whether a device's own state is another one than before."""
+        return location in self._operations and self._devices.reported(location) is not state
+
     def reported(self, location: str, state: PeripheralState) -> None:
-        """Handle a device's own state."""
-        if location in self._operations and self._devices.report(location, state):
-            log.info("peripheral reports its state", peripheral=location, state=state)
-            self._state.drive_due = True
-            self._state.peripheral_changed(location)
+        """Handle a device's own state that is new; see :meth:`is_news`."""
+        log.info("peripheral reports its state", peripheral=location, state=state)
+        back = self._devices.report(location, state, self._clock.monotonic())
+        job = self._jobs.named(self._devices.job(location) or "")
+        if back and job:
+            self._ask(job)
+        self._state.drive_due = True
+        self._state.peripheral_changed(location)
 
     def check_times(self) -> None:
         """Send jobs again that are not acknowledged, and fail those that are overdue."""
@@ -336,6 +378,15 @@ class Peripherals:
     def _create(self, job: PeripheralJob) -> PeripheralJob:
         self._put(job)
         status = job.status
+        dispensable = [
+            each
+            for each in self._jobs.unfinished()
+            if each.status.location == status.location
+            and each.status.state is PeripheralJobState.TO_BE_PROCESSED
+            and not each.status.completion_required
+        ]
+        for each in dispensable[:-MOST_WAITING]:
+            self._end_early(each, f"more than {MOST_WAITING} jobs wait for the device", cancel=False)
         log.info(
             "peripheral job created",
             job=job.name,
@@ -348,6 +399,10 @@ class Peripherals:
 
     def _put(self, job: PeripheralJob) -> None:
         self._jobs.put(job)
+        self._state.dispatch_due |= job.over and job.after_movement  # its vehicle may be paused for it
+        last = self._last.get(job.status.location)
+        if last and last.name == job.name:
+            self._last[job.status.location] = job
         self._state.peripheral_changed(job.status.location)
 
     def _ask(self, job: PeripheralJob) -> None:
@@ -362,7 +417,8 @@ class Peripherals:
         self._state.drive_due = True
 
     def _withdraw(self, job: PeripheralJob, reason: str) -> None:
-        self._end_early(job, reason, cancel=True)
+        """End a job of which its vehicle has let go; if it needs the operation again, that is another job."""
+        self._end_early(job.model_copy(update={"order_id": ""}), reason, cancel=True)
 
     def _end_early(self, job: PeripheralJob, reason: str, *, cancel: bool) -> None:
         location = job.status.location
@@ -373,15 +429,9 @@ class Peripherals:
         self._devices.end(location, job.name)
         self._put(job.failed(reason, self._clock.now()))
 
-    def _may_begin(self, job: PeripheralJob) -> bool:
-        """Return whether no vehicle would be surprised: another one may be in the door right now."""
-        return not self._other_users(job)
-
     def _other_users(self, job: PeripheralJob) -> list[str]:
-        """Return the vehicles with other tokens that use the device of a job which must not disturb them."""
+        """Return the vehicles with other tokens for which a job has to wait: one may be in the door."""
         status = job.status
-        if status.execution_trigger in (T.AFTER_ALLOCATION, T.AFTER_MOVEMENT):
-            return []
         return [
             name
             for name in self._traffic.holders(status.location) - {status.related_vehicle}
@@ -397,16 +447,42 @@ class Peripherals:
         own = order.status.peripheral_reservation_token if order else None
         return own or vehicle.name
 
-    def _is_outdated(self, job: PeripheralJob) -> bool:
-        """Return whether another vehicle's job has changed the device since a BEFORE_ALLOCATION job."""
-        if job.status.execution_trigger is not T.BEFORE_ALLOCATION or not job.done:
-            return False
-        last = self._last.get(job.status.location)
-        other = last is not None and last.order_id != job.order_id
-        return other and last is not None and last.status.operation != job.status.operation
+    def _valid(self, job: PeripheralJob, *, last_step: int) -> PeripheralJob | None:
+        """Return the job that shows what became of an operation: this one, or a later one that repeats it.
 
-    def _still_required(self, vehicle: FleetVehicle, record: SentOrder | None) -> list[PeripheralJob]:
-        """Return the jobs after earlier movements for which a vehicle has to wait before it drives again."""
+        None if its device has been moved otherwise since it was done, or is about to be moved.
+        """
+        location, operation = job.status.location, job.status.operation
+        last = self._last.get(location)
+        if not job.done:
+            return job
+        if any(
+            each.after_movement
+            and each.status.location == location
+            and each.status.operation != operation
+            and not self._other_users(each)
+            for each in self._jobs.unfinished()
+        ):
+            return None
+        if last is None or last.name == job.name:
+            return job
+        if last.status.operation == operation:
+            return None if last.over and not last.done else last
+        steps = {last_step if step == DESTINATION else step for step in (job.step, last.step)}
+        together = last.order_id == job.order_id and len(steps) == 1 and not last.after_movement
+        return job if together else None
+
+    def hold_back(self, vehicle: FleetVehicle, resources: Iterable[str]) -> bool:
+        """Return whether other vehicles hold a device among these resources: they pass first."""
+        return any(
+            self._traffic.holders(each) - {vehicle.name} for each in resources if each in self._operations
+        )
+
+    def behind(self, vehicle: FleetVehicle, record: SentOrder | None = None) -> list[PeripheralJob]:
+        """Return the jobs after earlier movements for which a vehicle has to wait before it drives again.
+
+        ``record`` is the VDA order on which it drives.
+        """
         return [
             job
             for job in self._jobs.unfinished()
@@ -456,16 +532,18 @@ class _RouteGate:
         self._earlier = tuple(earlier)
 
     def may_allocate(self, index: int) -> bool:
-        """Return whether the jobs before the allocation of a set are done; -1: of a route without sets."""
-        passed = [
-            each
-            for each in self._needs.operations
-            if each.trigger is T.AFTER_MOVEMENT and each.required and each.step < index
-        ]
+        """Return whether the jobs before the allocation of a set are done; -1: of a route without sets.
+
+        Also True if another vehicle holds a device of the set: traffic control then refuses it, and names
+        that vehicle. Nothing is requested before it has left.
+        """
         for job in self._earlier:
             self._wait(job)
-        if self._earlier or not all(map(self._is_done, passed)):
+        if self._earlier or not all(map(self._is_behind, self._needs.before(index))):
             return False
+        way = self._record.way
+        if way and self._peripherals.hold_back(self._vehicle, way[index].uses):
+            return True
         return self._all_done(self._needs.at(index, T.IMMEDIATE, T.BEFORE_ALLOCATION))
 
     def may_release(self, index: int) -> bool:
@@ -482,12 +560,12 @@ class _RouteGate:
                 self._wait(job)
         return done
 
-    def _is_done(self, operation: NeededOperation) -> bool:
-        """Return whether the job after a movement is done; it is requested when the vehicle has arrived."""
+    def _is_behind(self, operation: NeededOperation) -> bool:
+        """Return whether the vehicle has moved so far that a job was requested and, if required, is done."""
         job = self._peripherals.requested(operation)
-        if job and not job.over:
+        if job and operation.required and not job.over:
             self._wait(job)
-        return job is not None and job.done
+        return job is not None and (job.done or not operation.required)
 
     def _wait(self, job: PeripheralJob) -> None:
         self._peripherals.waiting[self._vehicle.name] = job.name

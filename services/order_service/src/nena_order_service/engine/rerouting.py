@@ -273,8 +273,8 @@ class Rerouting:
         """Claim the route along a leg, unless it is the current one; return the refusal, if any."""
         if leg.route is None or self._is_present_way(under_way, leg):
             return None
-        location = self._planner.route_request(under_way.order, under_way.vehicle, leg).location
-        return self._traffic.replan(under_way.vehicle.name, leg.route.steps, location)
+        at_goal = self._planner.route_request(under_way.order, under_way.vehicle, leg).at_goal
+        return self._traffic.replan(under_way.vehicle.name, leg.route.steps, at_goal)
 
     def _is_present_way(self, under_way: _UnderWay, leg: Leg) -> bool:
         """Return whether a leg is the vehicle's current route, or empty."""

@@ -524,7 +524,9 @@ class PeripheralJobs:
 
     def _index(self, job: PeripheralJob) -> None:
         self._last_number = max(self._last_number, job.number)
-        self._jobs[job.name] = job
+        before, self._jobs[job.name] = self._jobs.get(job.name), job
+        if before and before.key and not job.key:
+            del self._by_key[before.key]
         if job.key:
             self._by_key[job.key] = job.name
         if job.over:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
@@ -31,6 +32,15 @@ class FailureKind(StrEnum):
     """It is unknown what the robot has executed, or whether it still executes it."""
     NO_WAY = "NO_WAY"
     """There is currently no route to the destination; nothing was sent."""
+
+
+@dataclass(frozen=True, slots=True)
+class OrderFailure:
+    """A failure of an order at its vehicle: kind and description; ``ahead`` names the next path and point."""
+
+    kind: FailureKind
+    words: str
+    ahead: tuple[str, ...] = ()
 
 
 NO_ORDER_REFUSALS: Final = frozenset({ErrorType.NO_ORDER_TO_CANCEL, ErrorType.INVALID_INSTANT_ACTION})

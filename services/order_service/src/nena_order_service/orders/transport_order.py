@@ -517,4 +517,6 @@ def _doing(status: TransportOrderStatus) -> str:
     current = status.drive_orders[index]
     if current.state is DriveOrderState.OPERATING:
         return f"vehicle {vehicle} executes {current.destination.operation!r} at destination {index + 1}"
+    if current.state is DriveOrderState.FINISHED:
+        return f"vehicle {vehicle} is done at destination {index + 1} of {len(status.drive_orders)}"
     return f"vehicle {vehicle} travels to destination {index + 1} of {len(status.drive_orders)}"

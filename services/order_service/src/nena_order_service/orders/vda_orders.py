@@ -8,6 +8,7 @@ from typing import NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from nena_order_service.fleet.failures import OrderFailure
 from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.type_rules import TypeRules
@@ -57,6 +58,8 @@ class SentOrder(BaseModel):
     """Whether it ends before its destination, and its order is to continue from there."""
     cancelled: bool = False
     """Whether cancelOrder is to be sent."""
+    given_up: OrderFailure | None = None
+    """The failure for which it ends early; the failure policy decides once its robot has stopped."""
 
     @classmethod
     def of(
@@ -150,10 +153,17 @@ class OrderPlanner:
     """Builds VDA orders for drive orders, from the plant, its routes and the actions of operations."""
 
     def __init__(
-        self, plant: PlantModel, finder: RouteFinder, operations: OperationMap, *, speed_limits: bool = True
+        self,
+        plant: PlantModel,
+        finder: RouteFinder,
+        operations: OperationMap,
+        *,
+        speed_limits: bool = True,
+        peripherals: bool = False,
     ) -> None:
-        """``speed_limits``: whether robots receive speed limits."""
+        """``speed_limits``: whether robots receive them; ``peripherals``: whether devices are used."""
         self.plant = plant
+        self._peripherals = peripherals
         self._speed_limits = speed_limits
         self.finder = finder
         self._operations = operations
@@ -246,12 +256,15 @@ class OrderPlanner:
     def route_request(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> RouteRequest:
         """Return the vehicle's route request for the current drive order, with the route ``leg``."""
         destination = order.status.drive_orders[order.status.current_drive_order_index].destination
+        needed = (each for each in destination.peripheral_operations if each.completion_required)
+        devices = tuple(dict.fromkeys(each.location for each in needed)) if self._peripherals else ()
         if destination.coordinate:
             goal = self.finder.nearest(destination.coordinate)
-            return RouteRequest(vehicle.name, goal, straight_mm=round(leg.cost))
+            return RouteRequest(vehicle.name, goal, devices, straight_mm=round(leg.cost))
         name = destination.location_name or ""
-        location = name if name in self.plant.locations_by_name else None
-        return RouteRequest(vehicle.name, leg.points[-1], location, order.resources_to_avoid)
+        location = (name,) if name in self.plant.locations_by_name else ()
+        at_goal = (*location, *devices)
+        return RouteRequest(vehicle.name, leg.points[-1], at_goal, order.resources_to_avoid)
 
     def vda_order(
         self,

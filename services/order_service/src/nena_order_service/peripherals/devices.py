@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 from math import isfinite
+from typing import Final
 
 from nena_order_service.peripherals.settings import PeripheralSettings
 from nena_shared.fleet_api.peripherals import DeviceJobState, PeripheralState
@@ -25,6 +26,13 @@ class Verdict(Enum):
     """It repeats itself, or answers about a job that it does not have."""
 
 
+_VERDICTS: Final = {
+    DeviceJobState.ACKNOWLEDGED: Verdict.ACCEPTED,
+    DeviceJobState.FINISHED: Verdict.FINISHED,
+    DeviceJobState.FAILED: Verdict.FAILED,
+}
+
+
 @dataclass(slots=True)
 class _Execution:
     """A job that a device has been sent; times are monotonic, seconds."""
@@ -34,6 +42,10 @@ class _Execution:
     """When it was last sent or, if acknowledged, when that was."""
     sends: int = 1
     acknowledged: bool = False
+
+    def restart(self, now: float) -> None:
+        """Count from now on, as if it had not been sent before."""
+        self.since, self.sends = now, 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +77,24 @@ class Devices:
 
     def state(self, location: str) -> PeripheralState:
         """Return a device's own state; EXECUTING while it has a job, unless it reports a problem."""
-        known = self._states.get(location, PeripheralState.UNKNOWN)
+        known = self.reported(location)
         return PeripheralState.EXECUTING if known.takes_jobs and location in self._executions else known
 
-    def report(self, location: str, state: PeripheralState) -> bool:
-        """Note a device's own state; return whether it has changed."""
-        changed = self._states.get(location) is not state
-        self._states[location] = state
-        return changed
+    def reported(self, location: str) -> PeripheralState:
+        """Return the state that a device has reported last."""
+        return self._states.get(location, PeripheralState.UNKNOWN)
+
+    def report(self, location: str, state: PeripheralState, now: float) -> bool:
+        """Note a device's own state; return whether it is to be sent its job again, because it is back.
+
+        The job of a device that becomes unavailable has the whole execution timeout from then on.
+        """
+        before, self._states[location] = self.reported(location), state
+        execution = self._executions.get(location)
+        if execution is None or before.takes_jobs == state.takes_jobs:
+            return False
+        execution.restart(now)
+        return state.takes_jobs
 
     def job(self, location: str) -> str | None:
         """Return the name of the job that a device executes."""
@@ -86,8 +108,7 @@ class Devices:
 
     def is_free(self, location: str) -> bool:
         """Return whether a device can be sent a job."""
-        reported = self._states.get(location, PeripheralState.UNKNOWN)
-        return reported.takes_jobs and location not in self._executions
+        return self.reported(location).takes_jobs and location not in self._executions
 
     def begin(self, location: str, job: str, now: float) -> None:
         """Note that a device is sent a job."""
@@ -98,31 +119,32 @@ class Devices:
         if self.job(location) == job:
             del self._executions[location]
 
-    def answer(self, location: str, job: str, state: DeviceJobState, now: float) -> Verdict:
-        """Note a device's answer. After the end of a job, the caller calls :meth:`end`."""
+    def awaits(self, location: str, job: str, state: DeviceJobState) -> bool:
+        """Return whether an answer says anything new about the job that a device executes."""
         execution = self._executions.get(location)
         if execution is None or execution.job != job:
+            return False
+        return state is not DeviceJobState.ACKNOWLEDGED or not execution.acknowledged
+
+    def answer(self, location: str, job: str, state: DeviceJobState, now: float) -> Verdict:
+        """Note a device's answer. After the end of a job, the caller calls :meth:`end`."""
+        if not self.awaits(location, job, state):
             return Verdict.IGNORED
-        match state:
-            case DeviceJobState.FINISHED:
-                return Verdict.FINISHED
-            case DeviceJobState.FAILED:
-                return Verdict.FAILED
-            case DeviceJobState.ACKNOWLEDGED:
-                if execution.acknowledged:
-                    return Verdict.IGNORED
-                execution.acknowledged, execution.since = True, now
-                return Verdict.ACCEPTED
+        if state is DeviceJobState.ACKNOWLEDGED:
+            execution = self._executions[location]
+            execution.acknowledged, execution.since = True, now
+        return _VERDICTS[state]
 
     def overdue(self, now: float) -> list[Overdue]:
         """Return the jobs whose devices have not answered in time; those to be sent again count as sent."""
         found = []
         for location, execution in self._executions.items():
-            waited = now - execution.since
-            if execution.acknowledged:
+            waited, state = now - execution.since, self.reported(location)
+            if execution.acknowledged or not state.takes_jobs:
                 timeout = self._timeouts.get(location, self._settings.execution_timeout)
                 if waited >= timeout:
                     text = f"peripheral {location!r} has not finished it within {timeout:g} s"
+                    text += "" if state.takes_jobs else f"; it reports {state}"
                     found.append(Overdue(execution.job, location, text))
             elif waited >= self._settings.acknowledge_timeout:
                 if execution.sends < self._settings.sends:
@@ -136,5 +158,4 @@ class Devices:
     def restart_times(self, now: float) -> None:
         """Let all times begin now, because devices could not be reached before."""
         for execution in self._executions.values():
-            execution.since = now
-            execution.sends = 1
+            execution.restart(now)

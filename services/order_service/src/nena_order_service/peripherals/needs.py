@@ -43,6 +43,18 @@ class RouteNeeds:
         """Yield the operations of a step with one of these triggers."""
         return (each for each in self.operations if each.step == step and each.trigger in triggers)
 
+    def before(self, step: int) -> Iterator[NeededOperation]:
+        """Yield the operations after earlier movements that come before a step.
+
+        Those that are required, and those of the devices that the step needs again: a door that was passed
+        is closed before it is opened for the next pass.
+        """
+        again = {each.location for each in self.operations if each.step == step and each.required}
+        for each in self.operations:
+            behind = each.trigger is T.AFTER_MOVEMENT and each.step < step
+            if behind and (each.required or each.location in again):
+                yield each
+
     def at_once(self) -> Iterator[NeededOperation]:
         """Yield the operations that start with the route."""
         return (each for each in self.operations if each.trigger is T.IMMEDIATE)

@@ -14,7 +14,7 @@ class PeripheralSettings(SettingsGroup):
         default=False,
         description=(
             "Execute the peripheral operations of paths and destinations. false: they are ignored, and "
-            "robots do not wait for devices. New; see its limits in docs/peripherals.md."
+            "robots do not wait for devices. See docs/peripherals.md."
         ),
     )
     acknowledge_timeout: float = Field(

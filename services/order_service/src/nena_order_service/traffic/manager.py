@@ -266,13 +266,13 @@ class TrafficManager:
         self._extend(granted.vehicle)
         return granted
 
-    def replan(self, vehicle: str, steps: Sequence[Step], location: str | None = None) -> Refusal | None:
+    def replan(self, vehicle: str, steps: Sequence[Step], at_goal: Sequence[str] = ()) -> Refusal | None:
         """Replace a vehicle's route beyond what is allocated; return the refusal, if any.
 
         The vehicle keeps what is allocated. If traffic control refuses, the route is unchanged.
         """
         journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
-        way = self.resources.way(steps, start=occupant.held[-1], location=location)
+        way = self.resources.way(steps, start=occupant.held[-1], at_goal=at_goal)
         refusal = self._control.claim_other_way(vehicle, way)
         if refusal is None:
             journey.way, journey.refusal = (*journey.way[: journey.allocated], *way), None

@@ -100,16 +100,16 @@ class Resources:
         return ResourceSet(point, length_mm, self._uses(members, {}))
 
     def along(
-        self, steps: Iterable[Step], *, start: ResourceSet, location: str | None = None
+        self, steps: Iterable[Step], *, start: ResourceSet, at_goal: Sequence[str] = ()
     ) -> Iterator[ResourceSet]:
-        """Yield the resources of each step of a route from ``start``; the last set includes ``location``."""
+        """Yield the resources of each step of a route from ``start``; the last set includes ``at_goal``."""
         way = tuple(steps)
         before = start
         devices = self._devices.along([step.path.name for step in way], start.uses)
         for index, step in enumerate(way):
             members = [step.path.name, step.destination, *devices.get(index, ())]
-            if location is not None and index == len(way) - 1:
-                members.append(location)
+            if index == len(way) - 1:
+                members.extend(at_goal)
             directions = self._directions(members, step, before)
             before = ResourceSet(step.destination, step.path.length_mm, self._uses(members, directions))
             yield before
@@ -120,18 +120,19 @@ class Resources:
         *,
         start: ResourceSet,
         entry: ResourceSet | None = None,
-        location: str | None = None,
+        at_goal: Sequence[str] = (),
     ) -> list[ResourceSet]:
-        """Return the resources of a route, including the ``entry`` before it and the ``location``.
+        """Return the resources of a route, including the ``entry`` before it.
 
-        A vehicle that uses a location at its current point needs only that location.
+        ``at_goal`` are the location and the peripheral devices that the vehicle uses at its goal. If it is
+        there already, it needs only those.
         """
         before = [] if entry is None else [entry]
-        if steps or location is None:
-            return [*before, *self.along(steps, start=entry or start, location=location)]
+        if steps or not at_goal:
+            return [*before, *self.along(steps, start=entry or start, at_goal=at_goal)]
         if entry is None:
-            return [ResourceSet(start.point, 0, self._uses((location,), {}))]
-        return [ResourceSet(entry.point, entry.length_mm, {**entry.uses, **self._uses((location,), {})})]
+            return [ResourceSet(start.point, 0, self._uses(at_goal, {}))]
+        return [ResourceSet(entry.point, entry.length_mm, {**entry.uses, **self._uses(at_goal, {})})]
 
     def _directions(self, members: Iterable[str], step: Step, before: ResourceSet) -> dict[str, str | None]:
         """Return the direction for each SAME_DIRECTION_ONLY block; a vehicle keeps that of its entry."""
@@ -146,7 +147,7 @@ class Resources:
     def _uses(self, members: Sequence[str], directions: Mapping[str, str | None]) -> Uses:
         if not self._exclusive:
             return {}
-        uses: dict[str, str | None] = dict.fromkeys(members)
+        uses: dict[str, str | None] = dict.fromkeys((*members, *self._devices.of(members)))
         for member in members:
             for block in self._blocks.get(member, ()):
                 uses[block.name] = directions.get(block.name)
@@ -175,6 +176,13 @@ class DeviceUse:
                 self._opening[path.name] = tuple(opening)
             if closing := [each.location for each, closes in zip(found, after, strict=True) if closes]:
                 self._closing[path.name] = tuple(closing)
+
+    def of(self, members: Iterable[str]) -> Iterator[str]:
+        """Yield the devices that a vehicle needs wherever it is on a path among ``members``."""
+        if self.names:
+            for member in members:
+                yield from self._opening.get(member, ())
+                yield from self._closing.get(member, ())
 
     def along(self, paths: Sequence[str], held: Iterable[str] = ()) -> dict[int, list[str]]:
         """Return the devices that are needed on each of the paths of a route, by index.

@@ -55,7 +55,7 @@ VEHICLES_PER_SEARCH = 10
 
 @dataclass(frozen=True, slots=True)
 class RouteRequest:
-    """A vehicle at rest wants to drive to ``goal``, and to use ``location`` there if one is named.
+    """A vehicle at rest wants to drive to ``goal``, and to use the location and devices ``at_goal`` there.
 
     With ``straight_mm`` it drives straight for this distance, off the paths, to a position near ``goal``.
     ``avoid`` names points, paths and locations that its route must not use.
@@ -63,7 +63,7 @@ class RouteRequest:
 
     vehicle: str
     goal: str
-    location: str | None = None
+    at_goal: tuple[str, ...] = ()
     avoid: frozenset[str] = frozenset()
     straight_mm: int | None = None
 
@@ -402,12 +402,11 @@ class TrafficControl:
 
     def _way(self, route_request: RouteRequest, route: Route | None) -> list[ResourceSet]:
         """Return what the vehicle needs for a route, or for a straight drive to its goal."""
-        occupant, goal = self.scheduler.occupant(route_request.vehicle), route_request.goal
+        occupant = self.scheduler.occupant(route_request.vehicle)
+        goal, at_goal = route_request.goal, route_request.at_goal
         if route is None:
-            return [self.resources.on(goal, (goal,), length_mm=route_request.straight_mm or 0)]
-        return self.resources.way(
-            route.steps, start=occupant.held[-1], entry=occupant.entry, location=route_request.location
-        )
+            return [self.resources.on(goal, (goal, *at_goal), length_mm=route_request.straight_mm or 0)]
+        return self.resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry, at_goal=at_goal)
 
     def _detour(self, route_request: RouteRequest, way: list[ResourceSet], longest: float) -> Route | None:
         """Return a route around vehicles that rest on a way; None if there is none up to cost ``longest``."""
