@@ -17,7 +17,7 @@ from nena_shared.plant.files import read
 from nena_shared.tasks import end
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
-from support.waiting import until
+from support.waiting import awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
@@ -88,11 +88,12 @@ async def test_the_robot_gets_the_path_behind_a_door_once_it_is_open(fleet: Flee
     async with door(fleet, seconds=0.5) as device:
         await order_in(client, "T-1", "FINISHED")
         await until(lambda: device.executed == ["open", "close"])
-    jobs = (await client.get("/v1/peripheralJobs")).json()["peripheralJobs"]
-    assert [(each["operation"], each["state"]) for each in jobs] == [
-        ("close", "FINISHED"),
-        ("open", "FINISHED"),
-    ]
+
+        async def jobs() -> list[tuple[str, str]]:
+            found = (await client.get("/v1/peripheralJobs")).json()["peripheralJobs"]
+            return [(each["operation"], each["state"]) for each in found]
+
+        await awaited(jobs, [("close", "FINISHED"), ("open", "FINISHED")].__eq__, what="the last answer")
 
 
 async def test_killed_while_the_door_opens_it_asks_again_and_the_door_opens_once(fleet: Fleet) -> None:
