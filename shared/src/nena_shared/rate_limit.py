@@ -82,6 +82,12 @@ class MessageRate:
         return True
 
     def read_postponed(self, now: float) -> None:
-        """Read the postponed messages that the limit allows by now; call this periodically."""
+        """Read the postponed messages that the limit allows by now; call this periodically.
+
+        A failure is logged, as that of a handler in the MQTT link: it must not end the caller's task.
+        """
         for topic in [each for each in self._postponed if not self._limit.wait(each, now, cost=0)]:
-            self._postponed.pop(topic)()
+            try:
+                self._postponed.pop(topic)()
+            except Exception:
+                log.exception("reading a postponed message failed", topic=topic)

@@ -121,3 +121,19 @@ def test_few_and_short_messages_are_postponed(monkeypatch: pytest.MonkeyPatch) -
     rate.read_postponed(9.0)
 
     assert found == ["a"]
+
+
+def test_a_postponed_message_that_cannot_be_read_hinders_nothing() -> None:
+    rate, found = MessageRate(1.0, 1), list[str]()
+
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    for topic, read in (("a", fail), ("b", partial(found.append, "b"))):
+        for _ in range(2):
+            rate.exceeded(topic, 10, 0.0, read=read)
+    with capture_logs() as logs:
+        rate.read_postponed(9.0)
+
+    assert found == ["b"]
+    assert [each["topic"] for each in logs] == ["a"]
