@@ -85,6 +85,15 @@ async def test_a_robot_that_rejects_the_retry_answer_is_sent_cancel_order() -> N
     assert status_of(engine).held
 
 
+async def test_an_order_that_is_finished_in_spite_of_its_cancel_has_not_failed() -> None:
+    engine, fleet = await failing({"do": "RETRY"}, {"do": "HOLD"})
+    fleet.answer_instant("V1", ActionStatus.FAILED)
+    assert fleet.cancelled == ["V1"]
+    fleet.finish("V1")
+
+    assert status_of(engine).state is S.FINISHED
+
+
 async def test_without_a_policy_nothing_is_retriable() -> None:
     _, fleet = await failing()
 

@@ -607,6 +607,22 @@ async def test_a_failure_while_an_order_is_held_is_told_to_those_who_resume_it()
     assert "since then: peripheral 'Door' has not executed 'close': blocked" in site.reason()
 
 
+@pytest.mark.parametrize("stands", [False, True])
+async def test_a_held_order_with_nothing_left_to_drive_fails_with_its_last_operation(*, stands: bool) -> None:
+    site = await started(LAST_CLOSES)
+    order = site.engine.create(request("D", name="T-1"), "T-1")
+    site.fleet.pass_node("V1", 3)
+    site.engine.hold(order.number, "Ada", "lunch", immediate=False)
+    if stands:
+        site.fleet.finish("V1")
+    site.door.answer(D.FAILED, "blocked")
+    assert stands or site.fleet.finish("V1")
+
+    ended = status_of(site.engine, "T-1")
+    assert ended.state is TransportOrderState.FAILED
+    assert ended.reason == "peripheral 'Door' has not executed 'close': blocked"
+
+
 async def test_the_failure_policy_decides_after_a_restart() -> None:
     site = await started(hall(operation("open", T.AFTER_ALLOCATION)))
     site.engine.create(request("E", name="T-1"), "T-1")

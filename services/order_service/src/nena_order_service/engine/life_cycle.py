@@ -397,10 +397,12 @@ class LifeCycle:
             self._end(order.failed(words, now))
             return
         job = self._driving.failed_behind(sent)
-        failure = sent.given_up or (_failure_of(job) if job else None)
+        failure = _failure_of(job) if job else None
+        if sent.partial:  # otherwise the robot has finished everything, in spite of a cancel
+            failure = sent.given_up or failure
         order = order if sent.partial else order.drive_order_finished(index, now)
         last = order.current.state is DriveOrderState.FINISHED
-        if failure and not order.held:
+        if failure and (last or not order.held):
             self._fail(order, failure)
         elif last and not failure and not self._pauses.awaits_device(sent.robot):
             self._end(order.finished(now))
@@ -489,7 +491,7 @@ class LifeCycle:
         if order.state is not S.BEING_PROCESSED or vehicle is None:
             return
         failure, sent = _failure_of(job), self._sent.of_order(order)
-        if order.held:
+        if order.held and order.current.state is not DriveOrderState.FINISHED:
             if job.after_movement:
                 self._orders.put(order.failed_while_held(failure.words))
         elif sent is None:
