@@ -72,6 +72,7 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
     handler = logging.StreamHandler(out)
     handler.setFormatter(_formatter_for_libraries(rendering))
     logging.basicConfig(level=level, handlers=[handler], force=True)
+    logging.getLogger("httpx").setLevel(logging.WARNING)  # it logs each URL, which may contain a secret
 
 
 def _rendering(settings: LogSettings, *, colours: bool) -> tuple[Processor, ...]:

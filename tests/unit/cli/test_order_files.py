@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import io
+from datetime import datetime
+
 import pytest
 import typer
 
@@ -14,7 +17,7 @@ Shift-2;Packing stand;;Shift-1 Shift-0
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_orders_are_read_whatever_separates_the_columns(delimiter: str) -> None:
+def test_columns_may_be_separated_by_commas_semicolons_or_tabs(delimiter: str) -> None:
     lines = ("\ufeff" + FILE.replace(";", delimiter)).splitlines(keepends=True)
     (first_line, first), (_, second), (_, third) = read_orders(lines)
     assert first_line == 2
@@ -28,6 +31,19 @@ def test_orders_are_read_whatever_separates_the_columns(delimiter: str) -> None:
     assert (third.name, third.idempotency_key) == (None, None)
 
 
+def test_a_deadline_without_a_zone_is_in_local_time() -> None:
+    ((_, order),) = read_orders(["stops,deadline\n", "A,2026-12-01T14:30\n"])
+    assert order.deadline == datetime(2026, 12, 1, 14, 30).astimezone()
+
+
+def test_a_file_in_another_encoding_is_named() -> None:
+    with (
+        io.TextIOWrapper(io.BytesIO(b"stops\nTor \xfc\n"), encoding="utf-8") as file,
+        pytest.raises(typer.BadParameter, match="UTF-8"),
+    ):
+        list(read_orders(file))
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
@@ -37,7 +53,8 @@ def test_orders_are_read_whatever_separates_the_columns(delimiter: str) -> None:
         ("stops,priority\nA,high\n", "Line 2: priority 'high'"),
         ("stops,priority\nA,1,2\n", "Line 2: more values"),
         ("stops,name\nA,B\n:,C\n", "Line 3: Invalid stop"),
-        ("stops,deadline\nA,soon\n", "Line 2: deadline"),
+        ("stops,deadline\nA,soon\n", "Line 2: deadline 'soon'"),
+        (f"stops\n{'A' * 200_000}\n", "field larger"),
         ("stops,name\n,A\n", "Line 2: destinations"),
     ],
 )

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from typing import Any
 
 import pytest
@@ -15,13 +15,21 @@ from fastapi import FastAPI, Response
 from nena_client import AsyncClient, Client, Event, RefusedError, UnreachableError, client
 from nena_client.exchange import Call, EventReader, Query
 from nena_order_service.api.server import make_standby_app
-from nena_shared.fleet_api.operations import CREATE_ORDER, DELIVERY, DISPATCH, LIST_ORDERS, Operation
+from nena_shared.fleet_api.operations import (
+    CREATE_ORDER,
+    CREATE_ORDERS,
+    DELIVERY,
+    DISPATCH,
+    LIST_ORDERS,
+    Operation,
+)
 from nena_shared.fleet_api.requests import TransportOrdersQuery
 from nena_shared.fleet_api.transport_order import (
     DeliveryPhase,
     DeliveryStatus,
     Destination,
     Problem,
+    TransportOrderBatch,
     TransportOrderRequest,
     TransportOrderState,
 )
@@ -110,7 +118,7 @@ retry: 1000
 
 id: 3
 event: transportOrder
-data: {"name": "T-1"}
+data: {"name": "T-1 \u2028"}
 
 event: heartbeat
 data: {}
@@ -118,17 +126,21 @@ data: {}
 id: 4
 event: synced
 data: {}
+
 """
 
 
 def test_events_are_read_and_half_an_event_is_none() -> None:
-    reader = EventReader()
-    assert [each for each in map(reader.read, STREAM.split("\n")) if each] == [
-        Event("transportOrder", "3", {"name": "T-1"}),
+    expected = [
+        Event("transportOrder", "3", {"name": "T-1 \u2028"}),
         Event("heartbeat", None, {}),
         Event("synced", "4", {}),
     ]
-    assert [EventReader().read(line) for line in ("event: synced", "data: {}")] == [None, None]
+    for size in (1, 7, len(STREAM)):
+        reader = EventReader()
+        parts = (STREAM[start : start + size] for start in range(0, len(STREAM), size))
+        assert list(chain.from_iterable(map(reader.read, parts))) == expected
+    assert list(EventReader().read("event: synced\r\ndata: {}\r\n")) == []
 
 
 class Breaking(Client):
@@ -150,7 +162,7 @@ class Breaking(Client):
 
 def test_broken_stream_resumes_after_the_last_event(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "RETRY_PAUSE", 0.0)
-    connection = Breaking(STREAM.split("\n"), None, STREAM.split("\n"))
+    connection = Breaking([STREAM], None, [STREAM])
     told: list[str] = []
     kinds = [each.kind for each in islice(connection.events(on_break=told.append), 6)]
     assert kinds == ["transportOrder", "heartbeat", "synced"] * 2
@@ -175,8 +187,20 @@ def test_a_creation_gets_a_key_and_keeps_the_one_it_has() -> None:
     assert keyed.arguments["json"]["idempotencyKey"] == "WMS-7"
 
 
+def test_an_empty_key_is_no_key() -> None:
+    made = Call.of(CREATE_ORDER, "", ORDER.model_copy(update={"idempotency_key": None}), {})
+    assert made.arguments["json"]["idempotencyKey"]
+
+
+def test_each_order_of_a_batch_gets_a_key() -> None:
+    made = Call.of(CREATE_ORDERS, "", TransportOrderBatch(transport_orders=(ORDER, ORDER)), {})
+    keys = [each["idempotencyKey"] for each in made.arguments["json"]["transportOrders"]]
+    assert made.repeatable
+    assert len(set(keys)) == 2
+
+
 def test_a_query_model_becomes_query_parameters() -> None:
-    query = TransportOrdersQuery(state=[TransportOrderState.FAILED], limit=5)
+    query = TransportOrdersQuery(state=[TransportOrderState.FAILED], limit=5, after=None)
     assert Call.of(LIST_ORDERS, "", query, {}).arguments["params"] == {"state": ["FAILED"], "limit": 5}
 
 
@@ -213,3 +237,28 @@ async def test_a_refusal_is_not_repeated() -> None:
         with pytest.raises(RefusedError, match="It has ended"):
             await patient.call(at("/refused"))
     assert seen == ["Bearer secret"]
+
+
+async def test_a_starting_order_service_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "RETRY_PAUSE", 0.01)
+    app, answers = active([]), iter((503, 504))
+
+    @app.middleware("http")
+    async def starting(request: Any, call_next: Callable[[Any], Any]) -> Any:
+        status = next(answers, None)
+        return await call_next(request) if status is None else Response("starting", status)
+
+    async with served(app) as url, AsyncClient(url, retry_for=PATIENCE) as patient:
+        assert (await patient.call(at("/here"))).transport_order == "T-1"
+
+
+async def test_a_request_with_a_second_effect_is_sent_to_one_order_service_only() -> None:
+    hanging = await asyncio.start_server(lambda _, writer: writer.close(), "127.0.0.1", 0)
+    seen: list[str | None] = []
+    port = hanging.sockets[0].getsockname()[1]
+    async with hanging, served(active(seen)) as url:
+        impatient = AsyncClient([f"http://127.0.0.1:{port}", url], retry_for=0)
+        with pytest.raises(UnreachableError, match="may have been executed"):
+            await impatient.call(replace(at("/here"), method="POST"))
+        await impatient.close()
+    assert seen == []

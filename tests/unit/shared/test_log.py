@@ -44,6 +44,15 @@ def test_earlier_loggers_follow_the_configuration() -> None:
     assert lines(out)[0]["module"] == "early"
 
 
+def test_urls_of_requests_are_not_logged() -> None:
+    out = io.StringIO()
+    log.configure(LogSettings(level="info"), out)
+
+    logging.getLogger("httpx").info("HTTP Request: POST http://user:secret@host/")
+
+    assert out.getvalue() == ""
+
+
 def test_level_cuts_off_below() -> None:
     out = io.StringIO()
     log.configure(LogSettings(level="warning", form="json"), out)

@@ -6,7 +6,7 @@ import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import chain
 from secrets import token_hex
 from types import MappingProxyType
@@ -105,7 +105,11 @@ class OrderService:
         start("zone sets", self.hosts.zones.run())
         start("retained sweep", self.sweep.run(), vital=False)
         for each in self.hosts.webhooks.hooks:
-            start(f"web hook {each.settings.name}", self._once_elected(each.run), vital=False)
+            start(
+                f"web hook {each.settings.name}",
+                self._once_elected(partial(self.hosts.webhooks.run, each)),
+                vital=False,
+            )
 
     async def _once_elected(self, work: Callable[[], Awaitable[None]]) -> None:
         if self.elected:

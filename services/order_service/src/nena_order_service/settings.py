@@ -92,6 +92,7 @@ class WebhookSettings(SettingsGroup):
     secret_file: Path = Field(
         description="File with the key of the signatures: `whsec_` and 24 to 64 bytes in base64."
     )
+    ca: Path | None = Field(None, description="CA bundle (PEM) for the receiver. Unset: the system CA store.")
     states: tuple[TransportOrderState, ...] = Field(
         (), description="Send only orders in these states. Empty: every change of an order."
     )

@@ -47,7 +47,7 @@ SUMMARY: Final = "/v1/summary"
 TRAFFIC_PLAN: Final = "/v1/traffic/plan"
 WEBHOOKS: Final = "/v1/webhooks"
 
-BATCH_BYTES: Final = 4_000_000
+BATCH_BYTES: Final = 1_000_000
 """Maximum size of a batch of orders: 1,000 orders with two destinations have about 0.3 MB."""
 
 MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}

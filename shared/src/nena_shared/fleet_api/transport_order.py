@@ -311,7 +311,7 @@ class TransportOrderBatch(Request):
 
 
 class TransportOrderBatchAnswer(Resource):
-    """What became of each order of a batch."""
+    """The result of each order of a batch."""
 
     results: tuple[CreationAnswer, ...]
     """In the order of the requests; status 200 without an order: it could be created."""

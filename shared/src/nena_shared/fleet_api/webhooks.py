@@ -16,7 +16,7 @@ class WebhookState(StrEnum):
     RETRYING = "RETRYING"
     """The receiver does not accept the current message; later ones wait."""
     DISABLED = "DISABLED"
-    """The receiver answered 410 (Gone). Messages are sent again after a restart."""
+    """The receiver answered 410 (Gone). Messages are sent again after a restart or a change of the plant."""
 
 
 class WebhookAttempt(Resource):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import httpx
@@ -63,3 +64,26 @@ async def test_a_thousand_orders_are_one_request(client: httpx.AsyncClient) -> N
     assert (
         await client.post("/v1/transportOrders/batch", json={"transportOrders": [NAME] * 1001})
     ).status_code == 422
+
+
+async def test_a_check_knows_the_earlier_orders_of_its_batch(client: httpx.AsyncClient) -> None:
+    batch = (
+        {"name": "A", "idempotencyKey": "a", **NAME},
+        {"name": "A", "idempotencyKey": "a", **NAME},
+        {"name": "B", "idempotencyKey": "a", **NAME},
+        {"name": "C", "incompleteName": True, **NAME},
+        {"name": "C", "incompleteName": True, **NAME},
+        {"name": "D", "dependencies": ["C"], **NAME},
+    )
+    checked = [each["status"] for each in await sent(client, *batch, check=True)]
+    created = [each["status"] for each in await sent(client, *batch)]
+    assert checked == [200, 200, 422, 200, 200, 404]
+    assert created == [201, 200, 422, 201, 201, 404]
+
+
+async def test_equal_requests_at_the_same_time_create_one_order(client: httpx.AsyncClient) -> None:
+    await client.post("/v1/transportOrders", json={"name": "first", **NAME})
+    body = {"idempotencyKey": "k", "dependencies": ["first"], **NAME}
+    answers = await asyncio.gather(*(client.post("/v1/transportOrders", json=body) for _ in range(3)))
+    assert sorted(each.status_code for each in answers) == [200, 200, 201]
+    assert len({each.json()["name"] for each in answers}) == 1

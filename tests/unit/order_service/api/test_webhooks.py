@@ -11,13 +11,14 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import httpx
 import pytest
 
 from nena_order_service.api import webhooks
-from nena_order_service.api.webhooks import Webhook, Webhooks, read_secret, signed
+from nena_order_service.api.webhooks import Webhook, Webhooks, id_of, read_secret, signed
+from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.service import OrderService
 from nena_order_service.settings import WebhookSettings
 from nena_shared.clock import SystemClock
@@ -48,7 +49,13 @@ class Receiver:
         self.ids: list[str] = []
         self.bodies: list[dict[str, Any]] = []
 
-    async def send(self, _url: str, headers: Mapping[str, str], body: bytes) -> int:
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        pass
+
+    async def send(self, headers: Mapping[str, str], body: bytes) -> int:
         self.ids.append(headers["webhook-id"])
         answer = self._answers.pop(0) if self._answers else 200
         if isinstance(answer, Exception):
@@ -73,10 +80,10 @@ def listen(service: OrderService, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     @asynccontextmanager
     async def run(receiver: Receiver, **fields: Any) -> AsyncIterator[Webhook]:
         settings = hook_settings(tmp_path, **fields)
-        hook = Webhook(settings, KEY, service.store, SystemClock(), receiver.send)
-        service.engine.unit_of_work.listeners.append(Webhooks([hook]))
-        task = asyncio.create_task(hook.run())
-        await until(lambda: hook._kept is not None)
+        hook = Webhook(settings, KEY, service.store, SystemClock())
+        service.engine.unit_of_work.listeners.append(Webhooks([(hook, receiver)]))
+        task = asyncio.create_task(hook.run(receiver))
+        await until(lambda: hook._stored >= 0)
         yield hook
         await end(task)
         service.engine.unit_of_work.listeners.pop()
@@ -150,12 +157,35 @@ async def test_a_failed_message_is_repeated_before_later_ones(
 async def test_a_message_is_given_up_after_the_time_for_retries(
     listen: Listen, client: httpx.AsyncClient
 ) -> None:
-    receiver = Receiver(*[500] * 3)
+    receiver = Receiver(500, 500)
     async with listen(receiver, retry_hours=1e-9) as hook:
         await create(client, "T-1")
-        await until(lambda: hook.dropped >= 1)
+        await until(lambda: hook.dropped == 1)
+        assert hook.status.state is WebhookState.DELIVERING, "nothing is left to try again"
         await create(client, "T-2")
         await until(lambda: ("transportOrder.DISPATCHABLE", "T-2") in receiver.received)
+
+
+async def test_a_failing_store_or_message_does_not_end_it(
+    listen: Listen, client: httpx.AsyncClient, service: OrderService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, failures = service.store.changes_after, [StoreNotReadyError("away"), ValueError("unreadable")]
+
+    async def changes_after(number: int, limit: int) -> Any:
+        if failures:
+            raise failures.pop()
+        return await read(number, limit)
+
+    monkeypatch.setattr(service.store, "changes_after", changes_after)
+    receiver = Receiver()
+    async with listen(receiver):
+        await create(client, "T-1")
+        await until(lambda: bool(receiver.received))
+    assert not failures
+
+
+def test_a_message_has_its_id_by_its_content() -> None:
+    assert id_of(b"a") == id_of(b"a") != id_of(b"b")
 
 
 async def test_a_receiver_that_is_gone_is_not_asked_again(listen: Listen, client: httpx.AsyncClient) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator
+from datetime import datetime
 from typing import Any, Final
 
 import typer
@@ -30,7 +31,11 @@ def read_orders(lines: Iterable[str]) -> Iterator[tuple[int, TransportOrderReque
         typer.BadParameter: a column or a value is wrong.
 
     """
-    text = list(lines)
+    try:
+        text = list(lines)
+    except UnicodeDecodeError as error:
+        message = "The file is not in UTF-8. Save it as CSV UTF-8."
+        raise typer.BadParameter(message) from error
     header = text[0].removeprefix("\ufeff") if text else ""
     delimiter = max(DELIMITERS, key=header.count)
     rows = csv.DictReader([header, *text[1:]], delimiter=delimiter)
@@ -41,10 +46,13 @@ def read_orders(lines: Iterable[str]) -> Iterator[tuple[int, TransportOrderReque
         message = f"Unknown column {unknown[0]!r}. {hint}" if unknown else f"No column {STOPS!r}. {hint}"
         raise typer.BadParameter(message)
     rows.fieldnames = columns
-    for row in rows:
+    while True:
         try:
+            row = next(rows, None)
+            if row is None:
+                return
             yield rows.line_num, _order(row)
-        except (typer.BadParameter, ValidationError) as error:
+        except (typer.BadParameter, ValidationError, csv.Error) as error:
             problems = (
                 problems_of(error, FINDINGS_SHOWN) if isinstance(error, ValidationError) else [str(error)]
             )
@@ -65,8 +73,19 @@ def _order(row: dict[str | Any, Any]) -> TransportOrderRequest:
         fields["idempotencyKey"] = fields["name"]
     if "priority" in fields:
         fields["priority"] = _whole_number(fields["priority"])
+    if "deadline" in fields:
+        fields["deadline"] = _moment(fields["deadline"])
     fields["destinations"] = [each.model_dump(by_alias=True, exclude_unset=True) for each in stops]
     return TransportOrderRequest.model_validate(fields)
+
+
+def _moment(text: str) -> datetime:
+    """Parse a moment; without a zone it is in local time, as for ``nena orders create``."""
+    try:
+        return datetime.fromisoformat(text).astimezone()
+    except ValueError as error:
+        message = f"deadline {text!r} is not a moment such as 2026-12-01T14:30"
+        raise typer.BadParameter(message) from error
 
 
 def _whole_number(text: str) -> int:

@@ -170,6 +170,9 @@ def import_(
     with service.connected() as connection:
         for start in range(0, len(orders), BATCH):
             part = orders[start : start + BATCH]
+            if check:  # orders of earlier parts are not created
+                names = {order.name for _, order in orders[:start]}
+                part = [(line, _without_dependencies(order, names)) for line, order in part]
             request = TransportOrderBatch(
                 transport_orders=tuple(order for _, order in part), check_only=check
             )
@@ -186,6 +189,13 @@ def import_(
     echo(f"{created} {'possible' if check else 'created, or already there'}, {refused} refused")
     if refused:
         raise typer.Exit(REFUSED)
+
+
+def _without_dependencies(
+    order: TransportOrderRequest, names: Collection[str | None]
+) -> TransportOrderRequest:
+    left = tuple(each for each in order.dependencies if each not in names)
+    return order.model_copy(update={"dependencies": left})
 
 
 @app.command("list")

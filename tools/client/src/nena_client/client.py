@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncGenerator, AsyncIterator, Callable, Generator, Iterator, Sequence
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import aclosing, asynccontextmanager, closing, contextmanager
+from itertools import chain
 from typing import Self, Unpack
 
 import httpx
@@ -43,6 +44,10 @@ ORDER_EVENT = "transportOrder"
 
 def _headers(token: str | None) -> dict[str, str]:
     return {"Authorization": f"Bearer {token}"} if token else {}
+
+
+def _may_pass(error: UnreachableError | RefusedError) -> bool:
+    return isinstance(error, UnreachableError) or error.passing
 
 
 class Client:
@@ -108,26 +113,24 @@ class Client:
         ever = False
         while True:
             try:
-                with self._stream(query, last_id) as lines:
-                    reader = EventReader()
-                    for event in filter(None, map(reader.read, lines)):
+                with self._stream(query, last_id) as parts:
+                    for event in chain.from_iterable(map(EventReader().read, parts)):
                         ever = True
                         last_id = event.id or last_id
                         yield event
-            except UnreachableError as error:
-                if not ever:
+            except (UnreachableError, RefusedError) as error:
+                if not ever or not _may_pass(error):
                     raise
                 on_break(str(error))
             time.sleep(RETRY_PAUSE)
 
     def wait_for(self, order: str) -> TransportOrderStatus:
         """Wait until a transport order has ended, and return it."""
-        events = self.events({"kind": ORDER_EVENT, ORDER_EVENT: order})
-        status = self.call(SHOW_ORDER, order)
-        while not status.state.final:
-            next(events)  # also a heartbeat: an order that ended before the stream began has no event
+        with closing(self.events({"kind": ORDER_EVENT, ORDER_EVENT: order})) as events:
             status = self.call(SHOW_ORDER, order)
-        events.close()
+            while not status.state.final:
+                next(events)  # also a heartbeat: an order that ended before the stream began has no event
+                status = self.call(SHOW_ORDER, order)
         return status
 
     def _send(self, call: Call) -> httpx.Response:
@@ -135,13 +138,14 @@ class Client:
         while True:
             try:
                 return self._send_once(call)
-            except UnreachableError:
-                if not call.repeatable or time.monotonic() + RETRY_PAUSE > give_up:
+            except (UnreachableError, RefusedError) as error:
+                over = time.monotonic() + RETRY_PAUSE > give_up
+                if over or not call.repeatable or not _may_pass(error):
                     raise
             time.sleep(RETRY_PAUSE)
 
     def _send_once(self, call: Call) -> httpx.Response:
-        attempt = Attempt(self._addresses)
+        attempt = Attempt(self._addresses, call)
         for url in attempt.urls():
             try:
                 answer = self._client.request(call.method, url + call.path, **call.arguments)
@@ -166,7 +170,7 @@ class Client:
 
     @contextmanager
     def _stream(self, query: Query | None, last_id: str | None) -> Iterator[Iterator[str]]:
-        """Follow the lines of the event stream; raises as :meth:`call` does, also while it is followed."""
+        """Follow the parts of the event stream; raises as :meth:`call` does, also while it is followed."""
         url = self._active()
         headers = {"Last-Event-ID": last_id} if last_id else {}
         following = self._client.stream("GET", url + EVENTS, params=query, headers=headers, timeout=STREAM)
@@ -175,7 +179,7 @@ class Client:
                 if not answer.is_success:
                     answer.read()
                     raise RefusedError(problem_of(answer))
-                yield answer.iter_lines()
+                yield answer.iter_text()
         except httpx.TransportError as error:
             message = f"{url}: {error}"
             raise UnreachableError(message) from error
@@ -236,28 +240,26 @@ class AsyncClient:
         ever = False
         while True:
             try:
-                async with self._stream(query, last_id) as lines:
+                async with self._stream(query, last_id) as parts:
                     reader = EventReader()
-                    async for line in lines:
-                        event = reader.read(line)
-                        if event is not None:
+                    async for part in parts:
+                        for event in reader.read(part):
                             ever = True
                             last_id = event.id or last_id
                             yield event
-            except UnreachableError as error:
-                if not ever:
+            except (UnreachableError, RefusedError) as error:
+                if not ever or not _may_pass(error):
                     raise
                 on_break(str(error))
             await asyncio.sleep(RETRY_PAUSE)
 
     async def wait_for(self, order: str) -> TransportOrderStatus:
         """Wait until a transport order has ended, and return it."""
-        events = self.events({"kind": ORDER_EVENT, ORDER_EVENT: order})
-        status = await self.call(SHOW_ORDER, order)
-        while not status.state.final:
-            await anext(events)
+        async with aclosing(self.events({"kind": ORDER_EVENT, ORDER_EVENT: order})) as events:
             status = await self.call(SHOW_ORDER, order)
-        await events.aclose()
+            while not status.state.final:
+                await anext(events)
+                status = await self.call(SHOW_ORDER, order)
         return status
 
     async def _send(self, call: Call) -> httpx.Response:
@@ -265,13 +267,14 @@ class AsyncClient:
         while True:
             try:
                 return await self._send_once(call)
-            except UnreachableError:
-                if not call.repeatable or time.monotonic() + RETRY_PAUSE > give_up:
+            except (UnreachableError, RefusedError) as error:
+                over = time.monotonic() + RETRY_PAUSE > give_up
+                if over or not call.repeatable or not _may_pass(error):
                     raise
             await asyncio.sleep(RETRY_PAUSE)
 
     async def _send_once(self, call: Call) -> httpx.Response:
-        attempt = Attempt(self._addresses)
+        attempt = Attempt(self._addresses, call)
         for url in attempt.urls():
             try:
                 answer = await self._client.request(call.method, url + call.path, **call.arguments)
@@ -296,7 +299,7 @@ class AsyncClient:
 
     @asynccontextmanager
     async def _stream(self, query: Query | None, last_id: str | None) -> AsyncIterator[AsyncIterator[str]]:
-        """Follow the lines of the event stream; raises as :meth:`call` does, also while it is followed."""
+        """Follow the parts of the event stream; raises as :meth:`call` does, also while it is followed."""
         url = await self._active()
         headers = {"Last-Event-ID": last_id} if last_id else {}
         following = self._client.stream("GET", url + EVENTS, params=query, headers=headers, timeout=STREAM)
@@ -305,7 +308,7 @@ class AsyncClient:
                 if not answer.is_success:
                     await answer.aread()
                     raise RefusedError(problem_of(answer))
-                yield answer.aiter_lines()
+                yield answer.aiter_text()
         except httpx.TransportError as error:
             message = f"{url}: {error}"
             raise UnreachableError(message) from error

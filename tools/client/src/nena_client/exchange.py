@@ -14,7 +14,7 @@ from pydantic import BaseModel, JsonValue, ValidationError
 
 from nena_shared.fleet_api.operations import Operation
 from nena_shared.fleet_api.requests import OrderSequencePage, Readiness, TransportOrderPage, VehicleList
-from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.fleet_api.transport_order import Problem, TransportOrderBatch
 
 A = TypeVar("A", bound=BaseModel)
 P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList)
@@ -30,6 +30,10 @@ SILENCE_SECONDS = 20.0
 """Seconds without data after which an event stream is broken; it has a heartbeat every five seconds."""
 STREAM = httpx.Timeout(SILENCE_SECONDS, connect=CONNECT_SECONDS)
 EVENTS = "/v1/events"
+NOT_SENT = (httpx.ConnectError, httpx.ConnectTimeout)
+PASSING = (HTTPStatus.BAD_GATEWAY, HTTPStatus.SERVICE_UNAVAILABLE, HTTPStatus.GATEWAY_TIMEOUT)
+"""Statuses of an order service that starts, waits for its database, or changes its plant model."""
+KEY = "idempotencyKey"
 NOT_ONE = "is not an order service; check the URL"
 
 
@@ -39,6 +43,11 @@ class RefusedError(Exception):
     def __init__(self, problem: Problem) -> None:
         super().__init__("\n".join([problem.detail, *(f"- {each}" for each in problem.errors)]))
         self.problem = problem
+
+    @property
+    def passing(self) -> bool:
+        """Whether the same request may succeed in a moment."""
+        return self.problem.status in PASSING
 
 
 class UnreachableError(Exception):
@@ -71,25 +80,43 @@ class Call:
     def of(cls, operation: Operation[Any], name: str, request: BaseModel | None, options: Options) -> Call:
         """Return the request of an operation.
 
-        A request that creates an object gets an idempotency key, if it has none.
+        A request that creates orders gets an idempotency key for each that has none.
         """
         query, body = options.get("query"), options.get("body")
-        keyed = isinstance(body, Mapping) and "idempotencyKey" in body
         if request is not None:
             fields = request.model_dump(mode="json", by_alias=True, exclude_unset=True)
             if operation.method == "GET":
-                query = {**fields, **(query or {})}
+                given = {name: value for name, value in fields.items() if value is not None}
+                query = {**given, **(query or {})}
             else:
-                keyed = "idempotency_key" in type(request).model_fields
-                body = {"idempotencyKey": str(uuid4()), **fields} if keyed else fields
+                body = _with_keys(request, fields)
         arguments = {
             "params": query,
             "json": body,
             "content": options.get("content"),
             "headers": options.get("headers"),
         }
-        repeatable = operation.method != "POST" or keyed
+        repeatable = operation.method != "POST" or _has_keys(body)
         return cls(operation.method, operation.path_of(name), arguments, repeatable)
+
+
+def _with_keys(request: BaseModel, fields: dict[str, Any]) -> dict[str, Any]:
+    """Return the body of a request, with an idempotency key for each order without one."""
+    if isinstance(request, TransportOrderBatch):
+        each = zip(request.transport_orders, fields["transportOrders"], strict=True)
+        return {**fields, "transportOrders": [_with_keys(order, given) for order, given in each]}
+    if "idempotency_key" in type(request).model_fields and fields.get(KEY) is None:
+        return {**fields, KEY: str(uuid4())}
+    return fields
+
+
+def _has_keys(body: JsonValue) -> bool:
+    if not isinstance(body, Mapping):
+        return False
+    orders = body.get("transportOrders")
+    if isinstance(orders, Sequence):
+        return all(map(_has_keys, orders))
+    return bool(body.get(KEY))
 
 
 @dataclass(slots=True)
@@ -105,8 +132,7 @@ class Addresses:
 
     def prefer(self, url: str) -> None:
         """Ask this one first next time."""
-        self.urls.remove(url)
-        self.urls.insert(0, url)
+        self.urls.sort(key=lambda each: each != url)
 
 
 @dataclass(slots=True)
@@ -114,6 +140,7 @@ class Attempt:
     """One round through all order services."""
 
     addresses: Addresses
+    call: Call
     failures: list[str] = field(default_factory=list)
 
     def urls(self) -> Iterator[str]:
@@ -121,9 +148,15 @@ class Attempt:
         yield from tuple(self.addresses.urls)
         raise UnreachableError("\n".join(self.failures))
 
-    def failed(self, url: str, error: Exception) -> None:
-        """Note that an order service does not answer."""
+    def failed(self, url: str, error: httpx.TransportError) -> None:
+        """Note that an order service does not answer.
+
+        Raises UnreachableError if it may have executed a request that must not be executed twice.
+        """
         self.failures.append(f"{url}: {error}")
+        if not self.call.repeatable and not isinstance(error, NOT_SENT):
+            message = f"{url}: {str(error) or type(error).__name__}; the request may have been executed"
+            raise UnreachableError(message) from error
 
     def accepts(self, url: str, answer: httpx.Response) -> bool:
         """Return whether it is the answer of the active one; raises RefusedError."""
@@ -148,7 +181,7 @@ def read(operation: Operation[A], answer: httpx.Response) -> A:
 
 def next_page(after: str | None, query: Query | None) -> Query:
     """Return the query of the page after ``after``; None: of the first one."""
-    return {**(query or {}), "limit": PAGE, **({"after": after} if after else {})}
+    return {"limit": PAGE, **(query or {}), **({"after": after} if after else {})}
 
 
 def _unknown_form(answer: httpx.Response) -> str:
@@ -201,18 +234,20 @@ class Event:
 
 
 class EventReader:
-    """Reads events line by line; an incomplete one at the end is dropped."""
+    """Reads events from parts of a stream; an incomplete one at the end is dropped."""
 
     def __init__(self) -> None:
+        self._rest = ""
         self._fields: dict[str, str] = {}
 
-    def read(self, line: str) -> Event | None:
-        """Return the event that this line ends."""
-        if line:
-            name, _, value = line.partition(":")
-            self._fields[name] = value.removeprefix(" ")
-            return None
-        fields, self._fields = self._fields, {}
-        if "data" not in fields:
-            return None
-        return Event(fields.get("event", "message"), fields.get("id"), json.loads(fields["data"]))
+    def read(self, part: str) -> Iterator[Event]:
+        """Yield the events that this part completes."""
+        *lines, self._rest = (self._rest + part).split("\n")  # JSON may contain other line separators
+        for line in lines:
+            name, colon, value = line.removesuffix("\r").partition(":")
+            if name or colon:
+                self._fields[name] = value.removeprefix(" ")
+                continue
+            fields, self._fields = self._fields, {}
+            if "data" in fields:
+                yield Event(fields.get("event", "message"), fields.get("id"), json.loads(fields["data"]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator, Collection, Sequence
+from collections.abc import AsyncIterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot
 
@@ -129,6 +129,33 @@ CREATED_AT_ONCE = 10
 """Number of orders of a batch created before other tasks run; each takes about 2 ms."""
 
 
+@dataclass(slots=True)
+class _Earlier:
+    """The requests of a batch that were accepted, by name and by key."""
+
+    names: dict[str, TransportOrderRequest] = field(default_factory=dict)
+    keys: dict[str, TransportOrderRequest] = field(default_factory=dict)
+
+    def add(self, request: TransportOrderRequest) -> None:
+        if request.name and not _is_prefix(request):
+            self.names.setdefault(request.name, request)
+        if request.idempotency_key:
+            self.keys.setdefault(request.idempotency_key, request)
+
+    def has(self, request: TransportOrderRequest) -> bool:
+        """Return whether the same request was accepted; raises an error for a used name or key."""
+        key, name = request.idempotency_key, request.name
+        if key and key in self.keys:
+            if self.keys[key] != request:
+                raise errors.KeyReusedError(key, self.keys[key].name or "an earlier order of the batch")
+            return True
+        if name and not _is_prefix(request) and name in self.names:
+            if key or self.names[name] != request:
+                raise errors.NameTakenError(name)
+            return True
+        return False
+
+
 class HostRequests:
     """Executes requests about orders and vehicles; changes are committed before the answer.
 
@@ -168,7 +195,7 @@ class HostRequests:
         """
         self._engine.unit_of_work.require_store()
         made: list[tuple[TransportOrder | None, bool] | Refused] = []
-        earlier: set[str] = set()
+        earlier = _Earlier()
         for number, each in enumerate(requests):
             if number % CREATED_AT_ONCE == 0:
                 await asyncio.sleep(0)
@@ -179,10 +206,12 @@ class HostRequests:
             except (InvalidRequestError, errors.RefusedError) as error:
                 made.append(error)
             else:
-                earlier.add(each.name or "")
+                earlier.add(each)
         await self._engine.unit_of_work.wait_committed()
         if not check_only:
-            log.info("orders created", orders=len(earlier), refused=len(requests) - len(earlier))
+            new = sum(not isinstance(each, Exception) and each[1] for each in made)
+            refused = sum(isinstance(each, Exception) for each in made)
+            log.info("orders created", new=new, known=len(made) - new - refused, refused=refused)
         return [each if isinstance(each, Exception) else self._creation(*each) for each in made]
 
     def _creation(self, order: TransportOrder | None, new: bool) -> Creation:  # noqa: FBT001 - of a pair
@@ -195,25 +224,22 @@ class HostRequests:
             return known, False
         ended = await self._ended_dependencies(request)
         await self._check_sequence(request)
-        complete = request.name is None or request.incomplete_name
-        known = self._in_memory(None if complete else name, request.idempotency_key)
-        if known is not None:  # the same request arrived in between
-            _check_same(known, request, name, complete=complete, same=known.was_created_by(request))
+        known = self._in_memory(None if _is_prefix(request) else name, request.idempotency_key)
+        if known is not None:  # the same request arrived meanwhile
+            _check_known(known, request)
             return known, False
         self._engine.unit_of_work.require_store()
         return self._engine.create(request, name, ended), True
 
     async def _check(
-        self, request: TransportOrderRequest, earlier: Collection[str]
+        self, request: TransportOrderRequest, earlier: _Earlier
     ) -> tuple[TransportOrder | None, bool]:
-        """Check whether an order could be created after those of the names ``earlier``."""
-        request, name, known = await self._prepared(request)
-        if known is None:
-            if name in earlier:
-                raise errors.NameTakenError(name)
-            others = tuple(each for each in request.dependencies if each not in earlier)
-            await self._ended_dependencies(request.model_copy(update={"dependencies": others}))
-            await self._check_sequence(request)
+        """Check whether an order could be created after ``earlier`` ones that are not created either."""
+        prepared, _, known = await self._prepared(request)
+        if known is None and not earlier.has(request):
+            others = tuple(each for each in request.dependencies if each not in earlier.names)
+            await self._ended_dependencies(prepared.model_copy(update={"dependencies": others}))
+            await self._check_sequence(prepared)
         return known, False
 
     async def _prepared(
@@ -222,12 +248,11 @@ class HostRequests:
         """Return a valid request with its operations, the order's name, and the order that it has created."""
         request = set_operations(request, self._engine.plant)
         check_request(request, self._engine.plant, self._engine.registry.names())
-        name, complete = request.name or ORDER_PREFIX, request.name is None or request.incomplete_name
-        known = await self._find(None if complete else name, request.idempotency_key)
+        name = request.name or ORDER_PREFIX
+        known = await self._find(None if _is_prefix(request) else name, request.idempotency_key)
         if known is not None:
-            known_name = f"{name}-" if complete else name
-            _check_same(known, request, known_name, complete=complete, same=known.was_created_by(request))
-        return request, f"{name}-{sortable_id()}" if complete else name, known
+            _check_known(known, request)
+        return request, f"{name}-{sortable_id()}" if _is_prefix(request) else name, known
 
     async def withdraw(
         self, name: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
@@ -588,6 +613,18 @@ class SequenceRequests:
         return (
             self._sequences.visible(sequence.name) or self._sequences.named(sequence.name) or sequence
         ).status
+
+
+def _is_prefix(request: TransportOrderRequest) -> bool:
+    """Return whether the order service completes the request's name, or makes one."""
+    return request.name is None or request.incomplete_name
+
+
+def _check_known(known: TransportOrder, request: TransportOrderRequest) -> None:
+    """Raise an error unless ``request`` is the one that has created the order ``known``."""
+    name, complete = request.name or ORDER_PREFIX, _is_prefix(request)
+    known_name = f"{name}-" if complete else name
+    _check_same(known, request, known_name, complete=complete, same=known.was_created_by(request))
 
 
 def _check_same(

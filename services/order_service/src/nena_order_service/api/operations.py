@@ -344,7 +344,7 @@ class HostOperations:
 
 
 def _creation_answer(request: TransportOrderRequest, made: Creation | Refused) -> CreationAnswer:
-    """Return what became of one request of a batch."""
+    """Return the result of one request of a batch."""
     key = request.idempotency_key
     if isinstance(made, Exception):
         problem = problem_of(made)

@@ -14,15 +14,14 @@ import binascii
 import hashlib
 import hmac
 import json
+import ssl
 from collections import deque
-from collections.abc import Awaitable, Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
-from typing import Final
+from typing import Any, Final, Protocol, Self
 from urllib.parse import urlsplit
 
 from nena_order_service.errors import StoreNotReadyError
-from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.settings import WebhookSettings
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
@@ -31,6 +30,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.webhooks import WebhookAttempt, WebhookState, WebhookStatus
 from nena_shared.log import get_logger
 from nena_shared.settings import ConfigurationError, secret_in
+from nena_shared.tasks import set_within
 
 log = get_logger(__name__)
 
@@ -39,6 +39,9 @@ KIND: Final = "webhook"
 PAGE: Final = 50
 """Number of changed orders read from the store at a time."""
 ATTEMPTS_KEPT: Final = 20
+RESULT_LENGTH: Final = 500
+BODY_READ: Final = 65_536
+"""Maximum length of an answer's body that is read, bytes."""
 SECRET_PREFIX: Final = "whsec_"  # noqa: S105 - precedes secrets
 SECRET_BYTES: Final = range(24, 65)
 ANSWER_SECONDS: Final = 15.0
@@ -49,9 +52,6 @@ POLL_SECONDS: Final = 30.0
 """Interval at which the store is read even if no change was published, seconds."""
 GONE: Final = 410
 SUCCESSES: Final = range(200, 300)
-
-Send = Callable[[str, Mapping[str, str], bytes], Awaitable[int]]
-"""Sends a body to a URL and returns the status of the answer; raises OSError if there is none."""
 
 
 def read_secret(settings: WebhookSettings) -> bytes:
@@ -81,34 +81,39 @@ def signed(secret: bytes, message: str, moment: datetime, body: bytes) -> dict[s
 
 
 def body_of(order: TransportOrderStatus) -> bytes:
-    """Return the message about an order."""
-    changed = order.history[-1].timestamp if order.history else order.created
-    content = {
-        "type": f"transportOrder.{order.state}",
-        "timestamp": changed.isoformat(),
-        "data": order.model_dump(mode="json", by_alias=True),
-    }
+    """Return the message about an order; its time is that of the last entry of the order's history."""
+    data = order.model_dump(mode="json", by_alias=True)
+    changed = data["history"][-1]["timestamp"] if order.history else data["created"]
+    content = {"type": f"transportOrder.{order.state}", "timestamp": changed, "data": data}
     return json.dumps(content, separators=(",", ":")).encode()
+
+
+def id_of(body: bytes) -> str:
+    """Return the ID of a message: the same for each attempt, another one for other content.
+
+    The numbers of changes would repeat once the database was restored from a backup.
+    """
+    return f"msg_{hashlib.sha256(body).hexdigest()[:32]}"
 
 
 class Webhook:
     """Delivers to one receiver, in the order of the changes."""
 
-    def __init__(
-        self, settings: WebhookSettings, secret: bytes, store: Store, clock: Clock, send: Send
-    ) -> None:
+    def __init__(self, settings: WebhookSettings, secret: bytes, store: Store, clock: Clock) -> None:
         self.settings = settings
         self.delivered = self.dropped = 0
         self._secret = secret
         self._store = store
         self._clock = clock
-        self._send = send
         self._changed = asyncio.Event()
         self._attempts: deque[WebhookAttempt] = deque(maxlen=ATTEMPTS_KEPT)
         self._state = WebhookState.DELIVERING
+        self._known = 0
+        """Number of the last change that is done: delivered, given up, or not wanted."""
+        self._stored = -1
         self._failures = 0
-        self._kept: int | None = None
-        self._failing_since: datetime | None = None
+        self._failing: tuple[int, datetime] | None = None
+        """The change that cannot be delivered, and since when."""
         self._next_attempt: datetime | None = None
 
     @property
@@ -132,122 +137,130 @@ class Webhook:
         return self._state is not WebhookState.DELIVERING
 
     def wake(self) -> None:
-        """Look for changes soon."""
+        """Wake the task: an order has changed."""
         self._changed.set()
 
-    async def run(self) -> None:
+    async def run(self, receiver: Receiver) -> None:
         """Deliver until cancelled, or until the receiver is gone."""
-        known = await self._begin()
-        while self._state is not WebhookState.DISABLED:
-            self._changed.clear()
-            with suppress(StoreNotReadyError):  # the next look reads the same changes
-                known = await self._deliver_since(known)
-            await self._pause()
+        began = False
+        async with receiver:
+            while self._state is not WebhookState.DISABLED:
+                self._changed.clear()
+                try:
+                    if not began:
+                        await self._begin()
+                        began = True
+                    pause = await self._deliver_all(receiver)
+                except StoreNotReadyError:
+                    pause = PAUSES[0]
+                except Exception:
+                    log.exception("web hook failed; trying again", pause=PAUSES[-1], **self._names)
+                    pause = PAUSES[-1]
+                await self._wait(pause)
         log.warning("web hook disabled: its receiver is gone; restart to use it again", **self._names)
 
-    async def _begin(self) -> int:
-        """Return the number of the last change that the receiver has; a new one begins with the present."""
-        stored: str | None = None
-        while True:
-            try:
-                stored = (await self._store.documents(KIND)).get(self.settings.name)
-                break
-            except StoreNotReadyError:
-                await asyncio.sleep(PAUSES[0])
+    async def _begin(self) -> None:
+        """Continue where the last run ended; a new web hook begins with the present."""
+        stored = (await self._store.documents(KIND)).get(self.settings.name, "")
         last = self._store.numbers.last
-        if stored is not None and stored.isdecimal() and int(stored) <= last:
-            self._kept = int(stored)
-            return self._kept
-        if stored is not None:
-            log.warning("web hook continues at the present: the store is an older one", **self._names)
-        self._keep(last)
-        return last
+        if stored.isdecimal() and int(stored) <= last:
+            self._known = self._stored = int(stored)
+        else:
+            self._known = last
+            self._keep()
 
-    async def _deliver_since(self, known: int) -> int:
-        """Deliver until all has arrived, or an attempt has failed; return the last change delivered."""
-        while page := await self._store.changes_after(known, PAGE):
+    async def _deliver_all(self, receiver: Receiver) -> float | None:
+        """Deliver all changes; return the delay before the next attempt if one fails, otherwise None."""
+        more = True
+        while more:
+            page = await self._store.changes_after(self._known, PAGE)
+            more = len(page) == PAGE
             for number, order in page:
-                if self._wanted(order):
-                    if not await self._deliver(number, order.status):
-                        return known
-                    self._keep(number)
-                known = number
-            self._keep(known)
-        return known
+                wanted = not self.settings.states or order.status.state in self.settings.states
+                if wanted and not await self._deliver(receiver, number, order.status):
+                    return self._failed(order.name)
+                self._known = number
+                if wanted or number - self._stored >= PAGE:  # the same few unwanted ones may be read again
+                    self._keep()
+        self._rest()
+        return None
 
-    def _wanted(self, order: TransportOrder) -> bool:
-        return not self.settings.states or order.status.state in self.settings.states
-
-    async def _deliver(self, number: int, order: TransportOrderStatus) -> bool:
-        """Try once; return whether the message is done, because it arrived or is given up."""
-        now, message = self._clock.now(), f"change-{number}"
-        body = body_of(order)
-        result, delivered = "no answer", False
+    async def _deliver(self, receiver: Receiver, number: int, order: TransportOrderStatus) -> bool:
+        """Try once; return whether the message is done, because it has arrived or is given up."""
+        now, body = self._clock.now(), body_of(order)
+        message = id_of(body)
         try:
             async with asyncio.timeout(ANSWER_SECONDS):
-                status = await self._send(
-                    str(self.settings.url), signed(self._secret, message, now, body), body
-                )
+                status = await receiver.send(signed(self._secret, message, now, body), body)
             result, delivered = str(status), status in SUCCESSES
             if status == GONE:
                 self._state = WebhookState.DISABLED
         except TimeoutError:
-            result = f"no answer within {ANSWER_SECONDS:.0f} s"
+            result, delivered = f"no answer within {ANSWER_SECONDS:.0f} s", False
         except OSError as error:
-            result = str(error) or type(error).__name__
+            result, delivered = str(error) or type(error).__name__, False
         self._attempts.append(
             WebhookAttempt(
                 timestamp=now,
                 message=message,
                 transport_order=order.name,
                 state=order.state,
-                result=result[:500],
+                result=result[:RESULT_LENGTH],
                 delivered=delivered,
             )
         )
-        if not delivered:
-            return self._failed(order.name, result, now)
-        if self._failures:
-            log.info("web hook delivers again", **self._names)
-        self._state, self._failures = WebhookState.DELIVERING, 0
-        self._failing_since = self._next_attempt = None
-        self.delivered += 1
+        if delivered:
+            self.delivered += 1
+            self._rest()
+            return True
+        return self._gives_up(number, order.name, now)
+
+    def _gives_up(self, number: int, order: str, now: datetime) -> bool:
+        """Return whether a message has failed for so long that it is given up."""
+        if self._failing is None or self._failing[0] != number:
+            self._failing = (number, now)
+        if now - self._failing[1] < timedelta(hours=self.settings.retry_hours):
+            return False
+        log.error("web hook: message given up", order=order, reason=self.status.reason, **self._names)
+        self.dropped += 1
+        self._failing = None
         return True
 
-    def _failed(self, order: str, result: str, now: datetime) -> bool:
-        """Note a failed attempt; return whether the message is given up."""
-        if self._state is WebhookState.DISABLED:
-            return False
-        if not self._failures:
-            log.warning("web hook: message not delivered; trying again", reason=result, **self._names)
-        self._failing_since = self._failing_since or now
-        if now - self._failing_since >= timedelta(hours=self.settings.retry_hours):
-            log.error("web hook: message given up", order=order, reason=result, **self._names)
-            self.dropped += 1
-            self._failing_since = None
-            return True
+    def _failed(self, order: str) -> float:
+        """Note a failed attempt; return the delay before the next one, seconds."""
         pause = PAUSES[min(self._failures, len(PAUSES) - 1)]
-        self._state, self._failures = WebhookState.RETRYING, self._failures + 1
-        self._next_attempt = now + timedelta(seconds=pause)
-        return False
+        if not self._failures:
+            reason = self.status.reason
+            log.warning(
+                "web hook: message not delivered; trying again", order=order, reason=reason, **self._names
+            )
+        self._failures += 1
+        if self._state is not WebhookState.DISABLED:
+            self._state = WebhookState.RETRYING
+            self._next_attempt = self._clock.now() + timedelta(seconds=pause)
+        return pause
 
-    async def _pause(self) -> None:
-        """Wait for a change, or for the next attempt."""
-        if self._state is WebhookState.RETRYING and self._next_attempt:
-            left = self._next_attempt - self._clock.now()
-            await asyncio.sleep(max(0.0, left.total_seconds()))
-        elif self._state is WebhookState.DELIVERING:
-            try:
-                async with asyncio.timeout(POLL_SECONDS):
-                    await self._changed.wait()
-            except TimeoutError:
-                pass  # a change of another order service before a takeover
+    def _rest(self) -> None:
+        """Note that nothing is left to try again."""
+        if self._failures:
+            log.info("web hook delivers again", **self._names)
+        self._state, self._failures, self._failing, self._next_attempt = (
+            WebhookState.DELIVERING,
+            0,
+            None,
+            None,
+        )
 
-    def _keep(self, number: int) -> None:
-        if number == self._kept:
-            return
-        self._kept, changes = number, Changes()
-        changes.documents[KIND, self.settings.name] = str(number)
+    async def _wait(self, pause: float | None) -> None:
+        """Wait for the delay; without one for a change, or for what another order service has changed."""
+        if pause is not None:
+            await asyncio.sleep(pause)
+        else:
+            await set_within(self._changed, POLL_SECONDS)
+
+    def _keep(self) -> None:
+        self._stored, changes = self._known, Changes()
+        changes.documents[KIND, self.settings.name] = str(self._known)
         self._store.commit(changes, lambda: None)
 
     @property
@@ -255,20 +268,87 @@ class Webhook:
         return {"webhook": self.settings.name}
 
 
+class Receiver(Protocol):
+    """The connection to a receiver; entered before its first use."""
+
+    async def __aenter__(self) -> object:
+        """Open it."""
+        ...
+
+    async def __aexit__(self, *_: object) -> None:
+        """Close it."""
+        ...
+
+    async def send(self, headers: Mapping[str, str], body: bytes) -> int:
+        """Send a message and return the status of the answer; raises OSError if there is none."""
+        ...
+
+
+class HttpReceiver:
+    """A receiver reached by httpx; follows no redirects and needs no answer's body."""
+
+    def __init__(self, settings: WebhookSettings) -> None:
+        """Check that the library is there; raises ConfigurationError."""
+        self._url = str(settings.url)
+        try:
+            import httpx  # noqa: PLC0415 - an extra
+        except ImportError as error:
+            problem = f"webhooks: {error}; install the order service with its extra: [webhooks]"
+            raise ConfigurationError([problem]) from error
+        self._httpx = httpx
+        try:
+            self._trusted = ssl.create_default_context(cafile=settings.ca)
+        except OSError as error:
+            raise ConfigurationError([f"webhooks.{settings.name}.ca: {settings.ca}: {error}"]) from error
+        self._client: Any = None
+
+    async def __aenter__(self) -> Self:
+        """Open a client."""
+        self._client = self._httpx.AsyncClient(
+            timeout=ANSWER_SECONDS, follow_redirects=False, trust_env=False, verify=self._trusted
+        )
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Close the client."""
+        await self._client.aclose()
+
+    async def send(self, headers: Mapping[str, str], body: bytes) -> int:
+        """Send a message; a short body of the answer is read, so that the connection can be used again."""
+        try:
+            request = self._client.stream("POST", self._url, headers=dict(headers), content=body)
+            async with request as answer:
+                size = 0
+                async for part in answer.aiter_raw():
+                    size += len(part)
+                    if size > BODY_READ:
+                        break
+                return int(answer.status_code)
+        except (self._httpx.HTTPError, self._httpx.InvalidURL) as error:
+            message = f"{type(error).__name__}: {error}"
+            raise ConnectionError(message) from error
+
+
 class Webhooks:
     """All web hooks; listens to the engine."""
 
-    def __init__(self, hooks: Sequence[Webhook]) -> None:
-        self.hooks = tuple(hooks)
+    def __init__(self, hooks: Sequence[tuple[Webhook, Receiver]]) -> None:
+        self.hooks = tuple(hook for hook, _ in hooks)
+        self._receivers = {hook.settings.name: receiver for hook, receiver in hooks}
 
     @classmethod
     def of(cls, settings: Sequence[WebhookSettings], store: Store, clock: Clock) -> Webhooks:
-        """Create them; raises ConfigurationError if a secret or the HTTP library is missing."""
+        """Create them; raises ConfigurationError if a secret, a CA or the HTTP library is missing."""
         names = [each.name for each in settings]
         if len(set(names)) < len(names):
-            raise ConfigurationError([f"webhooks: each name once: {', '.join(sorted(names))}"])
-        send = _sender() if settings else None
-        return cls([Webhook(each, read_secret(each), store, clock, send) for each in settings if send])
+            raise ConfigurationError([f"webhooks: use each name once: {', '.join(sorted(names))}"])
+        return cls(
+            [(Webhook(each, read_secret(each), store, clock), HttpReceiver(each)) for each in settings]
+        )
+
+    async def run(self, hook: Webhook) -> None:
+        """Run one of them."""
+        await hook.run(self._receivers[hook.settings.name])
 
     @property
     def statuses(self) -> tuple[WebhookStatus, ...]:
@@ -285,23 +365,3 @@ class Webhooks:
 
     def vehicle_changed(self, _: object) -> None:
         """Vehicles are not sent."""
-
-
-def _sender() -> Send:
-    """Return a function that sends by httpx, without following redirects or reading answers' bodies."""
-    try:
-        import httpx  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        problem = f"webhooks: {error}; install the order service with its extra: [webhooks]"
-        raise ConfigurationError([problem]) from error
-    client = httpx.AsyncClient(timeout=ANSWER_SECONDS, follow_redirects=False, trust_env=False)
-
-    async def send(url: str, headers: Mapping[str, str], body: bytes) -> int:
-        try:
-            async with client.stream("POST", url, headers=dict(headers), content=body) as answer:
-                return answer.status_code
-        except httpx.HTTPError as error:
-            message = f"{type(error).__name__}: {error}"
-            raise ConnectionError(message) from error
-
-    return send
