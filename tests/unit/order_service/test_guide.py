@@ -22,12 +22,17 @@ from nena_shared.fleet_api.requests import (
 )
 from nena_shared.fleet_api.stops import StopEndRequest, StopRequest
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
+from nena_shared.fleet_api.transport_order import (
+    OrderSequenceRequest,
+    TransportOrderBatch,
+    TransportOrderRequest,
+)
 
 GUIDE = (Path(__file__).parents[3] / "docs" / "order-service.md").read_text(encoding="utf-8")
 
 BODIES: dict[str, type[BaseModel]] = {
     "/v1/transportOrders": TransportOrderRequest,
+    "/v1/transportOrders/batch": TransportOrderBatch,
     "/v1/orderSequences": OrderSequenceRequest,
     "/withdrawal": WithdrawalRequest,
     "/hold": HoldRequest,
