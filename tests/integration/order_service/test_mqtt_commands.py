@@ -141,6 +141,17 @@ async def orders_are_held_and_withdrawn(host: Host) -> None:
     assert (withdrawn["status"], withdrawn["transportOrder"]["state"]) == (200, "FAILED")
 
 
+async def an_area_is_stopped_and_released(host: Host) -> None:
+    area = {"xMin": 100, "yMin": 100, "xMax": 101, "yMax": 101}
+    begun = await host.ask("stop", by="Ann", reason="spilled oil", area=area)
+    assert (begun["status"], begun["stop"]["by"]) == (200, "Ann")
+    name = begun["stop"]["name"]
+    assert [each["name"] for each in (await host.ask("stops"))["stops"]["stops"]] == [name]
+    assert (await host.ask("endStop", stop=name, by="Ann"))["status"] == 200
+    assert (await host.ask("endStop", stop=name, by="Ann"))["status"] == 404
+    assert (await host.ask("stops"))["stops"]["stops"] == []
+
+
 async def devices_are_asked_for(host: Host) -> None:
     """The plant has none; devices and their topics are tested in test_peripherals.py."""
     assert (await host.ask("peripherals"))["peripherals"]["peripherals"] == []
@@ -193,6 +204,7 @@ async def test_every_command_works_as_documented(fleet: Fleet, service: Start, h
     await sequences_are_made_and_completed(host)
     await orders_are_held_and_withdrawn(host)
     await devices_are_asked_for(host)
+    await an_area_is_stopped_and_released(host)
     assert (await host.ask("instantAction", vehicle="Robot-01", actionType="resume"))["status"] == 200
     await order_in(client, "T-1", "FINISHED")
 
