@@ -6,6 +6,7 @@ import pytest
 
 from nena_order_service.engine import stops as stops_module
 from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.errors import TooManyStopsError, UnknownStopError
 from nena_order_service.fleet.outputs import RobotChanged
 from nena_shared.fleet_api.stops import Area, StopRequest
@@ -135,6 +136,15 @@ async def test_robot_that_is_resumed_at_its_panel_is_paused_again() -> None:
     confirm(fleet, "V1", paused=True)
     engine.end_stop(stop.name, "Anna", "over")
     assert pauses(fleet, "stopPause") == ["V1"]
+
+
+async def test_robot_that_is_resumed_at_once_is_paused_again_at_once() -> None:
+    engine, fleet, _ = await stopped_engine()
+    engine.stop(ALL, "Anna")
+    confirm(fleet, "V1", paused=True)
+    fleet.fields["V1"]["paused"] = False
+    fleet._tell(RobotChanged(key("V1")))
+    assert pauses(fleet) == ["V1", "V1"]
 
 
 async def test_robot_that_refuses_to_pause_is_named_and_asked_again() -> None:
@@ -268,3 +278,67 @@ async def test_straight_drive_through_a_stopped_area_waits_for_its_end() -> None
     assert why in status_of(engine).reason
     engine.end_stop(stop.name, "Anna", "over")
     assert len(fleet.sent) == 1
+
+
+async def test_robot_that_already_drives_straight_through_an_area_is_paused() -> None:
+    here = {"mobile_robot_position": {**position(0.0, 0.0), "map_id": "map"}}
+    engine, fleet = await engine_at(PLANT, {"V1": "P-0-0"}, fields={"V1": here})
+    behind = {"coordinate": {"x": 5.0, "y": 0.0}, "operation": "MOVE"}
+    engine.create(TransportOrderRequest.model_validate({"destinations": [behind]}), "T")
+    assert len(fleet.sent) == 1
+    beside, across = (Area(x_min=2.5, x_max=3.5, y_min=y, y_max=1) for y in (0.5, -1))
+    engine.stop(StopRequest(reason="spill", area=beside), "Anna")
+    assert not pauses(fleet)
+    engine.stop(StopRequest(reason="spill", area=across), "Anna")
+    assert pauses(fleet) == ["V1"]
+
+
+async def test_robot_outside_an_area_stops_before_it() -> None:
+    engine, fleet = await engine_at(PLANT, {"V1": "P-0-0"}, release_ahead=1)
+    engine.create(request("P-3-0"), "T")
+    PathLocks(engine)
+    area = Area(x_min=5.8, x_max=6.2, y_min=-1, y_max=1)
+    stop = engine.stop(StopRequest(reason="spill", area=area), "Anna")
+    for _ in range(10):
+        if key("V1") in fleet.missions:
+            fleet.finish("V1")
+    assert not pauses(fleet)
+    assert fleet.at["V1"] != "P-3-0"
+    engine.end_stop(stop.name, "Anna", "over")
+    for _ in range(10):
+        if key("V1") in fleet.missions:
+            fleet.finish("V1")
+    assert fleet.at["V1"] == "P-3-0"
+
+
+async def test_robot_under_way_in_an_area_continues_its_order_at_the_end() -> None:
+    engine, fleet = await engine_at(PLANT, {"V1": "P-0-0"}, release_ahead=1)
+    engine.create(request("P-3-0"), "T")
+    PathLocks(engine)
+    area = Area(x_min=1.8, x_max=2.2, y_min=-1, y_max=1)
+    stop = engine.stop(StopRequest(reason="spill", area=area), "Anna")
+    confirm(fleet, "V1", paused=True)
+    later(engine, 10)
+    engine.end_stop(stop.name, "Anna", "over")
+    confirm(fleet, "V1", paused=False)
+    for _ in range(10):
+        if key("V1") in fleet.missions:
+            fleet.finish("V1")
+    assert fleet.at["V1"] == "P-3-0"
+
+
+async def test_order_goes_to_a_robot_outside_the_area_before_the_others_are_paused() -> None:
+    engine, fleet = await engine_at(PLANT, {"V1": "P-0-0", "V2": "P-3-0"})
+    area = Area(x_min=5.8, x_max=6.2, y_min=-1, y_max=1)
+    engine.stop(StopRequest(reason="spill", area=area), "Anna")
+    engine.create(request("P-2-0"), "T")
+    assert [name for name, _ in fleet.sent] == ["V1"]
+    assert reason_of(engine, "V2") == "is stopped: this area is paused by Anna: spill"
+
+
+async def test_order_during_the_stop_waits_without_a_vehicle() -> None:
+    engine, _, _ = await stopped_engine()
+    engine.stop(ALL, "Anna")
+    engine.create(request("P-3-0"), "T")
+    assert status_of(engine).processing_vehicle is None
+    assert "each of them is stopped: all robots are paused by Anna: fire drill" in status_of(engine).reason

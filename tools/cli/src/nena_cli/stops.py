@@ -6,13 +6,13 @@ from getpass import getuser
 from typing import Annotated
 
 import typer
-from pydantic import ValidationError
+from pydantic import JsonValue, ValidationError
 
 from nena_cli import tables
 from nena_cli.options import group
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import END_STOP, LIST_STOPS, STOP
-from nena_shared.fleet_api.stops import Area, StopRequest
+from nena_shared.fleet_api.stops import Area
 from nena_shared.vda5050.malformed import problems_of
 
 app = group()
@@ -36,10 +36,10 @@ def list_(service: Service) -> None:
 @of_service
 def all_(service: Service, reason: Reason, *, by: By = None) -> None:
     """Pause all robots until the stop is ended."""
-    _stop(service, StopRequest(by=by or getuser(), reason=reason))
+    _stop(service, {"by": by or getuser(), "reason": reason})
 
 
-@app.command()
+@app.command(context_settings={"ignore_unknown_options": True})  # a negative XMIN is no option
 @of_service
 def area(
     service: Service,
@@ -50,7 +50,8 @@ def area(
     by: By = None,
 ) -> None:
     """Pause the robots in an area, and keep others out, until the stop is ended."""
-    _stop(service, StopRequest(by=by or getuser(), reason=reason, area=_area(corners, map_id)))
+    where = _area(corners, map_id).model_dump(mode="json", by_alias=True, exclude_none=True)
+    _stop(service, {"by": by or getuser(), "reason": reason, "area": where})
 
 
 @app.command()
@@ -68,9 +69,8 @@ def end(
     service.print_all((done,), tables.stops_table)
 
 
-def _stop(service: Service, request: StopRequest) -> None:
+def _stop(service: Service, body: dict[str, JsonValue]) -> None:
     with service.connected() as connection:
-        body = request.model_dump(mode="json", by_alias=True, exclude_none=True)
         begun = connection.call(STOP, body=body)
     service.print_all((begun,), tables.stops_table)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.engine.stops import FleetStop
 from nena_shared.fleet_api.stops import StopEndRequest, StopRequest, StopStatus
 
 
@@ -31,7 +30,6 @@ class StopRequests:
         """
         self._engine.unit_of_work.require_store()
         stop = self._engine.stop(request, request.by or caller)
-        self._reroute(stop)
         await self._engine.unit_of_work.wait_committed()
         return self._engine.stops.status(stop)
 
@@ -43,10 +41,9 @@ class StopRequests:
             StoreNotReadyError: the change may be lost.
 
         """
-        stop = self._engine.stops.get(name)
+        self._engine.stops.get(name)
         self._engine.unit_of_work.require_store()
-        self._engine.end_stop(name, request.by or caller, request.reason)
-        self._reroute(stop)
+        stop = self._engine.end_stop(name, request.by or caller, request.reason)
         await self._engine.unit_of_work.wait_committed()
         return StopStatus(
             name=name,
@@ -56,8 +53,3 @@ class StopRequests:
             area=stop.area,
             ended=self._engine.context.clock.now(),
         )
-
-    def _reroute(self, stop: FleetStop) -> None:
-        """Reroute vehicles around the paths of an area, or over them again."""
-        if stop.area:
-            self._engine.plant_changed()

@@ -278,6 +278,8 @@ class Dispatching:
         processed = order.state is TransportOrderState.BEING_PROCESSED and not order.held
         if not processed or view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
             return None
+        if self._driving.stopped(vehicle):
+            return None
         try:
             standing = self._planner.standing(vehicle, view)
         except NotLocatedError:
@@ -311,6 +313,8 @@ class Dispatching:
 
     def _obstacle(self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None) -> str:
         """Return why a vehicle, with no order or with one that it would give up, cannot take an order."""
+        if stopped := self._driving.stopped(vehicle):
+            return stopped
         if order is None:
             obstacle = self._driving.obstacle(vehicle)
             free = view.availability.can_take_order

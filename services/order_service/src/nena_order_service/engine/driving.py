@@ -545,6 +545,11 @@ class Driving:
             return "makes room for others"
         return self.positions.obstacle(vehicle)
 
+    def stopped(self, vehicle: FleetVehicle) -> str:
+        """Return, as a predicate, why a stop keeps a vehicle from new orders; empty if none does."""
+        stop = self._stops.stop_of(vehicle)
+        return f"is stopped: {stop.text}" if stop else ""
+
     def _vehicle(self, name: str) -> FleetVehicle:
         vehicle = self._registry.named(name)
         assert vehicle, "vehicles never leave the registry"  # noqa: S101 - for the type

@@ -494,17 +494,19 @@ class Engine:
         return end
 
     def stop(self, request: StopRequest, by: str) -> FleetStop:
-        """Pause all robots, or those in an area; see :meth:`Stops.begin`."""
-        with self.change():
+        """Pause all robots, or those in an area, and reroute others around it; see :meth:`Stops.begin`."""
+        with self.unit_of_work.begin():
             stop = self.stops.begin(request, by)
             self._apply_stops()
+        self._drive_on(stop)
         return stop
 
     def end_stop(self, name: str, by: str, reason: str) -> FleetStop:
         """End a stop; see :meth:`Stops.end`."""
-        with self.change():
+        with self.unit_of_work.begin():
             stop = self.stops.end(name, by, reason)
             self._apply_stops()
+        self._drive_on(stop)
         return stop
 
     def person_pauses(self, vehicle: FleetVehicle) -> None:
@@ -518,7 +520,14 @@ class Engine:
             self.stops.look_at(vehicle)
             self._life_cycle.update_reason(vehicle)
             self.state.vehicle_changed(vehicle.name)
-        self.state.dispatch_due = self.state.drive_due = True
+
+    def _drive_on(self, changed: FleetStop) -> None:
+        """Dispatch and drive again; no base is extended into an area before routes are replanned."""
+        if changed.area:
+            self.plant_changed()
+        else:
+            with self.change():
+                self.state.dispatch_due = self.state.drive_due = True
 
     def create_peripheral_job(self, request: PeripheralJobRequest, name: str) -> PeripheralJob:
         """Create a peripheral job; see :meth:`Peripherals.create`."""

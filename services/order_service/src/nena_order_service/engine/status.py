@@ -202,7 +202,6 @@ class StatusReporter:
         bound = self._sequences.bound_to(vehicle.name)
         awaits = f"waits for the next order of order sequence {bound!r}" if bound else ""
         more = (
-            self._stops.why(vehicle),
             awaits,
             self._idle.note(vehicle),
             self._context.traffic.sharing(vehicle.name),

@@ -8,6 +8,7 @@ ends. A robot that was paused before, or that a person pauses during the stop, s
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -288,28 +289,38 @@ class Stops:
 
     def statuses(self) -> tuple[StopStatus, ...]:
         """Return the state of all stops that are in the store, the oldest first."""
-        return tuple(map(self.status, self._visible.values()))
+        return self._statuses(self._visible)
 
     def status(self, stop: FleetStop) -> StopStatus:
         """Return the state of a stop."""
-        paused, others = 0, []
-        for vehicle in self._context.registry:
+        return self._statuses({stop.name: stop})[0]
+
+    def _statuses(self, stops: Mapping[str, FleetStop]) -> tuple[StopStatus, ...]:
+        paused: Counter[str] = Counter()
+        others: dict[str, list[UnpausedVehicle]] = {name: [] for name in stops}
+        for vehicle in self._context.registry if stops else ():
             view = self._context.view(vehicle)
-            if view.link is LinkStatus.UNKNOWN or stop.name not in self._covering(vehicle, view):
+            if view.link is LinkStatus.UNKNOWN:
                 continue
-            if reason := self._why_not_paused(vehicle, view):
-                others.append(UnpausedVehicle(vehicle=vehicle.name, reason=reason))
-            else:
-                paused += 1
-        return StopStatus(
-            name=stop.name,
-            by=stop.by,
-            reason=stop.reason,
-            since=stop.since,
-            area=stop.area,
-            vehicles=paused + len(others),
-            paused=paused,
-            not_paused=tuple(others),
+            covering = stops.keys() & self._covering(vehicle, view)
+            reason = self._why_not_paused(vehicle, view) if covering else ""
+            for name in covering:
+                if reason:
+                    others[name].append(UnpausedVehicle(vehicle=vehicle.name, reason=reason))
+                else:
+                    paused[name] += 1
+        return tuple(
+            StopStatus(
+                name=each.name,
+                by=each.by,
+                reason=each.reason,
+                since=each.since,
+                area=each.area,
+                vehicles=paused[each.name] + len(others[each.name]),
+                paused=paused[each.name],
+                not_paused=tuple(others[each.name]),
+            )
+            for each in stops.values()
         )
 
     def _why_not_paused(self, vehicle: FleetVehicle, view: RobotView) -> str:
@@ -335,12 +346,19 @@ class Stops:
         )
 
     def _is_in(self, area: Area, name: str, vehicle: FleetVehicle, view: RobotView) -> bool:
-        """Return whether a vehicle is in an area, or holds a point or path of it and could drive in."""
+        """Return whether a vehicle is in an area or could drive in.
+
+        It could if it holds a point or path of the area, or drives straight through it to a coordinate.
+        """
         resources = self._resources[name]
         if any(not resources.isdisjoint(each.uses) for each in self._context.traffic.held(vehicle.name)):
             return True
         here = _place_on(area.map_id, vehicle, view)
-        return here is not None and area.contains(*here)
+        if here is None:
+            return False
+        order = self._state.order_of(vehicle.key) if self._state.sent_orders.of_robot(vehicle.key) else None
+        goal = order.current.destination.coordinate if order else None
+        return area.crosses(here, (goal.x, goal.y) if goal else here)
 
     def _hold(self, vehicle: FleetVehicle, view: RobotView, stops: tuple[str, ...]) -> None:
         """Pause a robot. What it reports now decides whether it continues at the end."""
@@ -359,6 +377,8 @@ class Stops:
         )
         if not paused:
             self._send(vehicle, START_PAUSE)
+        elif (attempt := self._attempts.get(vehicle.key)) and not attempt.running:
+            del self._attempts[vehicle.key]  # if the robot is resumed meanwhile, it is paused again at once
 
     def _let_go(self, vehicle: FleetVehicle, view: RobotView, known: StoppedRobot) -> None:
         """Resume a robot that only stops have paused; it is done once the robot has confirmed it."""
