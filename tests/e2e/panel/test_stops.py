@@ -119,6 +119,16 @@ async def test_area_is_drawn_on_the_map_and_paused(
         assert await findings(page) == []
         await picture(page, "area-paused")
 
+        await page.evaluate("location.hash = '#/places/' + encodeURIComponent('South 1 --- South 2')")
+        await expect(page.get_by_text("A stop of this area locks the path")).to_be_visible()
+        unlock = page.get_by_role("button", name="Unlock", exact=True)
+        await expect(unlock).to_be_disabled()
+        assert await findings(page) == []
+        await orders.put("/v1/paths/South%201%20---%20South%202/lock", json={"locked": True})
+        await orders.post(f"/v1/stops/{stop['name']}/end")
+        await expect(unlock).to_be_enabled()
+        await expect(page.get_by_text("A stop of this area locks the path")).to_be_hidden()
+
 
 async def test_panel_without_commands_shows_the_banner_without_buttons(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser

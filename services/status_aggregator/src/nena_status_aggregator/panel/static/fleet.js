@@ -128,9 +128,10 @@ export class PlantStore extends EventTarget {
   }
 
   #takeLocks(paths) {
-    const locks = new Map(paths.map((path) => [path.name, path.locked]));
-    const changed = (this.model?.paths ?? []).filter((path) => locks.has(path.name) && locks.get(path.name) !== path.locked);
-    for (const path of changed) path.locked = locks.get(path.name);
+    const known = new Map(paths.map((path) => [path.name, path]));
+    const differs = (path, { locked, stop }) => locked !== path.locked || stop !== path.stop;
+    const changed = (this.model?.paths ?? []).filter((path) => known.has(path.name) && differs(path, known.get(path.name)));
+    for (const path of changed) ({ locked: path.locked, stop: path.stop } = known.get(path.name));
     if (changed.length) this.dispatchEvent(new Event("locks"));
   }
 

@@ -78,7 +78,8 @@ class PlacePage extends HTMLElement {
     this.asked = element("div", {}, this.effect);
     this.asked.hidden = true;
     const bar = element("div", { class: "actions" }, this.lock, this.lockBoth, this.unlock, this.unlockBoth);
-    return element("div", {}, bar, this.asked, element("p", { class: "hint" }, t("place.lockHint")), this.result);
+    this.stopHint = element("p", { class: "hint" }, t("place.stopHint"));
+    return element("div", {}, bar, this.stopHint, this.asked, element("p", { class: "hint" }, t("place.lockHint")), this.result);
   }
 
   #askUnlock(names) {
@@ -108,6 +109,11 @@ class PlacePage extends HTMLElement {
 
   #locked(name) {
     return Boolean(this.fleet.plant.find(name)?.thing.locked);
+  }
+
+  // Whether the stop of an area locks a path: it cannot be unlocked before the stop ends.
+  #stopped(name) {
+    return Boolean(this.fleet.plant.find(name)?.thing.stop);
   }
 
   #sendForm() {
@@ -157,13 +163,16 @@ class PlacePage extends HTMLElement {
     const locked = this.#locked(this.#name);
     const opposite = this.#opposite(found.thing)?.name;
     const other = opposite ? this.#locked(opposite) : locked;
+    const stopped = this.#stopped(this.#name);
+    const otherStopped = opposite ? this.#stopped(opposite) : stopped;
     setText(this.kind, t(locked ? "place.locked" : "place.path"));
     this.kind.dataset.state = locked ? "FAILED" : "";
     if (this.fleet.noCommands) return;
     this.lock.disabled = locked;
     this.lockBoth.disabled = locked && other;
-    this.unlock.disabled = !locked;
-    this.unlockBoth.disabled = !locked && !other;
+    this.unlock.disabled = !locked || stopped;
+    this.unlockBoth.disabled = this.unlock.disabled && (!other || otherStopped);
+    this.stopHint.hidden = !stopped && !otherStopped;
   }
 }
 

@@ -456,6 +456,7 @@ export const TEXTS = {
   "place.unlockSure": "Jetzt freigeben",
   "place.unlockEffect": "Roboter dürfen diesen Pfad wieder benutzen: {name}",
   "place.lockHint": "Roboter umfahren einen gesperrten Pfad oder halten davor. Roboter, für die er schon freigegeben ist, benutzen ihn noch.",
+  "place.stopHint": "Ein Stopp dieses Bereichs sperrt den Pfad. Zum Freigeben den Stopp oben auf der Seite beenden.",
   "place.send": "Roboter hierher schicken",
   "command.unknownVehicle": "Befehle sind nicht möglich: Der Auftragsdienst kennt diesen Roboter nicht.",
   "command.sent": "Gesendet; wartet auf Antwort …",

@@ -456,6 +456,7 @@ export const TEXTS = {
   "place.unlockSure": "Unlock now",
   "place.unlockEffect": "Robots may use this path again: {name}",
   "place.lockHint": "Robots avoid a locked path, or stop before it. Robots to which it is already released still use it.",
+  "place.stopHint": "A stop of this area locks the path. To unlock it, end the stop at the top of the page.",
   "place.send": "Send a robot here",
   "command.unknownVehicle": "Commands are not available: the order service does not know this robot.",
   "command.sent": "Sent; waiting for an answer …",

@@ -456,6 +456,7 @@ export const TEXTS = {
   "place.unlockSure": "Nu vrijgeven",
   "place.unlockEffect": "Robots mogen dit pad weer gebruiken: {name}",
   "place.lockHint": "Robots mijden een geblokkeerd pad, of stoppen ervoor. Robots waarvoor het al is vrijgegeven, gebruiken het nog.",
+  "place.stopHint": "Een stop van dit gebied blokkeert het pad. Beëindig de stop bovenaan de pagina om het vrij te geven.",
   "place.send": "Robot hierheen sturen",
   "command.unknownVehicle": "Opdrachten zijn niet mogelijk: de orderservice kent deze robot niet.",
   "command.sent": "Verzonden; wacht op antwoord …",
