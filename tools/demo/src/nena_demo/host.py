@@ -24,6 +24,8 @@ from nena_shared.settings import MqttSettings
 
 HOST_ID = "demo-host"
 ANSWER_SECONDS = 10.0
+CANNOT_DRIVE = "navigationNotAvailable"
+"""The error of a robot whose agent has not found Nav2 yet."""
 
 
 class RefusedError(Exception):
@@ -151,16 +153,14 @@ def transport(load_at: str, unload_at: str) -> TransportOrderRequest:
 
 
 async def wait_for_robots(host: Host, count: int) -> None:
-    """Wait until ``count`` vehicles are idle and localised.
+    """Wait until ``count`` vehicles are idle, localised, and can drive.
 
     Raises:
         JobFailedError: they are not in time; the message says what each of them waits for.
 
     """
     try:
-        await host.wait_for(
-            lambda: sum(_can_work(host, name) for name in host.vehicles) >= count, ROBOTS_SECONDS
-        )
+        await host.wait_for(lambda: sum(map(can_work, host.vehicles.values())) >= count, ROBOTS_SECONDS)
     except TimeoutError as error:
         known = [
             f"{each.name}: {each.connection} {each.state}, {each.reason}" for each in host.vehicles.values()
@@ -193,9 +193,11 @@ async def run(host: Host) -> tuple[TransportOrderStatus, ...]:
     return orders
 
 
-def _can_work(host: Host, name: str) -> bool:
-    vehicle = host.vehicles[name]
-    return vehicle.connection == "ONLINE" and vehicle.state == "IDLE" and vehicle.current_position is not None
+def can_work(vehicle: VehicleStatus) -> bool:
+    """Return whether a vehicle is idle, localised, and can drive."""
+    drives = not any(CANNOT_DRIVE in each for each in vehicle.errors)
+    there = vehicle.connection == "ONLINE" and vehicle.current_position is not None
+    return there and drives and vehicle.state == "IDLE"
 
 
 def _ended(host: Host, name: str) -> bool:
