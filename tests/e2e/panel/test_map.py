@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from contextlib import suppress
 from itertools import count
 from math import pi, sin
@@ -29,6 +30,8 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 MAP = "document.querySelector('nena-fleet-map')"
 ROBOTS = 200
 FRAMES_WANTED = 30
+RUNS, BEGUN_WITHIN = 5, 200.0
+"""Measurements, until one is within the limit; none begins after so many seconds."""
 YARDSTICK_SECONDS = 0.13
 """Of a quiet machine, see :func:`seconds_for_the_yardstick`: its time for two hundred robots is the limit."""
 SECONDS = 2.0
@@ -180,11 +183,17 @@ async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, br
         async with opened(browser, hall.url) as page:
             await expect(page.get_by_role("tab", name="Robots")).to_have_text(f"Robots ({ROBOTS})")
             clock = await busy_clock(page)
-            shares = [await share_of_a_core(page, clock) for _ in range(3)]
-            slower = min([await seconds_for_the_yardstick(page, clock) for _ in range(5)]) / YARDSTICK_SECONDS
-            assert min(shares) <= max(1.0, slower), (
-                f"share of a core for {FRAMES_WANTED} frames a second, in runs: {shares}"
-            )
+            runs = list[tuple[float, float]]()
+            began = time.monotonic()
+            while len(runs) < RUNS and (not runs or time.monotonic() - began < BEGUN_WITHIN):
+                # each beside its own yardstick: the computer's other work changes
+                share = await share_of_a_core(page, clock)
+                yardsticks = [await seconds_for_the_yardstick(page, clock) for _ in range(3)]
+                runs.append((share, max(1.0, min(yardsticks) / YARDSTICK_SECONDS)))
+                if share <= runs[-1][1]:
+                    break
+            else:
+                pytest.fail(f"shares of a core for {FRAMES_WANTED} frames a second, and limits: {runs}")
         sending.cancel()
         with suppress(asyncio.CancelledError):
             await sending
