@@ -3,7 +3,7 @@
 A web hook stores the number of the last change that its receiver has, like a client of the event stream. It
 reads what changed since then from the store: nothing queues in memory, a restart or takeover continues where
 the last one ended, and an order that changed several times meanwhile is sent once, in its present state.
-Each web hook has its own task: a receiver that is away delays nobody else.
+Each web hook has its own task, so an unreachable receiver does not delay the others.
 """
 
 from __future__ import annotations
