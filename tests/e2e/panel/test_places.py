@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Browser, Page, expect
 
-from support.aggregator_process import AggregatorProcess
-from support.broker import Broker, free_port
-from support.order_service_fleet import Fleet, order_in, vehicle_idle
+from support.broker import Broker
+from support.order_service_fleet import order_in
 from support.panel import COLOUR_NEAR, Hall, becomes, findings, opened, picture
+from support.panel_site import site
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -30,53 +30,42 @@ async def click_on(page: Page, x: float, y: float) -> None:
 async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
-    fleet, port = Fleet(broker, interface_name, tmp_path), free_port()
-    with fleet.stack:
-        fleet.agent()
-        service = fleet.order_service()
-        async with await service.client() as orders:
-            await vehicle_idle(orders)
-            options = ("--interface_name", interface_name, "--topic_prefix", fleet.prefix)
-            addresses = ("--http.port", str(port), "--mqtt.port", str(broker.port))
-            reached = ("--order_service.url", str(orders.base_url))
-            with AggregatorProcess(*addresses, *options, *reached) as aggregator:
-                await aggregator.logged("broker connected")
-                async with opened(browser, f"http://127.0.0.1:{port}/", width=1600, height=1000) as page:
-                    shown = page.locator("nena-place-page")
-                    await click_on(page, 6, 2)
-                    await expect(shown.locator("h2")).to_have_text("South 1 --- South 2")
-                    await expect(shown).to_contain_text("No robot.")
-                    await page.get_by_role("button", name="Lock", exact=True).click()
-                    await expect(shown).to_contain_text("South 1 --- South 2 locked")
-                    await expect(shown.locator(".chip")).to_have_text("Path, locked")
+    async with site(broker, interface_name, tmp_path, browser) as (page, orders):
+        shown = page.locator("nena-place-page")
+        await click_on(page, 6, 2)
+        await expect(shown.locator("h2")).to_have_text("South 1 --- South 2")
+        await expect(shown).to_contain_text("No robot.")
+        await page.get_by_role("button", name="Lock", exact=True).click()
+        await expect(shown).to_contain_text("South 1 --- South 2 locked")
+        await expect(shown.locator(".chip")).to_have_text("Path, locked")
 
-                    async def locked() -> bool:
-                        paths = (await orders.get("/v1/paths")).json()["paths"]
-                        return any(each["locked"] for each in paths if each["name"] == "South 1 --- South 2")
+        async def locked() -> bool:
+            paths = (await orders.get("/v1/paths")).json()["paths"]
+            return any(each["locked"] for each in paths if each["name"] == "South 1 --- South 2")
 
-                    await awaited(locked, bool, seconds=PATIENCE, what="the path is locked")
-                    await becomes(page, COLOUR_NEAR, [5, 2, "bad"], lambda found: found > 3)
-                    assert await findings(page) == []
-                    await picture(page, "path")
-                    await expect(page.get_by_role("button", name="Lock", exact=True)).to_be_disabled()
-                    await page.get_by_role("button", name="Unlock", exact=True).click()
-                    await expect(page.get_by_text("Robots may use this path again")).to_be_focused()
-                    await page.get_by_role("button", name="Unlock now").click()
-                    await expect(shown.locator(".chip")).to_have_text("Path")
-                    await awaited(locked, lambda still: not still, seconds=PATIENCE, what="it is unlocked")
+        await awaited(locked, bool, seconds=PATIENCE, what="the path is locked")
+        await becomes(page, COLOUR_NEAR, [5, 2, "bad"], lambda found: found > 3)
+        assert await findings(page) == []
+        await picture(page, "path")
+        await expect(page.get_by_role("button", name="Lock", exact=True)).to_be_disabled()
+        await page.get_by_role("button", name="Unlock", exact=True).click()
+        await expect(page.get_by_text("Robots may use this path again")).to_be_focused()
+        await page.get_by_role("button", name="Unlock now").click()
+        await expect(shown.locator(".chip")).to_have_text("Path")
+        await awaited(locked, lambda still: not still, seconds=PATIENCE, what="it is unlocked")
 
-                    await click_on(page, 3, 7)
-                    await expect(shown.locator("h2")).to_have_text("Middle 1")
-                    form = page.get_by_role("form", name="Send a robot here")
-                    await form.get_by_label("Vehicle").select_option("Robot-01")
-                    await click_on(page, 6, 2)  # does not close a form with input
-                    await expect(form.get_by_label("Vehicle")).to_have_value("Robot-01")
-                    await form.get_by_role("button").click()
-                    await expect(form).to_contain_text("created")
-                    name = (await orders.get("/v1/transportOrders")).json()["transportOrders"][0]["name"]
-                    await order_in(orders, name, "FINISHED")
-                    await expect(shown).to_contain_text("Robot-01 is here (Idle)")
-                    assert await findings(page) == []
+        await click_on(page, 3, 7)
+        await expect(shown.locator("h2")).to_have_text("Middle 1")
+        form = page.get_by_role("form", name="Send a robot here")
+        await form.get_by_label("Vehicle").select_option("Robot-01")
+        await click_on(page, 6, 2)  # does not close a form with input
+        await expect(form.get_by_label("Vehicle")).to_have_value("Robot-01")
+        await form.get_by_role("button").click()
+        await expect(form).to_contain_text("created")
+        name = (await orders.get("/v1/transportOrders")).json()["transportOrders"][0]["name"]
+        await order_in(orders, name, "FINISHED")
+        await expect(shown).to_contain_text("Robot-01 is here (Idle)")
+        assert await findings(page) == []
 
 
 async def test_tiny_map_draws_nothing_and_has_a_full_screen_button(hall: Hall, browser: Browser) -> None:

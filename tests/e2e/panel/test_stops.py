@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +11,9 @@ from playwright.async_api import Browser, Locator, Page, expect
 
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
-from support.order_service_fleet import Fleet, vehicle_idle
+from support.order_service_fleet import Fleet
 from support.panel import COLOUR_NEAR, becomes, findings, opened, picture
+from support.panel_site import site
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -33,27 +32,6 @@ async def stops_are(orders: httpx.AsyncClient, *paused: int) -> list[dict[str, A
         seconds=PATIENCE,
         what=f"stops with {paused} paused robots",
     )
-
-
-@asynccontextmanager
-async def site(
-    broker: Broker, interface_name: str, folder: Path, browser: Browser
-) -> AsyncIterator[tuple[Page, httpx.AsyncClient]]:
-    """Run a robot, an order service and an aggregator; yield the panel and a client of the order service."""
-    fleet, port = Fleet(broker, interface_name, folder), free_port()
-    with fleet.stack:
-        fleet.agent()
-        service = fleet.order_service()
-        async with await service.client() as orders:
-            await vehicle_idle(orders)
-            options = ("--interface_name", interface_name, "--topic_prefix", fleet.prefix)
-            addresses = ("--http.port", str(port), "--mqtt.port", str(broker.port))
-            reached = ("--order_service.url", str(orders.base_url))
-            with AggregatorProcess(*addresses, *options, *reached) as aggregator:
-                await aggregator.logged("broker connected")
-                async with opened(browser, f"http://127.0.0.1:{port}/", width=1600, height=1000) as page:
-                    await expect(robot(page)).to_contain_text("Idle")
-                    yield page, orders
 
 
 def robot(page: Page) -> Locator:

@@ -1,0 +1,37 @@
+"""The panel over a real order service, with one loopback robot."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import httpx
+from playwright.async_api import Browser, Page, expect
+
+from support.aggregator_process import AggregatorProcess
+from support.broker import Broker, free_port
+from support.order_service_fleet import Fleet, vehicle_idle
+from support.panel import opened
+
+
+@asynccontextmanager
+async def site(
+    broker: Broker, interface_name: str, folder: Path, browser: Browser
+) -> AsyncIterator[tuple[Page, httpx.AsyncClient]]:
+    """Run a robot, an order service and an aggregator; yield the panel and a client of the order service."""
+    fleet, port = Fleet(broker, interface_name, folder), free_port()
+    with fleet.stack:
+        fleet.agent()
+        service = fleet.order_service()
+        async with await service.client() as orders:
+            await vehicle_idle(orders)
+            options = ("--interface_name", interface_name, "--topic_prefix", fleet.prefix)
+            addresses = ("--http.port", str(port), "--mqtt.port", str(broker.port))
+            reached = ("--order_service.url", str(orders.base_url))
+            with AggregatorProcess(*addresses, *options, *reached) as aggregator:
+                await aggregator.logged("broker connected")
+                async with opened(browser, f"http://127.0.0.1:{port}/", width=1600, height=1000) as page:
+                    shown = page.locator("tr[data-robot]").filter(has_text="Robot-01")
+                    await expect(shown).to_contain_text("Idle")
+                    yield page, orders
