@@ -39,7 +39,8 @@ def running_demo(tmp_path: Path, domain_id: int) -> Iterator[subprocess.Popen[st
         process.wait()
 
 
-@pytest.mark.parametrize("broker", [pytest.param("mosquitto", marks=pytest.mark.long), "amqtt"])  # make smoke
+@pytest.mark.long  # make smoke is the first
+@pytest.mark.parametrize("broker", ["mosquitto", "amqtt"])
 def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(
     tmp_path: Path, domain_id: int, broker: str
 ) -> None:
@@ -58,7 +59,7 @@ def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
 def test_signal_ends_every_process_and_removes_every_file(
     running_demo: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
 ) -> None:

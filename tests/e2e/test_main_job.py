@@ -120,6 +120,7 @@ async def test_an_aborted_drive_is_an_error_of_the_robot_and_failed_at_the_host(
             assert again.state == "FINISHED"
 
 
+@pytest.mark.long
 async def test_a_robot_is_sent_to_a_coordinate_and_back_to_a_point(tmp_path: Path, domain_id: int) -> None:
     choices = Options(domain_id=domain_id, time_factor=10.0)
     async with started(tmp_path, choices) as running:

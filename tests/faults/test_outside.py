@@ -97,6 +97,7 @@ def test_delays_grow_from_the_shortest_to_the_longest() -> None:
     assert len(steps(50)) == 50
 
 
+@pytest.mark.long  # test_frozen_leader.py shows one pause
 @pytest.mark.e2e
 @pytest.mark.broker
 @pytest.mark.timeout(1200)

@@ -86,7 +86,7 @@ async def order_service(fleet: Fleet) -> str:
         return str(client.base_url).rstrip("/")
 
 
-@pytest.mark.parametrize("mount", ["", "/opentcs"])
+@pytest.mark.parametrize("mount", ["", pytest.param("/opentcs", marks=pytest.mark.long)])
 async def test_the_order_service(fleet: Fleet, mount: str) -> None:
     assert ask_everything(f"{await order_service(fleet)}{mount}", "/openapi.json") > 8
 

@@ -91,7 +91,7 @@ def row(page: Page, number: int) -> Any:
     return page.locator(f"tr[data-robot='ACME/r{number:02}']")
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.long)], ids=["light", "dark"])
 async def test_jam_is_traced_to_its_first_robot(hall: Hall, browser: Browser, *, dark: bool) -> None:
     async with hall.connected(*JAM):
         jam(hall)

@@ -108,6 +108,7 @@ async def test_area_is_drawn_on_the_map_and_paused(
         await expect(page.get_by_text("A stop of this area locks the path")).to_be_hidden()
 
 
+@pytest.mark.long
 async def test_panel_without_commands_shows_the_banner_without_buttons(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:

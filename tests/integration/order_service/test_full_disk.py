@@ -55,6 +55,7 @@ async def killed_with_a_full_disk(fleet: Fleet, disk: SmallDisk) -> None:
     program.kill()
 
 
+@pytest.mark.long
 async def test_starting_with_a_full_disk_is_reported_stoppable_and_continues_with_room(
     fleet_on_it: Fleet, disk: SmallDisk
 ) -> None:

@@ -111,6 +111,7 @@ async def test_unpublished_end_is_published_after_the_restart(fleet: Fleet) -> N
     assert json.loads(host.payloads(topic)[0])["state"] == "FAILED"
 
 
+@pytest.mark.long
 async def test_unpublished_end_of_a_sequence_is_published_after_the_restart(fleet: Fleet) -> None:
     program = fleet.order_service()
     client = await program.client()

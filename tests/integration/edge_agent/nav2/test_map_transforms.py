@@ -115,7 +115,11 @@ async def driven_by_hosts(bench: Bench, fleet: Fleet, **agent: Any) -> AsyncIter
             yield client
 
 
-@pytest.mark.parametrize("transforms", [{}, {HALL: TRANSFORM}], ids=["fleet control", "the robot itself"])
+@pytest.mark.parametrize(
+    "transforms",
+    [pytest.param({}, marks=pytest.mark.long), {HALL: TRANSFORM}],
+    ids=["fleet control", "the robot itself"],
+)
 async def test_coordinates_are_transformed_once_by_either_side(
     bench: Bench, broker: Broker, interface_name: str, tmp_path: Path, transforms: dict[str, str]
 ) -> None:
