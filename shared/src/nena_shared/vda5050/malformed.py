@@ -66,7 +66,7 @@ def received_in(error: ValidationError, payload: bytes) -> str:
 
 def quoted(value: object) -> str:
     """Return a received value as JSON, shortened."""
-    if isinstance(value, str | int | list | dict):
+    if isinstance(value, (str, int, list, dict)):  # a tuple is faster than a union
         try:
             text = to_json(value).decode()
         except (ValueError, RecursionError):

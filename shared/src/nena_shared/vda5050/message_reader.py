@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Any, TypeVar
 
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.records import RECORDED, parse, read_record, record_of
+from nena_shared.vda5050.records import RECORDED, encoded, parse, parse_members, read_record, record_of
 from nena_shared.vda5050.repair import (
     EVERYWHERE,
     Repair,
@@ -26,6 +27,8 @@ from nena_shared.vda5050.repair import (
 from nena_shared.vda5050.versions import load_codecs, reader_for, reader_of
 
 TOPICS_REMEMBERED = 20_000
+DEVIATIONS_REMEMBERED = 100
+"""Messages in a row without a deviation after which the deviations of a topic are forgotten."""
 
 M = TypeVar("M", bound=Header)
 Report = Callable[[str, tuple[Repair, ...]], None]
@@ -38,13 +41,15 @@ def _ignore(_topic: str, _repairs: tuple[Repair, ...]) -> None:
 
 @dataclass(slots=True)
 class _KnownReader:
-    """Version and deviations of the last message on a topic."""
+    """Version of the last message on a topic, and its recent deviations."""
 
     version: str
     """As written in the header."""
     codec: Codec
     deviations: frozenset[str]
-    """Paths of the repaired fields; checked first in the next message."""
+    """Paths of repaired fields; in the next message only these are repaired, if that is enough."""
+    right: int = 0
+    """Messages since the last deviation."""
 
 
 class MessageReader:
@@ -72,18 +77,20 @@ class MessageReader:
         """
         self.undated = False
         known = self._known.get(topic)
-        if known is not None and known.deviations:
-            message = self._repaired(kind, topic, payload, major_version)
+        if known is not None and known.deviations and kind in RECORDED:
+            message = self._repaired(kind, topic, payload, major_version, known.deviations)
             if message is not None:
                 return message
         if known is not None:
             try:
                 message = _read(kind, known.codec, payload)
             except MalformedMessageError:
-                del self._known[topic]  # its version may have changed
+                pass  # its version may have changed
             else:
                 if message.version == known.version:
-                    known.deviations = EVERYWHERE
+                    known.right += 1
+                    if known.right == DEVIATIONS_REMEMBERED:
+                        known.deviations = EVERYWHERE
                     return message
         return self._read_unexpected(kind, topic, payload, major_version)
 
@@ -93,15 +100,21 @@ class MessageReader:
         try:
             message = _read(kind, codec, payload)
         except MalformedMessageError:
-            repaired = None if self._strict else self._repaired(kind, topic, payload, major_version)
+            repaired = None
+            if not self._strict:
+                repaired = self._repaired(kind, topic, payload, major_version, EVERYWHERE)
             if repaired is None:
                 raise
             return repaired
         self._learn(topic, _KnownReader(message.version, codec, EVERYWHERE))
         return message
 
-    def _repaired(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M | None:
-        """Repair and read a message; None if nothing deviates, or it is not a JSON object.
+    def _repaired(
+        self, kind: type[M], topic: str, payload: bytes, major_version: str, only: frozenset[str]
+    ) -> M | None:
+        """Repair and read a message, all fields if those in ``only`` are not enough.
+
+        Returns None if no field in ``only`` deviates, or the message is not a JSON object.
 
         Raises:
             MalformedMessageError: the message cannot be repaired.
@@ -110,47 +123,33 @@ class MessageReader:
         if len(payload) > MAXIMUM_PAYLOAD:
             return None
         try:
-            content, exact = parse(without_mark(payload, found))
-        except ValueError:
-            return None
-        if not isinstance(content, dict):
-            return None
-        codec = reader_for(version_number(content.get("version")), major_version)
-        # NaN may be in any field, so check all of them
-        usual = self._usual(topic) if exact else EVERYWHERE
-        try:
-            message = self._repaired_with(kind, codec, content, found, usual)
-        except (ArithmeticError, ValueError, RecursionError) as error:
-            if isinstance(error, MalformedMessageError):
-                raise
+            text = without_mark(payload, found)
+            content = parse_members(text, _members(only)) if only else parse(text)
+            if not isinstance(content, dict):
+                return None
+            codec = reader_for(version_number(content.get("version")), major_version)
+            message = _repaired_in(kind, codec, content, found, only)
+        except MalformedMessageError:
+            if only:
+                return self._repaired(kind, topic, payload, major_version, EVERYWHERE)
+            raise
+        except (ArithmeticError, ValueError, RecursionError):
             return None
         if message is not None:
-            self._learn(topic, _KnownReader(message.version, codec, frozenset(path for path, _ in found)))
-            self.undated = any(kind is RepairKind.TIME_OF_ARRIVAL for _, kind in found)
+            self._learn_deviations(topic, message.version, codec, found)
+            self.undated = ("timestamp", RepairKind.TIME_OF_ARRIVAL) in found
             self._report(topic, repairs_of(found))
         return message
 
-    def _usual(self, topic: str) -> frozenset[str]:
+    def _learn_deviations(self, topic: str, version: str, codec: Codec, found: Repairs) -> None:
+        paths = frozenset([path for path, _ in found])
         known = self._known.get(topic)
-        return known.deviations if known else EVERYWHERE
-
-    def _repaired_with(
-        self, kind: type[M], codec: Codec, content: dict[str, Any], found: Repairs, usual: frozenset[str]
-    ) -> M | None:
-        """Repair the fields in ``usual`` first, and all others only if that is not enough."""
-        form = codec.forms.get(kind)
-        if form is None:
-            return None
-        now = datetime.now(UTC)
-        for only in (usual, EVERYWHERE) if usual else (EVERYWHERE,):
-            repair(form, content, found, version=codec.version, now=now, scope=Scope.REPORT, only=only)
-            try:
-                if found:
-                    return _read_repaired(kind, codec, content)
-            except MalformedMessageError:
-                if only is EVERYWHERE:
-                    raise
-        return None
+        if known is not None:
+            if version == known.version and paths <= known.deviations:
+                known.right = 0
+                return
+            paths |= known.deviations
+        self._learn(topic, _KnownReader(version, codec, paths))
 
     def _learn(self, topic: str, known: _KnownReader) -> None:
         if topic not in self._known and len(self._known) >= TOPICS_REMEMBERED:
@@ -166,12 +165,31 @@ def _read(kind: type[M], codec: Codec, payload: bytes) -> M:
     return read_record(kind, codec, payload) if kind in RECORDED else codec.decode(kind, payload)
 
 
+@lru_cache(maxsize=10_000)
+def _members(paths: frozenset[str]) -> frozenset[str]:
+    """Return the members of a message that a repair of the fields at ``paths`` reads."""
+    return frozenset(path.partition(".")[0] for path in paths) | {"version", "orderId"}
+
+
+def _repaired_in(
+    kind: type[M], codec: Codec, content: dict[str, Any], found: Repairs, only: frozenset[str]
+) -> M | None:
+    """Repair the fields in ``only``, or all, and read the message; None if none of them deviates."""
+    form = codec.forms.get(kind)
+    if form is None:
+        return None
+    repair(form, content, found, version=codec.version, now=datetime.now(UTC), scope=Scope.REPORT, only=only)
+    return _read_repaired(kind, codec, content) if found else None
+
+
 def _read_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | None:
     """Read a repaired message; None if a value cannot be written as JSON."""
-    record = record_of(kind, codec, content) if kind in RECORDED else None
-    if record is not None:
-        return record
-    again = written(content)
+    again = encoded(content)
+    if again is None:
+        record = record_of(kind, codec, content) if kind in RECORDED else None
+        if record is not None:
+            return record
+        again = written(content)
     return None if again is None else _read(kind, codec, again)
 
 

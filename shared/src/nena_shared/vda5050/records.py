@@ -11,15 +11,16 @@ names, other spellings) do not fit the record; the version's codec then reads th
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import datetime
 from enum import StrEnum
 from functools import cache
+from sys import float_info
 from types import GenericAlias
 from typing import Annotated, Any, Final, TypeVar, cast
 
-from msgspec import DecodeError, Meta, Struct, ValidationError, convert, defstruct, field, structs
-from msgspec.json import Decoder
+from msgspec import DecodeError, Meta, Raw, Struct, ValidationError, convert, defstruct, field, structs
+from msgspec.json import Decoder, Encoder
 from msgspec.structs import force_setattr
 from pydantic_core import from_json
 
@@ -32,6 +33,8 @@ from nena_shared.vda5050.visualization import Visualization
 R = TypeVar("R", bound=Header)
 
 _JSON: Final[Decoder[Any]] = Decoder()
+_MEMBERS: Final[Decoder[dict[str, Raw]]] = Decoder(dict[str, Raw])
+_ENCODER: Final = Encoder()
 
 RECORDED: Final = (State, Visualization)
 """Messages that are read as records: the most frequent ones."""
@@ -47,17 +50,41 @@ def read_record(kind: type[R], codec: Codec, payload: bytes) -> R:
     return codec.decode(kind, payload) if record is None else record
 
 
-def parse(payload: bytes) -> tuple[Any, bool]:
-    """Parse JSON; return the value, and False if it contains NaN or infinity, else True.
+def parse(payload: bytes) -> Any:  # noqa: ANN401 - JSON
+    """Parse JSON, which may contain NaN or infinity.
 
     Raises:
         ValueError: the payload is not JSON.
 
     """
     try:
-        return _JSON.decode(payload), True
+        return _JSON.decode(payload)
     except (DecodeError, RecursionError):
-        return from_json(payload), False
+        return from_json(payload)
+
+
+def parse_members(payload: bytes, names: Iterable[str]) -> Any:  # noqa: ANN401 - JSON
+    """Parse the named members of a JSON object; the others stay text (``Raw``), which is faster.
+
+    Everything is parsed if it contains NaN or infinity, or is no object.
+
+    Raises:
+        ValueError: the payload is not JSON.
+
+    """
+    try:
+        content: dict[str, Any] = _MEMBERS.decode(payload)
+        for name in names:
+            if name in content:
+                content[name] = _JSON.decode(content[name])
+    except (DecodeError, RecursionError):
+        return from_json(payload)
+    return content
+
+
+def encoded(content: dict[str, Any]) -> bytes | None:
+    """Serialise a message of which members are text (see ``parse_members``); None if none is."""
+    return _ENCODER.encode(content) if Raw in map(type, content.values()) else None
 
 
 def record_of(kind: type[R], codec: Codec, content: dict[str, Any]) -> R | None:
@@ -170,6 +197,8 @@ def _limited(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
     if kind in (int, float):
         limits = {"ge": shape.least, "gt": shape.above, "le": shape.most}
         given = {name: kind(limit) for name, limit in limits.items() if limit is not None}
+        if kind is float:  # NaN and infinity, which ``record_of`` may be given, are beyond these limits
+            given = ({} if "gt" in given else {"ge": -float_info.max}) | {"le": float_info.max} | given
         return Annotated[kind, Meta(**given)] if given else kind
     if kind is str:
         return Annotated[str, Meta(max_length=shape.longest, pattern=_pattern(shape))]

@@ -175,9 +175,12 @@ def repair(
         version: number of that version, for messages without one.
         now: time of arrival.
         scope: which repairs are allowed.
-        only: paths of the fields to check in addition to the header.
+        only: paths of the fields to check.
     """
-    _repair_header(form, content, found, version, now)
+    if not only or "version" in only:
+        _repair_version(form, content, found, version)
+    if not only or "timestamp" in only:
+        _repair_timestamp(form, content, found, now)
     for field in _fields_of(form, "", scope, only):
         with suppress(_UnrepairableError):
             field.apply(content, found)
@@ -195,7 +198,7 @@ def written(content: dict[str, Any]) -> bytes | None:
 
 def repairs_of(found: Repairs) -> tuple[Repair, ...]:
     """Return the repairs, each field and kind once."""
-    return tuple(Repair(*key, received) for key, received in found.items())
+    return tuple([Repair(field, kind, received) for (field, kind), received in found.items()])
 
 
 def version_number(value: object) -> str | None:
@@ -209,17 +212,16 @@ def _completed(text: str) -> str | None:
     return ".".join(str(int(part or "0")) for part in written.groups()) if written else None
 
 
-def _repair_header(
-    form: type[Header], content: dict[str, Any], found: Repairs, version: str, now: datetime
-) -> None:
-    """Repair version and timestamp (section 7.2)."""
-    required = _required(form)
+def _repair_version(form: type[Header], content: dict[str, Any], found: Repairs, version: str) -> None:
     stated = content.get("version")
-    if ("version" in content or "version" in required) and not _is_version(stated):
+    if ("version" in content or "version" in _required(form)) and not _is_version(stated):
         content["version"] = version_number(stated) or version
         found["version", RepairKind.VERSION_NUMBER] = quoted(stated)
+
+
+def _repair_timestamp(form: type[Header], content: dict[str, Any], found: Repairs, now: datetime) -> None:
     time = content.get("timestamp")
-    if ("timestamp" in content or "timestamp" in required) and not _is_time(time):
+    if ("timestamp" in content or "timestamp" in _required(form)) and not _is_time(time):
         content["timestamp"] = iso(now)
         found["timestamp", RepairKind.TIME_OF_ARRIVAL] = quoted(time)
 

@@ -10,7 +10,7 @@ import pytest
 from nena_shared.vda5050 import message_reader as reader
 from nena_shared.vda5050.command_reader import read_command
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.message_reader import MessageReader
+from nena_shared.vda5050.message_reader import DEVIATIONS_REMEMBERED, MessageReader
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair, RepairKind
 from nena_shared.vda5050.state import State
@@ -59,6 +59,43 @@ def test_a_message_that_deviates_is_repaired_and_reported_until_it_is_right_agai
     number = Repair("headerId", RepairKind.TEXT_AS_NUMBER, '"1"')
     charge = Repair("batteryState.batteryCharge", RepairKind.CLAMPED, "101.3")
     assert reports == [(TOPIC, (number,)), (TOPIC, (number, charge)), (TOPIC, (number,))]
+
+
+@pytest.mark.parametrize("charge", [b"101.3", b"NaN"])
+def test_recent_deviations_are_repaired_without_checking_the_whole_message(
+    charge: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    messages = MessageReader()
+    good = CODEC_2_1.encode(state())
+    payloads = (
+        good,
+        good.replace(b'"batteryCharge":80.0', b'"batteryCharge":' + charge),
+        good.replace(b'"headerId":1', b'"headerId":"1"'),
+    )
+    for payload in payloads:
+        messages.read(State, TOPIC, payload, "v2")
+    monkeypatch.setattr(reader, "parse", None)
+    for payload in payloads:
+        assert messages.read(State, TOPIC, payload, "v2").header_id == 1
+
+
+def test_deviations_are_forgotten_after_many_right_messages() -> None:
+    messages = MessageReader()
+    good = CODEC_2_1.encode(state())
+    messages.read(State, TOPIC, good.replace(b'"headerId":1', b'"headerId":"1"'), "v2")
+    assert messages._known[TOPIC].deviations == {"headerId"}
+    for _ in range(DEVIATIONS_REMEMBERED):
+        messages.read(State, TOPIC, good, "v2")
+    assert not messages._known[TOPIC].deviations
+
+
+def test_a_robot_that_deviates_may_change_its_version() -> None:
+    messages = MessageReader()
+    for codec in (CODEC_2_1, CODEC_2_0, CODEC_2_1):
+        payload = codec.encode(state(maps=({"map_id": "m", "map_version": "1", "map_status": "ENABLED"},)))
+        payload = payload.replace(b'"headerId":1', b'"headerId":"1","maps":[]')
+        message = messages.read(State, TOPIC, payload, "v2")
+        assert (message.version, message.maps is None) == (codec.version, codec is CODEC_2_0)
 
 
 def test_refusal_names_only_unrepairable_values() -> None:

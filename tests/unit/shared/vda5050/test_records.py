@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from enum import Enum
+from math import inf, nan
 from typing import Any
 
 import pytest
@@ -17,6 +18,7 @@ from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.records import RECORDED, read_record, record_of
+from nena_shared.vda5050.shape import fields_of
 from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.v2_0 import CODEC as CODEC_2_0
 from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
@@ -211,6 +213,25 @@ def test_parsed_message_yields_the_same_record(codec: Codec, kind: type[Any], da
     payload = codec.encode(data.draw(strategy(kind)))
     record = record_of(kind, codec, json.loads(payload))
     assert record is None or same(record, codec.decode(kind, payload))
+
+
+def test_nan_and_infinity_yield_no_record() -> None:
+    content = json.loads(
+        CODEC_2_1.encode(state(mobile_robot_position=position(1.0, 2.0), velocity={"vx": 1.0}))
+    )
+    assert record_of(State, CODEC_2_1, content) is not None
+    for place, name in ((content["velocity"], "vx"), (content["agvPosition"], "theta")):
+        for value in (nan, inf, -inf):
+            right, place[name] = place[name], value
+            assert record_of(State, CODEC_2_1, content) is None
+            place[name] = right
+
+
+@pytest.mark.parametrize("kind", RECORDED)
+def test_members_of_a_record_have_one_name(kind: type[Any]) -> None:
+    """The reader of deviating messages looks for members by that name."""
+    for codec in CODECS.values():
+        assert all(len(each.wire) == 1 for each in fields_of(codec.forms[kind]))
 
 
 def test_fields_missing_in_a_version_are_none() -> None:

@@ -167,6 +167,19 @@ def test_clear_deviation_is_repaired_and_reported(
         assert named.startswith(repairs[0].field) or repairs[0].field.startswith(named)
 
 
+def test_deviation_is_read_alike_after_any_other() -> None:
+    payloads = [deviating(path, value) for path, value, *_ in REPAIRED]
+    alone = [read(payload) for payload in payloads]
+    found: list[Repair] = []
+    for first in payloads:
+        reader = MessageReader(lambda _, repairs: found.extend(repairs))
+        reader.read(State, TOPIC, first, "v2")
+        for payload, (message, repairs) in zip(payloads, alone, strict=True):
+            found.clear()
+            assert reader.read(State, TOPIC, payload, "v2") == message
+            assert found == repairs
+
+
 @pytest.mark.parametrize("value", [1_700_000_000, "", None, "yesterday", MISSING, "2026-01-01"])
 def test_time_of_arrival_replaces_an_unreadable_timestamp(value: Any) -> None:
     before = datetime.now(UTC)
