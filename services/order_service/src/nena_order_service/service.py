@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, partial
 from itertools import chain
 from secrets import token_hex
@@ -18,6 +18,8 @@ from starlette.types import ASGIApp
 
 from nena_order_service.api import opentcs
 from nena_order_service.api.asyncapi import document
+from nena_order_service.api.audit import Trail, record_current, recorder
+from nena_order_service.api.audit_states import ObjectStates
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.metrics import SECTIONS, Monitored
@@ -43,7 +45,7 @@ from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.plant_file import PlantFile
 from nena_order_service.routing.graph import evaluators
 from nena_order_service.routing.router import RouteFinder, Router
-from nena_order_service.settings import OrderServiceSettings
+from nena_order_service.settings import AuditSettings, OrderServiceSettings
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
@@ -103,6 +105,7 @@ class OrderService:
         start("loop lag", self.loop_lag.run())
         start("heartbeat", self.heartbeat.run(self.mqtt))
         start("zone sets", self.hosts.zones.run())
+        start("audit trail", self.hosts.trail.run(), vital=False)
         start("retained sweep", self.sweep.run(), vital=False)
         for each in self.hosts.webhooks.hooks:
             start(
@@ -154,7 +157,7 @@ def build(
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
     devices = PeripheralLink(mqtt, topics, engine)
-    hosts = _make_host_services(engine, fleet, Webhooks.of(settings.webhooks, store, clock))
+    hosts = _make_host_services(engine, fleet, Webhooks.of(settings.webhooks, store, clock), settings.audit)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream = EventStream(engine, settings.events)
@@ -218,14 +221,19 @@ def make_fleet(
     )
 
 
-def _make_host_services(engine: Engine, fleet: FleetLink, webhooks: Webhooks) -> HostServices:
+def _make_host_services(
+    engine: Engine, fleet: FleetLink, webhooks: Webhooks, audit: AuditSettings
+) -> HostServices:
+    zones = ZoneSets(engine, fleet.send_zone_set)
+    engine.unit_of_work.record = record_current
     return HostServices(
         HostRequests(engine),
         SequenceRequests(engine),
         PathLocks(engine),
-        ZoneSets(engine, fleet.send_zone_set),
+        zones,
         PeripheralRequests(engine),
         StopRequests(engine),
+        Trail(engine.store, engine.clock, ObjectStates(engine, zones), kept_days=audit.kept_days),
         webhooks,
     )
 
@@ -320,6 +328,8 @@ class _RequestedChange:
     model: PlantModel | EditPlant
     done: asyncio.Future[None]
     check_only: bool
+    record: Callable[[Changes], None] = field(default_factory=recorder)
+    """Adds the request to the audit trail, with the change."""
 
 
 class ServiceRunner:
@@ -408,7 +418,7 @@ class ServiceRunner:
             return
         old.engine.close(CHANGING)  # nothing else has run since the check above
         await self._end(old)
-        await self._keep(model)
+        await self._keep(model, asked.record)
         service.changes.count = old.changes.count
         self.service = service
         try:
@@ -425,15 +435,16 @@ class ServiceRunner:
         await end(*tasks)
         await service.end()
 
-    async def _keep(self, model: PlantModel) -> None:
+    async def _keep(self, model: PlantModel, record: Callable[[Changes], None]) -> None:
         """Commit the model, however long the store takes."""
         given = model.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True)
         stored = StoredPlant(file=self._file.digest, model=given)
-        await self._commit(stored.model_dump_json())
+        await self._commit(stored.model_dump_json(), record)
 
-    async def _commit(self, document: str | None) -> None:
+    async def _commit(self, document: str | None, record: Callable[[Changes], None] = lambda _: None) -> None:
         changes = Changes()
         changes.documents[PLANT_MODEL, ""] = document
+        record(changes)
         done = asyncio.Event()
         self._store.commit(changes, done.set)
         await done.wait()

@@ -20,7 +20,7 @@ class Role(IntEnum):
     OPERATOR = 2
     """Create orders and send commands."""
     ADMIN = 3
-    """Change the plant model and zone sets."""
+    """Change the plant model and zone sets; read the audit trail."""
 
 
 class CamelCase(BaseModel):

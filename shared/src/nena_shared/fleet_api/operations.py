@@ -14,6 +14,7 @@ from typing import Any, Final, Generic, Literal, TypeVar
 from urllib.parse import quote
 
 from nena_shared.fleet_api import requests, transport_order
+from nena_shared.fleet_api.audit import AuditPage, AuditQuery
 from nena_shared.fleet_api.base import ObjectName, Role
 from nena_shared.fleet_api.peripherals import (
     PeripheralJobList,
@@ -46,6 +47,7 @@ PLANT_MODEL: Final = "/v1/plantModel"
 SUMMARY: Final = "/v1/summary"
 TRAFFIC_PLAN: Final = "/v1/traffic/plan"
 WEBHOOKS: Final = "/v1/webhooks"
+AUDIT: Final = "/v1/audit"
 
 BATCH_BYTES: Final = 1_000_000
 """Maximum size of a batch of orders: 1,000 orders with two destinations have about 0.3 MB."""
@@ -127,6 +129,7 @@ TAGS: Final = {
     SUMMARY: "summary",
     TRAFFIC_PLAN: "traffic",
     WEBHOOKS: "web hooks",
+    AUDIT: "audit trail",
 }
 
 CREATE_ORDER = Operation(
@@ -628,6 +631,17 @@ LIST_WEBHOOKS = Operation(
     Role.ADMIN,
 )
 
+LIST_AUDIT = Operation(
+    "auditTrail",
+    "List who changed what, newest first, in rows that are chained by hashes.",
+    "GET",
+    AUDIT,
+    AuditPage,
+    Role.ADMIN,
+    request=AuditQuery,
+    refusals=(Refusal.NOT_SAVED,),
+)
+
 OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     CREATE_ORDER,
     CREATE_ORDERS,
@@ -669,6 +683,7 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     SUMMARISE,
     SHOW_TRAFFIC_PLAN,
     LIST_WEBHOOKS,
+    LIST_AUDIT,
 )
 """All operations with generated routes. A route that also matches another one's path comes after it."""
 

@@ -10,7 +10,7 @@ from nena_order_service.service import OrderService
 from nena_shared.plant import PlantModel
 
 
-async def test_model_of_any_format_is_accepted_or_refused() -> None:
+async def test_model_of_any_format_is_accepted_or_refused(service: OrderService) -> None:
     asked: list[tuple[str, bool]] = []
 
     async def change(model: PlantModel, *, check_only: bool = False) -> None:
@@ -18,7 +18,7 @@ async def test_model_of_any_format_is_accepted_or_refused() -> None:
 
     app = FastAPI()
     problems.install(app)
-    app.include_router(plant_model_router(b"{}", change))
+    app.include_router(plant_model_router(b"{}", change, service.hosts.trail))
     transport = httpx.ASGITransport(app)
     async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as client:
         data = sample_plant_path().read_bytes()

@@ -241,6 +241,7 @@ def test_automatic_orders_of_an_older_release_are_recognised(
     write(engine, changes((order, None)))
     with engine.begin() as connection:
         connection.execute(text("UPDATE order_service_version SET version_num = '0005'"))
+        connection.execute(text("DROP TABLE audit"))
     found = read_order(open_database(url), name=name)
     assert found is not None
     assert found.status.automatic is automatic

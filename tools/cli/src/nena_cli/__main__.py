@@ -52,6 +52,7 @@ COMMANDS: Final = {
     "peripherals": Command(
         "nena_cli.peripherals", "app", "Peripheral devices, such as doors, and their jobs."
     ),
+    "audit": Command("nena_cli.audit", "app", "Who changed what, and whether the audit trail is intact."),
     "plant": Command("nena_cli.plants", "app", "Plant models: openTCS XML, LIF and NeNa's own JSON."),
     "vda5050": Command(
         "nena_cli.conversations", "app", "Record, replay, show and check VDA 5050 conversations."

@@ -53,7 +53,7 @@ class Service:
     @contextmanager
     def opened(self) -> Iterator[Client]:
         """Connect; raises RefusedError, UnreachableError and OSError."""
-        connection = Client(self.urls, self._token(), retry_for=0)
+        connection = Client(self.urls, self._token(), retry_for=0, user_agent="nena")
         try:
             yield connection
         finally:

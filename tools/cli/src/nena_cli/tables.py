@@ -8,6 +8,7 @@ from datetime import datetime
 from rich.table import Table
 from rich.text import Text
 
+from nena_shared.fleet_api.audit import AuditEntry
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus, PeripheralStatus
 from nena_shared.fleet_api.plant import ZoneSetStatus
 from nena_shared.fleet_api.requests import InstantActionAnswer
@@ -256,6 +257,29 @@ def stops_table(stops: Iterable[StopStatus]) -> Table:
         others = "; ".join(f"{other.vehicle} {other.reason}" for other in each.not_paused)
         since = f"{each.since:%Y-%m-%d %H:%M:%S} UTC"
         table.add_row(*map(Text, (each.name, where, each.by, since, each.reason, paused, others)))
+    return table
+
+
+def audit_table(entries: Iterable[AuditEntry]) -> Table:
+    """Return a table with a row for each request of the audit trail."""
+    table = Table("row", "time", "user", "by", "operation", "object", "request", "change", "result")
+    for each in entries:
+        change = " > ".join(filter(None, (each.before, each.after)))
+        result = f"{each.result}: {each.reason}" if each.reason else str(each.result)
+        time = f"{each.timestamp:%Y-%m-%d %H:%M:%S} UTC"
+        by = f"{each.interface} ({each.client})" if each.client else str(each.interface)
+        row = (
+            str(each.sequence),
+            time,
+            each.user,
+            by,
+            each.operation,
+            each.object,
+            each.request,
+            change,
+            result,
+        )
+        table.add_row(*map(Text, row))
     return table
 
 

@@ -42,8 +42,12 @@ RETRY_PAUSE = 1.0
 ORDER_EVENT = "transportOrder"
 
 
-def _headers(token: str | None) -> dict[str, str]:
-    return {"Authorization": f"Bearer {token}"} if token else {}
+USER_AGENT = "nena-client"
+"""Name of the client in the audit trail, unless the caller chooses one."""
+
+
+def _headers(token: str | None, user_agent: str) -> dict[str, str]:
+    return {"User-Agent": user_agent} | ({"Authorization": f"Bearer {token}"} if token else {})
 
 
 def _may_pass(error: UnreachableError | RefusedError) -> bool:
@@ -58,13 +62,19 @@ class Client:
         token: of a user; None: the order service requires none.
         retry_for: how long requests are repeated while no order service answers, seconds; only requests that
             may be repeated, to which the client adds idempotency keys.
+        user_agent: name of the client in the audit trail.
 
     """
 
     def __init__(
-        self, urls: str | Sequence[str], token: str | None = None, *, retry_for: float = RETRY_FOR
+        self,
+        urls: str | Sequence[str],
+        token: str | None = None,
+        *,
+        retry_for: float = RETRY_FOR,
+        user_agent: str = USER_AGENT,
     ) -> None:
-        self._client = httpx.Client(headers=_headers(token), timeout=ANSWER)
+        self._client = httpx.Client(headers=_headers(token, user_agent), timeout=ANSWER)
         self._addresses = Addresses.of(urls)
         self._retry_for = retry_for
 
@@ -189,9 +199,14 @@ class AsyncClient:
     """The same for asyncio. Use it as an asynchronous context manager, or call :meth:`close`."""
 
     def __init__(
-        self, urls: str | Sequence[str], token: str | None = None, *, retry_for: float = RETRY_FOR
+        self,
+        urls: str | Sequence[str],
+        token: str | None = None,
+        *,
+        retry_for: float = RETRY_FOR,
+        user_agent: str = USER_AGENT,
     ) -> None:
-        self._client = httpx.AsyncClient(headers=_headers(token), timeout=ANSWER)
+        self._client = httpx.AsyncClient(headers=_headers(token, user_agent), timeout=ANSWER)
         self._addresses = Addresses.of(urls)
         self._retry_for = retry_for
 

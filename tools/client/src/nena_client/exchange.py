@@ -12,12 +12,13 @@ from uuid import uuid4
 import httpx
 from pydantic import BaseModel, JsonValue, ValidationError
 
+from nena_shared.fleet_api.audit import AuditPage
 from nena_shared.fleet_api.operations import Operation
 from nena_shared.fleet_api.requests import OrderSequencePage, Readiness, TransportOrderPage, VehicleList
 from nena_shared.fleet_api.transport_order import Problem, TransportOrderBatch
 
 A = TypeVar("A", bound=BaseModel)
-P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList)
+P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList, AuditPage)
 Query = Mapping[str, str | int | Sequence[str]]
 
 PAGE = 200

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from math import hypot
 
 from nena_order_service import errors
+from nena_order_service.api.audit import Trail
 from nena_order_service.api.peripheral_requests import PeripheralRequests
 from nena_order_service.api.stop_requests import StopRequests
 from nena_order_service.api.webhooks import Webhooks
@@ -660,6 +661,7 @@ class HostServices:
     zones: ZoneSets
     peripherals: PeripheralRequests
     stops: StopRequests
+    trail: Trail
     webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
 
     async def load(self) -> None:

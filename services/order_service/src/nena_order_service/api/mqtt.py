@@ -15,6 +15,7 @@ from typing import Any, Final, TypeVar, cast
 from pydantic import BaseModel, Field, ValidationError, create_model
 from pydantic_core import from_json
 
+from nena_order_service.api.audit import Origin
 from nena_order_service.api.encoding import encode
 from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, HostOperations
@@ -23,6 +24,7 @@ from nena_order_service.settings import HostSettings
 from nena_shared.clock import Clock
 from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api import operations as table
+from nena_shared.fleet_api.audit import AuditInterface
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.operations import Operation
 from nena_shared.fleet_api.requests import SOMEBODY
@@ -176,7 +178,8 @@ class MqttApi:
         self, host: str, request: TransportOrderRequest, refuse: Callable[[Problem], None]
     ) -> None:
         try:
-            reply = await self._handlers[table.CREATE_ORDER.name](Call("", request, SOMEBODY))
+            call = Call("", request, SOMEBODY, origin=Origin(AuditInterface.MQTT, host))
+            reply = await self._handlers[table.CREATE_ORDER.name](call)
         except Exception as error:
             if not isinstance(error, FORESEEN):
                 log.exception("creation request failed", host=host)
@@ -214,7 +217,7 @@ class MqttApi:
     async def _do(self, host: str, operation: Operation[Any], command: Command) -> None:
         topic = self._topics.command_answer(host, operation.name)
         try:
-            reply = await self._handlers[operation.name](_call(operation, command))
+            reply = await self._handlers[operation.name](_call(operation, command, host))
         except Exception as error:
             if not isinstance(error, FORESEEN):
                 log.exception("command failed", host=host, command=operation.name)
@@ -236,7 +239,7 @@ class MqttApi:
         self._mqtt.publish(Outbound(topic, answer.model_dump_json(by_alias=True, exclude_none=True).encode()))
 
 
-def _call(operation: Operation[Any], command: Command) -> Call[Any]:
+def _call(operation: Operation[Any], command: Command, host: str) -> Call[Any]:
     request = getattr(command, operation.request_field) if operation.request_field else command
     version = getattr(command, "version", None)
     return Call(
@@ -244,6 +247,7 @@ def _call(operation: Operation[Any], command: Command) -> Call[Any]:
         request,
         SOMEBODY,
         None if version is None else ETag.of(version),
+        Origin(AuditInterface.MQTT, host),
     )
 
 

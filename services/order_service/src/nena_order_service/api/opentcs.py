@@ -16,6 +16,7 @@ from nena_order_service import errors
 from nena_order_service.api import opentcs_devices, opentcs_events, opentcs_peripherals, opentcs_plant
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.opentcs_answers import Body, NotPossibleError, angle_of, done, install
+from nena_order_service.api.opentcs_audit import AuditedRoutes
 from nena_order_service.api.opentcs_events import LAST_MOMENT, ChangeLog, StateTimes
 from nena_order_service.api.opentcs_plant import ChangePlant
 from nena_order_service.api.operations import Call, HostOperations
@@ -395,6 +396,7 @@ def make_app(
     """Create the ASGI application; ``changes`` listens to the engine."""
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     install(app)
+    app.add_middleware(AuditedRoutes, trail=operations.trail, routes=app.routes)
     _add_dispatcher(app, engine.look)
     _add_orders(app, hosts.requests)
     _add_assignment(app, hosts.requests, engine)

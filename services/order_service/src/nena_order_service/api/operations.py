@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel
 
+from nena_order_service.api.audit import ChangingRequest, Origin, body_of_model, kind_of, masked
 from nena_order_service.api.encoding import EncodedPage
 from nena_order_service.api.host_requests import Creation, ETag, HostServices, Refused
 from nena_order_service.api.problems import problem_of
@@ -16,6 +18,7 @@ from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api import requests as bodies
+from nena_shared.fleet_api.audit import AuditInterface, AuditQuery
 from nena_shared.fleet_api.peripherals import (
     PeripheralJobList,
     PeripheralJobRequest,
@@ -54,6 +57,8 @@ class Call(Generic[R]):
     """The caller, as identified by access control."""
     seen: ETag | None = None
     """Version that the host has seen; None: any."""
+    origin: Origin = field(default_factory=lambda: Origin(AuditInterface.REST))
+    """The origin of the request, for the audit trail."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +102,24 @@ class HostOperations:
         self._peripherals = hosts.peripherals
         self._stops = hosts.stops
         self._webhooks = hosts.webhooks
+        self.trail = hosts.trail
         self.handlers: Mapping[str, Handler] = {
-            operation: getattr(self, method) for operation, method in _METHODS.items()
+            each.name: self._recorded(each, getattr(self, _METHODS[each.name])) for each in table.OPERATIONS
         }
+
+    def _recorded(self, operation: table.Operation[Any], handler: Handler) -> Handler:
+        """Return the handler of an operation, with a row in the audit trail if it changes something."""
+        if operation.method == "GET":
+            return handler
+
+        async def recorded(call: Call[Any]) -> Reply:
+            with self.trail.recorded(_changing_request(operation, call)) as request:
+                reply = await handler(call)
+                request.name = request.name or getattr(reply.body, "name", "")
+                request.after = _outcome(reply.body)
+                return reply
+
+        return recorded
 
     @_does(table.CREATE_ORDER)
     async def _create_order(self, call: Call[TransportOrderRequest]) -> Reply:
@@ -326,6 +346,10 @@ class HostOperations:
     async def _list_webhooks(self, _: Call[None]) -> Reply:
         return Reply(WebhookList(webhooks=self._webhooks.statuses))
 
+    @_does(table.LIST_AUDIT)
+    async def _list_audit(self, call: Call[AuditQuery]) -> Reply:
+        return Reply(await self.trail.page(call.request))
+
     def _parameters(self, vehicle: str, asked: bodies.InstantActionRequest) -> tuple[ActionParameter, ...]:
         """Return the action's parameters; a pose is converted to the frame of the vehicle's map."""
         given = tuple(ActionParameter(key=each.key, value=each.value) for each in asked.parameters)
@@ -341,6 +365,38 @@ class HostOperations:
             ActionParameter(key="lastNodeId", value=robot.point),
             *given,
         )
+
+
+def _changing_request(operation: table.Operation[Any], call: Call[Any]) -> ChangingRequest:
+    """Return what the audit trail records of a request."""
+    is_batch = operation is table.CREATE_ORDERS
+    creates = operation.creates or (operation.path if is_batch or operation is table.STOP else "")
+    name = call.request.zone_set_id if operation is table.PUT_ZONE_SET else call.name
+    return ChangingRequest(
+        origin=call.origin,
+        operation=operation.name,
+        kind=kind_of(operation.path),
+        name=name,
+        body=_size_of_batch(call.request) if is_batch else body_of_model(call.request),
+        creates=kind_of(creates) if creates else "",
+        creates_many=is_batch,
+        joins=operation is not table.INSTANT_ACTION,
+    )
+
+
+def _size_of_batch(batch: TransportOrderBatch) -> Callable[[], str]:
+    content = {"transportOrders": len(batch.transport_orders), "checkOnly": batch.check_only}
+    return lambda: masked(content)
+
+
+def _outcome(body: BaseModel | EncodedPage) -> str:
+    """Return the outcome of requests that end without a change of an object; empty for others."""
+    if isinstance(body, bodies.InstantActionAnswer):
+        return masked({"actionId": body.action_id, "status": body.status})
+    if isinstance(body, TransportOrderBatchAnswer):
+        statuses = Counter(each.status for each in body.results)
+        return masked({str(status): count for status, count in sorted(statuses.items())})
+    return ""
 
 
 def _creation_answer(request: TransportOrderRequest, made: Creation | Refused) -> CreationAnswer:

@@ -6,10 +6,11 @@ Outside the table are the plant model (a file), the event stream, probes, and th
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import re
 from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from http import HTTPStatus
 from inspect import Parameter, Signature
 from typing import Annotated, Any
@@ -23,12 +24,14 @@ from starlette.routing import Mount
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_order_service.api import problems
+from nena_order_service.api.audit import ChangingRequest, OpenRequest, Trail, masked, origin_of
 from nena_order_service.api.documentation import DOCS, FILES, REDOC, describe_login, documentation
 from nena_order_service.api.encoding import EncodedPage, encode
 from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, Handler, HostOperations, Reply
 from nena_order_service.plant_file import read_plant
+from nena_shared.fleet_api.audit import AuditInterface
 from nena_shared.fleet_api.base import ObjectName, Role
 from nena_shared.fleet_api.operations import (
     CHANGE_PLANT,
@@ -136,7 +139,7 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     for each in OPERATIONS:
         _add_route(app.router, each, operations.handlers[each.name])
     app.include_router(_events(stream))
-    app.include_router(plant_model_router(service.plant_json, service.change_plant))
+    app.include_router(plant_model_router(service.plant_json, service.change_plant, operations.trail))
     app.include_router(_probes(service))
     app.include_router(documentation())
     for path, other in service.mounted.items():
@@ -260,7 +263,8 @@ def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) ->
         request = request.model_copy(update={"idempotency_key": key})
     user: KnownUser | None = getattr(http.state, "user", None)
     caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # an issuer's long subject is cut
-    return Call(given.get("name", ""), request, caller, None if seen is None else ETag(seen))
+    version = None if seen is None else ETag(seen)
+    return Call(given.get("name", ""), request, caller, version, origin_of(http, AuditInterface.REST))
 
 
 async def _response(operation: Operation[Any], reply: Reply, *, known: ETag | None) -> Response:
@@ -285,7 +289,7 @@ def as_json(
     return Response(body.model_dump_json(by_alias=True), status, headers, "application/json")
 
 
-def plant_model_router(plant_json: bytes, change: ChangePlant | None) -> APIRouter:
+def plant_model_router(plant_json: bytes, change: ChangePlant | None, trail: Trail) -> APIRouter:
     """Create the routes of the plant model; without ``change`` it is read-only."""
     router = APIRouter(tags=[CHANGE_PLANT.tag])
 
@@ -308,23 +312,42 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None) -> APIRout
     )
     async def put(request: Request, *, check: Annotated[bool, Query()] = False) -> Response:
         """Refused while orders or vehicles use objects that the new model lacks; `check` changes nothing."""
-        report = await asyncio.to_thread(read_plant, await request.body(), strict=True)
-        model = report.model
-        await change(model, check_only=check)
-        return as_json(
-            PlantModelChange(
-                name=model.name,
-                changed=not check,
-                points=len(model.points),
-                paths=len(model.paths),
-                locations=len(model.locations),
-                blocks=len(model.blocks),
-                vehicles=len(model.vehicles),
-                warnings=tuple(map(str, report.warnings)),
-            )
-        )
+        body = await request.body()
+        if check:
+            return await _replaced(change, body, None)
+        body_digest = partial(_digest, body)
+        origin = origin_of(request, AuditInterface.REST)
+        with trail.recorded(
+            ChangingRequest(origin, CHANGE_PLANT.name, "plantModel", "", body_digest)
+        ) as asked:
+            return await _replaced(change, body, asked)
 
     return router
+
+
+async def _replaced(change: ChangePlant, body: bytes, asked: OpenRequest | None) -> Response:
+    """Replace the plant model, or only check whether it can be replaced if nothing is ``asked``."""
+    report = await asyncio.to_thread(read_plant, body, strict=True)
+    model = report.model
+    found = PlantModelChange(
+        name=model.name,
+        changed=asked is not None,
+        points=len(model.points),
+        paths=len(model.paths),
+        locations=len(model.locations),
+        blocks=len(model.blocks),
+        vehicles=len(model.vehicles),
+        warnings=tuple(map(str, report.warnings)),
+    )
+    if asked:
+        asked.name = model.name
+        asked.after = masked({"name": model.name, "points": found.points, "paths": found.paths})
+    await change(model, check_only=asked is None)
+    return as_json(found)
+
+
+def _digest(body: bytes) -> str:
+    return masked({"bytes": len(body), "sha256": hashlib.sha256(body).hexdigest()})
 
 
 def _events(stream: EventStream) -> APIRouter:

@@ -126,6 +126,8 @@ class UnitOfWork:
         self.peripheral_listeners: list[PeripheralListener] = []
         self.closed = ""
         """Why no more changes are accepted; empty while they are."""
+        self.record: Callable[[Changes], None] = lambda _: None
+        """Adds to changes who requested them; called before they are committed."""
         self._state = state
         self._store = store
         self._vehicle_status = vehicle_status
@@ -152,6 +154,7 @@ class UnitOfWork:
         finally:
             changes = self._state.pending.take()
             if changes:
+                self.record(changes.stored)
                 self._unpublished.update(changes.vehicles)
                 self._store.commit(changes.stored, lambda: self._committed(changes))
 
@@ -188,6 +191,7 @@ class UnitOfWork:
                 future.set_result(None)
             then()
 
+        self.record(changes)
         self._store.commit(changes, committed)
         await self._answered(future)
 

@@ -15,9 +15,11 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.store import schema
+from nena_order_service.store import audit, schema
+from nena_order_service.store.audit import AuditChain, AuditRow
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.schema import StoreError
+from nena_shared.fleet_api.audit import AuditMark
 from nena_shared.fleet_api.transport_order import (
     HistoryEntry,
     OrderSequenceStatus,
@@ -56,10 +58,14 @@ class Changes:
     """Whether a path is locked, by path name."""
     documents: dict[tuple[str, str], str | None] = field(default_factory=dict)
     """Peripheral jobs, and documents uploaded by hosts, by kind and name; None: deleted."""
+    audit: list[AuditRow] = field(default_factory=list)
+    """New rows of the audit trail, oldest first."""
+    expired_audit: AuditMark | None = None
+    """Rows of the audit trail up to this one are deleted."""
 
     def __bool__(self) -> bool:
         single = self.orders or self.missions or self.vehicles or self.sequences
-        return bool(single or self.path_locks or self.documents)
+        return bool(single or self.path_locks or self.documents or self.audit or self.expired_audit)
 
     def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
         """Add an order's new version; ``before`` is the previous one, None for a new order."""
@@ -96,6 +102,8 @@ class Changes:
         self.sequences.update(later.sequences)
         self.path_locks.update(later.path_locks)
         self.documents.update(later.documents)
+        self.audit += later.audit
+        self.expired_audit = later.expired_audit or self.expired_audit
 
     def numbered(self, last: int) -> int:
         """Number each order's change, starting after ``last``; return the last number."""
@@ -134,6 +142,8 @@ class Statements:
     put_path_lock: str
     put_document: str
     forget_document: str
+    insert_audit: str
+    forget_audit: str
 
 
 def statements(engine: sa.Engine) -> Statements:
@@ -165,6 +175,8 @@ def _statements(name: str) -> Statements:
         "forget_document": sa.delete(documents).where(
             documents.c.kind == sa.bindparam("kind"), documents.c.name == sa.bindparam("name")
         ),
+        "insert_audit": sa.insert(schema.audit),
+        "forget_audit": sa.delete(schema.audit).where(schema.audit.c.sequence <= sa.bindparam("sequence")),
     }
     return Statements(**{key: str(text.compile(dialect=dialect)) for key, text in texts.items()})
 
@@ -339,12 +351,31 @@ class Unfinished:
     """The highest number of an order sequence; 0 if there is none."""
 
 
-def write(engine: sa.Engine, changes: Changes, fence: Fence | None = None) -> None:
+def write(
+    engine: sa.Engine, changes: Changes, fence: Fence | None = None, chain: AuditChain | None = None
+) -> None:
     """Commit all changes together; with a fence, each commit is made once, however often it is retried.
+
+    Args:
+        engine: the database.
+        changes: what to write.
+        fence: refuses the commit if another order service has taken over the store.
+        chain: chains the rows of the audit trail; None: the last row is read first.
 
     Raises:
         FencedError: another order service has taken over the store.
     """
+    chain = chain or AuditChain()
+    try:
+        _write(engine, changes, fence, chain)
+    except BaseException:
+        chain.forget()
+        raise
+    if fence:
+        fence.passed()
+
+
+def _write(engine: sa.Engine, changes: Changes, fence: Fence | None, chain: AuditChain) -> None:
     texts = statements(engine)
     with engine.begin() as connection:
         if fence is None or fence.lets_pass(connection):
@@ -357,8 +388,19 @@ def write(engine: sa.Engine, changes: Changes, fence: Fence | None = None) -> No
             ]
             execute(connection, texts.put_path_lock, locks)
             write_documents(connection, texts, changes.documents)
-    if fence:
-        fence.passed()
+            _write_audit(connection, texts, changes, chain)
+
+
+def _write_audit(connection: sa.Connection, texts: Statements, changes: Changes, chain: AuditChain) -> None:
+    marks: dict[tuple[str, str], str | None] = {}
+    if changes.audit:
+        rows, last = chain.chain(connection, changes.audit)
+        execute(connection, texts.insert_audit, rows)
+        marks[audit.LAST] = last.model_dump_json(by_alias=True)
+    if mark := changes.expired_audit:
+        execute(connection, texts.forget_audit, [{"sequence": mark.sequence}])
+        marks[audit.DELETED] = mark.model_dump_json(by_alias=True)
+    write_documents(connection, texts, marks)
 
 
 def _write_orders(connection: sa.Connection, texts: Statements, changes: Iterable[OrderChange]) -> None:

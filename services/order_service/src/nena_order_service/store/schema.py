@@ -114,7 +114,31 @@ documents = sa.Table(
     sa.Column("name", sa.String(200), primary_key=True),
     sa.Column("document", sa.Text, nullable=False),
 )
-"""Documents uploaded by hosts, such as the plant model, and peripheral jobs."""
+"""Documents uploaded by hosts, such as the plant model, peripheral jobs, and the ends of the audit trail."""
+
+audit = sa.Table(
+    "audit",
+    metadata,
+    sa.Column("sequence", sa.BigInteger, primary_key=True, autoincrement=False),
+    sa.Column("time", sa.BigInteger, nullable=False),
+    sa.Column("user_name", sa.String(200), nullable=False),
+    sa.Column("interface", sa.String(20), nullable=False),
+    sa.Column("client", sa.String(100), nullable=False),
+    sa.Column("operation", sa.String(200), nullable=False),
+    sa.Column("object_kind", sa.String(50), nullable=False),
+    sa.Column("object_name", sa.String(200), nullable=False),
+    sa.Column("request", sa.Text, nullable=False),
+    sa.Column("state_before", sa.Text, nullable=False),
+    sa.Column("state_after", sa.Text, nullable=False),
+    sa.Column("result", sa.String(20), nullable=False),
+    sa.Column("reason", sa.Text, nullable=False),
+    sa.Column("hash", sa.String(64), nullable=False),
+    sa.Index("audit_by_time", "time"),
+    sa.Index("audit_by_user", "user_name", "sequence"),
+    sa.Index("audit_by_operation", "operation", "sequence"),
+    sa.Index("audit_by_object", "object_name", "sequence"),
+)
+"""The audit trail. ``time`` is in ms since 1970; :mod:`nena_shared.fleet_api.audit` has the ``hash``."""
 
 leadership = sa.Table(
     "leadership",
@@ -130,7 +154,7 @@ leadership = sa.Table(
 LEADERSHIP_ID = 1
 
 
-HEAD = "0006"
+HEAD = "0007"
 """Revision of the tables above: that of the last migration."""
 
 _version = sa.Table(

@@ -6,6 +6,7 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from datetime import datetime
 from typing import TypeVar
 
 from sqlalchemy import Engine
@@ -13,12 +14,14 @@ from sqlalchemy import Engine
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.store import database
+from nena_order_service.store import audit, database
+from nena_order_service.store.audit import AuditChain
 from nena_order_service.store.database import Changes, OrderFilter, Unfinished, read_documents
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.schema import TRANSIENT_ERRORS, StoreLostError, reason_of
 from nena_shared.database_connections import close_connections
+from nena_shared.fleet_api.audit import AuditMark, AuditPage, AuditQuery
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
 from nena_shared.tasks import set_within
@@ -124,6 +127,7 @@ class Store:
         """Number of failed commits, which were retried."""
         self.commit_seconds = Histogram(SHORT)
         self.numbers = ChangeNumbers()
+        self._chain = AuditChain()
 
     @property
     def why_not_ready(self) -> str:
@@ -232,6 +236,14 @@ class Store:
         """Read the documents of a kind, by name."""
         return await self._read(lambda: read_documents(self._engine, kind))
 
+    async def audit_page(self, wanted: AuditQuery) -> AuditPage:
+        """Read a page of the audit trail."""
+        return await self._read(lambda: audit.read_page(self._engine, wanted))
+
+    async def expired_audit(self, before: datetime) -> AuditMark | None:
+        """Read the last of the oldest rows of the audit trail that are from ``before`` this time."""
+        return await self._read(lambda: audit.read_expired(self._engine, before))
+
     async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
         """Read the orders changed since change ``number``, each with the number of its last change."""
         return await self._read(lambda: database.read_changes(self._engine, number, limit))
@@ -263,7 +275,7 @@ class Store:
             try:
                 with self.commit_seconds.timed():
                     await loop.run_in_executor(
-                        self._writer, database.write, self._engine, changes, self._fence
+                        self._writer, database.write, self._engine, changes, self._fence, self._chain
                     )
             except TRANSIENT_ERRORS as error:
                 self.failures += 1

@@ -44,7 +44,9 @@ class OrderServiceClient:
 
         """
         url = f"{self._url}/v1/{path}" + (f"?{query}" if query else "")
-        headers = {"content-type": "application/json"} if body is not None else {}
+        headers = {"user-agent": "nena-panel"}  # the audit trail shows it
+        if body is not None:
+            headers["content-type"] = "application/json"
         if token:
             headers["authorization"] = f"Bearer {token}"
         try:

@@ -1,0 +1,117 @@
+"""States of objects in the audit trail, in a few words: before a request, and after its change."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.state import PERIPHERAL_JOB
+from nena_order_service.engine.stops import STOP
+from nena_order_service.engine.zone_sets import KIND as ZONE_SET
+from nena_order_service.engine.zone_sets import Wanted, ZoneSets
+from nena_order_service.errors import UnknownStopError, UnknownZoneSetError
+from nena_order_service.store.database import Changes
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+State = dict[str, Any]
+
+
+class ObjectStates:
+    """Describes objects in memory; ``changes`` are those of a request, which are not committed yet."""
+
+    def __init__(self, engine: Engine, zones: ZoneSets) -> None:
+        self._engine = engine
+        self._zones = zones
+        self._state = engine.state
+        self._kinds: dict[str, Callable[[str, Changes], State | None]] = {
+            "transportOrder": self._order,
+            "orderSequence": self._sequence,
+            "vehicle": self._vehicle,
+            "path": self._path,
+            "stop": self._stop,
+            "peripheralJob": self._job,
+            "zoneSet": self._zone_set,
+            "plantModel": self._plant_model,
+        }
+
+    def of(self, kind: str, name: str, changes: Changes | None = None) -> str:
+        """Return the state of an object as JSON; empty if it is unknown."""
+        describe = self._kinds.get(kind)
+        try:
+            found = describe(name, changes or Changes()) if describe else None
+        except Exception:  # an object that cannot be described must not hold up the change
+            log.exception("state not shown in the audit trail", kind=kind, name=name)
+            found = None
+        return json.dumps(found, ensure_ascii=False) if found else ""
+
+    def _order(self, name: str, _: Changes) -> State | None:
+        order = self._state.orders.named(name)
+        if order is None:
+            return None
+        status = order.status
+        held = {"heldBy": status.held.by} if status.held else {}
+        return {"state": order.state.value, "vehicle": status.processing_vehicle, **held}
+
+    def _sequence(self, name: str, _: Changes) -> State | None:
+        sequence = self._state.sequences.named(name)
+        if sequence is None:
+            return None
+        return {"complete": sequence.status.complete, "finished": sequence.status.finished}
+
+    def _vehicle(self, name: str, _: Changes) -> State | None:
+        vehicle = self._engine.registry.named(name)
+        if vehicle is None:
+            return None
+        record = self._state.vehicles.of(vehicle.key)
+        types = record.acceptable_order_types
+        own = {"acceptableOrderTypes": [each.name for each in types]} if types is not None else {}
+        return {"integrationLevel": record.integration_level.value, **own}
+
+    def _path(self, name: str, changes: Changes) -> State | None:
+        if name in changes.path_locks:
+            return {"locked": changes.path_locks[name]}
+        known = name in self._engine.plant.paths_by_name
+        return {"locked": self._engine.context.finder.is_locked(name)} if known else None
+
+    def _stop(self, name: str, _: Changes) -> State | None:
+        with suppress(UnknownStopError):
+            return {"active": bool(self._engine.stops.get(name))}
+        return {"active": False} if name else None
+
+    def _job(self, name: str, _: Changes) -> State | None:
+        job = self._state.peripheral_jobs.named(name)
+        return {"state": job.status.state.value} if job else None
+
+    def _zone_set(self, name: str, changes: Changes) -> State | None:
+        with suppress(UnknownZoneSetError):
+            document = changes.documents.get((ZONE_SET, name))
+            known = Wanted.model_validate_json(document) if document else self._zones.get(name)
+            return {"enabled": known.enabled, "deleted": known.deleted}
+        return None
+
+    def _plant_model(self, _name: str, changes: Changes) -> State | None:
+        plant = self._engine.plant
+        return (
+            None if changes else {"name": plant.name, "points": len(plant.points), "paths": len(plant.paths)}
+        )
+
+
+def created_in(changes: Changes, kind: str) -> str:
+    """Return the name of the object of this kind that changes create; empty if they create none."""
+    if kind == "transportOrder":
+        new = (each.order for each in changes.orders.values() if each.new)
+        return next((each.name for each in new if not each.status.automatic), "")
+    if kind == "orderSequence":
+        return next((each.name for each in changes.sequences.values()), "")
+    documents = {"stop": STOP, "peripheralJob": PERIPHERAL_JOB}
+    of_kind = (
+        name
+        for (each, name), document in changes.documents.items()
+        if each == documents.get(kind) and document
+    )
+    return next(of_kind, "")
