@@ -6,6 +6,12 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from nena_demo.plants import sample_plant_path
+from nena_shared.fleet_api.peripherals import (
+    PeripheralJobState,
+    PeripheralJobStatus,
+    PeripheralState,
+    PeripheralStatus,
+)
 from nena_shared.fleet_api.transport_order import (
     Destination,
     DriveOrderState,
@@ -16,6 +22,7 @@ from nena_shared.fleet_api.transport_order import (
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 from nena_shared.plant.model import PlantModel
 from nena_shared.plant.opentcs_xml import read
+from nena_shared.plant.track import ExecutionTrigger
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import State
@@ -183,6 +190,46 @@ def order_status(
         **fields,
     }
     return TransportOrderStatus(**content)
+
+
+def peripheral_job(
+    operation: str = "open",
+    state: PeripheralJobState = PeripheralJobState.BEING_PROCESSED,
+    **fields: Any,
+) -> PeripheralJobStatus:
+    """Return the status of a peripheral job, changed by ``fields``."""
+    content: dict[str, Any] = {
+        "name": f"PeripheralJob-{operation}",
+        "state": state,
+        "location": "Door 1",
+        "operation": operation,
+        "execution_trigger": ExecutionTrigger.AFTER_ALLOCATION,
+        "completion_required": True,
+        "reservation_token": "token",
+        "created": START,
+        "finished": START if state.final else None,
+        **fields,
+    }
+    return PeripheralJobStatus(**content)
+
+
+def peripheral_status(
+    location: str = "Door 1",
+    state: PeripheralState = PeripheralState.IDLE,
+    *jobs: PeripheralJobStatus,
+    **fields: Any,
+) -> PeripheralStatus:
+    """Return the status of a peripheral device that executes the first of ``jobs`` that was sent to it."""
+    sent = [job for job in jobs if job.state is PeripheralJobState.BEING_PROCESSED]
+    waiting = [job.name for job in jobs if job.state is PeripheralJobState.TO_BE_PROCESSED]
+    content: dict[str, Any] = {
+        "operations": ("open", "close"),
+        "job": next(iter(sent), None),
+        "waiting": tuple(waiting),
+        "jobs": jobs,
+        **fields,
+    }
+    return PeripheralStatus(location=location, state=state, **content)
 
 
 def drive_order(

@@ -14,7 +14,8 @@ from typing import Any
 from axe_playwright_python.async_playwright import Axe  # type: ignore[import-untyped]
 from playwright.async_api import Browser, Page, expect
 
-from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.peripherals import PeripheralStatus
+from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
@@ -117,6 +118,11 @@ class Hall:
         recent = {"created": datetime.now(UTC) - AGE, **fields}
         status = order_status(name, version, state, **recent).model_dump_json(by_alias=True)
         self.peer.publish(self.fleet.order_status(name), status, retain=True)
+
+    def publish_peripheral(self, status: PeripheralStatus) -> None:
+        """Publish the status of a device, as the order service does."""
+        topic = self.fleet.peripheral(status.location, PeripheralTopic.STATUS)
+        self.peer.publish(topic, status.model_dump_json(by_alias=True), retain=True)
 
     def aggregator(self, *options: str) -> AggregatorProcess:
         """Start the aggregator that monitors this hall."""

@@ -8,6 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.async_api import Browser, Page, Route, expect
 
+from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_status_aggregator.api.app import PANEL
@@ -16,6 +17,8 @@ from support.fleet_examples import (
     ROBOT,
     connection,
     factsheet,
+    peripheral_job,
+    peripheral_status,
     position,
     state,
     vehicle_status,
@@ -33,6 +36,8 @@ VIEWS = {
     "new-order": "#/orders",
     "past": "#/history",
     "place": "#/places/South%202",
+    "devices": "#/?tab=peripherals",
+    "device": "#/places/Packing",
 }
 NO_ORDER_SERVICE = ("502",)
 """The browser's error for an order service that is not running."""
@@ -106,6 +111,12 @@ def populate(hall: Hall) -> None:
     vehicle = vehicle_status(transport_order="TO-1").model_dump_json(by_alias=True)
     hall.peer.publish(hall.fleet.vehicle_status(ROBOT.serial_number), vehicle, retain=True)
     hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
+    jobs = (
+        peripheral_job(related_vehicle="Vehicle-1", related_transport_order="TO-1", reason="waits"),
+        peripheral_job("close", PeripheralJobState.FAILED, reason="blocked"),
+    )
+    hall.publish_peripheral(peripheral_status("Packing", PeripheralState.EXECUTING, *jobs))
+    hall.publish_peripheral(peripheral_status("Goods in", PeripheralState.UNAVAILABLE, jobs[1]))
 
 
 def commanded() -> tuple[str, str]:
@@ -122,6 +133,8 @@ async def show(page: Page, hall: Hall, view: str) -> None:
         "order": "nena-order-page .causes",
         "new-order": "nena-order-form form",
         "place": "nena-place-page form",
+        "devices": "tr[data-peripheral='Packing']",
+        "device": "nena-peripheral-details li >> nth=1",
     }
     if view in heads:
         await expect(page.locator(heads[view])).to_be_visible()

@@ -12,9 +12,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.epoch import EpochFilter
+from nena_shared.fleet_api.peripherals import PeripheralStatus
 from nena_shared.fleet_api.plant import PAYLOAD_LIMIT, MapImage
 from nena_shared.fleet_api.service_status import ServiceStatus
-from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
@@ -134,6 +135,11 @@ class FleetSubscriber:
             (fleet.plant_model, MessageKind.PLANT_MODEL, self._read_plant_model),
             (fleet.all_vehicle_statuses, MessageKind.VEHICLE_STATUS, self._read_vehicle_status),
             (fleet.all_order_statuses, MessageKind.ORDER_STATUS, self._read_order_status),
+            (
+                fleet.all_peripherals(PeripheralTopic.STATUS),
+                MessageKind.PERIPHERAL_STATUS,
+                self._read_peripheral_status,
+            ),
             (fleet.service_status, MessageKind.SERVICE_STATUS, self._read_service_status),
             (fleet.all_robot_maps, MessageKind.ROBOT_MAP, self._read_robot_map),
         ):
@@ -266,6 +272,15 @@ class FleetSubscriber:
             self._model.on_order_status(TransportOrderStatus.model_validate_json(inbound.payload), at)
         else:
             self._model.on_order_cleared(inbound.topic.rsplit("/", 2)[1])
+
+    def _read_peripheral_status(self, inbound: Inbound, at: Timestamp) -> None:
+        if not self._epochs.is_current(inbound.payload):
+            return
+        if not inbound.payload:
+            self._model.on_peripheral_cleared(self._fleet_topics.location_of(inbound.topic))
+        elif not self._model.on_peripheral_status(PeripheralStatus.model_validate_json(inbound.payload)):
+            problem = f"more than {self._model.limits.peripherals} devices; this one is not shown"
+            self._malformed(MessageKind.PERIPHERAL_STATUS, inbound.topic, problem, at, None)
 
     def _malformed(
         self, kind: MessageKind, topic: str, problem: str, at: Timestamp, key: RobotKey | None

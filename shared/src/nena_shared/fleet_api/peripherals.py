@@ -100,6 +100,8 @@ class PeripheralStatus(Resource):
     """Names of the jobs that wait for it, in order."""
     used_by: tuple[str, ...] = ()
     """Vehicles that hold a part of their route for which the device is needed."""
+    jobs: tuple[PeripheralJobStatus, ...] = ()
+    """Its first unfinished jobs, at most 10, then the last ended ones, at most 5, newest first."""
 
 
 class PeripheralList(Resource):

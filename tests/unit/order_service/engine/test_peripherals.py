@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from nena_order_service.engine.peripherals import MOST_WAITING
+from nena_order_service.engine.peripherals import ENDED_SHOWN, MOST_WAITING, UNFINISHED_SHOWN
 from nena_shared.fleet_api.peripherals import (
     DeviceAnswer,
     DeviceJobState,
@@ -667,6 +667,41 @@ async def test_jobs_for_which_no_vehicle_waits_are_limited() -> None:
     jobs = {each.name: each.status for each in site.engine.state.peripheral_jobs.all_visible()}
     assert [name for name, status in jobs.items() if status.state.final] == ["J-1", "J-0"]
     assert jobs["J-0"].reason == f"more than {MOST_WAITING} jobs wait for the device"
+
+
+async def test_the_status_of_a_device_has_its_first_jobs_and_the_last_ended_ones() -> None:
+    site = await started(hall(), sends=1)
+
+    def create(number: int) -> None:
+        asked = PeripheralJobRequest(location="Door", operation="open", reservation_token="host")
+        site.engine.create_peripheral_job(asked, f"J-{number}")
+
+    for number in range(ENDED_SHOWN + 1):
+        create(number)
+        site.clock.advance(1.0)
+        site.door.answer(D.FAILED, f"blocked {number}")
+    for number in range(10, 10 + UNFINISHED_SHOWN + 1):
+        create(number)
+
+    status = site.engine.peripherals.status("Door")
+    assert status.job
+    assert (status.job.name, len(status.waiting)) == ("J-10", UNFINISHED_SHOWN)
+    open_ones, ended = status.jobs[:UNFINISHED_SHOWN], status.jobs[UNFINISHED_SHOWN:]
+    assert [each.name for each in open_ones] == [f"J-{number}" for number in range(10, 10 + UNFINISHED_SHOWN)]
+    assert open_ones[1].reason == "waits for the device to execute 'open' after 'open'"
+    assert [each.reason for each in ended] == [f"blocked {number}" for number in range(ENDED_SHOWN, 0, -1)]
+
+
+async def test_a_device_keeps_its_failed_job_over_a_restart() -> None:
+    site = await started(hall(operation("open", T.AFTER_ALLOCATION)))
+    site.engine.create(request("E", name="T-1"), "T-1")
+    site.door.answer(D.FAILED, "blocked")
+
+    again = await started(site.engine.plant, store=site.store, at={"V1": "A"})
+
+    (job,) = again.engine.peripherals.status("Door").jobs
+    assert (job.state, job.reason) == (PeripheralJobState.FAILED, "blocked")
+    assert (job.related_vehicle, job.related_transport_order) == ("V1", "T-1")
 
 
 async def test_answers_and_states_without_news_commit_nothing() -> None:

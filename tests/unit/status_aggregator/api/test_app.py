@@ -19,6 +19,7 @@ async def test_openapi_document_is_served(client: httpx.AsyncClient) -> None:
         "/api/v1/robots/{manufacturer}/{serial}/actions",
         "/api/v1/robots/{manufacturer}/{serial}/map",
         "/api/v1/orders",
+        "/api/v1/peripherals",
         "/api/v1/plant",
         "/api/v1/session",
         "/api/v1/session/oidc",

@@ -3,13 +3,14 @@ from __future__ import annotations
 import httpx
 import pytest
 
+from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
 from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050 import v2_0, v2_1, v3_0
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_status_aggregator.aggregator import Aggregator
 from support.clocks import ManualClock
-from support.fleet_examples import ROBOT, factsheet, sample_plant
+from support.fleet_examples import ROBOT, factsheet, peripheral_job, peripheral_status, sample_plant
 
 
 async def test_an_empty_fleet(client: httpx.AsyncClient) -> None:
@@ -38,6 +39,47 @@ async def test_orders(client: httpx.AsyncClient) -> None:
         "operation": "Load",
         "state": "TRAVELLING",
     }
+
+
+async def test_peripheral_devices(client: httpx.AsyncClient, populated: Aggregator) -> None:
+    assert (await client.get("/api/v1/peripherals")).json() == []
+    jobs = (
+        peripheral_job(related_vehicle="V1", related_transport_order="T-1", path="A --- B", reason="waits"),
+        peripheral_job("close", PeripheralJobState.FAILED, reason="blocked"),
+    )
+    populated.model.on_peripheral_status(peripheral_status("Door 1", PeripheralState.EXECUTING, *jobs))
+    opens = {
+        "name": "PeripheralJob-open",
+        "state": "BEING_PROCESSED",
+        "operation": "open",
+        "reason": "waits",
+        "vehicle": "V1",
+        "transportOrder": "T-1",
+        "path": "A --- B",
+        "created": "2026-01-01T00:00:00.000Z",
+        "finished": None,
+    }
+    (device,) = (await client.get("/api/v1/peripherals")).json()
+    assert device["jobs"][1] == {
+        **opens,
+        "name": "PeripheralJob-close",
+        "state": "FAILED",
+        "operation": "close",
+        "reason": "blocked",
+        **dict.fromkeys(("vehicle", "transportOrder", "path")),
+        "finished": "2026-01-01T00:00:00.000Z",
+    }
+    assert {name: value for name, value in device.items() if name != "jobs"} == {
+        "id": "Door 1",
+        "state": "EXECUTING",
+        "confirmed": True,
+        "operations": ["open", "close"],
+        "waiting": 0,
+        "usedBy": [],
+        "job": opens,
+    }
+    assert device["jobs"][0] == opens
+    assert (await client.get("/api/v1/fleet")).json()["peripherals"] == [device]
 
 
 async def test_plant_model_is_returned_as_published(

@@ -8,14 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet.publication import Publication, apply
-from nena_status_aggregator.fleet.views import OrderView, RobotView
+from nena_status_aggregator.fleet.publication import Delta, Publication, apply
+from nena_status_aggregator.fleet.views import OrderView, PeripheralView, RobotView
 
 NAMES = ("r1", "r2", "r3")
 STEPS = st.lists(
     st.one_of(
         st.tuples(st.just("robot"), st.sampled_from(NAMES), st.none() | st.integers(0, 2)),
         st.tuples(st.just("order"), st.sampled_from(NAMES), st.none() | st.integers(0, 2)),
+        st.tuples(st.just("peripheral"), st.sampled_from(NAMES), st.none() | st.integers(0, 2)),
         st.tuples(st.just("link"), st.just(""), st.integers(0, 1)),
         st.tuples(st.just("flush"), st.just(""), st.none()),
     ),
@@ -31,11 +32,16 @@ def order(name: str, number: int | None) -> OrderView | None:
     return None if number is None else cast("OrderView", {"id": name, "number": number, "same": 1})
 
 
+def peripheral(name: str, number: int | None) -> PeripheralView | None:
+    return None if number is None else cast("PeripheralView", {"id": name, "number": number, "same": 1})
+
+
 @given(STEPS)
 def test_deltas_lead_from_one_snapshot_to_the_next(steps: list[tuple[str, str, int | None]]) -> None:
     publication = Publication()
     robots: dict[str, int | None] = {}
     orders: dict[str, int | None] = {}
+    peripherals: dict[str, int | None] = {}
     reader = publication.snapshot()
     for kind, name, number in [*steps, ("flush", "", None)]:
         if kind == "robot":
@@ -44,12 +50,16 @@ def test_deltas_lead_from_one_snapshot_to_the_next(steps: list[tuple[str, str, i
         elif kind == "order":
             orders[name] = number
             publication.orders.touch(name)
+        elif kind == "peripheral":
+            peripherals[name] = number
+            publication.peripherals.touch(name)
         elif kind == "link":
             publication.link = {"connected": bool(number), "since": None}
         else:
             delta = publication.flush(
                 lambda key: robot(key.serial_number, robots.get(key.serial_number)),
                 lambda key: order(key, orders.get(key)),
+                lambda key: peripheral(key, peripherals.get(key)),
             )
             snapshot = publication.snapshot()
             if delta is None:
@@ -63,6 +73,9 @@ def test_deltas_lead_from_one_snapshot_to_the_next(steps: list[tuple[str, str, i
             assert {each["id"]: each for each in reader["orders"]} == {
                 each["id"]: each for each in snapshot["orders"]
             }
+            assert {each["id"]: each for each in reader["peripherals"]} == {
+                each["id"]: each for each in snapshot["peripherals"]
+            }
             assert reader["link"] == snapshot["link"]
 
 
@@ -70,13 +83,15 @@ def test_delta_contains_only_changes() -> None:
     publication = Publication()
     numbers = {"r1": 1}
     key = RobotKey("ACME", "r1")
-    publication.robots.touch(key)
-    publication.flush(lambda each: robot(each.serial_number, numbers.get(each.serial_number)), lambda _: None)
+
+    def flush() -> Delta | None:
+        publication.robots.touch(key)
+        return publication.flush(
+            lambda each: robot(each.serial_number, numbers.get(each.serial_number)),
+            lambda _: None,
+            lambda _: None,
+        )
+
+    flush()
     numbers["r1"] = 2
-    publication.robots.touch(key)
-
-    delta = publication.flush(
-        lambda each: robot(each.serial_number, numbers.get(each.serial_number)), lambda _: None
-    )
-
-    assert delta == {"id": 2, "robots": [{"id": "r1", "number": 2}]}
+    assert flush() == {"id": 2, "robots": [{"id": "r1", "number": 2}]}

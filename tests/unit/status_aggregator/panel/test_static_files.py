@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
@@ -21,7 +22,7 @@ LANGUAGES = ("en", "nl", "de")
 SCRIPTS = sorted(path for path in PANEL.rglob("*.js") if "texts" not in path.parts)
 ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
 KEY = re.compile(
-    r'"((?:page|summary|urgent|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|state|messages|'
+    r'"((?:page|summary|urgent|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|peripherals?|state|messages|'
     r"language|filter|goal|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
     r'lists|search|attention|several|confirm|place|position|form|login|operation|orderForm|drive|event|eventLog|done|history)\.[\w.]+)"'
 )
@@ -95,6 +96,8 @@ def test_every_language_has_every_text_with_the_same_values(language: str) -> No
 def test_every_code_has_a_text() -> None:
     wanted = {f"condition.{each}" for each in Condition}
     wanted |= {f"state.{each}" for each in TransportOrderState}
+    wanted |= {f"state.{each}" for each in PeripheralJobState}
+    wanted |= {f"peripheral.{each}" for each in PeripheralState}
     wanted |= {f"why.order.{each}" for each in TransportOrderState}
     wanted |= {f"drive.{each}" for each in DriveOrderState}
     wanted |= {f"connection.{each}" for each in ConnectionState}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import Protocol
 
 from nena_order_service.engine.context import Context
@@ -47,6 +48,8 @@ T = ExecutionTrigger
 JOB_PREFIX = "PeripheralJob"
 MOST_WAITING = 100
 """Maximum number of jobs for which no vehicle waits, of each device; the oldest ones fail beyond it."""
+UNFINISHED_SHOWN, ENDED_SHOWN = 10, 5
+"""Maximum numbers of jobs in a device's status."""
 NO_LONGER_NEEDED = "its vehicle no longer needs it"
 
 
@@ -250,6 +253,7 @@ class Peripherals:
             job=self.job_status(job) if job else None,
             waiting=tuple(waiting),
             used_by=tuple(sorted(self._traffic.holders(location))),
+            jobs=self._shown_jobs(location),
         )
 
     def job_status(self, job: PeripheralJob) -> PeripheralJobStatus:
@@ -257,6 +261,14 @@ class Peripherals:
         if job.over:
             return job.status
         return job.status.model_copy(update={"reason": f"waits for the device {self.why(job)}"})
+
+    def _shown_jobs(self, location: str) -> tuple[PeripheralJobStatus, ...]:
+        """Return the committed jobs of a device that its status has."""
+        own = [job for job in self._jobs.all_visible() if job.status.location == location]
+        ended = [job.status for job in own if job.over]
+        ended.sort(key=lambda each: each.finished or each.created, reverse=True)
+        unfinished = islice((job for job in reversed(own) if not job.over), UNFINISHED_SHOWN)
+        return (*map(self.job_status, unfinished), *ended[:ENDED_SHOWN])
 
     def create(self, request: PeripheralJobRequest, name: str) -> PeripheralJob:
         """Create the job that a host requests."""

@@ -17,6 +17,7 @@ from nena_status_aggregator.fleet.views import (
     MalformedView,
     OrderServiceView,
     OrderView,
+    PeripheralView,
     PlantView,
     RobotView,
 )
@@ -79,6 +80,7 @@ class FleetResource(TypedDict):
     id: int
     robots: list[RobotResource]
     orders: list[OrderView]
+    peripherals: list[PeripheralView]
     plant: PlantView | None
     link: LinkView
     orderService: OrderServiceView
@@ -93,7 +95,7 @@ def make_router(aggregator: Aggregator) -> APIRouter:
 
     @router.get("/fleet", responses={200: {"model": FleetResource}})
     async def fleet() -> Response:
-        """Return the whole fleet: robots, orders, plant model summary, broker connection."""
+        """Return the whole fleet: robots, orders, devices, plant model summary, broker connection."""
         aggregator.publish_changes()
         view = model.snapshot()
         robots = [with_age(aggregator, each) for each in view["robots"]]
@@ -105,6 +107,12 @@ def make_router(aggregator: Aggregator) -> APIRouter:
         """Return all transport orders."""
         aggregator.publish_changes()
         return as_json(model.snapshot()["orders"])
+
+    @router.get("/peripherals", responses={200: {"model": list[PeripheralView]}})
+    async def peripherals() -> Response:
+        """Return all peripheral devices, such as doors, with their jobs."""
+        aggregator.publish_changes()
+        return as_json(model.snapshot()["peripherals"])
 
     @router.get("/plant")
     async def plant() -> Response:

@@ -32,6 +32,7 @@ class MessageKind(StrEnum):
     VEHICLE_STATUS = "vehicleStatus"
     PLANT_MODEL = "plantModel"
     SERVICE_STATUS = "serviceStatus"
+    PERIPHERAL_STATUS = "peripheralStatus"
 
 
 GREATEST_HEADER_ID = 2**32 - 1

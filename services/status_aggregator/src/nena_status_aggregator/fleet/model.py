@@ -9,6 +9,7 @@ from math import inf
 from weakref import WeakValueDictionary
 
 from nena_shared.clock import ClockSkew, iso
+from nena_shared.fleet_api.peripherals import PeripheralStatus
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.fleet_api.service_status import LOST_AFTER, ServiceStatus
 from nena_shared.fleet_api.stops import StopStatus
@@ -24,12 +25,20 @@ from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet.event_log import EventLog, Publish
 from nena_status_aggregator.fleet.messages import MessageKind, Verdict
 from nena_status_aggregator.fleet.orders import OrderRegistry
+from nena_status_aggregator.fleet.peripherals import PeripheralRegistry
 from nena_status_aggregator.fleet.publication import Delta, Publication
 from nena_status_aggregator.fleet.queues import JamLimits, Queues
 from nena_status_aggregator.fleet.robot import PlantFrame, Robot, Timestamp
 from nena_status_aggregator.fleet.statistics import Statistics
-from nena_status_aggregator.fleet.view_builder import short, view_jam, view_order, view_robot, view_stop
-from nena_status_aggregator.fleet.views import FleetView, OrderView, PlantView, RobotView
+from nena_status_aggregator.fleet.view_builder import (
+    short,
+    view_jam,
+    view_order,
+    view_peripheral,
+    view_robot,
+    view_stop,
+)
+from nena_status_aggregator.fleet.views import FleetView, OrderView, PeripheralView, PlantView, RobotView
 
 
 class OrderServiceWatch:
@@ -140,6 +149,7 @@ class ModelLimits:
 
     robots: int = 10_000
     orders: int = 1000
+    peripherals: int = 1000
     silence: float | None = None
     """Time without a state after which a robot is silent, s; None: see ``Robot.silence_limit``."""
     clock_skew: float = 2.0
@@ -161,6 +171,7 @@ class FleetModel:
         self.limits = limits
         self.robots = RobotRegistry(limits.robots, limits.silence)
         self.orders = OrderRegistry(limits.orders)
+        self.peripherals = PeripheralRegistry(limits.peripherals)
         self.queues = Queues(limits.jam)
         self.order_service = OrderServiceWatch()
         self.statistics = Statistics()
@@ -284,6 +295,20 @@ class FleetModel:
         if self.orders.clear(name):
             self._public.orders.touch(name)
 
+    def on_peripheral_status(self, status: PeripheralStatus) -> bool:
+        """Apply a device status of the order service; return False if there are too many devices."""
+        if not self.peripherals.take(status):
+            return False
+        self.statistics.received[MessageKind.PERIPHERAL_STATUS] += 1
+        self._public.peripherals.touch(status.location)
+        return True
+
+    def on_peripheral_cleared(self, location: str) -> None:
+        """Apply that the plant no longer has a device."""
+        self.statistics.received[MessageKind.PERIPHERAL_STATUS] += 1
+        self.peripherals.clear(location)
+        self._public.peripherals.touch(location)
+
     def on_service_status(self, status: ServiceStatus, at: Timestamp, *, retained: bool) -> None:
         """Apply a heartbeat of the order service, or its last will."""
         self.statistics.received[MessageKind.SERVICE_STATUS] += 1
@@ -313,6 +338,8 @@ class FleetModel:
             self.orders.mark_unconfirmed()
             for order in self.orders:
                 self._public.orders.touch(order.status.name)
+            for location in self.peripherals.mark_unconfirmed():
+                self._public.peripherals.touch(location)
 
     @property
     def link_up(self) -> bool:
@@ -345,7 +372,7 @@ class FleetModel:
         stops = [view_stop(each) for each in self.order_service.stops]
         self._public.order_service = {"up": up, "lastSign": down_since, "stops": stops}
         self._public.jams = [view_jam(each) for each in self.queues.jams(at)]
-        return self._public.flush(self._view_robot, self._view_order)
+        return self._public.flush(self._view_robot, self._view_order, self._view_peripheral)
 
     def snapshot(self) -> FleetView:
         """Return everything as of the last :meth:`flush`."""
@@ -421,6 +448,10 @@ class FleetModel:
         key = self._key_of_vehicle.get(order.status.processing_vehicle or "")
         robot = self.robots.get(key) if key else None
         return view_order(order, robot.state.last_node_id if robot and robot.state else None)
+
+    def _view_peripheral(self, location: str) -> PeripheralView | None:
+        device = self.peripherals.get(location)
+        return view_peripheral(device) if device else None
 
 
 def view_plant(plant: PlantModel, version: int) -> PlantView:

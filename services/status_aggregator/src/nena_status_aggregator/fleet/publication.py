@@ -1,8 +1,8 @@
 """Published views and their numbered changes.
 
-A delta contains only changes: of robots and orders the ``id`` and the changed fields (a new value replaces
-the old one), the IDs of removed ones, and the other parts as a whole. Its own ``id`` is one more than that
-of the view it applies to.
+A delta contains only changes: of robots, orders and devices the ``id`` and the changed fields (a new value
+replaces the old one), the IDs of removed ones, and the other parts as a whole. Its own ``id`` is one more
+than that of the view it applies to.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from nena_status_aggregator.fleet.views import (
     MalformedView,
     OrderServiceView,
     OrderView,
+    PeripheralView,
     PlantView,
     RobotView,
 )
 
-V = TypeVar("V", RobotView, OrderView)
+V = TypeVar("V", RobotView, OrderView, PeripheralView)
 
 Patch = dict[str, Any]
 """``id`` and the changed fields."""
@@ -36,6 +37,8 @@ class Delta(TypedDict):
     robotsGone: NotRequired[list[str]]
     orders: NotRequired[list[Patch]]
     ordersGone: NotRequired[list[str]]
+    peripherals: NotRequired[list[Patch]]
+    peripheralsGone: NotRequired[list[str]]
     plant: NotRequired[PlantView | None]
     link: NotRequired[LinkView]
     orderService: NotRequired[OrderServiceView]
@@ -49,6 +52,9 @@ def apply(delta: Delta, view: FleetView) -> FleetView:
         "id": delta["id"],
         "robots": _patched(view["robots"], delta.get("robots", ()), delta.get("robotsGone", ())),
         "orders": _patched(view["orders"], delta.get("orders", ()), delta.get("ordersGone", ())),
+        "peripherals": _patched(
+            view["peripherals"], delta.get("peripherals", ()), delta.get("peripheralsGone", ())
+        ),
         "plant": delta["plant"] if "plant" in delta else view["plant"],
         "link": delta.get("link", view["link"]),
         "orderService": delta.get("orderService", view["orderService"]),
@@ -96,7 +102,7 @@ class PublishedViews(Generic[K, V]):
         return patches, gone
 
 
-def _patch(old: RobotView | OrderView | None, new: RobotView | OrderView) -> list[Patch]:
+def _patch(old: V | None, new: V) -> list[Patch]:
     if old is None:
         return [dict(new)]
     before = cast("Mapping[str, Any]", old)
@@ -110,6 +116,7 @@ class Publication:
     def __init__(self) -> None:
         self.robots: PublishedViews[RobotKey, RobotView] = PublishedViews()
         self.orders: PublishedViews[str, OrderView] = PublishedViews()
+        self.peripherals: PublishedViews[str, PeripheralView] = PublishedViews()
         self.plant: PlantView | None = None
         self.link: LinkView = {"connected": False, "since": None}
         self.order_service: OrderServiceView = {"up": None, "lastSign": None, "stops": []}
@@ -126,11 +133,13 @@ class Publication:
         self,
         robot: Callable[[RobotKey], RobotView | None],
         order: Callable[[str], OrderView | None],
+        peripheral: Callable[[str], PeripheralView | None],
     ) -> Delta | None:
         """Return the changes since the last call, or None. The arguments build the current views."""
         delta: Delta = {"id": self._published["id"] + 1}
         robots, robots_gone = self.robots.changes(robot)
         orders, orders_gone = self.orders.changes(order)
+        peripherals, peripherals_gone = self.peripherals.changes(peripheral)
         if robots:
             delta["robots"] = robots
         if robots_gone:
@@ -139,6 +148,10 @@ class Publication:
             delta["orders"] = orders
         if orders_gone:
             delta["ordersGone"] = orders_gone
+        if peripherals:
+            delta["peripherals"] = peripherals
+        if peripherals_gone:
+            delta["peripheralsGone"] = peripherals_gone
         self._add_parts(delta)
         if len(delta) == 1:
             return None
@@ -151,6 +164,7 @@ class Publication:
             **self._published,
             "robots": list(self.robots.views.values()),
             "orders": list(self.orders.views.values()),
+            "peripherals": list(self.peripherals.views.values()),
         }
 
     def _add_parts(self, delta: Delta) -> None:
@@ -170,6 +184,7 @@ class Publication:
             "id": number,
             "robots": [],
             "orders": [],
+            "peripherals": [],
             "plant": self.plant,
             "link": self.link,
             "orderService": self.order_service,

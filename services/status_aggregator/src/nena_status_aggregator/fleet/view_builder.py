@@ -1,8 +1,9 @@
-"""Builds the views of robots and orders that API and event stream publish."""
+"""Builds the views of robots, orders and peripheral devices for API and event stream."""
 
 from __future__ import annotations
 
 from nena_shared.clock import iso
+from nena_shared.fleet_api.peripherals import PeripheralJobStatus
 from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.traffic import TrafficWait
 from nena_shared.fleet_api.transport_order import Destination, Hold
@@ -14,6 +15,7 @@ from nena_shared.vda5050.factsheet import Factsheet, MobileRobotGeometry
 from nena_shared.vda5050.state import Information, NodeState, State
 from nena_status_aggregator.fleet.condition import ros_session, session_of
 from nena_status_aggregator.fleet.orders import TrackedOrder, progress
+from nena_status_aggregator.fleet.peripherals import TrackedPeripheral
 from nena_status_aggregator.fleet.queues import Jam
 from nena_status_aggregator.fleet.robot import Robot
 from nena_status_aggregator.fleet.views import (
@@ -30,6 +32,8 @@ from nena_status_aggregator.fleet.views import (
     LoadView,
     MapView,
     OrderView,
+    PeripheralJobView,
+    PeripheralView,
     PositionView,
     RobotOrderView,
     RobotView,
@@ -401,3 +405,32 @@ def place(destination: Destination) -> str:
     if at is None:
         return destination.location_name or ""
     return f"({at.x:.2f}, {at.y:.2f})"
+
+
+def view_peripheral(device: TrackedPeripheral) -> PeripheralView:
+    """Build the view of a peripheral device."""
+    status = device.status
+    return {
+        "id": status.location,
+        "state": status.state.value,
+        "confirmed": device.confirmed,
+        "operations": list(status.operations[:LIST_LIMIT]),
+        "waiting": len(status.waiting),
+        "usedBy": list(status.used_by[:LIST_LIMIT]),
+        "job": _job(status.job) if status.job else None,
+        "jobs": [_job(each) for each in status.jobs[:LIST_LIMIT]],
+    }
+
+
+def _job(status: PeripheralJobStatus) -> PeripheralJobView:
+    return {
+        "name": status.name,
+        "state": status.state.value,
+        "operation": status.operation,
+        "reason": short(status.reason) or "",
+        "vehicle": status.related_vehicle,
+        "transportOrder": status.related_transport_order,
+        "path": status.path,
+        "created": iso(status.created),
+        "finished": iso(status.finished) if status.finished else None,
+    }

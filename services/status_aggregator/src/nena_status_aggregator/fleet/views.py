@@ -265,6 +265,38 @@ class OrderView(TypedDict):
     finished: str | None
 
 
+class PeripheralJobView(TypedDict):
+    """A job of a peripheral device, for a vehicle or a host."""
+
+    name: str
+    state: str
+    operation: str
+    reason: str
+    """What it waits for, or why it failed."""
+    vehicle: str | None
+    transportOrder: str | None
+    path: str | None
+    created: str
+    finished: str | None
+
+
+class PeripheralView(TypedDict):
+    """A peripheral device, such as a door; ``id`` is its location."""
+
+    id: str
+    state: str
+    confirmed: bool
+    operations: list[str]
+    waiting: int
+    """Number of jobs that wait for it."""
+    usedBy: list[str]
+    """Vehicles that hold a part of their route for which it is needed."""
+    job: PeripheralJobView | None
+    """The job that it executes."""
+    jobs: list[PeripheralJobView]
+    """Its first unfinished jobs, then the last ended ones, newest first."""
+
+
 class PlantView(TypedDict):
     """Summary of the plant model, which has its own resource."""
 
@@ -350,6 +382,7 @@ class FleetView(TypedDict):
     id: int
     robots: list[RobotView]
     orders: list[OrderView]
+    peripherals: list[PeripheralView]
     plant: PlantView | None
     link: LinkView
     orderService: OrderServiceView

@@ -1,8 +1,9 @@
 // Why a robot or an order is not moving: reasons, advice and the chain of causes.
 
 import { element, foreign, refill } from "./dom.js";
-import { shownState } from "./fleet.js";
+import { jobOf, shownState } from "./fleet.js";
 import { chosenLanguage, has, number, t, timeOfDay } from "./i18n.js";
+import { nameAndState } from "./peripherals.js";
 import { address } from "./router.js";
 
 const SINCE = {
@@ -137,9 +138,10 @@ function saysThatItWaits(robot) {
   return robot.reasonCode.startsWith("waits") || robot.reasonCode === "waiting_for_release";
 }
 
-// The queue up to its head; without data from the order service, the robot that occupies the next node.
+// The queue up to its head, or the device; without data from the order service, the robot that occupies the next node.
 function causesOfWaiting(robot, fleet, seen) {
   if (robot.vehicle?.wait?.next) return causesOfQueue(robot, fleet);
+  if (robot.reasonCode === "waits_peripheral") return causesOfDevice(robot.reasonValues.at, fleet.store);
   if (robot.reasonCode !== "waiting_for_release") return [];
   const place = robot.reasonValues.next;
   const others = [...fleet.store.robots.values()].filter((other) => other.id !== robot.id);
@@ -148,6 +150,12 @@ function causesOfWaiting(robot, fleet, seen) {
   const coming = others.find((other) => aheadOf(other).some((node) => node.nodeId === place && node.released));
   if (coming) return chain(coming, fleet, seen, t("why.goesTo", { name: coming.name, place }));
   return [{ text: t("why.notReleased", { place: nodeName(robot, place) }) }];
+}
+
+function causesOfDevice(location, store) {
+  const device = store.peripherals.get(location);
+  if (!device) return [];
+  return [{ text: nameAndState(device), foreign: jobOf(device)?.reason, link: address("places", location) }];
 }
 
 function causesOfQueue(robot, fleet) {

@@ -1,4 +1,4 @@
-// The fleet in the browser: robots and orders from the event stream, and the plant model.
+// The fleet in the browser: robots, orders and devices from the event stream, and the plant model.
 
 import { ask, command } from "./api.js";
 
@@ -7,15 +7,22 @@ export function shownState(order) {
   return order.held && !order.final ? "HELD" : order.state;
 }
 
+/** Return the job that a device executes, else the first one that waits for it; undefined if it has none. */
+export function jobOf({ job, jobs }) {
+  return job ?? jobs.find(({ finished }) => !finished);
+}
+
+const KINDS = ["robots", "orders", "peripherals"];
 const PARTS = ["plant", "link", "orderService", "jams", "malformed"];
 
 /**
- * Robots and orders by id, and the other parts, kept up to date by the event stream. Fires `change` with
- * `{robots, orders, parts}`: sets of what changed.
+ * Robots, orders and peripheral devices by id, and the other parts, kept up to date by the event stream. Fires `change` with
+ * `{robots, orders, peripherals, parts}`: sets of what changed.
  */
 export class FleetStore extends EventTarget {
   robots = new Map();
   orders = new Map();
+  peripherals = new Map();
   plant = null;
   link = { connected: false, since: null };
   orderService = { up: null, lastSign: null, stops: [] };
@@ -38,24 +45,21 @@ export class FleetStore extends EventTarget {
   takeSnapshot(snapshot) {
     this.#offset = Date.parse(snapshot.time) - Date.now();
     this.share = snapshot.share;
-    const before = { robots: this.robots, orders: this.orders };
-    this.robots = new Map(snapshot.robots.map((robot) => [robot.id, robot]));
-    this.orders = new Map(snapshot.orders.map((order) => [order.id, order]));
+    const changed = { parts: new Set(PARTS) };
+    for (const kind of KINDS) {
+      const before = this[kind];
+      this[kind] = new Map(snapshot[kind].map((view) => [view.id, view]));
+      changed[kind] = new Set([...before.keys(), ...this[kind].keys()]);
+    }
     for (const part of PARTS) this[part] = snapshot[part];
-    this.#emit({
-      robots: new Set([...before.robots.keys(), ...this.robots.keys()]),
-      orders: new Set([...before.orders.keys(), ...this.orders.keys()]),
-      parts: new Set(PARTS),
-    });
+    this.#emit(changed);
   }
 
   /** Apply a change. */
   takeDelta(delta) {
-    this.#emit({
-      robots: patch(this.robots, delta.robots, delta.robotsGone),
-      orders: patch(this.orders, delta.orders, delta.ordersGone),
-      parts: new Set(PARTS.filter((part) => part in delta && this.#setPart(part, delta[part]))),
-    });
+    const parts = new Set(PARTS.filter((part) => part in delta && this.#setPart(part, delta[part])));
+    const changed = KINDS.map((kind) => [kind, patch(this[kind], delta[kind], delta[`${kind}Gone`])]);
+    this.#emit({ ...Object.fromEntries(changed), parts });
   }
 
   #setPart(part, value) {

@@ -1,4 +1,4 @@
-// Beside the map: tabs of robots and orders, one search for robots, orders and places, and commands to several robots.
+// Beside the map: tabs of robots, orders and devices, one search for robots, orders and places, and commands to several robots.
 
 import { command } from "./api.js";
 import { button, element, foreign, refill, setAttribute, setText, verbatim } from "./dom.js";
@@ -6,7 +6,7 @@ import { byName, number, plural, t } from "./i18n.js";
 import { matches } from "./live_table.js";
 import { address, currentView, lists } from "./router.js";
 
-const TABS = { robots: "robots.tab", orders: "orders.tab", map: "map.title" };
+const TABS = { robots: "robots.tab", orders: "orders.tab", peripherals: "peripherals.tab", map: "map.title" };
 const narrow = matchMedia("(max-width: 900px)"); // the map is beside the lists otherwise
 
 /**
@@ -16,7 +16,7 @@ const narrow = matchMedia("(max-width: 900px)"); // the map is beside the lists 
 class Tabs extends HTMLElement {
   #searched = "";
   #undecided = false; // searched before the lists were loaded
-  #given = false;
+  #given = null; // the list with matches instead
 
   /** Attach to the tables, by the tabs' names. */
   show(tables) {
@@ -33,7 +33,8 @@ class Tabs extends HTMLElement {
 
   #tab(name) {
     const choose = () => {
-      this.#given = this.#undecided = false;
+      this.#given = null;
+      this.#undecided = false;
       lists.set({ tab: name === "robots" ? "" : name });
     };
     const made = button("", choose, { role: "tab", id: `${name}-tab` });
@@ -44,21 +45,20 @@ class Tabs extends HTMLElement {
   #choose() {
     const tab = lists.get("tab");
     const wanted = Object.hasOwn(this.tables, tab) || (tab === "map" && narrow.matches) ? tab : "robots";
-    const other = { robots: "orders", orders: "robots" }[wanted];
-    if (!other) return wanted;
+    if (wanted === "map") return wanted;
     if (this.#undecided) {
       const loaded = Object.values(this.tables).some((table) => table.loaded);
-      const [own, others] = [wanted, other].map((name) => this.tables[name].matching);
-      this.#given = !own && others;
+      const others = Object.keys(this.tables).filter((name) => this.tables[name].matching);
+      this.#given = this.tables[wanted].matching ? null : others[0] ?? null;
       this.#undecided = !loaded;
     }
-    return this.#given ? other : wanted;
+    return this.#given ?? wanted;
   }
 
   #search() {
     const searched = lists.get("q").trim();
     if (searched !== this.#searched) {
-      this.#given = false;
+      this.#given = null;
       this.#undecided = searched !== "";
     }
     this.#searched = searched;
@@ -74,6 +74,7 @@ class Tabs extends HTMLElement {
       setText(tab, t(TABS[name], { count: number(count ?? 0) }));
       setAttribute(tab, "aria-selected", String(name === chosen));
       tab.tabIndex = name === chosen ? 0 : -1;
+      tab.hidden = name === "peripherals" && name !== chosen && !this.tables.peripherals.loaded; // most sites have none
     }
     for (const name of Object.keys(this.tables)) document.getElementById(name).hidden = name !== chosen;
     if (changed) this.tables[chosen]?.refresh();

@@ -10,6 +10,7 @@ import "./history_page.js";
 import "./lists.js";
 import "./map/fleet_map.js";
 import "./order_page.js";
+import "./peripherals.js";
 import "./place_page.js";
 import "./robot_page.js";
 import "./stops.js";
@@ -29,9 +30,9 @@ const fleet = { store, plant, link, enabled, noCommands };
 const map = part("fleet-map");
 const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page") };
 
-const tables = { robots: part("robot-table"), orders: part("order-table") };
+const tables = { robots: part("robot-table"), orders: part("order-table"), peripherals: part("peripheral-table") };
 
-for (const name of ["fleet-summary", "attention", "message-health", "order-table"]) part(name).show(store);
+for (const name of ["fleet-summary", "attention", "message-health", "order-table", "peripheral-table"]) part(name).show(store);
 tables.robots.show(store, !noCommands);
 part("fleet-commands").show(tables.robots);
 part("tabs").show(tables);

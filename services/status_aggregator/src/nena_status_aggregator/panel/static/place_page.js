@@ -39,6 +39,7 @@ class PlacePage extends HTMLElement {
     this.kind = element("span", { class: "chip" }, found ? t(`place.${found.kind}`) : "");
     this.kind.hidden = !found;
     const head = element("header", { class: "head" }, backLink(), this.heading, this.kind);
+    this.device = element("nena-peripheral-details");
     this.holders = element("div");
     this.commands = element("div");
     if (!found) return this.replaceChildren(head, element("p", { class: "hint" }, t("place.gone")));
@@ -47,7 +48,9 @@ class PlacePage extends HTMLElement {
     else if (found.kind === "path") this.commands.append(this.#lockCommands());
     else this.commands.append(this.#sendForm());
     this.neighbours = element("p", { class: "places" }, ...this.#neighbours(found).map(placeLink));
-    this.replaceChildren(head, section("place.heldBy", this.holders), section("robot.commands", this.commands), section("place.near", this.neighbours));
+    const sections = [section("place.heldBy", this.holders), section("robot.commands", this.commands), section("place.near", this.neighbours)];
+    const reachable = found.thing.links?.length !== 0; // a door beside a path has no links: no robot stops there
+    this.replaceChildren(head, this.device, ...(reachable ? sections : []));
     this.#update();
   }
 
@@ -150,6 +153,7 @@ class PlacePage extends HTMLElement {
     const found = this.fleet.plant.find(this.#name);
     if (!found) return;
     const { store } = this.fleet;
+    this.device.show(store.peripherals.get(this.#name), store);
     const robots = [...store.robots.values()];
     const standing = robots.filter((robot) => robot.vehicle?.currentPosition === this.#name).map((robot) => [robot.vehicle.name, "place.standsHere"]);
     const known = new Map([...(this.#held ?? []), ...standing]);

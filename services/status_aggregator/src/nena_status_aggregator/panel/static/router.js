@@ -52,7 +52,7 @@ export function followView(callback) {
 
 /**
  * Settings of the lists, stored in the address after `#/?`: `tab`, `q` (search), `condition` (of robots), `state` (of orders),
- * `robotSort` and `orderSort` (column, with `-` descending). Fires `change`.
+ * `robotSort`, `orderSort` and `peripheralSort` (column, with `-` descending). Fires `change`.
  */
 class ListView extends EventTarget {
   #values = new URLSearchParams();

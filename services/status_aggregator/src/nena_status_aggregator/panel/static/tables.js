@@ -5,6 +5,7 @@ import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf } from "./
 import { shownState } from "./fleet.js";
 import { age, byName, number, plural, t } from "./i18n.js";
 import { LiveTable, cell, filterChip, matches } from "./live_table.js";
+import { nameAndState } from "./peripherals.js";
 import { address, lists } from "./router.js";
 
 const LOW_BATTERY = 20;
@@ -155,8 +156,10 @@ function updateOrder(parts, order) {
   setText(parts.progress.value, t("progress.value", { percent: number(progress) }));
 }
 
-// Text and address of the head of a robot's queue; only a text for a circle; null if it waits for no robot.
-function headOf({ vehicle }, store) {
+// Text and address of the head of a robot's queue, or of the device that it waits for; only a text for a circle; else null.
+function headOf({ reasonCode, reasonValues, vehicle }, store) {
+  const device = reasonCode === "waits_peripheral" && store.peripherals.get(reasonValues.at);
+  if (device) return { text: nameAndState(device), href: address("places", device.id) };
   const { head, circle } = vehicle?.wait ?? {};
   if (circle?.length) return { text: t("robots.circle", { names: circle.join(", ") }) };
   const robot = head && store.robotOfVehicle(head);
