@@ -26,6 +26,7 @@ from bench import (
     order_service,
     plant_cost,
     queue_cost,
+    reading_cost,
     rest_to_wire,
     sessions,
     state_cost,
@@ -133,6 +134,10 @@ async def _plant(_folder: Path, _samples: int, _seconds: float) -> dict[str, Any
     return plant_cost.measure()
 
 
+async def _reading(_folder: Path, _samples: int, _seconds: float) -> dict[str, Any]:
+    return reading_cost.measure()
+
+
 async def _aggregator(folder: Path, _samples: int, seconds: float) -> dict[str, Any]:
     return await aggregator_load.measure(folder, seconds)
 
@@ -153,6 +158,7 @@ ENTRIES: dict[str, Callable[[Path, int, float], Awaitable[dict[str, Any]]]] = {
     "core": _core,
     "queue": _queue,
     "plant": _plant,
+    "reading": _reading,
     "aggregator": _aggregator,
     "smooth": _smooth,
     "traffic": traffic.measure,
