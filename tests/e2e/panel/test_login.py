@@ -95,11 +95,19 @@ async def test_viewer_has_read_only_access(site: Site, browser: Browser) -> None
         await expect(page.get_by_role("button", name="Pause")).to_be_hidden()
         await expect(page.get_by_role("button", name="Stop all")).to_have_count(0)
         await expect(page.get_by_role("link", name="New order")).to_be_hidden()
+        await expect(page.get_by_role("link", name="Audit trail")).to_be_hidden()
         await page.get_by_role("link", name="All robots and orders").click()
         await expect(page.locator("tr[data-robot='ACME/r1']")).to_be_visible()
         await expect(page.get_by_role("checkbox")).to_have_count(0)
         await page.go_back()
         await expect(page.get_by_text("Read-only access")).to_be_visible()
+
+
+async def test_administrator_finds_the_audit_trail(site: Site, browser: Browser) -> None:
+    async with site.aggregator(), opened(browser, site.hall.url, expected=UNKNOWN) as page:
+        await site.log_in(page, "admin")
+        await page.get_by_role("link", name="Audit trail").click()
+        await expect(page.get_by_text("Not available: No answer from the order service")).to_be_visible()
 
 
 async def test_removed_user_is_sent_to_the_login_page(site: Site, browser: Browser) -> None:

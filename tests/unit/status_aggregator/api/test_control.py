@@ -142,6 +142,7 @@ async def test_problems_of_the_order_service_are_forwarded_unchanged(client: htt
         "/transportOrders/a/b/c",
         "/traffic",
         "/traffic/plan/x",
+        "/audit/x",
         "/vehicles/%2e%2e/x",
         "/vehicles/../readyz",
     ],

@@ -66,7 +66,7 @@ class OrderServiceClient:
 
 
 PREFIX = "/api/v1/control"
-RESOURCES = re.compile(r"(transportOrders|vehicles|paths|stops)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan")
+RESOURCES = re.compile(r"(transportOrders|vehicles|paths|stops)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan|audit")
 """Paths of forwarded queries and commands: the resources that the panel uses."""
 CHANGES = re.compile(r"paths/[^/]+/lock")
 """Paths of forwarded changes (PUT): only the lock of a path."""

@@ -1,6 +1,7 @@
 // Entry point of the panel: one store, one event stream, and the components that show them.
 
 import { commandsEnabled, getSession } from "./api.js";
+import { mayAudit } from "./audit_page.js";
 import { EventLink, FleetStore, PlantStore } from "./fleet.js";
 import { unsentForm } from "./forms.js";
 import { chosenLanguage, t } from "./i18n.js";
@@ -28,7 +29,8 @@ const enabled = await commandsEnabled();
 const noCommands = enabled ? { viewer: "login.noCommands" }[session?.role] : "command.off";
 const fleet = { store, plant, link, enabled, noCommands };
 const map = part("fleet-map");
-const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page") };
+const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page"), audit: part("audit-page") };
+const withoutId = ["history", "audit"]; // views
 
 const tables = { robots: part("robot-table"), orders: part("order-table"), peripherals: part("peripheral-table") };
 
@@ -38,6 +40,7 @@ part("fleet-commands").show(tables.robots);
 part("tabs").show(tables);
 part("search").show(tables, plant);
 document.getElementById("new-order").hidden = Boolean(noCommands);
+document.getElementById("audit-link").hidden = !enabled || !mayAudit(session);
 part("link-banner").show(store, link);
 part("stops").show(store, session, noCommands);
 part("stop-commands").show(part("stops"), noCommands);
@@ -63,7 +66,7 @@ document.addEventListener("areapick", (event) => map.pickArea(event.detail));
 
 let begun = false;
 followView(([name, id]) => {
-  const chosen = id || name === "history" ? name : name === "orders" && "newOrder";
+  const chosen = id || withoutId.includes(name) ? name : name === "orders" && "newOrder";
   const view = Object.hasOwn(views, chosen) ? views[chosen] : null;
   document.getElementById("lists").hidden = view !== null;
   document.body.dataset.view = view ? "page" : "lists";
