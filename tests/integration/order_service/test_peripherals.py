@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import httpx
 import pytest
 
 from nena_demo.peripheral import SimulatedPeripheral
@@ -15,6 +16,7 @@ from nena_demo.plants import sample_plant_path
 from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.plant.files import read
 from nena_shared.tasks import end
+from support.aggregator_process import AggregatorProcess
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.waiting import awaited, until
@@ -154,6 +156,28 @@ async def test_hosts_see_devices_and_create_jobs(fleet: Fleet) -> None:
     withdrawn = await client.post("/v1/peripheralJobs/J-1/withdrawal")
     assert (withdrawn.status_code, withdrawn.json()["state"]) == (200, "FAILED")
     assert (await client.post("/v1/peripheralJobs/J-1/withdrawal")).status_code == 409
+
+
+async def test_an_aggregator_started_later_knows_why_the_last_job_failed(fleet: Fleet) -> None:
+    wire = fleet.peer()
+    client = await fleet.order_service("--plant", plant_with_door(fleet.folder), ENABLED).client()
+    job = {"name": "J-1", "location": DOOR, "operation": "open", "reservationToken": "host"}
+    await client.post("/v1/peripheralJobs", json=job)
+    await wire.wait_for(topic(fleet, PeripheralTopic.JOB))
+    answer = {"jobId": "J-1", "state": "FAILED", "reason": "light curtain interrupted"}
+    wire.publish(topic(fleet, PeripheralTopic.JOB_STATE), json.dumps(answer))
+    await until(lambda: b"interrupted" in wire.payloads(topic(fleet, PeripheralTopic.STATUS))[-1])
+
+    options = ("--topic_prefix", fleet.prefix, "--interface_name", fleet.interface)
+    addresses = ("--http.port", "0", "--mqtt.port", str(fleet.broker.port))
+    with AggregatorProcess(*addresses, *options) as aggregator:
+        async with httpx.AsyncClient(base_url=await aggregator.url()) as panel:
+
+            async def devices() -> list[tuple[str, str, str]]:
+                found = (await panel.get("/api/v1/peripherals")).json()
+                return [(each["id"], job["name"], job["reason"]) for each in found for job in each["jobs"]]
+
+            await awaited(devices, [(DOOR, "J-1", "light curtain interrupted")].__eq__, what="the device")
 
 
 async def test_the_retained_status_of_a_device_that_the_plant_no_longer_has_is_cleared(fleet: Fleet) -> None:
