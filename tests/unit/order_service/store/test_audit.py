@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import sqlalchemy as sa
@@ -256,3 +257,46 @@ def test_request_that_cannot_be_serialised_is_recorded_without_body(engine: sa.E
 
     write(engine, row(request=fail))
     assert [each.request for each in read_page(engine, AuditQuery()).entries] == [""]
+
+
+def test_chain_continues_after_a_commit_whose_answer_was_lost(
+    engine: sa.Engine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The retry finds the commit made, so its rows are not written twice, and the next ones follow them."""
+    chain, fence, lose = AuditChain(), Mock(), database._write
+
+    def losing(*arguments: Any) -> None:
+        lose(*arguments)
+        raise ConnectionError
+
+    changes = Changes(audit=[row(), row(1)])
+    fence.lets_pass.return_value = True
+    with monkeypatch.context() as patched:
+        patched.setattr(database, "_write", losing)
+        with pytest.raises(ConnectionError):
+            database.write(engine, changes, fence, chain)
+    fence.lets_pass.return_value = False
+    database.write(engine, changes, fence, chain)
+    write(engine, row(2), chain=chain)
+    page = read_page(engine, OLDEST_FIRST)
+    assert [(each.sequence, each.timestamp.minute) for each in page.entries] == [(1, 0), (2, 1), (3, 2)]
+    assert problems(page) == []
+
+
+def test_rows_of_a_commit_that_was_rolled_back_leave_no_gap(
+    engine: sa.Engine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chain, write_rows = AuditChain(), database._write_audit
+
+    def failing(*arguments: Any) -> None:
+        write_rows(*arguments)
+        raise ConnectionError
+
+    with monkeypatch.context() as patched:
+        patched.setattr(database, "_write_audit", failing)
+        with pytest.raises(ConnectionError):
+            write(engine, row(), chain=chain)
+    write(engine, row(1), chain=chain)
+    page = read_page(engine, OLDEST_FIRST)
+    assert [(each.sequence, each.timestamp.minute) for each in page.entries] == [(1, 1)]
+    assert problems(page) == []
