@@ -136,3 +136,18 @@ def test_missing_row_is_named(served: Served) -> None:
 def test_unexpected_row_is_named() -> None:
     assert "row 2 is not the expected one" in run("verify", "--expect", f"2:{'0' * 64}", status=1)
     run("verify", "--expect", "2", status=2)
+
+
+@pytest.mark.parametrize("arguments", [("list", "-o", "wide"), ("list",)])
+def test_control_characters_of_others_do_not_reach_the_terminal(
+    served: Served, arguments: tuple[str, ...]
+) -> None:
+    """A name in a refused request could otherwise erase rows from the screen."""
+    served.rows[2] = served.rows[2].model_copy(update={"object": "T\x1b[2J\u202e", "client": "a\nb"})
+    shown = run(*arguments)
+    assert "\x1b" not in shown
+    assert "\u202e" not in shown
+    assert r"T\x1b[2J\u202e" in shown
+    assert r"REST (a\nb)" in shown
+    served.rows[2] = served.rows[2].model_copy(update={"user": "\x1b[2K"})
+    assert r"withdraw by \x1b[2K" in run("verify", status=1)

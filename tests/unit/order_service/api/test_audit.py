@@ -293,3 +293,16 @@ def test_secrets_are_masked() -> None:
         "peripheralReservationToken": "door-1",
         "nested": {"client_secret": "***"},
     }
+
+
+@pytest.mark.parametrize(
+    "name", ["token", "accessKey", "Authorization", "wifi.psk", "mqttPwd", "doorPinCode", "refresh_token"]
+)
+def test_values_of_further_secrets_are_masked(name: str) -> None:
+    content = {name: "hunter2", "properties": [{"key": name, "value": "hunter2"}]}
+    assert "hunter2" not in masked(content)
+
+
+@pytest.mark.parametrize("name", ["peripheralReservationToken", "key", "keypad", "spin", "author"])
+def test_other_values_are_recorded(name: str) -> None:
+    assert masked({name: "x"}) == f'{{"{name}":"x"}}'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -300,3 +301,40 @@ def test_rows_of_a_commit_that_was_rolled_back_leave_no_gap(
     page = read_page(engine, OLDEST_FIRST)
     assert [(each.sequence, each.timestamp.minute) for each in page.entries] == [(1, 1)]
     assert problems(page) == []
+
+
+def test_requests_are_serialised_before_the_transaction(engine: sa.Engine) -> None:
+    """PostgreSQL ends transactions that are idle for 3 s; the retry would take just as long, forever."""
+    transactions: list[sa.Connection] = []
+    sa.event.listen(engine, "begin", transactions.append)
+    seen: list[int] = []
+
+    def serialise() -> str:
+        seen.append(len(transactions))
+        return "{}"
+
+    write(engine, row(request=serialise))
+    assert (seen, len(transactions)) == ([0], 1)
+
+
+async def test_slow_query_of_the_trail_holds_up_no_other_query(
+    engine: sa.Engine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Creating an order reads the store; a filter may scan millions of rows."""
+    go_on = threading.Event()
+    read = audit.read_page
+
+    def slow(*arguments: Any) -> AuditPage:
+        assert go_on.wait(20)
+        return read(*arguments)
+
+    monkeypatch.setattr(audit, "read_page", slow)
+    store = Store(engine)
+    page = asyncio.create_task(store.audit_page(AuditQuery()))
+    try:
+        assert await asyncio.wait_for(store.order(name="T-1"), 10) is None
+        assert not page.done()
+    finally:
+        go_on.set()
+        await page
+        store.close()

@@ -86,7 +86,7 @@ def verify(service: Service, *, expected: Expected = None) -> None:
         pages = connection.pages(LIST_AUDIT, {"limit": PAGE, "oldestFirst": True})
         problem = next(chain.from_iterable(map(check.problems, pages)), None)
     if problem:
-        fail(f"The audit trail is not intact: {problem}", REFUSED)
+        fail(f"The audit trail is not intact: {tables.printable(problem)}", REFUSED)
     if service.output in (Format.TABLE, Format.WIDE):
         typer.echo(f"The audit trail is intact: {check.rows} rows, the last one {check.last}")
     else:

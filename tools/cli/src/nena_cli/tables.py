@@ -279,8 +279,13 @@ def audit_table(entries: Iterable[AuditEntry]) -> Table:
             change,
             result,
         )
-        table.add_row(*map(Text, row))
+        table.add_row(*(Text(printable(cell)) for cell in row))
     return table
+
+
+def printable(text: str) -> str:
+    """Return text of an unknown sender with its control characters escaped: a terminal would obey them."""
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
 
 
 def rerouting_table(done: ReroutingAnswer) -> Table:

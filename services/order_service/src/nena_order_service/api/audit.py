@@ -34,7 +34,9 @@ from nena_shared.web.access import KnownUser
 log = get_logger(__name__)
 
 SECRET: Final = re.compile(
-    "password|passphrase|passwd|secret|credential|private.?key|api.?key|access.?token", re.IGNORECASE
+    r"password|passphrase|passcode|passwd|pwd|secret|credential|authori[sz]ation|bearer|psk$|pin.?code"
+    r"|(private|api|access|encryption).?key|(access|auth|refresh|session).?token|^token$",
+    re.IGNORECASE,
 )
 """Names of fields and keys of properties and parameters whose values are masked."""
 MASK: Final = "***"

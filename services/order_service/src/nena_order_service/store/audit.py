@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, Final
@@ -61,10 +61,9 @@ class AuditRow:
     result: AuditResult
     reason: str
 
-    def values(self, sequence: int) -> dict[str, object]:
-        """Return the values of the table's columns, except the hash."""
+    def values(self) -> dict[str, object]:
+        """Return the values of the table's columns, except those that chain rows."""
         return {
-            "sequence": sequence,
             "time": milliseconds(self.time),
             "user_name": storable(self.user, NAME_LIMIT),
             "interface": self.interface.value,
@@ -129,13 +128,13 @@ class AuditChain:
         self._last: AuditMark | None = None
 
     def chain(
-        self, connection: sa.Connection, rows: Sequence[AuditRow]
+        self, connection: sa.Connection, rows: Sequence[Mapping[str, object]]
     ) -> tuple[list[dict[str, object]], AuditMark]:
-        """Return the rows to insert, and the last one."""
+        """Return the rows to insert, and the last one; ``rows`` are those of :meth:`AuditRow.values`."""
         last = self._last or _read_last(connection)
         chained = []
         for row in rows:
-            values = row.values(last.sequence + 1)
+            values = {**row, "sequence": last.sequence + 1}
             values["hash"] = hash_after(last.hash, _as_json(values))
             last = AuditMark(sequence=last.sequence + 1, hash=str(values["hash"]))
             chained.append(values)

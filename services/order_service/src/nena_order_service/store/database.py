@@ -377,6 +377,8 @@ def write(
 
 def _write(engine: sa.Engine, changes: Changes, fence: Fence | None, chain: AuditChain) -> None:
     texts = statements(engine)
+    # Many long requests take seconds, and PostgreSQL ends transactions that are idle for that long.
+    audited = [row.values() for row in changes.audit]
     with engine.begin() as connection:
         if fence is None or fence.lets_pass(connection):
             _write_orders(connection, texts, changes.orders.values())
@@ -388,18 +390,24 @@ def _write(engine: sa.Engine, changes: Changes, fence: Fence | None, chain: Audi
             ]
             execute(connection, texts.put_path_lock, locks)
             write_documents(connection, texts, changes.documents)
-            _write_audit(connection, texts, changes, chain)
+            _write_audit(connection, texts, audited, changes.expired_audit, chain)
 
 
-def _write_audit(connection: sa.Connection, texts: Statements, changes: Changes, chain: AuditChain) -> None:
+def _write_audit(
+    connection: sa.Connection,
+    texts: Statements,
+    new: Sequence[DatabaseRow],
+    expired: AuditMark | None,
+    chain: AuditChain,
+) -> None:
     marks: dict[tuple[str, str], str | None] = {}
-    if changes.audit:
-        rows, last = chain.chain(connection, changes.audit)
+    if new:
+        rows, last = chain.chain(connection, new)
         execute(connection, texts.insert_audit, rows)
         marks[audit.LAST] = last.model_dump_json(by_alias=True)
-    if mark := changes.expired_audit:
-        execute(connection, texts.forget_audit, [{"sequence": mark.sequence}])
-        marks[audit.DELETED] = mark.model_dump_json(by_alias=True)
+    if expired:
+        execute(connection, texts.forget_audit, [{"sequence": expired.sequence}])
+        marks[audit.DELETED] = expired.model_dump_json(by_alias=True)
     write_documents(connection, texts, marks)
 
 

@@ -1,4 +1,4 @@
-"""The store as used by the event loop: one thread writes changes, another one reads."""
+"""The store as used by the event loop: one thread writes changes, others read."""
 
 from __future__ import annotations
 
@@ -111,6 +111,8 @@ class Store:
         self._fence = fence
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="store writer")
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="store reader")
+        self._audit_reader = ThreadPoolExecutor(1, thread_name_prefix="audit reader")
+        # Its queries may scan millions of rows, and creating an order reads the store.
         self._changes = Changes()
         self._then: list[Callable[[], None]] = []
         self._wake = asyncio.Event()
@@ -194,6 +196,7 @@ class Store:
         close_connections(self._engine)
         self._writer.shutdown()
         self._reader.shutdown()
+        self._audit_reader.shutdown()
         self._engine.dispose()
         if self._lock:
             self._lock.release()
@@ -238,19 +241,19 @@ class Store:
 
     async def audit_page(self, wanted: AuditQuery) -> AuditPage:
         """Read a page of the audit trail."""
-        return await self._read(lambda: audit.read_page(self._engine, wanted))
+        return await self._read(lambda: audit.read_page(self._engine, wanted), self._audit_reader)
 
     async def expired_audit(self, before: datetime) -> AuditMark | None:
         """Read the last of the oldest rows of the audit trail that are from ``before`` this time."""
-        return await self._read(lambda: audit.read_expired(self._engine, before))
+        return await self._read(lambda: audit.read_expired(self._engine, before), self._audit_reader)
 
     async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
         """Read the orders changed since change ``number``, each with the number of its last change."""
         return await self._read(lambda: database.read_changes(self._engine, number, limit))
 
-    async def _read(self, work: Callable[[], T]) -> T:
+    async def _read(self, work: Callable[[], T], reader: ThreadPoolExecutor | None = None) -> T:
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._reader, _twice(work))
+            return await asyncio.get_running_loop().run_in_executor(reader or self._reader, _twice(work))
         except TRANSIENT_ERRORS as error:
             raise StoreNotReadyError(reason_of(error)) from error
 
