@@ -150,6 +150,8 @@ async def test_repeated_request_is_recorded_as_well(client: httpx.AsyncClient) -
         await client.post("/v1/transportOrders", json={**ORDER, "idempotencyKey": "k"})
     found = await row(client, 2)
     assert (found["object"], found["result"]) == ("T-1", "DONE")
+    assert found["before"] == found["after"] != ""  # unlike the row of the creation
+    assert (await rows(client))[1]["before"] == ""
 
 
 async def test_each_order_of_a_batch_has_a_row(client: httpx.AsyncClient) -> None:

@@ -132,6 +132,8 @@ class OpenRequest:
             self._trail.add(self._row(result, name=self.name, reason=reason))
         elif not self._is_recorded:
             after = self.after or self._trail.states.of(self._asked.kind, self.name)
+            if self._asked.creates == self._asked.kind and not self._asked.creates_many:
+                self._before = after  # it was created before, by the same request
             self._trail.add(self._row(result, name=self.name, after=after))
 
     def _row_of(self, created: str, changes: Changes) -> AuditRow:

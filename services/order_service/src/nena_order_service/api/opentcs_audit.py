@@ -102,7 +102,7 @@ class AuditedRoutes:
         with self._trail.recorded(asked) as request:
             await self._app(scope, exchange.received, exchange.sent)
             if exchange.status >= HTTPStatus.BAD_REQUEST:
-                failed = exchange.status >= HTTPStatus.INTERNAL_SERVER_ERROR
+                failed = exchange.status == HTTPStatus.INTERNAL_SERVER_ERROR  # not 503: it is foreseen
                 result = AuditResult.FAILED if failed else AuditResult.REFUSED
                 request.end(result, f"HTTP {exchange.status}: {exchange.answer.decode('utf-8', 'replace')}")
 

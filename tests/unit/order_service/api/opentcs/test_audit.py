@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from nena_order_service.api.opentcs_audit import BODY_LIMIT
+from nena_order_service.service import OrderService
 from support.opentcs_routes import FOR_ROBOT
 from support.waiting import awaited
 
@@ -87,6 +88,15 @@ async def test_failed_request_is_recorded(client: httpx.AsyncClient, failing_cre
     (found,) = await rows(client, 1)
     assert (found["result"], found["reason"]) == ("FAILED", "KeyError")
     assert failing_create not in json.dumps(found)
+
+
+async def test_request_without_a_database_is_refused_as_over_rest(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    service.store.problem = "gone"
+    assert (await client.post(f"{API}/transportOrders/T-1", json=FOR_ROBOT)).status_code == 503
+    (found,) = await rows(client, 1)
+    assert found["result"] == "REFUSED"
 
 
 async def test_bodies_that_are_no_json_or_long_are_recorded_by_size(client: httpx.AsyncClient) -> None:
