@@ -28,7 +28,7 @@ from nena_shared.vda5050.versions import load_codecs, reader_for, reader_of
 
 TOPICS_REMEMBERED = 20_000
 DEVIATIONS_REMEMBERED = 100
-"""Messages in a row without a deviation after which the deviations of a topic are forgotten."""
+"""Messages in a row without a deviation after which it is forgotten; at most twice as many."""
 
 M = TypeVar("M", bound=Header)
 Report = Callable[[str, tuple[Repair, ...]], None]
@@ -48,8 +48,17 @@ class _KnownReader:
     codec: Codec
     deviations: frozenset[str]
     """Paths of repaired fields; in the next message only these are repaired, if that is enough."""
-    right: int = 0
-    """Messages since the last deviation."""
+    seen: frozenset[str] = EVERYWHERE
+    """Those in the last ``messages`` messages."""
+    messages: int = 0
+
+    def note(self, paths: frozenset[str]) -> None:
+        """Count a message with deviations at ``paths``; forget the others from time to time."""
+        self.messages += 1
+        if not paths <= self.seen:
+            self.seen |= paths
+        if self.messages == DEVIATIONS_REMEMBERED:
+            self.deviations, self.seen, self.messages = self.seen, EVERYWHERE, 0
 
 
 class MessageReader:
@@ -88,9 +97,7 @@ class MessageReader:
                 pass  # its version may have changed
             else:
                 if message.version == known.version:
-                    known.right += 1
-                    if known.right == DEVIATIONS_REMEMBERED:
-                        known.deviations = EVERYWHERE
+                    known.note(EVERYWHERE)
                     return message
         return self._read_unexpected(kind, topic, payload, major_version)
 
@@ -146,7 +153,7 @@ class MessageReader:
         known = self._known.get(topic)
         if known is not None:
             if version == known.version and paths <= known.deviations:
-                known.right = 0
+                known.note(paths)
                 return
             paths |= known.deviations
         self._learn(topic, _KnownReader(version, codec, paths))

@@ -89,6 +89,18 @@ def test_deviations_are_forgotten_after_many_right_messages() -> None:
     assert not messages._known[TOPIC].deviations
 
 
+def test_a_deviation_that_ended_is_forgotten_while_another_one_lasts() -> None:
+    messages = MessageReader()
+    lasting = CODEC_2_1.encode(state()).replace(b'"headerId":1', b'"headerId":"1"')
+    for charge in (b"80.0", b"101.3"):
+        payload = lasting.replace(b'"batteryCharge":80.0', b'"batteryCharge":' + charge)
+        messages.read(State, TOPIC, payload, "v2")
+    assert messages._known[TOPIC].deviations == {"headerId", "batteryState.batteryCharge"}
+    for _ in range(DEVIATIONS_REMEMBERED):
+        messages.read(State, TOPIC, lasting, "v2")
+    assert messages._known[TOPIC].deviations == {"headerId"}
+
+
 def test_a_robot_that_deviates_may_change_its_version() -> None:
     messages = MessageReader()
     for codec in (CODEC_2_1, CODEC_2_0, CODEC_2_1):
