@@ -9,6 +9,7 @@ from nena_shared.fleet_api.epoch import with_epoch
 from nena_shared.fleet_api.peripherals import PeripheralState
 from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.mqtt import Inbound
+from nena_shared.plant import Location, PlantModel
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.mqtt import FleetSubscriber
@@ -73,6 +74,16 @@ def test_devices_are_unconfirmed_after_a_lost_connection(broker: Broker) -> None
     broker.model.on_link(connected=True, at=at(2))
     broker.publish(PeripheralState.IDLE)
     assert broker.shown() == [(DOOR, "IDLE", True), ("Lift", "IDLE", False)]
+
+
+def test_a_device_removed_during_a_lost_connection_goes_with_the_new_plant(broker: Broker) -> None:
+    broker.publish(PeripheralState.IDLE)
+    broker.publish(PeripheralState.IDLE, location="Lift")
+    broker.model.on_link(connected=False, at=at(1))
+    assert [each for each, *_ in broker.shown()] == [DOOR, "Lift"]
+    lift = Location(name="Lift", x_mm=0, y_mm=0, type="Lifts")
+    broker.model.on_plant_model(PlantModel(name="without the door", locations=(lift,)))
+    assert broker.shown() == [("Lift", "IDLE", False)]
 
 
 def test_an_unreadable_status_is_counted_and_changes_nothing(broker: Broker) -> None:

@@ -326,6 +326,8 @@ class FleetModel:
             self._touch(robot.key)
         self._plant_version += 1
         self._public.plant = view_plant(plant, self._plant_version) if plant else None
+        for location in self.peripherals.forget_unconfirmed(plant.locations_by_name if plant else ()):
+            self._public.peripherals.touch(location)
 
     def on_link(self, *, connected: bool, at: Timestamp) -> None:
         """Apply that the broker connection was established or lost."""

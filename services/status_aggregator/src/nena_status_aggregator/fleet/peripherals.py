@@ -6,6 +6,7 @@ has the device.
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 
 from nena_shared.fleet_api.peripherals import PeripheralStatus
@@ -47,3 +48,13 @@ class PeripheralRegistry:
         for device in self._devices.values():
             device.confirmed = False
         return list(self._devices)
+
+    def forget_unconfirmed(self, plant: Container[str]) -> list[str]:
+        """Remove unconfirmed devices whose location is not in ``plant``; return their locations.
+
+        Their topics were cleared while the broker connection was down, so nothing else removes them.
+        """
+        gone = [name for name, each in self._devices.items() if not each.confirmed and name not in plant]
+        for location in gone:
+            del self._devices[location]
+        return gone
