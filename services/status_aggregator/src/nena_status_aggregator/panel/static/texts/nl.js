@@ -377,7 +377,7 @@ export const TEXTS = {
   "peripherals.since": "{state}, {age} geleden aangevraagd",
   "peripherals.more.one": "nog {count} opdracht wacht",
   "peripherals.more.other": "nog {count} opdrachten wachten",
-  "peripherals.waiting": "Wachten ook: {names}",
+  "peripherals.waiting": "Ook wachtend: {names}",
   "peripherals.usedBy": "In gebruik door {names}",
   "peripherals.noJobs": "Nog geen opdrachten.",
   "peripheral.UNKNOWN": "Geen status gemeld",
