@@ -6,6 +6,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from itertools import cycle
 from random import Random
 
 import httpx
@@ -58,7 +59,10 @@ class Enemy:
         self._site = site
         self._chance = chance
         self._recorded = _recorded()
-        self._host_topics = tuple(_topics_of_hosts())
+        host_topics = list(_topics_of_hosts())
+        chance.shuffle(host_topics)
+        self._host_topics = cycle(host_topics)
+        """In turn: a choice by chance leaves one of them out in some runs."""
         self._own: set[bytes] = set()
         """What was said here."""
         self.routes: list[tuple[httpx.AsyncClient, str, str]] = []
@@ -121,7 +125,7 @@ class Enemy:
 
     def _to_services(self) -> ReceivedMessage:
         """Send a meaningless request as a host, or a status as the order service."""
-        return self._chance.choice(self._host_topics), self._body()
+        return next(self._host_topics), self._body()
 
     def _beside_the_standard(self) -> ReceivedMessage:
         """Send NeNa's internal messages, and loopback control commands."""
