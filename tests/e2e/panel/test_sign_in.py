@@ -95,3 +95,12 @@ async def test_unavailable_issuer_is_shown_on_the_page(
     async with aggregator(hall, issuer), opened(browser, hall.url, expected=UNKNOWN) as page:
         await page.get_by_role("link", name=BUTTON).click()
         await expect(page.get_by_role("alert")).to_contain_text("is not responding")
+
+
+async def test_link_appears_although_the_first_request_for_it_fails(
+    hall: Hall, issuer: OidcIssuer, browser: Browser
+) -> None:
+    async with aggregator(hall, issuer), opened(browser, f"{hall.url}login.html") as page:
+        await page.route("**/session/oidc", lambda route: route.abort(), times=1)
+        await page.reload()
+        await expect(page.get_by_role("link", name=BUTTON)).to_be_visible()

@@ -2,6 +2,8 @@
 
 const URL_OF_SESSION = "api/v1/session";
 const UNKNOWN = 401;
+const NOT_CONFIGURED = 404;
+const RETRY_MS = 2000;
 
 /** Return the session, or null if the server is not reachable. Redirects to the sign-in page if needed. */
 export async function getSession() {
@@ -18,10 +20,14 @@ export async function logIn(token) {
   return answer?.status === UNKNOWN ? "login.wrong" : "login.failed";
 }
 
-/** Return the URL of the single sign-on; null if it is not configured. */
+/** Return the URL of the single sign-on, as soon as the server answers; null if it is not configured. */
 export async function singleSignOnUrl() {
-  const answer = await fetch(`${URL_OF_SESSION}/oidc`).catch(() => null);
-  return answer?.ok ? (await answer.json()).start : null;
+  for (;;) {
+    const answer = await fetch(`${URL_OF_SESSION}/oidc`).catch(() => null);
+    if (answer?.ok) return (await answer.json()).start;
+    if (answer?.status === NOT_CONFIGURED) return null;
+    await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+  }
 }
 
 /** Sign out and show the sign-in page. */
