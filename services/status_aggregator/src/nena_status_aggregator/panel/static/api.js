@@ -2,7 +2,6 @@
 
 const URL_OF_SESSION = "api/v1/session";
 const UNKNOWN = 401;
-const NOT_CONFIGURED = 404;
 const RETRY_MS = 2000;
 
 /** Return the session, or null if the server is not reachable. Redirects to the sign-in page if needed. */
@@ -20,12 +19,11 @@ export async function logIn(token) {
   return answer?.status === UNKNOWN ? "login.wrong" : "login.failed";
 }
 
-/** Return the URL of the single sign-on, as soon as the server answers; null if it is not configured. */
+/** Return the URL of the single sign-on as soon as the server answers; null if it is not configured. */
 export async function singleSignOnUrl() {
   for (;;) {
     const answer = await fetch(`${URL_OF_SESSION}/oidc`).catch(() => null);
     if (answer?.ok) return (await answer.json()).start;
-    if (answer?.status === NOT_CONFIGURED) return null;
     await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
   }
 }
