@@ -131,7 +131,7 @@ class Nav2Site:
         return await until(
             lambda: next((each for each in fleet.states[since:] if accept(each)), None),
             timeout=within,
-            what=f"a state as expected; the last was {fleet.states[-1:]}",
+            what=lambda: f"a state as expected; the last is {fleet.states[-1:]}; this",
         )
 
     @property

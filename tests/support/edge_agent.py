@@ -174,7 +174,7 @@ class FleetControl:
         return await until(
             lambda: next((each for each in self.states if accept(each)), None),
             timeout=within,
-            what=f"a state of {self.robot}; the last ones were {self.states[-2:]}",
+            what=lambda: f"a state of {self.robot}; the last ones are {self.states[-2:]}; this",
         )
 
 

@@ -86,7 +86,7 @@ class BenchRobot:
             lambda: next(
                 (each for each in (self.states[-1:] if last else self.states) if accept(each)), None
             ),
-            what=f"a state of {self.fleet.robot}; the last one was {self.fleet.states[-1:]}",
+            what=lambda: f"a state of {self.fleet.robot}; the last one is {self.fleet.states[-1:]}; this",
         )
 
     async def begin(self, *node_ids: str, **fields: Any) -> Order:

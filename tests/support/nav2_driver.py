@@ -74,6 +74,11 @@ class DrivenRobot:
     def all(self, kind: type[E]) -> list[E]:
         return [event for event in self.events if isinstance(event, kind)]
 
+    @property
+    def events_but_poses(self) -> list[Told]:
+        """Return all events without the poses."""
+        return [event for event in self.events if not isinstance(event, PoseTold)]
+
     async def hears(
         self, kind: type[E], accept: Callable[[E], bool] = lambda _: True, *, seconds: float = PATIENCE
     ) -> E:
@@ -81,7 +86,7 @@ class DrivenRobot:
         return await until(
             lambda: next((event for event in self.all(kind) if accept(event)), None),
             timeout=seconds,
-            what=f"{kind.__name__} (told: {[e for e in self.events if not isinstance(e, PoseTold)][-8:]})",
+            what=lambda: f"{kind.__name__} (told: {self.events_but_poses[-8:]})",
         )
 
     async def ready(self) -> Self:

@@ -28,9 +28,12 @@ async def until(
     predicate: Callable[[], T | None],
     *,
     timeout: float = PATIENCE,  # noqa: ASYNC109 - the bound is the point
-    what: str = "the condition",
+    what: str | Callable[[], str] = "the condition",
 ) -> T:
-    """Return the first true value of ``predicate``; AssertionError after ``timeout`` s."""
+    """Return the first true value of ``predicate``; AssertionError after ``timeout`` s.
+
+    ``what``: the condition, or a function that describes it at the timeout.
+    """
 
     async def look() -> T | None:
         return predicate()
@@ -45,7 +48,7 @@ async def awaited(
     accept: Callable[[T], Any],
     *,
     seconds: float = PATIENCE,
-    what: str,
+    what: str | Callable[[], str],
     every: float = LOOK_EVERY,
 ) -> T:
     """Poll every ``every`` s, less often if a check takes long, until ``accept`` is true; return the result.
@@ -58,10 +61,14 @@ async def awaited(
     end = began + seconds
     while not accept(answer := await look()):
         now = loop.time()
-        assert now < end, f"{what} did not come true in {seconds} s; last: {answer!r}"
+        assert now < end, f"{_described(what)} did not come true in {seconds} s; last: {answer!r}"
         await time_passes(_pause(every, now - began))
         began = loop.time()
     return answer
+
+
+def _described(what: str | Callable[[], str]) -> str:
+    return what if isinstance(what, str) else what()
 
 
 def _pause(every: float, spent: float) -> float:

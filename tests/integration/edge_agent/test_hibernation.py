@@ -65,7 +65,7 @@ class Site:
 
     async def connected(self, *states: str) -> None:
         await until(
-            lambda: self.fleet.connections == list(states), what=f"{states}: {self.fleet.connections}"
+            lambda: self.fleet.connections == list(states), what=lambda: f"{states}: {self.fleet.connections}"
         )
 
     def subject(self, message: Inbound) -> str:

@@ -985,6 +985,27 @@ class TestRestartOfTheAgent:
         talk.later(5.0)
         assert talk.events == [Halted()]
 
+    def test_a_halt_waits_for_a_navigator_that_is_found_late(self) -> None:
+        talk = self.after_restart()
+        talk.halt()
+        talk.later(0.5)
+        talk.servers(frozenset())
+        talk.later(4.5)
+        assert talk.events == []
+        talk.servers(frozenset({"gid"}))
+        talk.array("A:5")
+        talk.stands()
+        assert talk.events == [Halted()]
+
+    @pytest.mark.parametrize("looked", [True, False])
+    def test_a_halt_whose_navigator_is_never_found_fails(self, *, looked: bool) -> None:
+        talk = self.after_restart()
+        talk.halt()
+        if looked:
+            talk.servers(frozenset())
+        talk.later(8.5)
+        assert [type(each) for each in talk.events] == [HaltFailed]
+
     def test_an_earlier_goal_that_is_not_requested_is_cancelled_after_a_timeout(self) -> None:
         talk = self.after_restart()
         talk.array("A:2")

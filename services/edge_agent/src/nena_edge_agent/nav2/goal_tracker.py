@@ -114,7 +114,9 @@ OBEYED_AFTER = 1.0
 GIVEN_UP_AFTER = 2.0
 """Seconds without feedback after which the drive fails even if the robot has stopped."""
 RECLAIM_SERVER_WAIT = 5.0
-"""Timeout for the navigator of an earlier run's goal to appear, seconds; then the robot is stopped."""
+"""Timeout for the navigator of an earlier run's goal to appear, seconds: DDS may need a while to find it.
+
+Then the robot is stopped, and a halt fails if it is not confirmed within its own timeout."""
 
 
 @dataclass(slots=True)
@@ -156,6 +158,7 @@ class GoalTracker:
         self._stop_again_at = -float("inf")
         self._stop_answered = False
         self._no_server_since: float | None = None
+        self._server_found = False
         self._pose: MapPose | None = None
         self._pose_at = -float("inf")
         self._table = GoalTable()
@@ -319,7 +322,7 @@ class GoalTracker:
         gone = self._registry.set_servers(servers, now)
         self._report_table()
         if servers:
-            self._no_server_since = None
+            self._no_server_since, self._server_found = None, True
         elif self._no_server_since is None:
             self._no_server_since = now
         elif self._reclaimed is not None and now - self._no_server_since >= RECLAIM_SERVER_WAIT:
@@ -401,7 +404,7 @@ class GoalTracker:
         if halt is None:
             return
         halt.stopped_something = halt.stopped_something or registry.orphaned or self._runaway
-        if registry.awaiting(now) or registry.may_still_drive(now):
+        if registry.awaiting(now) or registry.may_still_drive(now) or self._searching(halt, now):
             halt.since = now
             unsettled = True
         else:
@@ -436,6 +439,11 @@ class GoalTracker:
         if halt.quiet_at is None or (self._left_alone and not self._stop_answered):
             return False
         return not halt.stopped_something or now - halt.quiet_at >= self._settings.standstill_timeout
+
+    def _searching(self, halt: _Halt, now: float) -> bool:
+        """Return whether the navigator of an earlier run's goals may still be found after the start."""
+        since = halt.asked_at if self._no_server_since is None else self._no_server_since
+        return self._registry.orphaned and not self._server_found and now - since < RECLAIM_SERVER_WAIT
 
     @property
     def _left_alone(self) -> bool:
