@@ -138,12 +138,14 @@ async def test_an_order_waits_for_the_bring_up_of_nav2(bench: Bench, navigation:
 
 @BY_BOTH
 async def test_late_handovers_during_replanning_fail_nothing(bench: Bench, navigation: str) -> None:
+    """A goal sent 0.3 m before a node succeeds where the old path ends, 0.65 m before its own node."""
     near = {"strategy": "pass_through", "pass_radius": 0.3, "deviation_xy": 0.5}
-    positions = {f"n{index}": position(0.4 * index) for index in range(8)}
-    with bench.simulator("--replan_period", "1.0", time_factor=2.0):
+    positions = {f"n{index}": position(x) for index, x in enumerate((0.0, 1.5, 1.9, 3.4, 3.8))}
+    measured = {"speed": 0.5, "acceleration": 2.5, "approach": 0.6}
+    with bench.simulator("--replan_period", "1.0", time_factor=1.0, drive=measured):
         async with bench.agent(ros={"navigation": navigation}, drive=near) as fleet:
             await fleet.state(ready)
             fleet.send(order(*positions, positions=positions))
             done = await fleet.state(ended("o1"))
-            assert (done["lastNodeId"], error_types(done)) == ("n7", [])
+            assert (done["lastNodeId"], error_types(done)) == ("n4", [])
         assert all(failure_of(state) is None for state in fleet.states)
