@@ -22,16 +22,17 @@ from support.damage import damaged, stream
 MESSAGES = int(os.environ.get("NENA_FUZZ_MESSAGES", "600"))
 """For each version and topic."""
 READABLE = 5000
-"""Signs."""
+"""Characters."""
 SAID = [(version, topic) for version, codec in CODECS.items() for topic in codec.kinds]
 RECORDS: dict[Topic, Any] = {Topic.STATE: State, Topic.VISUALIZATION: Visualization}
 
 
 @cache
 def recorded(version: str) -> tuple[Entry, ...]:
-    """Return all recorded messages of a version; those of 3.0.1 have the form of 3.0.0."""
-    form = "3.0.0" if version == "3.0.1" else version
-    return tuple(entry for file in sorted(FOLDER.glob(f"{form}-*.jsonl")) for entry in read_file(file))
+    """Return all recorded messages of a version, or of the version before it that has recordings."""
+    earlier = list(CODECS)[: list(CODECS).index(version) + 1]
+    files = next(found for each in reversed(earlier) if (found := sorted(FOLDER.glob(f"{each}-*.jsonl"))))
+    return tuple(entry for file in files for entry in read_file(file))
 
 
 def samples(version: str, topic: Topic) -> list[bytes]:

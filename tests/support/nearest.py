@@ -16,8 +16,6 @@ from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
 
 Plain = dict[str, Any]
 
-ONLY_IN_2_X = {"start_node_id", "end_node_id"}
-
 MISSING_IN_2: Plain = {
     "order_description": None,
     "retriable": None,
@@ -65,11 +63,16 @@ NEAREST = {
 
 
 def plain(value: Any) -> Any:
-    """Split a message into names and values, without what only a version adds."""
+    """Split a message into names and values, without fields that only one version has."""
     if isinstance(value, WireObject):
-        names = set(type(value).model_fields) - ONLY_IN_2_X
+        names = _neutral(type(value)).model_fields
         return {name: plain(getattr(value, name)) for name in names}
     return [plain(each) for each in value] if isinstance(value, tuple) else value
+
+
+def _neutral(kind: type[WireObject]) -> type[WireObject]:
+    """Return the class that all versions share: the first one outside the versions' packages."""
+    return next(each for each in kind.__mro__ if ".vda5050.v" not in each.__module__)
 
 
 def nearest(version: str, message: Plain) -> Plain:

@@ -184,7 +184,7 @@ ORDERS: Final[Section[Monitored]] = Section(
         gauge(
             "nena_order_service_waiting",
             "Waiting orders and robots, by cause: orders for a `dependency`, a `vehicle`, a `retry` or the "
-            "end of a `hold`; VDA 5050 orders for the `robot` that accepts them; robots for `traffic`.",
+            "end of a `hold`; VDA 5050 orders until the `robot` accepts them; robots for `traffic`.",
             _waits,
             "cause",
         ),
@@ -318,7 +318,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
         ),
         counter(
             "nena_order_service_requests_total",
-            "Requests of hosts by the status of their answer, over REST or MQTT; 429 are rate limits.",
+            "Requests of hosts by interface (`door`: `rest` or `mqtt`) and status of the answer; 429: rate limit.",
             _answers,
             "door",
             "status",

@@ -11,7 +11,7 @@ const HIDDEN_ROWS = 20; // mounted while the table is hidden
 
 /**
  * A table of the views of one kind. Subclasses define `columns` (text keys; the part after the dot names the column),
- * `empty` (text key), `sortKey` (its value in the address), `orders` (by column: a function of two views), `usual` (the order
+ * `empty` (text key), `sortKey` (its value in the address), `comparators` (by column: a function of two views), `usual` (the order
  * without a choice), `first` (what stays on top in any order), `accept(view)` and `makeRow(id)`, which returns
  * `{row, update(view, now)}`.
  */
@@ -107,7 +107,7 @@ export class LiveTable extends HTMLElement {
 
   #head(key) {
     const name = nameOf(key);
-    return element("th", { scope: "col" }, name in this.orders ? button(t(key), () => this.#sortBy(name), { class: "sort" }) : t(key));
+    return element("th", { scope: "col" }, name in this.comparators ? button(t(key), () => this.#sortBy(name), { class: "sort" }) : t(key));
   }
 
   // Ascending, descending, and back to the usual order.
@@ -119,12 +119,12 @@ export class LiveTable extends HTMLElement {
   // The column to sort by, with `-` descending; empty for the usual order.
   get #sorting() {
     const chosen = lists.get(this.sortKey);
-    return Object.hasOwn(this.orders, chosen.replace(/^-/, "")) ? chosen : "";
+    return Object.hasOwn(this.comparators, chosen.replace(/^-/, "")) ? chosen : "";
   }
 
   #compare() {
     const chosen = this.#sorting;
-    const order = this.orders[chosen.replace(/^-/, "")];
+    const order = this.comparators[chosen.replace(/^-/, "")];
     const sign = chosen.startsWith("-") ? -1 : 1;
     return (a, b) => this.first(a, b) || (order ? sign * order(a, b) : 0) || this.usual(a, b);
   }

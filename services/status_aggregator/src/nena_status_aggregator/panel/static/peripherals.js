@@ -54,7 +54,7 @@ class PeripheralTable extends LiveTable {
   sortKey = "peripheralSort";
   first = () => 0;
   usual = (a, b) => rankOf(a) - rankOf(b) || byName(a.id, b.id);
-  orders = {
+  comparators = {
     name: (a, b) => byName(a.id, b.id),
     state: (a, b) => byName(stateText(a), stateText(b)),
     job: (a, b) => Date.parse(jobOf(a)?.created ?? "9999") - Date.parse(jobOf(b)?.created ?? "9999"), // the oldest first

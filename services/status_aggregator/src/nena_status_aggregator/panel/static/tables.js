@@ -28,7 +28,7 @@ class RobotTable extends LiveTable {
   sortKey = "robotSort";
   first = (a, b) => b.urgent - a.urgent;
   usual = (a, b) => rankOf(a) - rankOf(b) || byName(a.name, b.name) || byName(a.id, b.id);
-  orders = {
+  comparators = {
     name: (a, b) => byName(a.name, b.name),
     condition: (a, b) => byName(conditionText(a), conditionText(b)),
     battery: (a, b) => (a.battery?.charge ?? Infinity) - (b.battery?.charge ?? Infinity),
@@ -184,7 +184,7 @@ class OrderTable extends LiveTable {
     Boolean(b.held) - Boolean(a.held) ||
     Date.parse(b.created) - Date.parse(a.created) ||
     byName(a.id, b.id);
-  orders = {
+  comparators = {
     name: (a, b) => byName(a.name, b.name),
     state: (a, b) => byName(t(`state.${shownState(a)}`), t(`state.${shownState(b)}`)),
     vehicle: (a, b) => byName(vehicle(a), vehicle(b)),
