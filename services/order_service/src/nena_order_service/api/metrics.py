@@ -318,7 +318,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
         ),
         counter(
             "nena_order_service_requests_total",
-            "Requests of hosts by interface (`door`: `rest` or `mqtt`) and status of the answer; 429: rate limit.",
+            "Requests of hosts by interface (`door`: `rest` or `mqtt`) and answer status; 429: rate limit.",
             _answers,
             "door",
             "status",
