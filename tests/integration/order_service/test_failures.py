@@ -116,9 +116,7 @@ async def test_a_held_order_survives_a_kill_and_continues_when_resumed(fleet: Fl
         found: dict[str, Any] = (await client.get("/v1/vehicles/Robot-01")).json()
         return found
 
-    standing = await awaited(
-        vehicle, lambda told: told.get("state") == "IDLE", seconds=30, what="the robot stands"
-    )
+    standing = await awaited(vehicle, lambda told: told.get("state") == "IDLE", what="the robot stands")
     assert (standing["transportOrder"], standing["processingState"]) == ("T", "PROCESSING_ORDER")
     assert standing["reason"].startswith("held by Ann since")
     order = (await client.get("/v1/transportOrders/T")).json()
@@ -141,7 +139,7 @@ async def test_killed_between_two_attempts_it_retries(fleet: Fleet) -> None:
         found: dict[str, Any] = (await client.get("/v1/transportOrders/T")).json()
         return found
 
-    waiting = await awaited(order, lambda told: bool(told.get("nextTry")), seconds=30, what="it waits")
+    waiting = await awaited(order, lambda told: bool(told.get("nextTry")), what="it waits")
     assert "it retries at" in waiting["reason"]
     program.kill()
 

@@ -55,7 +55,7 @@ async def test_killed_during_a_sequence_the_same_robot_executes_the_rest_in_orde
     for number in range(2):
         await created(client, f"T-{number}", LOAD, UNLOAD, wrappingSequence="S")
     await created(client, "after", AWAY, dependencies=["T-1"])
-    await order_in(client, "T-1", "BEING_PROCESSED", seconds=60)
+    await order_in(client, "T-1", "BEING_PROCESSED")
     vehicle = (await sequence(client, "S"))["processingVehicle"]
     assert (await order_in(client, "after", "ACTIVE"))["reason"] == "waits until 'T-1' is FINISHED"
     program.kill()
@@ -65,7 +65,7 @@ async def test_killed_during_a_sequence_the_same_robot_executes_the_rest_in_orde
     async def look() -> dict[str, Any]:
         return await sequence(client, "S")
 
-    told = await awaited(look, lambda now: "name" in now, seconds=30, what="it is taken up")
+    told = await awaited(look, lambda now: "name" in now, what="it is taken up")
     assert (told["processingVehicle"], told["finishedIndex"] >= 0, told["complete"]) == (vehicle, True, False)
     assert (await client.post("/v1/orderSequences/S/completion")).status_code == 200
     orders = {order["name"]: order for order in await every_order_ended(client, 120)}
@@ -74,7 +74,7 @@ async def test_killed_during_a_sequence_the_same_robot_executes_the_rest_in_orde
     assert {orders[f"T-{number}"]["processingVehicle"] for number in range(2)} == {vehicle}
     ends = [orders[name]["finished"] for name in ("T-0", "T-1", "after")]
     assert ends == sorted(ends)
-    told = await awaited(look, lambda now: now["finished"], seconds=30, what="it is finished")
+    told = await awaited(look, lambda now: now["finished"], what="it is finished")
     assert (told["finishedIndex"], told["orders"]) == (1, ["T-0", "T-1"])
     assert (await client.get(f"/v1/vehicles/{vehicle}")).json()["orderSequence"] is None
     assert actions_done(wire, site) == {f"T-{order}-{leg}": 1 for order in range(2) for leg in range(2)}
@@ -92,7 +92,7 @@ async def test_a_sequence_created_over_mqtt_publishes_its_progress(fleet: Fleet,
     peer.publish(f"{hosts}/transportOrders/create", json.dumps(body))
     await order_in(client, "T-1", "FINISHED")
     vehicle = await awaited(
-        lambda: vehicle_of(client), lambda now: now["orderSequence"] == "S", seconds=30, what="it is bound"
+        lambda: vehicle_of(client), lambda now: now["orderSequence"] == "S", what="it is bound"
     )
     assert vehicle["processingState"] == "AWAITING_ORDER"
     peer.publish(f"{hosts}/commands/completeOrderSequence", json.dumps({"orderSequence": "S"}))

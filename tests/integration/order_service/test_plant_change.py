@@ -73,7 +73,7 @@ async def test_changed_while_a_robot_drives(fleet: Fleet, service: Start) -> Non
         f"{fleet.prefix}/plantModel", lambda each: b"Hall 2" in each.payload, timeout=30
     )
     assert PlantModel.from_json(told.payload) == without("Parking bay")
-    order = await order_in(client, "T-1", "FINISHED", "FAILED", seconds=60)
+    order = await order_in(client, "T-1", "FINISHED", "FAILED")
     assert order["state"] == "FINISHED", order["reason"]
     assert len(actions(wire, fleet)) == 1
 

@@ -28,9 +28,7 @@ async def stands(client: httpx.AsyncClient, name: str, vehicle: str, phase: str)
         found = (await client.get(f"{URL}/{name}")).json()["vehicles"]
         return next((each for each in found if each["vehicle"] == vehicle), {})
 
-    return await awaited(
-        look, lambda at: at.get("phase") == phase, seconds=40, what=f"{name} {phase} at {vehicle}"
-    )
+    return await awaited(look, lambda at: at.get("phase") == phase, what=f"{name} {phase} at {vehicle}")
 
 
 async def test_zone_sets_are_sent_enabled_and_deleted_on_3_0_robots(fleet: Fleet) -> None:

@@ -5,7 +5,13 @@ from typing import Literal
 import pytest
 
 from nena_edge_agent.__main__ import make_registry
-from nena_edge_agent.actions.builtin import MapTransforms, SimulatedOperation, TimedOperation, Unavailable
+from nena_edge_agent.actions.builtin import (
+    MapTransforms,
+    SimulatedOperation,
+    TimedOperation,
+    Unavailable,
+    Wait,
+)
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.factsheet import make_capabilities, make_factsheet
 from nena_edge_agent.loopback.control import SimulationControl
@@ -153,3 +159,12 @@ async def test_an_open_ended_action_is_simulated_until_it_is_cancelled() -> None
     running.cancel()
 
     assert reports[-1].result == "cancelled"
+
+
+@pytest.mark.parametrize(("seconds", "refused"), [(0, False), (86400, False), (-1, True), (86401, True)])
+def test_wait_out_of_range_is_refused(seconds: float, *, refused: bool) -> None:
+    waiting = action("a", "HARD", "wait", duration=seconds)
+    problem = Wait.declaration.problem(waiting, ActionScope.NODE)
+    assert problem == (
+        "action 'wait': parameter 'duration' must be at least 0 and at most 86400" if refused else None
+    )

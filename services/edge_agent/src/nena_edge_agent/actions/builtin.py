@@ -48,7 +48,9 @@ class Wait:
     declaration = ActionDeclaration(
         "wait",
         scopes=(ActionScope.NODE, ActionScope.EDGE, ActionScope.INSTANT),
-        parameters=(Parameter("duration", ValueDataType.NUMBER, description="s, 0 to 86400"),),
+        parameters=(
+            Parameter("duration", ValueDataType.NUMBER, description="s", minimum=0.0, maximum=LONGEST),
+        ),
         pause_allowed=True,
         cancel_allowed=True,
         restartable=True,
@@ -63,7 +65,7 @@ class Wait:
         def done() -> None:
             report(ActionReport(action.action_id, ActionStatus.FINISHED))
 
-        countdown = Countdown(action.action_id, min(max(seconds, 0.0), LONGEST), report, done)
+        countdown = Countdown(action.action_id, seconds, report, done)
         countdown.start()
         return countdown
 

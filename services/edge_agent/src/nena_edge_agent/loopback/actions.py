@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from nena_edge_agent.actions.builtin import LONGEST
 from nena_edge_agent.actions.plugin import ActionPlugin, Countdown, Report, RunningAction
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import ActionReport
@@ -13,10 +14,9 @@ from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.state import Load
 
 ALL_SCOPES = (ActionScope.NODE, ActionScope.EDGE, ActionScope.INSTANT)
-MAXIMUM_DURATION = 86_400.0
-"""Seconds."""
-
-DURATION = Parameter("duration", ValueDataType.NUMBER, required=False, description="s, 0 to 86400")
+DURATION = Parameter(
+    "duration", ValueDataType.NUMBER, required=False, description="s", minimum=0.0, maximum=LONGEST
+)
 
 Outcome = Callable[[Action], str | None]
 """Returns why an action fails at its end, None if it succeeds."""
@@ -39,7 +39,7 @@ class SimulatedAction:
             status = ActionStatus.FAILED if problem else ActionStatus.FINISHED
             report(ActionReport(action.action_id, status, problem or "done"))
 
-        countdown = Countdown(action.action_id, min(max(seconds, 0.0), MAXIMUM_DURATION), report, done)
+        countdown = Countdown(action.action_id, seconds, report, done)
         countdown.start()
         return countdown
 
