@@ -33,9 +33,9 @@ def document(records: Iterable[Record]) -> str:
 
 def _failures(found: Iterable[Record]) -> str:
     failed = sum(each.failed for each in found)
-    return (
-        f"{failed} ended with a reason, because their robots were replaced or duplicated." if failed else ""
-    )
+    if not failed:
+        return ""
+    return f"Of the orders, {failed} ended with a reason, unfinished: robots were replaced or duplicated."
 
 
 def _faults(found: Iterable[Record]) -> Iterator[str]:
