@@ -101,7 +101,7 @@ soak-cores: $(STAMP) broker ## property tests of the cores with many more exampl
 	NENA_EXAMPLES=100000 NENA_MESSAGES=2000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
 
 # Cut network links and full disks need root; without it these tests are skipped with a message.
-faults: $(STAMP) broker ## inject every kind of fault into a working site, about an hour; writes docs/recovery.md
+faults: $(STAMP) broker ## inject every kind of fault into a working site, about half an hour; writes docs/recovery.md
 	rm -f build/recovery.jsonl
 	NENA_FAULTS=3 $(BIN)/pytest tests/faults --long --timeout 3600
 	PYTHONPATH=tests $(BIN)/python -m faults.table
@@ -116,7 +116,7 @@ soak-pauses: $(STAMP) broker ## suspend the active order service for 1 to 60 s, 
 
 SEEDS ?= 200
 FIRST ?= 1
-soak-nemesis: $(STAMP) broker ## 200 sites (or SEEDS=10 FIRST=1) under faults that a seed draws, with robots of three kinds: two hours
+soak-nemesis: $(STAMP) broker ## 200 sites (or SEEDS=10 FIRST=1) under faults that a seed draws, with robots of three kinds: three hours
 	PYTHONPATH=tests $(BIN)/python -m faults.nemesis --seeds $(SEEDS) --first $(FIRST)
 
 # The damage is the same on each run; NENA_FUZZ_SEED=anything chooses other damage.
