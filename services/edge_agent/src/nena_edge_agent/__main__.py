@@ -113,7 +113,7 @@ def _serve_metrics(
     try:
         from nena_edge_agent.metrics import MetricsServer, Program  # noqa: PLC0415 - an extra
     except ImportError as error:
-        message = f"metrics.port: {error}; install the edge agent with its extra: nena-edge-agent[metrics]"
+        message = f"metrics.port: {error}; install the extra nena-edge-agent[metrics]"
         raise ConfigurationError([message]) from error
     lag = LoopLag(clock)
     journal = settings.journal.folder.expanduser() if settings.journal.enabled else None

@@ -293,7 +293,7 @@ class HttpReceiver:
         try:
             import httpx  # noqa: PLC0415 - an extra
         except ImportError as error:
-            problem = f"webhooks: {error}; install the order service with its extra: nena-order-service[webhooks]"
+            problem = f"webhooks: {error}; install the extra nena-order-service[webhooks]"
             raise ConfigurationError([problem]) from error
         self._httpx = httpx
         try:

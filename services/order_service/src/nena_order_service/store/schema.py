@@ -286,7 +286,7 @@ def make_engine(url: str, *, pooled: bool = True) -> sa.Engine:
         engine = sa.create_engine(parsed, poolclass=pool, connect_args=given)
         sa.event.listen(engine, "connect", lambda connection, _: register_connection(engine, connection))
     except ImportError as error:
-        message = f"{error}; install the order service with its extra: nena-order-service[postgresql]"
+        message = f"{error}; install the extra nena-order-service[postgresql]"
         raise unusable(message) from error
     return engine
 
