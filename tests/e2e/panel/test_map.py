@@ -170,7 +170,6 @@ def remainder(angle: float) -> float:
     return (angle + pi) % (2 * pi) - pi
 
 
-@pytest.mark.long
 async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, browser: Browser) -> None:
     """Count in the page's own processor time, in units of a yardstick: other work slows down both alike.
 
