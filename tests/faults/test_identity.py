@@ -99,7 +99,7 @@ async def test_two_programs_with_one_identity(trial: Callable[..., Any]) -> None
         site.suspects.add(SINGLE)
         site.start_single(SINGLE, at=place, machine="double")
         for machine in ("first", "double"):
-            await site.programs[machine].logged("another program has this client id")
+            await site.programs[machine].logged("check whether another program uses this client ID")
         await running.at_work(FURTHER)
         site.programs.pop("double").kill()
         await running.recovers("duplicate robot")
