@@ -1,0 +1,101 @@
+"""What the table says about one operation, and the REST paths of all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any, Final, Generic, Literal, TypeVar
+from urllib.parse import quote
+
+from nena_shared.fleet_api.base import Role
+from nena_shared.fleet_api.refusals import Refusal
+
+A = TypeVar("A")
+
+ORDERS: Final = "/v1/transportOrders"
+ORDER_BATCH: Final = "/v1/transportOrders/batch"
+SEQUENCES: Final = "/v1/orderSequences"
+VEHICLES: Final = "/v1/vehicles"
+PATHS: Final = "/v1/paths"
+STOPS: Final = "/v1/stops"
+ZONE_SETS: Final = "/v1/zoneSets"
+PERIPHERALS: Final = "/v1/peripherals"
+PERIPHERAL_JOBS: Final = "/v1/peripheralJobs"
+PLANT_MODEL: Final = "/v1/plantModel"
+SUMMARY: Final = "/v1/summary"
+TRAFFIC_PLAN: Final = "/v1/traffic/plan"
+WEBHOOKS: Final = "/v1/webhooks"
+AUDIT: Final = "/v1/audit"
+
+TAGS: Final = {
+    ORDERS: "transport orders",
+    ORDER_BATCH: "transport orders",
+    SEQUENCES: "order sequences",
+    VEHICLES: "vehicles",
+    PATHS: "paths",
+    STOPS: "stops",
+    ZONE_SETS: "zone sets",
+    PERIPHERALS: "peripherals",
+    PERIPHERAL_JOBS: "peripherals",
+    PLANT_MODEL: "plant model",
+    SUMMARY: "summary",
+    TRAFFIC_PLAN: "traffic",
+    WEBHOOKS: "web hooks",
+    AUDIT: "audit trail",
+}
+
+MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}
+
+
+@dataclass(frozen=True, slots=True)
+class Operation(Generic[A]):
+    """A request that hosts can send."""
+
+    name: str
+    """Name of the operation in OpenAPI and AsyncAPI, and of the MQTT command."""
+    summary: str
+    method: Literal["GET", "POST", "PUT", "DELETE"]
+    path: str
+    """REST path; ``{name}`` is the name of the object."""
+    answer: type[A]
+    role: Role
+    """Minimum role of REST clients."""
+    request: Any = None
+    """Type of the body, or of the query parameters for GET; None: no body."""
+    may_be_empty: bool = False
+    """Whether the body may be omitted to use all defaults."""
+    versioned: bool = False
+    """Whether the object has a version: ETag over REST, ``version`` in an MQTT command."""
+    creates: str = ""
+    """Path of the created object (status 201); empty: creates no object (status 200)."""
+    also: Mapping[HTTPStatus, str] = field(default_factory=dict)
+    """Other success statuses with their descriptions."""
+    refusals: tuple[Refusal, ...] = ()
+    """Reasons for rejection, in addition to malformed requests and access control."""
+    name_type: Any = str
+    """Type of ``{name}``."""
+    subject: str = ""
+    """Field of the MQTT command that corresponds to ``{name}`` in REST."""
+    result: str = ""
+    """Field of the MQTT answer with the result; empty: not available over MQTT, or on a separate topic."""
+    request_field: str = ""
+    """Field of the MQTT command with the request; empty: the request's fields are those of the command."""
+    max_body: int | None = None
+    """Maximum size of the body, bytes; None: ``max_body`` of the settings."""
+    opentcs: tuple[str, ...] = ()
+    """Equivalent routes of openTCS's web API, as ``METHOD path`` below ``opentcs_prefix``."""
+
+    @property
+    def tag(self) -> str:
+        """Tag in the OpenAPI document."""
+        return TAGS[self.prefix.rstrip("/")]
+
+    @property
+    def prefix(self) -> str:
+        """Part of the path before ``{name}``."""
+        return self.path.partition("{")[0]
+
+    def path_of(self, name: str = "") -> str:
+        """Return the path of an object."""
+        return self.path.replace("{name:path}", "{name}").replace("{name}", quote(name, safe=""))

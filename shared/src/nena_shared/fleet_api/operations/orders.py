@@ -1,0 +1,165 @@
+"""Operations on transport orders."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from nena_shared.fleet_api import requests, transport_order
+from nena_shared.fleet_api.base import Role
+from nena_shared.fleet_api.operations.operation import MADE_BEFORE, ORDER_BATCH, ORDERS, VEHICLES, Operation
+from nena_shared.fleet_api.refusals import Refusal
+
+BATCH_BYTES: Final = 1_000_000
+"""Maximum size of a batch of orders: 1,000 orders with two destinations have about 0.3 MB."""
+
+NEW_ORDER_REFUSALS: Final = (
+    Refusal.KEY_REUSED,
+    Refusal.NOT_IN_PLANT,
+    Refusal.UNKNOWN_IN_PLANT,
+    Refusal.NOT_SAVED,
+)
+_STORED: Final = (Refusal.UNKNOWN_ORDER, Refusal.NOT_SAVED)
+_CHANGE: Final = (*_STORED, Refusal.ORDER_ENDED, Refusal.VERSION_CHANGED)
+
+CREATE_ORDER = Operation(
+    "createTransportOrder",
+    "Create a transport order. It is stored before the response is sent.",
+    "POST",
+    ORDERS,
+    transport_order.TransportOrderStatus,
+    Role.OPERATOR,
+    request=transport_order.TransportOrderRequest,
+    versioned=True,
+    creates=ORDERS,
+    also=MADE_BEFORE,
+    opentcs=(f"POST {ORDERS}/{{name}}",),
+    refusals=(
+        *NEW_ORDER_REFUSALS,
+        Refusal.NAME_TAKEN,
+        Refusal.UNKNOWN_DEPENDENCY,
+        Refusal.UNKNOWN_SEQUENCE,
+        Refusal.SEQUENCE_REFUSES,
+    ),
+)
+
+CREATE_ORDERS = Operation(
+    "createTransportOrders",
+    "Create up to 1000 transport orders, each on its own: some may be refused.",
+    "POST",
+    ORDER_BATCH,
+    transport_order.TransportOrderBatchAnswer,
+    Role.OPERATOR,
+    request=transport_order.TransportOrderBatch,
+    refusals=(Refusal.NOT_SAVED,),
+    max_body=BATCH_BYTES,
+)
+
+LIST_ORDERS = Operation(
+    "transportOrders",
+    "List transport orders, newest first.",
+    "GET",
+    ORDERS,
+    requests.TransportOrderPage,
+    Role.VIEWER,
+    request=requests.TransportOrdersQuery,
+    opentcs=(f"GET {ORDERS}",),
+    refusals=(Refusal.NOT_SAVED,),
+)
+
+SHOW_ORDER = Operation(
+    "transportOrder",
+    "Return a transport order with its history. Its version is the ETag.",
+    "GET",
+    f"{ORDERS}/{{name}}",
+    transport_order.TransportOrderStatus,
+    Role.VIEWER,
+    versioned=True,
+    opentcs=(f"GET {ORDERS}/{{name}}",),
+    refusals=_STORED,
+)
+
+DELIVERY = Operation(
+    "delivery",
+    "Return the delivery of a transport order to its robot.",
+    "GET",
+    f"{ORDERS}/{{name}}/delivery",
+    transport_order.DeliveryStatus,
+    Role.VIEWER,
+    subject="transport_order",
+    result="delivery",
+    refusals=_STORED,
+)
+
+ASSIGNMENT = Operation(
+    "assignment",
+    "Return for each vehicle whether it could execute a transport order, or why not.",
+    "GET",
+    f"{ORDERS}/{{name}}/assignment",
+    transport_order.AssignmentStatus,
+    Role.VIEWER,
+    request=requests.AssignmentQuery,
+    subject="transport_order",
+    result="assignment",
+    refusals=_STORED,
+)
+
+WITHDRAW = Operation(
+    "withdraw",
+    "Withdraw a transport order. It fails at once, or when its vehicle has released it.",
+    "POST",
+    f"{ORDERS}/{{name}}/withdrawal",
+    transport_order.TransportOrderStatus,
+    Role.OPERATOR,
+    request=requests.WithdrawalRequest,
+    may_be_empty=True,
+    versioned=True,
+    subject="transport_order",
+    result="transport_order",
+    opentcs=(
+        f"POST {ORDERS}/{{name}}/withdrawal",
+        f"POST {VEHICLES}/{{name}}/withdrawal",
+    ),
+    refusals=_CHANGE,
+)
+
+HOLD = Operation(
+    "hold",
+    "Hold a transport order until it is resumed. It keeps its vehicle, which stops.",
+    "POST",
+    f"{ORDERS}/{{name}}/hold",
+    transport_order.TransportOrderStatus,
+    Role.OPERATOR,
+    request=requests.HoldRequest,
+    may_be_empty=True,
+    versioned=True,
+    subject="transport_order",
+    result="transport_order",
+    refusals=(*_CHANGE, Refusal.ORDER_WITHDRAWN),
+)
+
+RESUME = Operation(
+    "resume",
+    "Resume a held transport order from where its vehicle is.",
+    "POST",
+    f"{ORDERS}/{{name}}/resume",
+    transport_order.TransportOrderStatus,
+    Role.OPERATOR,
+    request=requests.ResumeRequest,
+    may_be_empty=True,
+    versioned=True,
+    subject="transport_order",
+    result="transport_order",
+    refusals=_CHANGE,
+)
+
+OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+    CREATE_ORDER,
+    CREATE_ORDERS,
+    LIST_ORDERS,
+    SHOW_ORDER,
+    DELIVERY,
+    ASSIGNMENT,
+    WITHDRAW,
+    HOLD,
+    RESUME,
+)

@@ -1,0 +1,124 @@
+"""Operations on the plant model: the model as a whole, its paths, and zone sets."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from nena_shared.fleet_api import requests
+from nena_shared.fleet_api.base import ObjectName, Role
+from nena_shared.fleet_api.operations.operation import PATHS, PLANT_MODEL, ZONE_SETS, Operation
+from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetList, ZoneSetStatus
+from nena_shared.fleet_api.refusals import Refusal
+from nena_shared.plant.exchange import JSON_LIMITS
+
+_ZONE_SET_CHANGE: Final = (Refusal.UNKNOWN_ZONE_SET, Refusal.NOT_SAVED)
+
+LIST_PATHS = Operation(
+    "paths", "List the paths, and which of them are locked.", "GET", PATHS, requests.PathList, Role.VIEWER
+)
+
+LOCK_PATH = Operation(
+    "lockPath",
+    "Lock or unlock a path. New routes avoid a locked path, also those of driving vehicles.",
+    "PUT",
+    f"{PATHS}/{{name:path}}/lock",
+    PathStatus,
+    Role.OPERATOR,
+    request=requests.PathLockRequest,
+    subject="path",
+    result="path",
+    opentcs=(f"PUT {PATHS}/{{name:path}}/locked",),
+    refusals=(Refusal.UNKNOWN_PATH, Refusal.NOT_SAVED),
+)
+
+SHOW_PATH = Operation(
+    "path",
+    "Return a path.",
+    "GET",
+    f"{PATHS}/{{name:path}}",
+    PathStatus,
+    Role.VIEWER,
+    refusals=(Refusal.UNKNOWN_PATH,),
+)
+
+LIST_ZONE_SETS = Operation(
+    "zoneSets",
+    "List the zone sets and their status at the robots.",
+    "GET",
+    ZONE_SETS,
+    ZoneSetList,
+    Role.VIEWER,
+)
+
+SHOW_ZONE_SET = Operation(
+    "zoneSet",
+    "Return a zone set's status at the robots.",
+    "GET",
+    f"{ZONE_SETS}/{{name}}",
+    ZoneSetStatus,
+    Role.VIEWER,
+    name_type=ObjectName,
+    refusals=(Refusal.UNKNOWN_ZONE_SET,),
+)
+
+PUT_ZONE_SET = Operation(
+    "putZoneSet",
+    "Store a zone set (VDA 5050 3.0, 6.4) and send it, disabled, to all robots of version 3.0.",
+    "POST",
+    ZONE_SETS,
+    ZoneSetStatus,
+    Role.ADMIN,
+    request=requests.ZoneSetRequest,
+    request_field="zone_set",
+    result="zone_set",
+    refusals=(Refusal.ZONE_SET_CHANGED, Refusal.NOT_SAVED),
+)
+
+ENABLE_ZONE_SET = Operation(
+    "enableZoneSet",
+    "Enable a zone set on the robots, and disable others of its map.",
+    "POST",
+    f"{ZONE_SETS}/{{name}}/enable",
+    ZoneSetStatus,
+    Role.ADMIN,
+    subject="zone_set_id",
+    result="zone_set",
+    name_type=ObjectName,
+    refusals=_ZONE_SET_CHANGE,
+)
+
+DELETE_ZONE_SET = Operation(
+    "deleteZoneSet",
+    "Delete a zone set on the robots. They keep an enabled one until another one is enabled.",
+    "DELETE",
+    f"{ZONE_SETS}/{{name}}",
+    ZoneSetStatus,
+    Role.ADMIN,
+    subject="zone_set_id",
+    result="zone_set",
+    name_type=ObjectName,
+    refusals=_ZONE_SET_CHANGE,
+)
+
+CHANGE_PLANT = Operation(
+    "changePlantModel",
+    "Replace the plant model: openTCS XML, LIF (strictly by its standard), or NeNa JSON.",
+    "PUT",
+    PLANT_MODEL,
+    PlantModelChange,
+    Role.ADMIN,
+    max_body=JSON_LIMITS.size_bytes,
+    refusals=(Refusal.INVALID_PLANT, Refusal.PLANT_IN_USE, Refusal.NOT_SAVED),
+)
+"""The body is a file in one of several formats, so this route is written by hand."""
+
+OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+    LIST_PATHS,
+    LOCK_PATH,
+    SHOW_PATH,
+    LIST_ZONE_SETS,
+    SHOW_ZONE_SET,
+    PUT_ZONE_SET,
+    ENABLE_ZONE_SET,
+    DELETE_ZONE_SET,
+)

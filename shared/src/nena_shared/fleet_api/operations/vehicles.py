@@ -1,0 +1,127 @@
+"""Operations on vehicles."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import Any, Final
+
+from nena_shared.fleet_api import requests, transport_order
+from nena_shared.fleet_api.base import Role
+from nena_shared.fleet_api.operations.operation import ORDERS, VEHICLES, Operation
+from nena_shared.fleet_api.operations.orders import NEW_ORDER_REFUSALS
+from nena_shared.fleet_api.refusals import Refusal
+from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleStatus
+
+_CHANGE: Final = (Refusal.UNKNOWN_VEHICLE, Refusal.NOT_SAVED)
+
+LIST_VEHICLES = Operation(
+    "vehicles",
+    "List the vehicles, also robots that are not in the plant model.",
+    "GET",
+    VEHICLES,
+    requests.VehicleList,
+    Role.VIEWER,
+    request=requests.VehiclesQuery,
+    opentcs=(f"GET {VEHICLES}",),
+    refusals=(Refusal.UNKNOWN_VEHICLE,),
+)
+
+SHOW_VEHICLE = Operation(
+    "vehicle",
+    "Return a vehicle.",
+    "GET",
+    f"{VEHICLES}/{{name}}",
+    VehicleStatus,
+    Role.VIEWER,
+    opentcs=(f"GET {VEHICLES}/{{name}}",),
+    refusals=(Refusal.UNKNOWN_VEHICLE,),
+)
+
+INTEGRATION_LEVEL = Operation(
+    "integrationLevel",
+    "Set the integration level of a vehicle: whether it gets orders, and whether others avoid it.",
+    "PUT",
+    f"{VEHICLES}/{{name}}/integrationLevel",
+    VehicleStatus,
+    Role.OPERATOR,
+    request=requests.IntegrationLevelRequest,
+    subject="vehicle",
+    result="vehicle",
+    refusals=_CHANGE,
+    opentcs=(f"PUT {VEHICLES}/{{name}}/integrationLevel",),
+)
+
+ORDER_TYPES = Operation(
+    "acceptableOrderTypes",
+    "Set the order types that a vehicle accepts. It finishes its current order.",
+    "PUT",
+    f"{VEHICLES}/{{name}}/acceptableOrderTypes",
+    VehicleStatus,
+    Role.OPERATOR,
+    request=requests.OrderTypesRequest,
+    subject="vehicle",
+    result="vehicle",
+    opentcs=(
+        f"PUT {VEHICLES}/{{name}}/acceptableOrderTypes",
+        f"PUT {VEHICLES}/{{name}}/allowedOrderTypes",
+    ),
+    refusals=_CHANGE,
+)
+
+DISPATCH = Operation(
+    "dispatch",
+    "Send a vehicle to a point, location or coordinate with a new transport order.",
+    "POST",
+    f"{VEHICLES}/{{name}}/dispatch",
+    transport_order.TransportOrderStatus,
+    Role.OPERATOR,
+    request=requests.DispatchRequest,
+    creates=ORDERS,
+    subject="vehicle",
+    result="transport_order",
+    refusals=(*NEW_ORDER_REFUSALS, Refusal.UNKNOWN_VEHICLE),
+)
+
+INSTANT_ACTION = Operation(
+    "instantAction",
+    "Send an instant action to a vehicle and wait for its end, up to a timeout.",
+    "POST",
+    f"{VEHICLES}/{{name}}/instantActions",
+    requests.InstantActionAnswer,
+    Role.OPERATOR,
+    request=requests.InstantActionRequest,
+    also={HTTPStatus.ACCEPTED: "It is still running."},
+    subject="vehicle",
+    result="instant_action",
+    opentcs=(f"PUT {VEHICLES}/{{name}}/paused",),
+    refusals=(
+        Refusal.UNKNOWN_VEHICLE,
+        Refusal.NOT_REACHED,
+        Refusal.VEHICLE_BUSY,
+        Refusal.VEHICLE_STOPPED,
+    ),
+)
+
+REROUTE = Operation(
+    "reroute",
+    "Replan the route of a vehicle's current order, from the end of its base.",
+    "POST",
+    f"{VEHICLES}/{{name}}/rerouting",
+    ReroutingAnswer,
+    Role.OPERATOR,
+    request=requests.ReroutingRequest,
+    subject="vehicle",
+    result="rerouting",
+    opentcs=(f"POST {VEHICLES}/{{name}}/rerouteRequest",),
+    refusals=(*_CHANGE, Refusal.NOT_REROUTABLE, Refusal.NOT_REACHED),
+)
+
+OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+    LIST_VEHICLES,
+    SHOW_VEHICLE,
+    INTEGRATION_LEVEL,
+    ORDER_TYPES,
+    DISPATCH,
+    INSTANT_ACTION,
+    REROUTE,
+)
