@@ -252,6 +252,24 @@ class VersionChangedError(RefusedError):
         )
 
 
+class UnknownPointError(RefusedError):
+    """The plant model has no point of this name."""
+
+    refusal = Refusal.UNKNOWN_POINT
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"Unknown point {name!r}. GET /v1/points lists them.")
+
+
+class UnknownLocationError(RefusedError):
+    """The plant model has no location of this name."""
+
+    refusal = Refusal.UNKNOWN_LOCATION
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"Unknown location {name!r}. GET /v1/locations lists them.")
+
+
 class UnknownPathError(RefusedError):
     """There is no path of this name."""
 

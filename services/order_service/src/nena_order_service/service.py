@@ -29,6 +29,7 @@ from nena_order_service.api.opentcs_plant import EditPlant
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.peripheral_link import PeripheralLink
 from nena_order_service.api.peripheral_requests import PeripheralRequests
+from nena_order_service.api.place_requests import PlaceRequests
 from nena_order_service.api.rest import ChangePlant, Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
 from nena_order_service.api.stop_requests import StopRequests
@@ -233,6 +234,7 @@ def _make_host_services(
         zones,
         PeripheralRequests(engine),
         StopRequests(engine),
+        PlaceRequests(engine),
         Trail(engine.store, engine.clock, ObjectStates(engine, zones), kept_days=audit.kept_days),
         webhooks,
     )

@@ -53,6 +53,9 @@ Moment = Annotated[datetime, AfterValidator(in_utc), PlainSerializer(iso, return
 ObjectName = Annotated[str, Field(min_length=1, max_length=200)]
 """Name of an object in the plant model, never changed."""
 
+PageSize = Annotated[int, Field(ge=1, le=1000)]
+"""Maximum number of objects in a page of a list."""
+
 IdempotencyKey = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
 """Request ID, unique among all hosts; without NUL, which PostgreSQL cannot store."""
 

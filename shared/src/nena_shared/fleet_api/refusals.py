@@ -25,6 +25,8 @@ class Refusal(Enum):
     NOT_REACHED = HTTPStatus.CONFLICT, "The vehicle cannot be reached."
     VEHICLE_BUSY = HTTPStatus.CONFLICT, "The vehicle has an order."
     NOT_REROUTABLE = HTTPStatus.CONFLICT, "The vehicle has no order that can be rerouted."
+    UNKNOWN_POINT = HTTPStatus.NOT_FOUND, "Unknown point."
+    UNKNOWN_LOCATION = HTTPStatus.NOT_FOUND, "Unknown location."
     UNKNOWN_PATH = HTTPStatus.NOT_FOUND, "Unknown path."
     UNKNOWN_STOP = HTTPStatus.NOT_FOUND, "Unknown stop."
     TOO_MANY_STOPS = HTTPStatus.CONFLICT, "Too many stops are active."

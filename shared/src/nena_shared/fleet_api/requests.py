@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import to_json
 
-from nena_shared.fleet_api.base import IdempotencyKey, ObjectName, Request, Resource
+from nena_shared.fleet_api.base import IdempotencyKey, ObjectName, PageSize, Request, Resource
 from nena_shared.fleet_api.plant import PathStatus, StoredZoneSet
 from nena_shared.fleet_api.transport_order import (
     Coordinate,
@@ -28,7 +28,6 @@ from nena_shared.fleet_api.vehicle import (
 from nena_shared.vda5050.action import ActionStatus, BlockingType, ParameterValue
 from nena_shared.vda5050.zone_set import ZoneSet
 
-PageSize = Annotated[int, Field(ge=1, le=1000)]
 AfterNumber = Annotated[str, Field(pattern=r"^[0-9]{1,18}$")]
 """Value of ``next`` of the previous page."""
 

@@ -47,6 +47,8 @@ COMMANDS: Final = {
     "vehicles": Command("nena_cli.vehicles", "app", "Vehicles."),
     "dispatch": Command("nena_cli.vehicles", "dispatch", "Send a vehicle to a destination."),
     "traffic": Command("nena_cli.vehicles", "traffic", "Show where vehicles will be in the next minute."),
+    "points": Command("nena_cli.places", "points", "Points, and the vehicles that use them."),
+    "locations": Command("nena_cli.places", "locations", "Locations: what they offer, and at which points."),
     "stops": Command("nena_cli.stops", "app", "Stops: pause all robots, or those in an area."),
     "zones": Command("nena_cli.zones", "app", "Zone sets (VDA 5050 3.0)."),
     "peripherals": Command(

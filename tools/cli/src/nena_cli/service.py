@@ -18,7 +18,8 @@ from rich.table import Table
 from nena_cli.options import DEFAULT_URL, OPTIONS, Format, option, output_of
 from nena_cli.output import REFUSED, fail, print_object, print_objects, print_table
 from nena_client import Client, RefusedError, UnreachableError
-from nena_shared.fleet_api.operations import LIST_ORDERS, LIST_VEHICLES
+from nena_shared.fleet_api.operations import LIST_LOCATIONS, LIST_ORDERS, LIST_POINTS, LIST_VEHICLES
+from nena_shared.fleet_api.places import LocationStatus, PointStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 
@@ -128,10 +129,28 @@ def order_names(context: typer.Context, incomplete: str) -> list[str]:
     )
 
 
+def point_names(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of points for the shell's completion, as :func:`vehicle_names`."""
+    return _completions(
+        context,
+        incomplete,
+        lambda connection: [each for page in connection.pages(LIST_POINTS) for each in page.points],
+    )
+
+
+def location_names(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of locations for the shell's completion, as :func:`vehicle_names`."""
+    return _completions(
+        context,
+        incomplete,
+        lambda connection: [each for page in connection.pages(LIST_LOCATIONS) for each in page.locations],
+    )
+
+
 def _completions(
     context: typer.Context,
     incomplete: str,
-    list_: Callable[[Client], Sequence[VehicleStatus | TransportOrderStatus]],
+    list_: Callable[[Client], Sequence[VehicleStatus | TransportOrderStatus | PointStatus | LocationStatus]],
 ) -> list[str]:
     try:
         with service_of(context).opened() as connection:

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from nena_shared.fleet_api.audit import AuditEntry
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus, PeripheralStatus
+from nena_shared.fleet_api.places import LocationStatus, PointStatus
 from nena_shared.fleet_api.plant import ZoneSetStatus
 from nena_shared.fleet_api.requests import InstantActionAnswer
 from nena_shared.fleet_api.stops import StopStatus
@@ -244,6 +245,34 @@ def peripheral_jobs_table(jobs: Iterable[PeripheralJobStatus]) -> Table:
         table.add_row(
             *map(Text, (each.name, each.location, each.operation, each.state, *for_whom, each.reason))
         )
+    return table
+
+
+def points_table(points: Iterable[PointStatus]) -> Table:
+    """Return a table with a row for each point."""
+    table = Table("point", "type", "x, y", "map", "locations", "occupied by", "reserved by")
+    for each in points:
+        place = f"{each.x:.2f}, {each.y:.2f}"
+        names = (each.locations, each.occupied_by, each.reserved_by)
+        table.add_row(
+            *map(Text, (each.name, each.type, place, each.map_id or "", *(", ".join(them) for them in names)))
+        )
+    return table
+
+
+def locations_table(locations: Iterable[LocationStatus]) -> Table:
+    """Return a table with a row for each location; the operations of a point only if they are fewer."""
+    table = Table("location", "type", "x, y", "locked", "operations", "device", "points")
+    for each in locations:
+        links = (
+            link.point
+            if link.operations == each.operations
+            else f"{link.point}: {', '.join(link.operations)}"
+            for link in each.links
+        )
+        offered = (", ".join(each.operations), ", ".join(each.peripheral_operations), "; ".join(links))
+        place = f"{each.x:.2f}, {each.y:.2f}"
+        table.add_row(*map(Text, (each.name, each.type, place, "locked" if each.locked else "", *offered)))
     return table
 
 

@@ -14,11 +14,12 @@ from pydantic import BaseModel, JsonValue, ValidationError
 
 from nena_shared.fleet_api.audit import AuditPage
 from nena_shared.fleet_api.operations import Operation
+from nena_shared.fleet_api.places import LocationPage, PointPage
 from nena_shared.fleet_api.requests import OrderSequencePage, Readiness, TransportOrderPage, VehicleList
 from nena_shared.fleet_api.transport_order import Problem, TransportOrderBatch
 
 A = TypeVar("A", bound=BaseModel)
-P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList, AuditPage)
+P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList, AuditPage, PointPage, LocationPage)
 Query = Mapping[str, str | int | Sequence[str]]
 
 PAGE = 200

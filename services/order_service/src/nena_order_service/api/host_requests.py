@@ -11,6 +11,7 @@ from math import hypot
 from nena_order_service import errors
 from nena_order_service.api.audit import Trail
 from nena_order_service.api.peripheral_requests import PeripheralRequests
+from nena_order_service.api.place_requests import PlaceRequests
 from nena_order_service.api.stop_requests import StopRequests
 from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.engine import Engine
@@ -661,6 +662,7 @@ class HostServices:
     zones: ZoneSets
     peripherals: PeripheralRequests
     stops: StopRequests
+    places: PlaceRequests
     trail: Trail
     webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
 

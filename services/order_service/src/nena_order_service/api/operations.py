@@ -25,6 +25,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralJobsQuery,
     PeripheralList,
 )
+from nena_shared.fleet_api.places import LocationsQuery, PointsQuery
 from nena_shared.fleet_api.plant import ZoneSetList
 from nena_shared.fleet_api.stops import StopEndRequest, StopList, StopRequest
 from nena_shared.fleet_api.transport_order import (
@@ -101,6 +102,7 @@ class HostOperations:
         self._zones = hosts.zones
         self._peripherals = hosts.peripherals
         self._stops = hosts.stops
+        self._places = hosts.places
         self._webhooks = hosts.webhooks
         self.trail = hosts.trail
         self.handlers: Mapping[str, Handler] = {
@@ -265,6 +267,22 @@ class HostOperations:
     @_does(table.REROUTE)
     async def _reroute(self, call: Call[bodies.ReroutingRequest]) -> Reply:
         return Reply(await self._requests.reroute(call.name, call.request.type))
+
+    @_does(table.LIST_POINTS)
+    async def _list_points(self, call: Call[PointsQuery]) -> Reply:
+        return Reply(await self._places.points(call.request))
+
+    @_does(table.SHOW_POINT)
+    async def _show_point(self, call: Call[None]) -> Reply:
+        return Reply(await self._places.point(call.name))
+
+    @_does(table.LIST_LOCATIONS)
+    async def _list_locations(self, call: Call[LocationsQuery]) -> Reply:
+        return Reply(self._places.locations(call.request))
+
+    @_does(table.SHOW_LOCATION)
+    async def _show_location(self, call: Call[None]) -> Reply:
+        return Reply(self._places.location(call.name))
 
     @_does(table.LIST_PATHS)
     async def _list_paths(self, _: Call[None]) -> Reply:

@@ -83,7 +83,7 @@ def essentials(
         stop=stop,
         connection=view.link,
         operating_mode=state.operating_mode if state else None,
-        current_position=_current_position(vehicle, state, plant) if state else None,
+        current_position=current_position(vehicle, state, plant) if state else None,
         maps=robot_maps(state) if state else None,
         transport_order=transport_order,
         order_sequence=order_sequence,
@@ -114,7 +114,8 @@ def _processing_state(transport_order: str | None, order_sequence: str | None) -
     return ProcessingState.AWAITING_ORDER if order_sequence else ProcessingState.IDLE
 
 
-def _current_position(vehicle: FleetVehicle, state: State, plant: PlantModel) -> str | None:
+def current_position(vehicle: FleetVehicle, state: State, plant: PlantModel) -> str | None:
+    """Return the point at which a vehicle is, or which it has passed last."""
     if state.last_node_id in plant.points_by_name:
         return state.last_node_id
     try:

@@ -17,6 +17,8 @@ ORDERS: Final = "/v1/transportOrders"
 ORDER_BATCH: Final = "/v1/transportOrders/batch"
 SEQUENCES: Final = "/v1/orderSequences"
 VEHICLES: Final = "/v1/vehicles"
+POINTS: Final = "/v1/points"
+LOCATIONS: Final = "/v1/locations"
 PATHS: Final = "/v1/paths"
 STOPS: Final = "/v1/stops"
 ZONE_SETS: Final = "/v1/zoneSets"
@@ -33,6 +35,8 @@ TAGS: Final = {
     ORDER_BATCH: "transport orders",
     SEQUENCES: "order sequences",
     VEHICLES: "vehicles",
+    POINTS: "points",
+    LOCATIONS: "locations",
     PATHS: "paths",
     STOPS: "stops",
     ZONE_SETS: "zone sets",

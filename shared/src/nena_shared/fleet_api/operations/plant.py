@@ -1,4 +1,4 @@
-"""Operations on the plant model: the model as a whole, its paths, and zone sets."""
+"""Operations on the plant model: the model as a whole, its points, locations and paths, and zone sets."""
 
 from __future__ import annotations
 
@@ -6,13 +6,72 @@ from typing import Any, Final
 
 from nena_shared.fleet_api import requests
 from nena_shared.fleet_api.base import ObjectName, Role
-from nena_shared.fleet_api.operations.operation import PATHS, PLANT_MODEL, ZONE_SETS, Operation
+from nena_shared.fleet_api.operations.operation import (
+    LOCATIONS,
+    PATHS,
+    PLANT_MODEL,
+    POINTS,
+    ZONE_SETS,
+    Operation,
+)
+from nena_shared.fleet_api.places import (
+    LocationPage,
+    LocationsQuery,
+    LocationStatus,
+    PointPage,
+    PointsQuery,
+    PointStatus,
+)
 from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetList, ZoneSetStatus
 from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.plant.exchange import JSON_LIMITS
 
 _ZONE_SET_CHANGE: Final = (Refusal.UNKNOWN_ZONE_SET, Refusal.NOT_SAVED)
 
+LIST_POINTS = Operation(
+    "points",
+    "List the points, with the vehicles that stand there or for which they are reserved.",
+    "GET",
+    POINTS,
+    PointPage,
+    Role.VIEWER,
+    request=PointsQuery,
+    result="points",
+    refusals=(Refusal.UNKNOWN_POINT, Refusal.UNKNOWN_VEHICLE),
+)
+SHOW_POINT = Operation(
+    "point",
+    "Return a point, with the vehicles that stand there or for which it is reserved.",
+    "GET",
+    f"{POINTS}/{{name:path}}",
+    PointStatus,
+    Role.VIEWER,
+    subject="point",
+    result="point",
+    refusals=(Refusal.UNKNOWN_POINT,),
+)
+LIST_LOCATIONS = Operation(
+    "locations",
+    "List the locations, with the operations that they offer and the points to which they are linked.",
+    "GET",
+    LOCATIONS,
+    LocationPage,
+    Role.VIEWER,
+    request=LocationsQuery,
+    result="locations",
+    refusals=(Refusal.UNKNOWN_LOCATION, Refusal.UNKNOWN_POINT),
+)
+SHOW_LOCATION = Operation(
+    "location",
+    "Return a location, with the operations that it offers and the points to which it is linked.",
+    "GET",
+    f"{LOCATIONS}/{{name:path}}",
+    LocationStatus,
+    Role.VIEWER,
+    subject="location",
+    result="location",
+    refusals=(Refusal.UNKNOWN_LOCATION,),
+)
 LIST_PATHS = Operation(
     "paths", "List the paths, and which of them are locked.", "GET", PATHS, requests.PathList, Role.VIEWER
 )
@@ -113,6 +172,10 @@ CHANGE_PLANT = Operation(
 """The body is a file in one of several formats, so this route is written by hand."""
 
 OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+    LIST_POINTS,
+    SHOW_POINT,
+    LIST_LOCATIONS,
+    SHOW_LOCATION,
     LIST_PATHS,
     LOCK_PATH,
     SHOW_PATH,

@@ -1,0 +1,86 @@
+"""``nena points`` and ``nena locations``: places of the plant model at a running order service."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from nena_cli import tables
+from nena_cli.options import group
+from nena_cli.service import Service, location_names, of_service, point_names, vehicle_names
+from nena_client.exchange import Query
+from nena_shared.fleet_api.operations import LIST_LOCATIONS, LIST_POINTS, SHOW_LOCATION, SHOW_POINT
+from nena_shared.plant.track import PointType
+
+points = group()
+locations = group()
+
+PointName = Annotated[str, typer.Argument(help="Name of the point.", autocompletion=point_names)]
+LocationName = Annotated[str, typer.Argument(help="Name of the location.", autocompletion=location_names)]
+
+
+@points.command("list")
+@of_service
+def list_points(
+    service: Service,
+    *,
+    type_: Annotated[
+        list[PointType] | None, typer.Option("--type", help="Only points of this type; repeatable.")
+    ] = None,
+    map_id: Annotated[str | None, typer.Option("--map", help="Only points on this map.")] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            help="Only points where this vehicle stands, or that are reserved for it.",
+            autocompletion=vehicle_names,
+        ),
+    ] = None,
+) -> None:
+    """List the points, with the vehicles that stand there or for which they are reserved."""
+    query = _without_none(type=[each.value for each in type_ or ()], mapId=map_id, vehicle=vehicle)
+    with service.connected() as connection:
+        found = [each for page in connection.pages(LIST_POINTS, query) for each in page.points]
+    service.print_all(found, tables.points_table)
+
+
+@points.command("show")
+@of_service
+def show_point(service: Service, name: PointName) -> None:
+    """Show a point, and the vehicles that stand there or for which it is reserved."""
+    with service.connected() as connection:
+        point = connection.call(SHOW_POINT, name)
+    service.print_all((point,), tables.points_table)
+
+
+@locations.command("list")
+@of_service
+def list_locations(
+    service: Service,
+    *,
+    type_: Annotated[str | None, typer.Option("--type", help="Only locations of this type.")] = None,
+    point: Annotated[
+        str | None, typer.Option(help="Only locations linked to this point.", autocompletion=point_names)
+    ] = None,
+    operation: Annotated[
+        str | None, typer.Option(help="Only locations that offer this operation of vehicles.")
+    ] = None,
+) -> None:
+    """List the locations, with the operations that they offer and the points to which they are linked."""
+    query = _without_none(type=type_, point=point, operation=operation)
+    with service.connected() as connection:
+        found = [each for page in connection.pages(LIST_LOCATIONS, query) for each in page.locations]
+    service.print_all(found, tables.locations_table)
+
+
+@locations.command("show")
+@of_service
+def show_location(service: Service, name: LocationName) -> None:
+    """Show a location: what it offers, and from which points it is served."""
+    with service.connected() as connection:
+        location = connection.call(SHOW_LOCATION, name)
+    service.print_all((location,), tables.locations_table)
+
+
+def _without_none(**query: str | list[str] | None) -> Query:
+    return {name: value for name, value in query.items() if value is not None}
