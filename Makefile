@@ -29,7 +29,7 @@ STAMP := $(VENV)/.set-up
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
+.PHONY: help setup action-types wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -88,6 +88,16 @@ test-all: $(STAMP) action-types broker browser ## all tests, with long and quara
 
 conformance: $(STAMP) ## regenerate docs/vda5050.md: conformance clause by clause, with its tests
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
+
+# In an environment of its own: MkDocs is no part of the programs or of their tests.
+$(VENV)/docs/.set-up: requirements/docs.txt $(STAMP)
+	$(BIN)/python -m venv $(VENV)/docs
+	$(VENV)/docs/bin/pip install --quiet --no-deps --require-hashes -r requirements/docs.txt
+	@touch $@
+
+docs: $(VENV)/docs/.set-up ## build the docs as a site with search into build/docs; broken links are errors
+	NO_MKDOCS_2_WARNING=1 $(VENV)/docs/bin/mkdocs build --strict # not --quiet, which hides warnings from --strict
+	@echo "To read it: python -m http.server --directory build/docs --bind 127.0.0.1 8000"
 
 reference: $(STAMP) ## regenerate docs/configuration.md, docs/metrics.md, docs/compatibility.md and docs/opentcs-web-api.md
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
