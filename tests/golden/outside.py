@@ -36,6 +36,8 @@ from reference.metrics import PROGRAMS as METRICS
 
 FOLDER: Final = Path(__file__).parent
 TEXTS: Final = frozenset({"title", "description", "summary", "operationId"})
+EXAMPLE: Final = "example"
+"""No field of a body has this name."""
 OPENTCS: Final = "/opentcs"
 
 
@@ -48,7 +50,7 @@ def without_texts(part: Any) -> Any:
 
 
 def _is_text(name: str, value: Any) -> bool:
-    return name in TEXTS and isinstance(value, str)
+    return name == EXAMPLE or (name in TEXTS and isinstance(value, str))
 
 
 def order_service() -> OrderService:

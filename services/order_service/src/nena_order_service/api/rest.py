@@ -28,6 +28,7 @@ from nena_order_service.api.audit import ChangingRequest, OpenRequest, Trail, ma
 from nena_order_service.api.documentation import DOCS, FILES, REDOC, describe_login, documentation
 from nena_order_service.api.encoding import EncodedPage, encode
 from nena_order_service.api.events import EventKind, EventStream, Interest
+from nena_order_service.api.examples import examples_of
 from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, Handler, HostOperations, Reply
 from nena_order_service.plant_file import read_plant
@@ -67,6 +68,8 @@ PAGES = {
     "/asyncapi.json": "MQTT API (AsyncAPI 3.0)",
     "/v1/transportOrders": "transport orders",
     "/v1/vehicles": "vehicles",
+    "/v1/points": "points",
+    "/v1/locations": "locations",
     "/v1/plantModel": "plant model",
     METRICS: "metrics for Prometheus",
     "/readyz": "what is ready",
@@ -125,6 +128,7 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
         title="NeNa order service",
         description="Transport orders and vehicles. Every error is a problem (RFC 9457).",
         version="1",
+        servers=[{"url": "/", "description": "The order service that serves this document."}],
         docs_url=None,
         redoc_url=None,
     )
@@ -195,6 +199,7 @@ def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -
         int(status): {"model": operation.answer, "description": text}
         for status, text in operation.also.items()
     }
+    status = HTTPStatus.CREATED if operation.creates else HTTPStatus.OK
     router.add_api_route(
         operation.path,
         endpoint,
@@ -203,9 +208,10 @@ def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -
         operation_id=operation.name,
         summary=operation.summary,
         tags=[operation.tag],
-        status_code=HTTPStatus.CREATED if operation.creates else HTTPStatus.OK,
+        status_code=status,
         response_model=operation.answer,
         responses=successes | _refusals(operation.refusals),
+        openapi_extra=examples_of(operation, status),
     )
 
 
