@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-import yaml
+import yaml  # type: ignore[import-untyped]  # its stubs would be one more dependency
 
 from support.reference import PROJECT
 
@@ -82,3 +82,10 @@ def test_links_lead_to_pages_of_the_site_or_become_text() -> None:
 def test_links_to_missing_files_are_errors() -> None:
     with pytest.raises(ValueError, match=r"docs/nav2\.md: the link to gone\.md leads to no file"):
         HOOK.in_site("see [this](gone.md)", "nav2.md", PAGES)
+
+
+def test_first_steps_give_the_aggregator_its_order_service() -> None:
+    """Without the address the panel shows no commands."""
+    assert "\nnena-status-aggregator --order_service.url http://127.0.0.1:55200\n" in text_of(
+        "docs/first-steps.md"
+    )
