@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -11,6 +14,7 @@ from nena_cli import orders, zones
 from nena_cli.options import Format
 from nena_cli.tables import vehicles_table
 from nena_client import Client, Event
+from nena_shared.fleet_api.requests import TransportOrderPage
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
 
@@ -58,3 +62,18 @@ def test_watch_output_ends_with_a_newline(
     assert told == [status]
     assert "Robot-01" in out
     assert out.endswith("\n")
+
+
+def test_orders_are_listed_by_local_time_of_creation(monkeypatch: pytest.MonkeyPatch) -> None:
+    queries: list[Any] = []
+
+    def pages(_: Client, __: object, query: object) -> Iterator[TransportOrderPage]:
+        queries.append(query)
+        yield TransportOrderPage(transport_orders=(), next=None)
+
+    monkeypatch.setattr(Client, "pages", pages)
+    arguments = ["list", "--since", "2026-01-01T08:00:00", "--until", "2026-01-02"]
+    assert CliRunner().invoke(orders.app, arguments).exit_code == 0
+    since, until = (datetime.fromisoformat(queries[0][name]) for name in ("since", "until"))
+    assert since == datetime.fromisoformat("2026-01-01T08:00").astimezone()
+    assert until == datetime.fromisoformat("2026-01-02T00:00").astimezone()

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import to_json
 
-from nena_shared.fleet_api.base import IdempotencyKey, ObjectName, PageSize, Request, Resource
+from nena_shared.fleet_api.base import IdempotencyKey, Moment, ObjectName, PageSize, Request, Resource
 from nena_shared.fleet_api.plant import PathStatus, StoredZoneSet
 from nena_shared.fleet_api.transport_order import (
     Coordinate,
@@ -40,6 +40,10 @@ class TransportOrdersQuery(Resource):
 
     state: list[TransportOrderState] | None = None
     intended_vehicle: str | None = None
+    since: Moment | None = None
+    """Only orders created at this time or later."""
+    until: Moment | None = None
+    """Only orders created before this time."""
     limit: PageSize = 100
     after: AfterNumber | None = None
 

@@ -196,6 +196,22 @@ async def test_a_long_page_is_complete_and_has_its_length(client: httpx.AsyncCli
     assert answer.json()["transportOrders"][0] == single
 
 
+async def test_orders_are_selected_by_time_of_creation(client: httpx.AsyncClient) -> None:
+    names = await made(client, 3)
+    created = (await client.get(f"{ORDERS}/{names[-1]}")).json()["created"]
+
+    async def found(**query: str) -> list[str]:
+        answer = await client.get(ORDERS, params=query)
+        assert answer.status_code == 200, answer.text
+        return sorted(each["name"] for each in answer.json()["transportOrders"])
+
+    assert await found(since=created) == sorted(names)
+    assert await found(until=created) == []
+    assert await found(since="2000-01-01T00:00:00Z", until="2100-01-01T00:00:00+01:00") == sorted(names)
+    assert await found(since="2100-01-01T00:00:00Z") == []
+    assert (await client.get(ORDERS, params={"since": "yesterday"})).status_code == 422
+
+
 async def test_a_page_is_never_completely_in_memory(
     client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
 from functools import partial
 from pathlib import Path
 
@@ -10,12 +11,14 @@ from sqlalchemy import text
 from sqlalchemy.exc import IntegrityError
 
 from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.database import (
     Changes,
     OrderFilter,
     SequenceFilter,
     read_changes,
     read_documents,
+    read_number_at,
     read_order,
     read_orders,
     read_path_locks,
@@ -179,6 +182,24 @@ def test_pages_are_newest_first_and_continue_after_the_cursor(url: str) -> None:
     page = read_orders(engine, OrderFilter(limit=2))
     assert [order.number for order in page] == [5, 4]
     assert [order.number for order in read_orders(engine, OrderFilter(before=4))] == [3, 2, 1]
+
+
+def test_numbers_are_found_by_time_of_creation(url: str) -> None:
+    engine = open_database(url)
+    assert read_number_at(engine, NOW) == 0
+    numbers = (3, 4, 7, 8, 20)  # the others were deleted
+    orders = (
+        TransportOrder(number, made.status.model_copy(update={"created": NOW + timedelta(minutes=number)}))
+        for number in numbers
+        for made in (dispatchable_order(number=number),)
+    )
+    write(engine, changes(*((order, None) for order in orders)))
+    for minute in range(22):
+        expected = min((each for each in numbers if each >= minute), default=21)
+        assert read_number_at(engine, NOW + timedelta(minutes=minute)) == expected
+    assert read_number_at(engine, NOW + timedelta(minutes=7, milliseconds=1)) == 8
+    page = read_orders(engine, OrderFilter(first=4, before=20))
+    assert [order.number for order in page] == [8, 7, 4]
 
 
 def test_filters_choose_by_state_and_intended_vehicle(url: str) -> None:

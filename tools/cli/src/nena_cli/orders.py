@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from datetime import datetime
 from getpass import getuser
 from itertools import islice
 from typing import Annotated, Generic, TypeVar
@@ -207,6 +208,10 @@ def list_(
         list[TransportOrderState] | None, typer.Option(help="Only orders in this state; repeatable.")
     ] = None,
     vehicle: Annotated[str | None, typer.Option(help="Only orders intended for this vehicle.")] = None,
+    since: Annotated[datetime | None, typer.Option(help="Only orders created since this local time.")] = None,
+    until: Annotated[
+        datetime | None, typer.Option(help="Only orders created before this local time.")
+    ] = None,
     limit: Annotated[int, typer.Option(min=1, help="Maximum number; the newest first.")] = 50,
 ) -> None:
     """List transport orders, newest first; with --json one line each."""
@@ -214,6 +219,9 @@ def list_(
         query: dict[str, str | int | Sequence[str]] = {"state": [each.value for each in state or ()]}
         if vehicle is not None:
             query["intendedVehicle"] = vehicle
+        for name, moment in (("since", since), ("until", until)):
+            if moment is not None:
+                query[name] = moment.astimezone().isoformat()
         found = tuple(islice(_orders(connection, query), limit))
         if vehicle is not None and not found:
             connection.call(SHOW_VEHICLE, vehicle)  # an unknown one is an error

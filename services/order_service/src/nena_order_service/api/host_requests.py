@@ -6,6 +6,7 @@ import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from math import hypot
 
 from nena_order_service import errors
@@ -318,9 +319,19 @@ class HostRequests:
             raise errors.UnknownOrderError(name)
         return found.status
 
-    async def orders(self, wanted: OrderFilter) -> AsyncIterator[TransportOrder]:
-        """Yield the orders of a page, newest first; only some of them are in memory at a time."""
+    async def orders(
+        self, wanted: OrderFilter, since: datetime | None = None, until: datetime | None = None
+    ) -> AsyncIterator[TransportOrder]:
+        """Yield the orders of a page, newest first; only some of them are in memory at a time.
+
+        ``since`` and ``until`` select by time of creation, as :func:`read_number_at` finds it.
+        """
         before, left = wanted.before, wanted.limit
+        if since is not None:
+            wanted = replace(wanted, first=await self._engine.store.order_number_at(since))
+        if until is not None:
+            end = await self._engine.store.order_number_at(until)
+            before = end if before is None else min(before, end)
         while left > 0:
             asked = min(left, ORDERS_AT_ONCE)
             found = await self._engine.store.orders(replace(wanted, before=before, limit=asked))

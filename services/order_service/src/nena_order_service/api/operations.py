@@ -143,7 +143,7 @@ class HostOperations:
         wanted = OrderFilter(states, query.intended_vehicle, before, query.limit + 1)
         encoded: list[bytes] = []
         last, following = 0, None
-        async for order in self._requests.orders(wanted):
+        async for order in self._requests.orders(wanted, query.since, query.until):
             if len(encoded) < query.limit:
                 encoded.append(order.status.model_dump_json(by_alias=True).encode())
                 last = order.number

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from functools import lru_cache
 from typing import Any
 
 import sqlalchemy as sa
 from pydantic import ValidationError
+from pydantic_core import from_json
 from sqlalchemy.dialects import sqlite
 from sqlalchemy.engine import Row
 from sqlalchemy.exc import SQLAlchemyError
@@ -331,6 +333,8 @@ class OrderFilter:
     intended_vehicle: str | None = None
     before: int | None = None
     limit: int = 100
+    first: int = 0
+    """Lowest number to return."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -531,8 +535,36 @@ def read_orders(engine: sa.Engine, wanted: OrderFilter) -> tuple[TransportOrder,
         query = query.where(equals(orders.c.intended_vehicle, wanted.intended_vehicle))
     if wanted.before is not None:
         query = query.where(orders.c.number < wanted.before)
+    if wanted.first:
+        query = query.where(orders.c.number >= wanted.first)
     with engine.connect() as connection:
         return _read_orders(connection, connection.execute(query).all())
+
+
+def read_number_at(engine: sa.Engine, moment: datetime) -> int:
+    """Return the lowest number of the orders created at ``moment`` or later; if none, the next number.
+
+    Found by bisection without an index, because numbers grow with the time of creation. After the clock was
+    set back, orders of the repeated time may count to either side.
+    """
+    orders = schema.transport_orders
+    with engine.connect() as connection:
+        last: int | None = connection.execute(sa.select(sa.func.max(orders.c.number))).scalar()
+        low, high = 0, 0 if last is None else last + 1
+        found = high
+        while low < high:
+            middle = (low + high) // 2
+            query = sa.select(orders.c.number, orders.c.document).where(orders.c.number >= middle)
+            row = connection.execute(query.order_by(orders.c.number).limit(1)).first()
+            if row is None or _created_in(row.document) >= moment:
+                found, high = row.number if row else found, middle
+            else:
+                low = row.number + 1
+    return found
+
+
+def _created_in(document: str) -> datetime:
+    return datetime.fromisoformat(from_json(document)["created"])
 
 
 def read_changes(engine: sa.Engine, after: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:

@@ -219,6 +219,10 @@ class Store:
         """Read a page of orders, newest first."""
         return await self._read(lambda: database.read_orders(self._engine, wanted))
 
+    async def order_number_at(self, moment: datetime) -> int:
+        """Return the lowest number of the orders created at ``moment`` or later; if none, the next number."""
+        return await self._read(lambda: database.read_number_at(self._engine, moment))
+
     async def sequence(
         self, *, name: str | None = None, idempotency_key: str | None = None
     ) -> OrderSequence | None:
