@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import ssl
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypedDict, TypeVar, Unpack
 
 import httpx
@@ -147,9 +148,15 @@ class Fleet:
         agent = Program("nena-edge-agent", "--config", file, log=self.folder / f"{serial}.log")
         return self.stack.enter_context(agent)
 
-    def order_service(self, *more: object, name: str = "order-service") -> OrderServiceProgram:
+    def order_service(
+        self,
+        *more: object,
+        name: str = "order-service",
+        environment: Mapping[str, str] = MappingProxyType({}),
+    ) -> OrderServiceProgram:
         """Start the order service in a separate process, which logs under ``name``."""
-        program = OrderServiceProgram(*self.arguments(), *more, log=self.folder / f"{name}.log")
+        log = self.folder / f"{name}.log"
+        program = OrderServiceProgram(*self.arguments(), *more, log=log, environment=environment)
         return self.stack.enter_context(program)
 
     def peer(self, *topic_filters: str) -> MqttPeer:

@@ -86,9 +86,11 @@ class Program:
 class OrderServiceProgram(Program):
     """The order service on a free port."""
 
-    def __init__(self, *arguments: object, log: Path) -> None:
+    def __init__(
+        self, *arguments: object, log: Path, environment: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         self._start = len(log.read_text(encoding="utf-8")) if log.exists() else 0
-        super().__init__("nena-order-service", "--http.port", 0, *arguments, log=log)
+        super().__init__("nena-order-service", "--http.port", 0, *arguments, log=log, environment=environment)
 
     async def client(self) -> httpx.AsyncClient:
         """Return a client once the program listens."""

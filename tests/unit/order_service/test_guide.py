@@ -20,6 +20,7 @@ from nena_shared.fleet_api.requests import (
     ResumeRequest,
     WithdrawalRequest,
 )
+from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleSwitch
 from nena_shared.fleet_api.stops import StopEndRequest, StopRequest
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
@@ -43,6 +44,8 @@ BODIES: dict[str, type[BaseModel]] = {
     "/integrationLevel": IntegrationLevelRequest,
     "/acceptableOrderTypes": OrderTypesRequest,
     "/rerouting": ReroutingRequest,
+    "/v1/schedules/milk-run": ScheduleRequest,
+    "/enabled": ScheduleSwitch,
     "/v1/stops": StopRequest,
     "/end": StopEndRequest,
 }

@@ -306,3 +306,31 @@ class VehicleStoppedError(RefusedError):
 
     def __init__(self, name: str, stop: str, why: str) -> None:
         super().__init__(f"Vehicle {name!r} cannot continue: {why}. End the stop {stop!r} first.")
+
+
+class UnknownScheduleError(RefusedError):
+    """There is no schedule of this name."""
+
+    refusal = Refusal.UNKNOWN_SCHEDULE
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"Unknown schedule {name!r}. GET /v1/schedules lists them.")
+
+
+class InvalidScheduleError(RefusedError):
+    """A schedule can never run, or its name, cron expression or time zone is invalid."""
+
+    refusal = Refusal.INVALID_SCHEDULE
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__("The schedule is invalid; nothing was saved. Fix what errors lists.")
+        self.problems = tuple(problems)
+
+
+class TooManySchedulesError(RefusedError):
+    """No more schedules can be stored."""
+
+    refusal = Refusal.TOO_MANY_SCHEDULES
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(f"There are {limit} schedules already. Delete one of them first.")

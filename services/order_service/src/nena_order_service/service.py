@@ -38,6 +38,7 @@ from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.plant_change import conflicts
+from nena_order_service.engine.schedules import Schedules
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.fleet.link import FleetLink, RobotAddresses
@@ -106,6 +107,7 @@ class OrderService:
         start("loop lag", self.loop_lag.run())
         start("heartbeat", self.heartbeat.run(self.mqtt))
         start("zone sets", self.hosts.zones.run())
+        start("schedules", self._once_elected(self.hosts.schedules.run))
         start("audit trail", self.hosts.trail.run(), vital=False)
         start("retained sweep", self.sweep.run(), vital=False)
         for each in self.hosts.webhooks.hooks:
@@ -225,7 +227,8 @@ def make_fleet(
 def _make_host_services(
     engine: Engine, fleet: FleetLink, webhooks: Webhooks, audit: AuditSettings
 ) -> HostServices:
-    zones = ZoneSets(engine, fleet.send_zone_set)
+    zones, schedules = ZoneSets(engine, fleet.send_zone_set), Schedules(engine)
+    states = ObjectStates(engine, zones, schedules)
     engine.unit_of_work.record = record_current
     return HostServices(
         HostRequests(engine),
@@ -235,7 +238,8 @@ def _make_host_services(
         PeripheralRequests(engine),
         StopRequests(engine),
         PlaceRequests(engine),
-        Trail(engine.store, engine.clock, ObjectStates(engine, zones), kept_days=audit.kept_days),
+        schedules,
+        Trail(engine.store, engine.clock, states, kept_days=audit.kept_days),
         webhooks,
     )
 

@@ -38,6 +38,9 @@ class Refusal(Enum):
     JOB_ENDED = HTTPStatus.CONFLICT, "The peripheral job has ended."
     INVALID_PLANT = HTTPStatus.UNPROCESSABLE_ENTITY, "The plant model is invalid."
     PLANT_IN_USE = HTTPStatus.CONFLICT, "Orders or vehicles use elements missing in the new plant model."
+    UNKNOWN_SCHEDULE = HTTPStatus.NOT_FOUND, "Unknown schedule."
+    INVALID_SCHEDULE = HTTPStatus.UNPROCESSABLE_ENTITY, "The schedule is invalid."
+    TOO_MANY_SCHEDULES = HTTPStatus.CONFLICT, "There are too many schedules."
     TOO_MANY_CLIENTS = HTTPStatus.SERVICE_UNAVAILABLE, "The event stream has too many clients."
     NOT_SAVED = HTTPStatus.SERVICE_UNAVAILABLE, "The database is unavailable; nothing was saved."
 

@@ -175,7 +175,29 @@ class Destination(Request):
         return self
 
 
-class TransportOrderRequest(Request):
+class OrderTemplate(Request):
+    """What several transport orders can have in common."""
+
+    destinations: Annotated[tuple[Destination, ...], Field(min_length=1, max_length=100)]
+    intended_vehicle: ObjectName | None = None
+    type: OrderType = "-"
+    """Order type; the order is only assigned to vehicles that accept it."""
+    priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
+    """Higher is more urgent."""
+    dispensable: bool = False
+    """Whether the order may be dropped if its vehicle is needed for another one, like parking orders."""
+    peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    """Reservation token of its peripheral jobs; None: its vehicle's name."""
+    properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
+    on_failure: FailurePolicy | None = None
+    """Failure policy; None: the order service's default."""
+    timeout: Seconds | None = None
+    """Seconds from creation, after which an unfinished order is withdrawn and cancelled at the robot."""
+    processing_timeout: Seconds | None = None
+    """The same, from its first assignment to a vehicle."""
+
+
+class TransportOrderRequest(OrderTemplate):
     """Request to create a transport order; same body over REST and MQTT."""
 
     name: OrderName | None = None
@@ -184,30 +206,13 @@ class TransportOrderRequest(Request):
     """Whether the order service completes ``name`` to a unique one."""
     idempotency_key: IdempotencyKey | None = None
     """Repeating a key returns the order created by the first request instead of creating another."""
-    destinations: Annotated[tuple[Destination, ...], Field(min_length=1, max_length=100)]
-    intended_vehicle: ObjectName | None = None
-    type: OrderType = "-"
-    """Order type; the order is only assigned to vehicles that accept it."""
-    priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
-    """Higher is more urgent."""
     deadline: Moment | None = None
     """Orders with earlier deadlines are served first; an order not finished by then is ``late``."""
-    dispensable: bool = False
-    """Whether the order may be dropped if its vehicle is needed for another one, like parking orders."""
-    peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
-    """Reservation token of its peripheral jobs; None: its vehicle's name."""
     dependencies: Annotated[tuple[OrderName, ...], Field(max_length=100)] = ()
     """Names of orders that must be FINISHED first; until then, the order is ACTIVE."""
     on_dependency_failure: DependencyFailure = DependencyFailure.FAIL
     wrapping_sequence: OrderName | None = None
     """Name of the order sequence to which it is added."""
-    properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
-    on_failure: FailurePolicy | None = None
-    """Failure policy; None: the order service's default."""
-    timeout: Seconds | None = None
-    """Seconds from creation, after which an unfinished order is withdrawn and cancelled at the robot."""
-    processing_timeout: Seconds | None = None
-    """The same, from its first assignment to a vehicle."""
 
 
 class DriveOrderStatus(Resource):

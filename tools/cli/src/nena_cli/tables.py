@@ -13,11 +13,12 @@ from nena_shared.fleet_api.peripherals import PeripheralJobStatus, PeripheralSta
 from nena_shared.fleet_api.places import LocationStatus, PointStatus
 from nena_shared.fleet_api.plant import ZoneSetStatus
 from nena_shared.fleet_api.requests import InstantActionAnswer
+from nena_shared.fleet_api.schedules import ScheduleStatus
 from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.traffic import TrafficPlan, VehiclePlan
 from nena_shared.fleet_api.transport_order import (
     DeliveryStatus,
-    DriveOrderStatus,
+    Destination,
     OrderSequenceStatus,
     TransportOrderState,
     TransportOrderStatus,
@@ -68,7 +69,7 @@ def destinations(order: TransportOrderStatus) -> Text:
     for index, each in enumerate(order.drive_orders):
         done = each.state.value == "FINISHED"
         style = "dim" if done else "bold" if index == order.current_drive_order_index else ""
-        text.append(" > " if index else "").append(_place(each), style=style)
+        text.append(" > " if index else "").append(_place(each.destination), style=style)
     return text
 
 
@@ -276,6 +277,48 @@ def locations_table(locations: Iterable[LocationStatus]) -> Table:
     return table
 
 
+def schedules_table(schedules: Iterable[ScheduleStatus]) -> Table:
+    """Return a table with a row for each schedule."""
+    table = Table("schedule", "cron", "time zone", "stops", "next run", "last run", "orders", "skipped")
+    for each in schedules:
+        next_run = _local(each.next_runs[0]) if each.next_runs else "none" if each.enabled else "disabled"
+        last_run = each.last_runs[0].transport_order or each.last_runs[0].reason if each.last_runs else ""
+        counts = (str(each.created_orders or ""), str(each.skipped_runs or ""))
+        table.add_row(
+            *map(Text, (each.name, each.cron, each.time_zone, _stops(each), next_run, last_run, *counts))
+        )
+    return table
+
+
+def schedule_details(status: ScheduleStatus) -> Table:
+    """Return the definition of a schedule and its next runs."""
+    return _details(
+        ("schedule", Text(status.name)),
+        ("cron, time zone", Text(f"{status.cron}, {status.time_zone}")),
+        ("enabled", Text("yes" if status.enabled else "no")),
+        ("valid from", Text(_local(status.valid_from))),
+        ("valid until", Text(_local(status.valid_until))),
+        ("catch up", Text(str(status.catch_up))),
+        ("stops", Text(_stops(status))),
+        ("created orders", Text(str(status.created_orders))),
+        ("skipped runs", Text(str(status.skipped_runs))),
+        ("next runs", Text(", ".join(map(_local, status.next_runs)))),
+    )
+
+
+def schedule_runs_table(status: ScheduleStatus) -> Table:
+    """Return the last runs of a schedule."""
+    table = Table("planned", "order", "reason", title="Last runs", title_justify="left")
+    for each in status.last_runs:
+        table.add_row(*map(Text, (_local(each.planned), each.transport_order or "", each.reason)))
+    return table
+
+
+def _stops(status: ScheduleStatus) -> str:
+    """Return where a schedule's orders lead."""
+    return " > ".join(map(_place, status.transport_order.destinations))
+
+
 def stops_table(stops: Iterable[StopStatus]) -> Table:
     """Return a table with a row for each stop."""
     table = Table("stop", "area", "by", "since", "reason", "paused", "not paused")
@@ -349,8 +392,7 @@ def _position(vehicle: VehicleStatus) -> str:
     return f"{position.x:.2f}, {position.y:.2f}" if position else ""
 
 
-def _place(drive_order: DriveOrderStatus) -> str:
-    destination = drive_order.destination
+def _place(destination: Destination) -> str:
     place = destination.location_name
     if destination.coordinate:
         place = f"{destination.coordinate.x:g}, {destination.coordinate.y:g}"

@@ -28,6 +28,12 @@ _ZONE_SET: Final = {
         }
     ],
 }
+_SCHEDULE: Final = {
+    "transportOrder": {"destinations": _ORDER["destinations"], "timeout": 3600},
+    "cron": "30 6 * * MON-FRI",
+    "timeZone": "Europe/Berlin",
+    "catchUp": 1,
+}
 _POINT: Final = {
     "name": "Packing stand",
     "type": "HALT_POSITION",
@@ -68,6 +74,8 @@ BODIES: Final[Mapping[str, Any]] = {
         (table.STOP, {"by": "Anna", "reason": "oil on the floor"}),
         (table.END_STOP, {"by": "Ben", "reason": "cleaned"}),
         (table.PUT_ZONE_SET, _ZONE_SET),
+        (table.PUT_SCHEDULE, _SCHEDULE),
+        (table.ENABLE_SCHEDULE, {"enabled": False}),
         (table.CREATE_JOB, {"location": "Door 1", "operation": "open", "reservationToken": "host"}),
     )
 }

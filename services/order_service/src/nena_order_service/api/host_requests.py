@@ -17,6 +17,7 @@ from nena_order_service.api.stop_requests import StopRequests
 from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
+from nena_order_service.engine.schedules import Schedules
 from nena_order_service.engine.stops import START_PAUSE, STOP_PAUSE
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.fleet.instant_actions import LEAVES
@@ -674,6 +675,7 @@ class HostServices:
     peripherals: PeripheralRequests
     stops: StopRequests
     places: PlaceRequests
+    schedules: Schedules
     trail: Trail
     webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
 
@@ -682,3 +684,4 @@ class HostServices:
         await self.stops.load()
         await self.locks.load()
         await self.zones.load()
+        await self.schedules.load()

@@ -27,6 +27,7 @@ from nena_shared.fleet_api.peripherals import (
 )
 from nena_shared.fleet_api.places import LocationsQuery, PointsQuery
 from nena_shared.fleet_api.plant import ZoneSetList
+from nena_shared.fleet_api.schedules import ScheduleList, ScheduleRequest, ScheduleSwitch
 from nena_shared.fleet_api.stops import StopEndRequest, StopList, StopRequest
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
@@ -103,6 +104,7 @@ class HostOperations:
         self._peripherals = hosts.peripherals
         self._stops = hosts.stops
         self._places = hosts.places
+        self._schedules = hosts.schedules
         self._webhooks = hosts.webhooks
         self.trail = hosts.trail
         self.handlers: Mapping[str, Handler] = {
@@ -307,6 +309,27 @@ class HostOperations:
     @_does(table.END_STOP)
     async def _end_stop(self, call: Call[StopEndRequest]) -> Reply:
         return Reply(await self._stops.end(call.name, call.request, call.caller))
+
+    @_does(table.LIST_SCHEDULES)
+    async def _list_schedules(self, _: Call[None]) -> Reply:
+        return Reply(ScheduleList(schedules=self._schedules.all()))
+
+    @_does(table.SHOW_SCHEDULE)
+    async def _show_schedule(self, call: Call[None]) -> Reply:
+        return Reply(self._schedules.get(call.name))
+
+    @_does(table.PUT_SCHEDULE)
+    async def _put_schedule(self, call: Call[ScheduleRequest]) -> Reply:
+        schedule, new = await self._schedules.put(call.name, call.request)
+        return Reply(schedule, _created(new=new))
+
+    @_does(table.ENABLE_SCHEDULE)
+    async def _enable_schedule(self, call: Call[ScheduleSwitch]) -> Reply:
+        return Reply(await self._schedules.enable(call.name, enabled=call.request.enabled))
+
+    @_does(table.DELETE_SCHEDULE)
+    async def _delete_schedule(self, call: Call[None]) -> Reply:
+        return Reply(await self._schedules.delete(call.name))
 
     @_does(table.LIST_ZONE_SETS)
     async def _list_zone_sets(self, _: Call[None]) -> Reply:

@@ -437,6 +437,12 @@ class Engine:
             order = self._life_cycle.create(request, name, ended)
         return self.state.orders.get(order.number)
 
+    def create_with(self, progress: Callable[[], None], request: TransportOrderRequest, name: str) -> None:
+        """Create an order of a validated request and make another change, both in one unit of work."""
+        with self.change():
+            progress()
+            self._life_cycle.create(request, name)
+
     def withdraw(self, number: int, reason: str, *, immediate: bool = True) -> None:
         """Withdraw an order that has not ended; see :meth:`LifeCycle.withdraw`."""
         with self.change():

@@ -10,7 +10,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from nena_shared.fleet_api.operations import fleet, orders, peripherals, plant, sequences, vehicles
+from nena_shared.fleet_api.operations import (
+    fleet,
+    orders,
+    peripherals,
+    plant,
+    schedules,
+    sequences,
+    vehicles,
+)
 from nena_shared.fleet_api.operations.fleet import (
     END_STOP,
     LIST_AUDIT,
@@ -55,6 +63,13 @@ from nena_shared.fleet_api.operations.plant import (
     SHOW_POINT,
     SHOW_ZONE_SET,
 )
+from nena_shared.fleet_api.operations.schedules import (
+    DELETE_SCHEDULE,
+    ENABLE_SCHEDULE,
+    LIST_SCHEDULES,
+    PUT_SCHEDULE,
+    SHOW_SCHEDULE,
+)
 from nena_shared.fleet_api.operations.sequences import (
     COMPLETE_SEQUENCE,
     CREATE_SEQUENCE,
@@ -74,6 +89,7 @@ from nena_shared.fleet_api.operations.vehicles import (
 OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     *orders.OPERATIONS,
     *sequences.OPERATIONS,
+    *schedules.OPERATIONS,
     *vehicles.OPERATIONS,
     *plant.OPERATIONS,
     *fleet.OPERATIONS,
@@ -93,9 +109,11 @@ __all__ = [
     "CREATE_ORDER",
     "CREATE_ORDERS",
     "CREATE_SEQUENCE",
+    "DELETE_SCHEDULE",
     "DELETE_ZONE_SET",
     "DELIVERY",
     "DISPATCH",
+    "ENABLE_SCHEDULE",
     "ENABLE_ZONE_SET",
     "END_STOP",
     "HOLD",
@@ -108,6 +126,7 @@ __all__ = [
     "LIST_PATHS",
     "LIST_PERIPHERALS",
     "LIST_POINTS",
+    "LIST_SCHEDULES",
     "LIST_SEQUENCES",
     "LIST_STOPS",
     "LIST_VEHICLES",
@@ -117,6 +136,7 @@ __all__ = [
     "OPERATIONS",
     "ORDER_TYPES",
     "PLANT_MODEL",
+    "PUT_SCHEDULE",
     "PUT_ZONE_SET",
     "REROUTE",
     "RESUME",
@@ -126,6 +146,7 @@ __all__ = [
     "SHOW_PATH",
     "SHOW_PERIPHERAL",
     "SHOW_POINT",
+    "SHOW_SCHEDULE",
     "SHOW_SEQUENCE",
     "SHOW_TRAFFIC_PLAN",
     "SHOW_VEHICLE",

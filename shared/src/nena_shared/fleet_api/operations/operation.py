@@ -20,6 +20,7 @@ VEHICLES: Final = "/v1/vehicles"
 POINTS: Final = "/v1/points"
 LOCATIONS: Final = "/v1/locations"
 PATHS: Final = "/v1/paths"
+SCHEDULES: Final = "/v1/schedules"
 STOPS: Final = "/v1/stops"
 ZONE_SETS: Final = "/v1/zoneSets"
 PERIPHERALS: Final = "/v1/peripherals"
@@ -38,6 +39,7 @@ TAGS: Final = {
     POINTS: "points",
     LOCATIONS: "locations",
     PATHS: "paths",
+    SCHEDULES: "schedules",
     STOPS: "stops",
     ZONE_SETS: "zone sets",
     PERIPHERALS: "peripherals",

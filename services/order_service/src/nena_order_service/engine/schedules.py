@@ -1,0 +1,271 @@
+"""Schedules: store them, and create their orders when they are due.
+
+An order and the progress of its schedule are one change of the store, and the order's name is that of the
+schedule and the planned time. So a kill, a restart or a takeover at any moment neither loses nor doubles it:
+the next engine continues after the last planned time in the store.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextvars import Context
+from dataclasses import dataclass
+from datetime import datetime
+from functools import partial
+from typing import Final
+
+from pydantic import ValidationError
+
+from nena_order_service.engine.engine import Engine
+from nena_order_service.errors import StoreNotReadyError, TooManySchedulesError, UnknownScheduleError
+from nena_order_service.orders.schedule import ON_TIME, DueRuns, Schedule, check_schedule, due
+from nena_order_service.orders.validation import InvalidRequestError, check_request, set_operations
+from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleRun, ScheduleStatus
+from nena_shared.fleet_api.transport_order import OrderTemplate, TransportOrderRequest
+from nena_shared.log import get_logger
+from nena_shared.tasks import forever, set_within
+
+log = get_logger(__name__)
+
+SCHEDULE: Final = "schedule"
+"""The kind of schedules' documents in the store."""
+
+SCHEDULES_LIMIT: Final = 500
+"""Maximum number of schedules."""
+
+LOOK_INTERVAL: Final = 1.0
+"""Seconds between looks at the clock, which may have been set."""
+
+LATE: Final = "created late: the order service was not active at this time"
+
+
+@dataclass(frozen=True, slots=True)
+class _Planned:
+    """A schedule and its next runs."""
+
+    schedule: Schedule
+    next_runs: tuple[datetime, ...]
+
+    @classmethod
+    def of(cls, schedule: Schedule) -> _Planned:
+        return cls(schedule, schedule.next_runs())
+
+    def due_in(self, now: datetime) -> float | None:
+        """Return the time until the next run, seconds; None if there is none."""
+        return (self.next_runs[0] - now).total_seconds() if self.next_runs else None
+
+    @property
+    def status(self) -> ScheduleStatus:
+        return self.schedule.status(self.next_runs)
+
+
+class Schedules:
+    """Changes schedules for hosts, and creates the orders that are due."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._known: dict[str, _Planned] = {}
+        self._visible: dict[str, _Planned] = {}
+        """The schedules that are in the store, by name."""
+        self._changed = asyncio.Event()
+        self._one_by_one = asyncio.Lock()
+        """Held from the check of a schedule to its change."""
+
+    async def load(self) -> None:
+        """Restore the schedules from before a restart; unreadable ones are logged and left out."""
+        for name, document in (await self._engine.store.documents(SCHEDULE)).items():
+            try:
+                self._known[name] = _Planned.of(Schedule.model_validate_json(document))
+            except (ValidationError, KeyError, ValueError, OSError):  # or a time zone that is unknown here
+                log.exception("stored schedule is unreadable", schedule=name)
+        self._visible = dict(self._known)
+
+    def all(self) -> tuple[ScheduleStatus, ...]:
+        """Return all schedules, by name."""
+        return tuple(self._visible[name].status for name in sorted(self._visible))
+
+    def get(self, name: str) -> ScheduleStatus:
+        """Return a schedule; raises UnknownScheduleError."""
+        return _named(name, self._visible).status
+
+    async def put(self, name: str, definition: ScheduleRequest) -> tuple[ScheduleStatus, bool]:
+        """Create a schedule, or replace its definition; return it, and whether it is new.
+
+        It applies to planned times from now on. Storing the same definition again changes nothing.
+
+        Raises:
+            InvalidScheduleError: it can never run, or its name, cron expression or time zone is invalid.
+            InvalidRequestError: its order does not fit the plant model.
+            TooManySchedulesError: no more schedules can be stored.
+            StoreNotReadyError: the change may be lost.
+
+        """
+        async with self._one_by_one:
+            now = self._engine.clock.now()
+            check_schedule(name, definition, now)
+            definition = self._with_operations(definition)
+            known = self._known.get(name)
+            if known is None and len(self._known) >= SCHEDULES_LIMIT:
+                raise TooManySchedulesError(SCHEDULES_LIMIT)
+            if known is None or known.schedule.definition != definition:
+                await self._change(name, definition, now)
+            status = self._known[name].status
+        await self._engine.unit_of_work.wait_committed()
+        return status, known is None
+
+    async def enable(self, name: str, *, enabled: bool) -> ScheduleStatus:
+        """Enable or disable a schedule. What it misses while disabled is not caught up.
+
+        Raises:
+            UnknownScheduleError: no such schedule.
+            StoreNotReadyError: the change may be lost.
+
+        """
+        async with self._one_by_one:
+            definition = _named(name, self._known).schedule.definition
+            if definition.enabled != enabled:
+                changed = definition.model_copy(update={"enabled": enabled})
+                await self._change(name, changed, self._engine.clock.now())
+            status = self._known[name].status
+        await self._engine.unit_of_work.wait_committed()
+        return status
+
+    async def delete(self, name: str) -> ScheduleStatus:
+        """Delete a schedule, and return it as it was; its orders stay.
+
+        Raises:
+            UnknownScheduleError: no such schedule.
+            StoreNotReadyError: the change may be lost.
+
+        """
+        async with self._one_by_one:
+            deleted = _named(name, self._known)
+            self._engine.unit_of_work.require_store()
+            with self._engine.unit_of_work.begin():
+                self._put(name, None)
+            log.info("schedule deleted", schedule=name)
+        await self._engine.unit_of_work.wait_committed()
+        return deleted.status
+
+    async def run(self) -> None:
+        """Create the orders that are due, until cancelled."""
+        await forever("schedules", self._run_when_due)
+
+    async def _run_when_due(self) -> None:
+        now = self._engine.clock.now()
+        waits = [each for plan in self._known.values() if (each := plan.due_in(now)) is not None]
+        if not waits:
+            await self._changed.wait()
+        elif min(waits) > 0:
+            await set_within(self._changed, min(*waits, LOOK_INTERVAL))
+        self._changed.clear()
+        await self.run_due()
+
+    async def run_due(self) -> None:
+        """Create the orders that are due now; while the store cannot be written, try again later."""
+        for name in list(self._known):
+            try:
+                async with self._one_by_one:
+                    if name in self._known:  # not deleted meanwhile
+                        await self._run(name, self._engine.clock.now())
+            except StoreNotReadyError as error:
+                log.warning("schedule waits for the store", schedule=name, reason=str(error))
+                await asyncio.sleep(LOOK_INTERVAL)
+                return
+
+    async def _change(self, name: str, definition: ScheduleRequest, now: datetime) -> None:
+        """Use another definition from now on; what is due until now follows the previous one."""
+        self._engine.unit_of_work.require_store()
+        if name in self._known:
+            # Outside the request, which the audit trail would record with the first change made in it.
+            await asyncio.create_task(self._run(name, now), context=Context())
+            schedule = self._known[name].schedule.defined(definition, now)
+        else:
+            schedule = Schedule(name=name, definition=definition, last=now)
+        with self._engine.unit_of_work.begin():
+            self._put(name, schedule)
+        log.info("schedule changed", schedule=name, cron=definition.cron, enabled=definition.enabled)
+
+    async def _run(self, name: str, now: datetime) -> None:
+        """Create the orders of a schedule that are due; raises StoreNotReadyError."""
+        planned = self._known[name]
+        wait = planned.due_in(now)
+        if wait is None or wait > 0:
+            return
+        schedule = planned.schedule
+        found = await self._due(schedule, now, outage=wait < -ON_TIME.total_seconds())
+        if found.last_skipped:
+            reason = f"{found.skipped} skipped: the order service was not active at their planned times"
+            skipped = ScheduleRun(planned=found.last_skipped, reason=reason)
+            self._record(schedule.after(skipped, found.skipped))
+        for each in found.runs:
+            late = LATE if now - each > ON_TIME else ""
+            await self._create(self._known[name].schedule, each, late)
+
+    @staticmethod
+    async def _due(schedule: Schedule, now: datetime, *, outage: bool) -> DueRuns:
+        work = partial(due, schedule.definition, schedule.last, now)
+        return await asyncio.to_thread(work) if outage else work()  # a week of minutes takes half a second
+
+    async def _create(self, schedule: Schedule, planned: datetime, late: str) -> None:
+        """Create the order of a planned time, or record why it is not created."""
+        name = schedule.order_name(planned)
+        if await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
+            refused = f"there is already an order {name}"
+        else:
+            try:
+                request = self._prepared(schedule.definition.transport_order)
+            except InvalidRequestError as error:
+                refused = str(error)
+            else:
+                self._engine.unit_of_work.require_store()
+                done = schedule.after(ScheduleRun(planned=planned, transport_order=name, reason=late))
+                self._engine.create_with(partial(self._put, schedule.name, done), request, name)
+                log.info("order created by schedule", schedule=schedule.name, order=name, late=bool(late))
+                return
+        self._record(schedule.after(ScheduleRun(planned=planned, reason=refused), 1))
+
+    def _with_operations(self, definition: ScheduleRequest) -> ScheduleRequest:
+        """Return a definition with the operations of its order; raises InvalidRequestError."""
+        template = definition.transport_order
+        destinations = self._prepared(template).destinations
+        fields = {name: getattr(definition, name) for name in ScheduleRequest.model_fields}  # none of MQTT
+        fields["transport_order"] = template.model_copy(update={"destinations": destinations})
+        return ScheduleRequest.model_validate(fields)
+
+    def _prepared(self, template: OrderTemplate) -> TransportOrderRequest:
+        """Return the request of an order with its operations; raises InvalidRequestError."""
+        fields = {name: getattr(template, name) for name in template.model_fields_set}
+        request = set_operations(TransportOrderRequest.model_validate(fields), self._engine.plant)
+        check_request(request, self._engine.plant, self._engine.registry.names())
+        return request
+
+    def _record(self, schedule: Schedule) -> None:
+        """Store a schedule after a run that has not created an order."""
+        run = schedule.last_runs[0]
+        log.warning("schedule has created no order", schedule=schedule.name, reason=run.reason)
+        self._engine.unit_of_work.require_store()
+        with self._engine.unit_of_work.begin():
+            self._put(schedule.name, schedule)
+
+    def _put(self, name: str, schedule: Schedule | None) -> None:
+        """Change a schedule in the current unit of work; None: delete it."""
+        documents = self._engine.state.pending.stored.documents
+        if schedule is None:
+            del self._known[name]
+            documents[SCHEDULE, name] = None
+        else:
+            self._known[name] = _Planned.of(schedule)
+            documents[SCHEDULE, name] = schedule.model_dump_json(by_alias=True, exclude_unset=True)
+        self._engine.state.after_commit(partial(self._show, dict(self._known)))
+        self._changed.set()
+
+    def _show(self, committed: dict[str, _Planned]) -> None:
+        self._visible = committed
+
+
+def _named(name: str, schedules: dict[str, _Planned]) -> _Planned:
+    """Return a schedule; raises UnknownScheduleError."""
+    if name not in schedules:
+        raise UnknownScheduleError(name)
+    return schedules[name]

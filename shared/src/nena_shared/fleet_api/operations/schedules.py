@@ -1,0 +1,88 @@
+"""Operations on schedules."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import Any, Final
+
+from nena_shared.fleet_api.base import ObjectName, Role
+from nena_shared.fleet_api.operations.operation import SCHEDULES, Operation
+from nena_shared.fleet_api.refusals import Refusal
+from nena_shared.fleet_api.schedules import ScheduleList, ScheduleRequest, ScheduleStatus, ScheduleSwitch
+
+_CHANGE: Final = (Refusal.UNKNOWN_SCHEDULE, Refusal.NOT_SAVED)
+
+LIST_SCHEDULES = Operation(
+    "schedules",
+    "List the schedules with their next and last runs, by name.",
+    "GET",
+    SCHEDULES,
+    ScheduleList,
+    Role.VIEWER,
+    result="schedules",
+)
+SHOW_SCHEDULE = Operation(
+    "schedule",
+    "Return a schedule with its next and last runs.",
+    "GET",
+    f"{SCHEDULES}/{{name}}",
+    ScheduleStatus,
+    Role.VIEWER,
+    subject="schedule",
+    result="schedule",
+    name_type=ObjectName,
+    refusals=(Refusal.UNKNOWN_SCHEDULE,),
+)
+PUT_SCHEDULE = Operation(
+    "putSchedule",
+    "Create a schedule, which creates transport orders at planned times, or replace its definition.",
+    "PUT",
+    f"{SCHEDULES}/{{name}}",
+    ScheduleStatus,
+    Role.OPERATOR,
+    request=ScheduleRequest,
+    also={HTTPStatus.CREATED: "Created."},
+    subject="schedule",
+    result="schedule",
+    name_type=ObjectName,
+    refusals=(
+        Refusal.INVALID_SCHEDULE,
+        Refusal.NOT_IN_PLANT,
+        Refusal.UNKNOWN_IN_PLANT,
+        Refusal.TOO_MANY_SCHEDULES,
+        Refusal.NOT_SAVED,
+    ),
+)
+ENABLE_SCHEDULE = Operation(
+    "enableSchedule",
+    "Enable or disable a schedule. Runs that it misses while disabled are not caught up.",
+    "PUT",
+    f"{SCHEDULES}/{{name}}/enabled",
+    ScheduleStatus,
+    Role.OPERATOR,
+    request=ScheduleSwitch,
+    subject="schedule",
+    result="schedule",
+    name_type=ObjectName,
+    refusals=_CHANGE,
+)
+DELETE_SCHEDULE = Operation(
+    "deleteSchedule",
+    "Delete a schedule. The transport orders that it has created stay.",
+    "DELETE",
+    f"{SCHEDULES}/{{name}}",
+    ScheduleStatus,
+    Role.OPERATOR,
+    subject="schedule",
+    result="schedule",
+    name_type=ObjectName,
+    refusals=_CHANGE,
+)
+
+OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+    LIST_SCHEDULES,
+    SHOW_SCHEDULE,
+    PUT_SCHEDULE,
+    ENABLE_SCHEDULE,
+    DELETE_SCHEDULE,
+)

@@ -1,0 +1,145 @@
+"""``nena schedules``: transport orders that are created again and again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import Annotated
+
+import typer
+from pydantic import JsonValue
+from pydantic_core import from_json
+
+from nena_cli import arguments as option
+from nena_cli import tables
+from nena_cli.arguments import parse_stop
+from nena_cli.options import group
+from nena_cli.output import fail
+from nena_cli.service import Service, of_service
+from nena_shared.clock import in_utc, iso
+from nena_shared.fleet_api.operations import (
+    DELETE_SCHEDULE,
+    ENABLE_SCHEDULE,
+    LIST_SCHEDULES,
+    PUT_SCHEDULE,
+    SHOW_SCHEDULE,
+)
+from nena_shared.fleet_api.schedules import CATCH_UP_LIMIT, ScheduleStatus
+
+app = group()
+
+Name = Annotated[str, typer.Argument(help="Name of the schedule.")]
+
+
+@app.command("list")
+@of_service
+def list_(service: Service) -> None:
+    """List the schedules with their next and last runs."""
+    with service.connected() as connection:
+        found = connection.call(LIST_SCHEDULES)
+    _print(service, *found.schedules)
+
+
+@app.command("show")
+@of_service
+def show_(service: Service, name: Name) -> None:
+    """Show a schedule with its next and last runs."""
+    with service.connected() as connection:
+        found = connection.call(SHOW_SCHEDULE, name)
+    service.print_one(found, tables.schedule_details(found), tables.schedule_runs_table(found))
+
+
+@app.command()
+@of_service
+def put(
+    service: Service,
+    name: Name,
+    cron: Annotated[
+        str, typer.Argument(help="Minute, hour, day of month, month and day of week: '30 6 * * MON-FRI'.")
+    ],
+    stops: option.Stops = None,
+    *,
+    file: Annotated[
+        typer.FileBinaryRead | None,
+        typer.Option("--file", help="JSON file with the transport order; - for standard input."),
+    ] = None,
+    zone: Annotated[str, typer.Option("--time-zone", help="Time zone, such as Europe/Berlin.")] = "UTC",
+    valid_from: Annotated[datetime | None, typer.Option("--from", help="First run, local time.")] = None,
+    valid_until: Annotated[
+        datetime | None, typer.Option("--until", help="No run from this time on, local time.")
+    ] = None,
+    catch_up: Annotated[
+        int,
+        typer.Option(min=0, max=CATCH_UP_LIMIT, help="Missed runs to catch up after an outage, the latest."),
+    ] = 0,
+    disabled: Annotated[bool, typer.Option("--disabled", help="Store it, but create no orders.")] = False,
+    vehicle: option.Vehicle = None,
+    priority: option.Priority = 0,
+    kind: option.Type = "-",
+    timeout: option.Timeout = None,
+) -> None:
+    """Create a schedule, or replace its definition."""
+    given = {"intendedVehicle": vehicle, "priority": priority, "type": kind, "timeout": timeout}
+    body: dict[str, JsonValue] = {
+        "transportOrder": _template(stops or (), file, given),
+        "cron": cron,
+        "timeZone": zone,
+        "validFrom": _moment(valid_from),
+        "validUntil": _moment(valid_until),
+        "catchUp": catch_up,
+        "enabled": not disabled,
+    }
+    with service.connected() as connection:
+        _print(service, connection.call(PUT_SCHEDULE, name, body=body))
+
+
+@app.command()
+@of_service
+def enable(service: Service, name: Name) -> None:
+    """Enable a schedule. What it has missed while disabled is not caught up."""
+    _enable(service, name, enabled=True)
+
+
+@app.command()
+@of_service
+def disable(service: Service, name: Name) -> None:
+    """Disable a schedule: it creates no orders until it is enabled."""
+    _enable(service, name, enabled=False)
+
+
+@app.command()
+@of_service
+def delete(service: Service, name: Name) -> None:
+    """Delete a schedule; the orders that it has created stay."""
+    with service.connected() as connection:
+        _print(service, connection.call(DELETE_SCHEDULE, name))
+
+
+def _enable(service: Service, name: str, *, enabled: bool) -> None:
+    with service.connected() as connection:
+        _print(service, connection.call(ENABLE_SCHEDULE, name, body={"enabled": enabled}))
+
+
+def _template(
+    stops: Sequence[str], file: typer.FileBinaryRead | None, given: Mapping[str, JsonValue]
+) -> JsonValue:
+    """Return the transport order of the stops and options, or of the file."""
+    if bool(stops) == bool(file):
+        message = "Name either stops or a file with the transport order"
+        raise typer.BadParameter(message)
+    if file is None:
+        places = [parse_stop(each).model_dump(by_alias=True, exclude_unset=True) for each in stops]
+        return {"destinations": places, **{name: value for name, value in given.items() if value is not None}}
+    try:
+        order: JsonValue = from_json(file.read(), allow_inf_nan=False)
+    except ValueError as error:
+        fail(f"{file.name}: {error}")
+    return order
+
+
+def _moment(local: datetime | None) -> str | None:
+    return None if local is None else iso(in_utc(local.astimezone()))
+
+
+def _print(service: Service, *schedules: ScheduleStatus) -> None:
+    service.print_all(schedules, tables.schedules_table)
