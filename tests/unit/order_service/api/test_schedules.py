@@ -114,6 +114,17 @@ async def test_missed_runs_are_skipped_or_caught_up(
     assert (await orders(client))[len(created) :] == ["milk-run-20260401T040000Z"]
 
 
+async def test_run_that_was_missed_long_ago_is_passed(
+    client: httpx.AsyncClient, service: OrderService, clock: ManualClock
+) -> None:
+    await put(client, cron="0 6 1 * *", catchUp=1)
+    clock.advance(20 * DAY)
+    await run_due(service)
+    schedule = (await client.get(MILK_RUN)).json()
+    assert (await orders(client), schedule["nextRuns"][0]) == ([], "2026-05-01T04:00:00.000Z")
+    assert "more than 7 days ago" in schedule["lastRuns"][0]["reason"]
+
+
 async def test_restart_continues_after_the_last_run(
     client: httpx.AsyncClient, service: OrderService, settings: OrderServiceSettings, clock: ManualClock
 ) -> None:

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, TooManySchedulesError, UnknownScheduleError
-from nena_order_service.orders.schedule import ON_TIME, DueRuns, Schedule, check_schedule, due
+from nena_order_service.orders.schedule import LOOK_BACK, ON_TIME, DueRuns, Schedule, check_schedule, due
 from nena_order_service.orders.validation import InvalidRequestError, check_request, set_operations
 from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleRun, ScheduleStatus
 from nena_shared.fleet_api.transport_order import OrderTemplate, TransportOrderRequest
@@ -36,6 +36,7 @@ SCHEDULES_LIMIT: Final = 500
 LOOK_INTERVAL: Final = 1.0
 """Seconds between looks at the clock, which may have been set."""
 
+LONG_AGO: Final = f"missed more than {LOOK_BACK.days} days ago, as all later ones until then"
 LATE: Final = "created late: the order service was not active at this time"
 
 
@@ -198,6 +199,9 @@ class Schedules:
             reason = f"{found.skipped} skipped: the order service was not active at their planned times"
             skipped = ScheduleRun(planned=found.last_skipped, reason=reason)
             self._record(schedule.after(skipped, found.skipped))
+        elif not found.runs:
+            long_ago = ScheduleRun(planned=planned.next_runs[0], reason=LONG_AGO)
+            self._record(schedule.after(long_ago).model_copy(update={"last": now - LOOK_BACK}))
         for each in found.runs:
             late = LATE if now - each > ON_TIME else ""
             await self._create(self._known[name].schedule, each, late)
