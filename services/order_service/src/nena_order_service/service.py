@@ -170,7 +170,8 @@ def build(
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
-    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, answers, hosts.webhooks)
+    outcomes = hosts.schedules.outcomes
+    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, answers, hosts.webhooks, outcomes)
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,

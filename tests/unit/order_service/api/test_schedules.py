@@ -109,6 +109,9 @@ async def test_missed_runs_are_skipped_or_caught_up(
     schedule = (await client.get(MILK_RUN)).json()
     assert (schedule["createdOrders"], schedule["skippedRuns"]) == (len(created), 3 - len(created))
     assert "not active" in schedule["lastRuns"][-1]["reason"]
+    metrics = (await client.get("/metrics")).text
+    for outcome, number in (("created", len(created)), ("skipped", 3 - len(created))):
+        assert f'nena_order_service_schedule_runs_total{{outcome="{outcome}"}} {number}.0' in metrics
     clock.advance(DAY - 9 * HOUR + 1)
     await run_due(service)
     assert (await orders(client))[len(created) :] == ["milk-run-20260401T040000Z"]

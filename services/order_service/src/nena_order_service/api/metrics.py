@@ -66,6 +66,8 @@ class Monitored:
     answers: Mapping[int, int]
     """Number of HTTP answers by status."""
     webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
+    schedule_runs: Mapping[str, int] = field(default_factory=dict)
+    """Number of runs of schedules by outcome."""
 
     @property
     def store(self) -> Store:
@@ -158,6 +160,12 @@ ORDERS: Final[Section[Monitored]] = Section(
             "nena_order_service_orders_late_total",
             "Orders whose deadline passed before their end.",
             lambda s: s.engine.state.orders.statistics.late,
+        ),
+        counter(
+            "nena_order_service_schedule_runs_total",
+            "Runs of schedules: `created` an order, or `skipped` (missed in an outage, or refused).",
+            lambda s: s.schedule_runs,
+            "outcome",
         ),
         counter(
             "nena_order_service_order_events_total",

@@ -8,6 +8,7 @@ the next engine continues after the last planned time in the store.
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from contextvars import Context
 from dataclasses import dataclass
 from datetime import datetime
@@ -36,6 +37,8 @@ SCHEDULES_LIMIT: Final = 500
 LOOK_INTERVAL: Final = 1.0
 """Seconds between looks at the clock, which may have been set."""
 
+CREATED: Final = "created"
+SKIPPED: Final = "skipped"
 LONG_AGO: Final = f"missed more than {LOOK_BACK.days} days ago, as all later ones until then"
 LATE: Final = "created late: the order service was not active at this time"
 
@@ -68,6 +71,8 @@ class Schedules:
         self._known: dict[str, _Planned] = {}
         self._visible: dict[str, _Planned] = {}
         """The schedules that are in the store, by name."""
+        self.outcomes = Counter({CREATED: 0, SKIPPED: 0})
+        """Number of runs since the start, for the metrics."""
         self._changed = asyncio.Event()
         self._one_by_one = asyncio.Lock()
         """Held from the check of a schedule to its change."""
@@ -198,7 +203,7 @@ class Schedules:
         if found.last_skipped:
             reason = f"{found.skipped} skipped: the order service was not active at their planned times"
             skipped = ScheduleRun(planned=found.last_skipped, reason=reason)
-            self._record(schedule.after(skipped, found.skipped))
+            self._record(schedule.after(skipped, found.skipped), found.skipped)
         elif not found.runs:
             long_ago = ScheduleRun(planned=planned.next_runs[0], reason=LONG_AGO)
             self._record(schedule.after(long_ago).model_copy(update={"last": now - LOOK_BACK}))
@@ -225,6 +230,7 @@ class Schedules:
                 self._engine.unit_of_work.require_store()
                 done = schedule.after(ScheduleRun(planned=planned, transport_order=name, reason=late))
                 self._engine.create_with(partial(self._put, schedule.name, done), request, name)
+                self.outcomes[CREATED] += 1
                 log.info("order created by schedule", schedule=schedule.name, order=name, late=bool(late))
                 return
         self._record(schedule.after(ScheduleRun(planned=planned, reason=refused), 1))
@@ -244,13 +250,14 @@ class Schedules:
         check_request(request, self._engine.plant, self._engine.registry.names())
         return request
 
-    def _record(self, schedule: Schedule) -> None:
-        """Store a schedule after a run that has not created an order."""
+    def _record(self, schedule: Schedule, skipped: int = 1) -> None:
+        """Store a schedule after ``skipped`` runs that have created no order."""
         run = schedule.last_runs[0]
         log.warning("schedule has created no order", schedule=schedule.name, reason=run.reason)
         self._engine.unit_of_work.require_store()
         with self._engine.unit_of_work.begin():
             self._put(schedule.name, schedule)
+        self.outcomes[SKIPPED] += skipped
 
     def _put(self, name: str, schedule: Schedule | None) -> None:
         """Change a schedule in the current unit of work; None: delete it."""
