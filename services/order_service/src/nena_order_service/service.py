@@ -167,10 +167,9 @@ def build(
     changes, loop_lag = ChangeLog(plant, clock), LoopLag(clock)
     _listen(engine, publisher, stream, changes, hosts.webhooks)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
-    operations = HostOperations(hosts)
+    operations, outcomes = HostOperations(hosts), hosts.schedules.outcomes
     limits = MqttLimits(settings.hosts, clock)
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
-    outcomes = hosts.schedules.outcomes
     parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, answers, hosts.webhooks, outcomes)
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(

@@ -128,7 +128,9 @@ def _template(
         message = "Name either stops or a file with the transport order"
         raise typer.BadParameter(message)
     if file is None:
-        places = [parse_stop(each).model_dump(by_alias=True, exclude_unset=True) for each in stops]
+        places: list[JsonValue] = [
+            parse_stop(each).model_dump(by_alias=True, exclude_unset=True) for each in stops
+        ]
         return {"destinations": places, **{name: value for name, value in given.items() if value is not None}}
     try:
         order: JsonValue = from_json(file.read(), allow_inf_nan=False)
