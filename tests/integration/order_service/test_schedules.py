@@ -93,7 +93,7 @@ def in_store(fleet: Fleet) -> tuple[list[str], list[str]]:
     "delays",
     [
         pytest.param((-0.05, 0.01), id="few"),
-        pytest.param(tuple(number / 100 for number in range(-5, 25, 3)), id="many", marks=pytest.mark.long),
+        pytest.param(tuple(number / 100 for number in range(-5, 25, 5)), id="many", marks=pytest.mark.long),
     ],
 )
 async def test_killed_around_a_planned_time(fleet: Fleet, clock: Clock, delays: tuple[float, ...]) -> None:
