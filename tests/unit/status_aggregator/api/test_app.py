@@ -30,6 +30,8 @@ async def test_openapi_document_is_served(client: httpx.AsyncClient) -> None:
         "/api/v1/history",
         "/api/v1/history.csv",
         "/api/v1/history.jsonl",
+        "/api/v1/report",
+        "/api/v1/report.csv",
         "/readyz",
         "/metrics",
     } == set(described["paths"])

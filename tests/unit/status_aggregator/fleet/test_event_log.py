@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.events import Code, Event, Outcome
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from support.fleet_examples import ROBOT, START, connection, order_status, vehicle_status, way
+from support.fleet_examples import ROBOT, START, connection, order_status, position, vehicle_status, way
 from support.fleet_examples import timestamp as at
 from support.fleet_records import state
 
@@ -130,6 +131,67 @@ def test_transport_orders_are_logged_on_changes_of_state_or_reason() -> None:
     ]
     assert (orders[-1].order, orders[-1].values["before"]) == ("TO-1", "DISPATCHABLE")
     assert orders[-1].values["reason"] == "Drives."
+
+
+def test_end_of_a_transport_order_has_what_reports_need() -> None:
+    recorded = Recorded()
+    ends: dict[str, dict[str, Any]] = {
+        "TO-1": {"deadline": at(100).utc, "late": False},
+        "TO-2": {"deadline": at(50).utc, "late": True},
+        "TO-3": {"automatic": True},
+    }
+    for name, fields in ends.items():
+        recorded.model.on_order_status(order_status(name), at(0))
+        assert "leadTime" not in recorded.last(Code.TRANSPORT_ORDER).values
+        done = order_status(name, 2, TransportOrderState.FINISHED, finished=at(61.5).utc, **fields)
+        recorded.model.on_order_status(done, at(62))
+    found = [each.values for each in recorded.published if each.values.get("state") == "FINISHED"]
+    assert [(each["leadTime"], each["late"], each["automatic"]) for each in found] == [
+        (61.5, False, False),
+        (61.5, True, False),
+        (61.5, None, True),
+    ]
+
+
+def test_end_of_a_robots_order_has_its_distances() -> None:
+    recorded = Recorded()
+
+    def drive(number: int, x: float, loads: tuple[dict[str, str], ...] | None, **fields: Any) -> None:
+        here = position(x, 0)
+        told = state(number, at=number, mobile_robot_position=here, loads=loads, **fields)
+        recorded.model.on_state(ROBOT, told, at(number))
+
+    box = ({"load_id": "box"},)
+    drive(1, 0, ())
+    drive(2, 0, (), order_id="o1", last_node_id="A", **way("B"))
+    drive(3, 4, box, order_id="o1", last_node_id="A", **way("B"))
+    drive(4, 10, box, order_id="o1", last_node_id="B", last_node_sequence_id=2)
+    ended = recorded.last(Code.ORDER_ENDED).values
+    assert (ended["distance"], ended["emptyDistance"]) == (10.0, 4.0)
+    drive(5, 10, None, order_id="o2", last_node_id="B", **way("C"))
+    drive(6, 12, None, order_id="o2", last_node_id="C", last_node_sequence_id=2)
+    ended = recorded.last(Code.ORDER_ENDED).values
+    assert (ended["distance"], ended["emptyDistance"]) == (2.0, None)
+
+
+def test_new_cause_of_waiting_is_logged() -> None:
+    recorded = Recorded()
+    waiting = state(order_id="o", last_node_id="A", **way("B", released=0))
+    recorded.model.on_state(ROBOT, waiting, at(0))
+    for number, cause in enumerate((None, WaitCause.PASSES, WaitCause.PASSES, WaitCause.STANDS)):
+        wait = cause and TrafficWait(vehicles=("Vehicle-2",), at="B", cause=cause, reason="waits")
+        recorded.model.on_vehicle_status(vehicle_status(wait=wait), at(number))
+        recorded.model.flush(at(number))
+    reasons = [each.values["reason"] for each in recorded.published if each.code is Code.CONDITION]
+    assert reasons == ["waiting_for_release", "waits_passing", "waits_standing"]
+
+
+def test_first_connection_of_a_run_is_marked() -> None:
+    recorded = Recorded()
+    recorded.model.on_link(connected=False, at=at(1))
+    recorded.model.on_link(connected=True, at=at(2))
+    links = [each.values for each in recorded.published if each.code is Code.LINK]
+    assert links == [{"connected": True, "started": True}, {"connected": False}, {"connected": True}]
 
 
 def test_removed_robot_and_lost_link_are_logged() -> None:

@@ -15,8 +15,15 @@ from nena_status_aggregator.fleet.view_builder import short
 
 Publish = Callable[[Event], None]
 
-NOT_MOVING = (Condition.OFFLINE, Condition.SILENT, Condition.MANUAL, Condition.ERROR, Condition.BLOCKED)
-"""Conditions in which a new reason is an event. With an order it is not, as it changes at every node."""
+NOT_MOVING = (
+    Condition.OFFLINE,
+    Condition.SILENT,
+    Condition.MANUAL,
+    Condition.ERROR,
+    Condition.BLOCKED,
+    Condition.WAITING,
+)
+"""Conditions in which a new reason is an event. While a robot is busy, it changes at every node."""
 
 
 class EventLog:
@@ -27,12 +34,18 @@ class EventLog:
         self._statistics = statistics
         self._publish = publish
         self._track_distance = track_distance
+        self._started = False
+        """Whether the program has been connected to the broker."""
 
     def state(self, robot: Robot, before: State | None, now: State, at: Timestamp) -> None:
         """Log the changes between two states."""
         for change in changes(before, now):
             self._statistics.count_change(change.code, change.values)
-            self._of_robot(robot, change.code, change.text, change.values, at)
+            values = change.values
+            if change.code is Code.ORDER_ENDED:
+                distance, empty = robot.odometer.end_trip()
+                values = {**values, "distance": distance, "emptyDistance": empty}
+            self._of_robot(robot, change.code, change.text, values, at)
 
     def position(self, robot: Robot, at: Timestamp) -> None:
         """Log a position that is far enough from the last logged one."""
@@ -85,16 +98,31 @@ class EventLog:
             "reason": short(now.reason),
             "vehicle": now.processing_vehicle,
         }
+        if now.state.final:
+            values.update(_end_values(now))
         text = f"{now.state}: {values['reason']}"
         self._publish(Event(at.utc, Code.TRANSPORT_ORDER, text, order=now.name, values=values))
 
     def link(self, *, connected: bool, at: Timestamp) -> None:
         """Log that the broker connection was established or lost."""
         text = "Connected to the broker." if connected else "Connection to the broker lost."
-        self._publish(Event(at.utc, Code.LINK, text, values={"connected": connected}))
+        values: Values = {"connected": connected}
+        if connected and not self._started:
+            self._started = values["started"] = True
+        self._publish(Event(at.utc, Code.LINK, text, values=values))
 
     def _of_robot(self, robot: Robot, code: Code, text: str, values: Values, at: Timestamp) -> None:
         self._publish(Event(at.utc, code, text, robot.id, _order_of(robot), values))
+
+
+def _end_values(order: TransportOrderStatus) -> Values:
+    """Return what reports need of an ended order."""
+    seconds = (order.finished - order.created).total_seconds() if order.finished else None
+    return {
+        "leadTime": None if seconds is None else max(0.0, seconds),
+        "late": order.late if order.deadline else None,
+        "automatic": order.automatic,
+    }
 
 
 def _short(value: str | float) -> str | float | None:

@@ -28,7 +28,8 @@ class Code(StrEnum):
     ORDER_UPDATED = "orderUpdated"
     """The robot accepted an order update; `orderId`, `orderUpdateId`."""
     ORDER_ENDED = "orderEnded"
-    """The robot's order ended; `orderId`, `outcome`: see :class:`Outcome`."""
+    """The robot's order ended; `orderId`, `outcome` (:class:`Outcome`); `distance` since its previous order
+    ended, and the part without a load, `emptyDistance`, m (null: loads not reported)."""
     NODE_REACHED = "nodeReached"
     """The robot reached a node; `nodeId`, `sequenceId`."""
     ACTION_ENDED = "actionEnded"
@@ -48,9 +49,10 @@ class Code(StrEnum):
     ROBOT_FORGOTTEN = "robotForgotten"
     """A silent robot was removed for a new one."""
     TRANSPORT_ORDER = "transportOrder"
-    """State or reason of a transport order changed; `state`, `before`, `reason`, `vehicle`."""
+    """State or reason of a transport order changed; `state`, `before`, `reason`, `vehicle`; at its end also
+    `leadTime` (s, from its creation), `late` (null: no deadline), `automatic` (parking, recharging)."""
     LINK = "link"
-    """The broker connection was established or lost; `connected`."""
+    """The broker connection was established or lost; `connected`; `started`: the first one of a run."""
     HISTORY_GAP = "historyGap"
     """Events were not written; `dropped` is their number."""
 

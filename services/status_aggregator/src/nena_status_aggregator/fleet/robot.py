@@ -47,11 +47,16 @@ NOISE = 0.01
 class Odometer:
     """Sums the distances between positions on the same map."""
 
-    __slots__ = ("_last", "meters")
+    __slots__ = ("_last", "_trip", "empty_meters", "loads", "meters")
 
     def __init__(self) -> None:
         self.meters = 0.0
+        self.empty_meters = 0.0
+        """The part of ``meters`` without a load."""
+        self.loads: int | None = None
+        """Number of loads in the last state; None: not reported."""
         self._last: MobileRobotPosition | None = None
+        self._trip = 0.0, 0.0
 
     def follow(self, position: MobileRobotPosition | None) -> None:
         """Add a position; distances to and from unlocalised positions do not count."""
@@ -65,7 +70,15 @@ class Odometer:
                 return
             if step <= LONGEST_STEP:
                 self.meters += step
+                self.empty_meters += step if self.loads == 0 else 0.0
         self._last = position
+
+    def end_trip(self) -> tuple[float, float | None]:
+        """Return the distance since the last call, m, and the part without a load (None: not reported)."""
+        begun, begun_empty = self._trip
+        self._trip = self.meters, self.empty_meters
+        empty = self.empty_meters - begun_empty
+        return round(self.meters - begun, 2), None if self.loads is None else round(empty, 2)
 
 
 @dataclass(slots=True)
@@ -240,6 +253,7 @@ class Robot:
         self.velocity = message.velocity
         self.progress.follow(message)
         self.odometer.follow(message.mobile_robot_position)
+        self.odometer.loads = None if message.loads is None else len(message.loads)
         if not retained:
             self.skew.measure(message.timestamp, at.utc)
 

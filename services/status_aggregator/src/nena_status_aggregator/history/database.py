@@ -183,12 +183,17 @@ def write(engine: Engine, events: Sequence[Event]) -> None:
 
 def _row(entry: Event) -> dict[str, object]:
     return {
-        "time": _milliseconds(entry.time),
+        "time": milliseconds(entry.time),
         "code": entry.code.value,
         "robot": _storable(entry.robot, ROBOT_LENGTH),
         "order_name": _storable(entry.order, ORDER_LENGTH),
         "text": _storable(entry.text, None),
-        "details": json.dumps(entry.values),
+        "details": json.dumps(
+            {
+                name: _storable(value, None) if isinstance(value, str) else value
+                for name, value in entry.values.items()
+            }
+        ),
     }
 
 
@@ -196,8 +201,14 @@ def _storable(text: str | None, length: int | None) -> str | None:
     return text.replace(NUL, "\ufffd")[:length] if text else text
 
 
-def _milliseconds(time: datetime) -> int:
+def milliseconds(time: datetime) -> int:
+    """Return a time in ms since 1970, as stored."""
     return (time - EPOCH) // MILLISECOND
+
+
+def iso_of(stored: int) -> str:
+    """Return a stored time as ISO 8601 in UTC."""
+    return iso(EPOCH + stored * MILLISECOND)
 
 
 def read_newest(
@@ -230,9 +241,9 @@ def _filtered(wanted: HistoryFilter) -> Select[Any]:
     else:
         query = query.where(table.c.code != Code.POSITION.value)
     if wanted.since is not None:
-        query = query.where(table.c.time >= _milliseconds(wanted.since))
+        query = query.where(table.c.time >= milliseconds(wanted.since))
     if wanted.until is not None:
-        query = query.where(table.c.time < _milliseconds(wanted.until))
+        query = query.where(table.c.time < milliseconds(wanted.until))
     return query
 
 
@@ -244,7 +255,7 @@ def _read(engine: Engine, query: Select[Any]) -> list[HistoryEntry]:
 def _entry(row: Row[Any]) -> HistoryEntry:
     return {
         "id": row.id,
-        "time": iso(EPOCH + row.time * MILLISECOND),
+        "time": iso_of(row.time),
         "code": row.code,
         "robot": row.robot,
         "order": row.order_name,
@@ -263,7 +274,7 @@ def expire(engine: Engine, *, before: datetime, code: Code | None = None) -> int
 
     """
     table = event_table
-    old = select(table.c.id).where(table.c.time < _milliseconds(before)).limit(EXPIRED_PER_COMMIT)
+    old = select(table.c.id).where(table.c.time < milliseconds(before)).limit(EXPIRED_PER_COMMIT)
     if code is not None:
         old = old.where(table.c.code == code.value)
     with engine.begin() as connection:

@@ -6,20 +6,22 @@ import asyncio
 import csv
 import json
 from collections.abc import AsyncIterator, Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from datetime import datetime
+from functools import partial
 from io import StringIO
 
 from sqlalchemy.exc import SQLAlchemyError
 
 from nena_shared.clock import Clock
-from nena_status_aggregator.history import database
+from nena_status_aggregator.history import database, report_queries
+from nena_status_aggregator.history.cells import harmless
 from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter
+from nena_status_aggregator.history.report import Report
 from nena_status_aggregator.history.writer import HistoryWriter
 from nena_status_aggregator.settings import HistorySettings
 
 COLUMNS = ("id", "time", "code", "robot", "order", "text", "values")
-
-FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
-"""Spreadsheets execute cells that start with these; texts of robots must not be executed."""
 
 Form = Callable[[Iterable[HistoryEntry]], str]
 
@@ -35,7 +37,7 @@ def as_csv(entries: Iterable[HistoryEntry]) -> str:
     writer = csv.writer(text)
     for entry in entries:
         cells = (entry["robot"], entry["order"], entry["text"], json.dumps(entry["values"]))
-        writer.writerow((entry["id"], entry["time"], entry["code"], *map(_harmless, cells)))
+        writer.writerow((entry["id"], entry["time"], entry["code"], *map(harmless, cells)))
     return text.getvalue()
 
 
@@ -44,16 +46,19 @@ def as_json_lines(entries: Iterable[HistoryEntry]) -> str:
     return "".join(f"{json.dumps(entry)}\n" for entry in entries)
 
 
-def _harmless(cell: str | None) -> str:
-    return f"'{cell}" if cell and cell.startswith(FORMULA_SIGNS) else cell or ""
-
-
 PAGE = 1000
 """Number of entries that an export reads at a time."""
+
+REPORTS_LIMIT = 10
+"""Maximum number of reports that are computed or wait for it; they are computed one after the other."""
 
 
 class HistoryUnavailableError(Exception):
     """The history database is unavailable."""
+
+
+class TooManyReportsError(Exception):
+    """REPORTS_LIMIT reports are being computed or wait for it."""
 
 
 class History:
@@ -68,6 +73,8 @@ class History:
         """
         self._engine = database.make_engine(url)
         self.writer = HistoryWriter(settings, self._engine, clock)
+        self._reporter = ThreadPoolExecutor(max_workers=1, thread_name_prefix="reports")
+        self._reports = 0
 
     async def newest(
         self, wanted: HistoryFilter, *, before: int | None = None, limit: int = 100
@@ -105,3 +112,25 @@ class History:
                 return
             last = page[-1]["id"]
             yield page
+
+    async def report(self, since: datetime, until: datetime) -> Report:
+        """Compute the report of a time range.
+
+        Raises:
+            HistoryUnavailableError: the database is unavailable.
+            TooManyEntriesError: the range has too many entries.
+            TooManyReportsError: too many reports are being computed.
+
+        """
+        if self._reports >= REPORTS_LIMIT:
+            raise TooManyReportsError
+        work = partial(
+            report_queries.compute, self._engine, database.milliseconds(since), database.milliseconds(until)
+        )
+        self._reports += 1
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._reporter, work)
+        except SQLAlchemyError as error:
+            raise HistoryUnavailableError from error
+        finally:
+            self._reports -= 1

@@ -1,0 +1,89 @@
+"""Reports, ``/api/v1/report``: figures of a time range, as JSON and as CSV."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query
+from starlette.responses import Response
+
+from nena_shared.clock import Clock, iso
+from nena_status_aggregator.api.history import Moment, away, kept
+from nena_status_aggregator.api.problems import ProblemError, as_json
+from nena_status_aggregator.history.history import History, HistoryUnavailableError, TooManyReportsError
+from nena_status_aggregator.history.report import Report, report_csv
+from nena_status_aggregator.history.report_queries import ENTRIES_LIMIT, LONGEST_RANGE, TooManyEntriesError
+
+DEFAULT_RANGE = timedelta(days=1)
+
+
+def requested(
+    since: Annotated[
+        Moment | None, Query(description="Start (inclusive), ISO 8601. Unset: 24 hours before `until`.")
+    ] = None,
+    until: Annotated[
+        Moment | None, Query(description="End (exclusive), ISO 8601; at most now. Unset: now.")
+    ] = None,
+) -> tuple[datetime | None, datetime | None]:
+    """Return the time range of a request."""
+    return since, until
+
+
+Requested = Annotated[tuple[datetime | None, datetime | None], Depends(requested)]
+
+
+def make_router(history: History | None, clock: Clock) -> APIRouter:
+    """Create the routes of reports; None: the history is disabled."""
+    router = APIRouter(prefix="/api/v1", tags=["history"])
+
+    @router.get("/report", response_model=Report)
+    async def report(chosen: Requested) -> Response:
+        """Return the figures of a time range of at most 31 days."""
+        return as_json(await _computed(history, _range(*chosen, clock.now())))
+
+    @router.get("/report.csv", response_class=Response)
+    async def csv(chosen: Requested) -> Response:
+        """Export the figures of a time range as CSV (RFC 4180), one row per figure."""
+        found = await _computed(history, _range(*chosen, clock.now()))
+        return Response(report_csv(found), media_type="text/csv; charset=utf-8")
+
+    return router
+
+
+async def _computed(history: History | None, chosen: tuple[datetime, datetime]) -> Report:
+    try:
+        return await kept(history).report(*chosen)
+    except HistoryUnavailableError as error:
+        raise away() from error
+    except TooManyEntriesError as error:
+        detail = f"The range has more than {ENTRIES_LIMIT} entries; request a shorter range."
+        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, detail) from error
+    except TooManyReportsError as error:
+        detail = "Too many reports are being computed; try again later."
+        raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
+
+
+def _range(since: datetime | None, until: datetime | None, now: datetime) -> tuple[datetime, datetime]:
+    """Return the range of a request; it ends now if ``until`` is later.
+
+    Raises:
+        ProblemError: it is empty, too long, or begins in the future.
+
+    """
+    end = min(until or now, now)
+    try:
+        begin = since or end - DEFAULT_RANGE
+    except OverflowError as error:
+        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, f"until ({iso(end)}) is too early.") from error
+    if until is not None and begin >= until:
+        detail = f"since ({iso(begin)}) must be before until ({iso(until)})."
+        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, detail)
+    if begin >= end:
+        detail = f"since ({iso(begin)}) must be before the current time ({iso(now)})."
+        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, detail)
+    if end - begin > LONGEST_RANGE:
+        detail = f"The range from {iso(begin)} to {iso(end)} is longer than {LONGEST_RANGE.days} days."
+        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, detail)
+    return begin, end

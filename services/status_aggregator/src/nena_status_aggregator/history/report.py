@@ -1,0 +1,221 @@
+"""Reports: figures of robots and orders over a time range, and their CSV form."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from io import StringIO
+from typing import NamedTuple
+
+from typing_extensions import TypedDict
+
+from nena_status_aggregator.history.cells import harmless
+
+HOUR = 3_600_000
+"""ms."""
+
+WORKING = ("BUSY", "WAITING")
+"""Conditions that count as utilisation."""
+AWAY = "OFFLINE"
+"""Condition that does not count as time in service."""
+
+
+class FailureKind(StrEnum):
+    """Kinds of failures in a report."""
+
+    ERROR = "error"
+    """The robot reported an error."""
+    ACTION = "action"
+    """An action of the robot failed."""
+    CONNECTION = "connection"
+    """The robot's connection broke."""
+    ORDER = "order"
+    """A transport order failed, or had no route."""
+
+
+class HourFigures(TypedDict):
+    """Orders that ended in an hour; ``since`` is its start."""
+
+    since: str
+    finished: int
+    failed: int
+
+
+class OrderFigures(TypedDict):
+    """Transport orders that ended, without parking and recharging."""
+
+    finished: int
+    failed: int
+    """FAILED or UNROUTABLE."""
+    perHour: float | None
+    """Finished orders per recorded hour; null: nothing recorded."""
+    leadTimes: int
+    """Number of finished orders with a recorded lead time."""
+    leadTimeP50: float | None
+    """Seconds from creation to end, nearest rank."""
+    leadTimeP95: float | None
+    deadlines: int
+    """Ended orders with a deadline."""
+    onTime: int
+    """Those that finished before it."""
+    hours: list[HourFigures]
+
+
+class RobotFigures(TypedDict):
+    """Figures of a robot."""
+
+    robot: str
+    conditions: dict[str, float]
+    """Seconds in each condition."""
+    utilisation: float | None
+    """BUSY and WAITING as a share of the time not OFFLINE, 0 to 1; null: never in service."""
+    distance: float | None
+    """Distance of its ended orders, m; null: not recorded."""
+    emptyDistance: float | None
+    """The part without a load, m; null: not recorded, or the robot does not report its loads."""
+    charges: int
+    """Number of times that charging started."""
+    chargeAtStart: float | None
+    """Mean charge at these times, percent."""
+
+
+class WaitFigures(TypedDict):
+    """Time that robots waited for a cause, the reason code of their condition."""
+
+    cause: str
+    seconds: float
+
+
+class FailureFigures(TypedDict):
+    """Failures of a kind with the same cause, at the same robot or vehicle."""
+
+    kind: FailureKind
+    robot: str | None
+    vehicle: str | None
+    """Name of the vehicle of a failed order."""
+    cause: str
+    """Error type, action type, connection state, or reason of the order's state."""
+    level: str | None
+    """Level of the error."""
+    count: int
+
+
+class Report(TypedDict):
+    """A report; times are ISO 8601 in UTC, durations seconds, distances m."""
+
+    since: str
+    until: str
+    """Exclusive; not later than the time of the request."""
+    recordedSince: str | None
+    """Start of the history within the range; null: nothing recorded."""
+    recordedSeconds: float
+    """Time from there to the end, without interruptions of the aggregator or its broker connection."""
+    missing: int
+    """Number of events in the range that could not be written."""
+    orders: OrderFigures
+    utilisation: float | None
+    """As for a robot, over all robots."""
+    robots: list[RobotFigures]
+    waiting: list[WaitFigures]
+    """Longest first."""
+    failures: list[FailureFigures]
+    """Most frequent first; at most 100 of each kind."""
+
+
+class Link(NamedTuple):
+    """A change of the broker connection, and the time of the event before it, ms."""
+
+    time: int
+    connected: bool
+    started: bool
+    before: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Outage:
+    """A time without data, ms: the aggregator did not run, or was not connected to the broker."""
+
+    begin: int
+    end: int
+    restart: bool
+    """The aggregator was restarted: what it knew of the robots before ends with it."""
+
+    def within(self, since: int, until: int) -> int:
+        """Return the duration of its part in a time range, ms."""
+        return max(0, min(self.end, until) - max(self.begin, since))
+
+
+OUTAGES_KEPT = 200
+"""Maximum number of outages that a report considers, the longest ones; bounds the cost of its queries."""
+
+
+def outages(links: Sequence[Link], until: int) -> list[Outage]:
+    """Return the outages between these connection changes, oldest first, and after the last one.
+
+    A run that was killed has no end in the history: it ends with the last event before the next run.
+    """
+    found: list[Outage] = []
+    last: Link | None = None
+    for link in links:
+        down = last is not None and not last.connected
+        restart = link.started or (last is not None and not down)
+        if link.connected and (down or restart):
+            begin = last.time if last is not None and down else link.before
+            if begin is not None:
+                found.append(Outage(begin, link.time, restart))
+        if last is None or link.connected or not down:
+            last = link
+    if last is not None and not last.connected and last.time < until:
+        found.append(Outage(last.time, until, restart=False))
+    longest = sorted(found, key=lambda each: each.begin - each.end)[:OUTAGES_KEPT]
+    return sorted(longest, key=lambda each: each.begin)
+
+
+def utilisation(conditions: dict[str, float]) -> float | None:
+    """Return the share of the time in service that was work, 0 to 1."""
+    service = sum(seconds for condition, seconds in conditions.items() if condition != AWAY)
+    return round(sum(conditions.get(each, 0.0) for each in WORKING) / service, 4) if service else None
+
+
+COLUMNS = ("section", "figure", "robot", "detail", "value")
+
+
+def report_csv(report: Report) -> str:
+    """Format a report as CSV (RFC 4180), one row per figure; an unknown value is empty."""
+    text = StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(COLUMNS)
+    for section, figure, robot, detail, value in _rows(report):
+        writer.writerow((section, figure, harmless(robot), harmless(detail), "" if value is None else value))
+    return text.getvalue()
+
+
+Cells = tuple[str, str, str | None, str | None, str | float | None]
+
+
+def _rows(report: Report) -> Iterator[Cells]:
+    for name in ("since", "until", "recordedSince", "recordedSeconds", "missing", "utilisation"):
+        yield "report", name, None, None, report[name]
+    for name, value in report["orders"].items():
+        if name != "hours":
+            yield "orders", name, None, None, value  # type: ignore[misc]
+    for hour in report["orders"]["hours"]:
+        yield "hours", "finished", None, hour["since"], hour["finished"]
+        yield "hours", "failed", None, hour["since"], hour["failed"]
+    for robot in report["robots"]:
+        yield from _robot_rows(robot)
+    for wait in report["waiting"]:
+        yield "waiting", "seconds", None, wait["cause"], wait["seconds"]
+    for failure in report["failures"]:
+        cause = f"{failure['cause']} ({failure['level']})" if failure["level"] else failure["cause"]
+        yield "failures", failure["kind"], failure["robot"] or failure["vehicle"], cause, failure["count"]
+
+
+def _robot_rows(robot: RobotFigures) -> Iterator[Cells]:
+    name = robot["robot"]
+    for condition, seconds in robot["conditions"].items():
+        yield "robots", "seconds", name, condition, seconds
+    for figure in ("utilisation", "distance", "emptyDistance", "charges", "chargeAtStart"):
+        yield "robots", figure, name, None, robot[figure]

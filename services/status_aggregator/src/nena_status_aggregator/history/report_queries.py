@@ -1,0 +1,503 @@
+"""Queries of reports: blocking functions, whose sums are computed by the database.
+
+A report reads at most ENTRIES_LIMIT entries; the rest of the history is reached only through its indexes.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from math import ceil
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    ColumnElement,
+    Connection,
+    Dialect,
+    Engine,
+    Float,
+    FromClause,
+    Select,
+    Subquery,
+    Text,
+    and_,
+    case,
+    cast,
+    func,
+    literal,
+    null,
+    select,
+    union_all,
+)
+
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.connection import ConnectionState
+from nena_status_aggregator.fleet.condition import Condition
+from nena_status_aggregator.fleet.events import Code
+from nena_status_aggregator.history.database import event_table, iso_of
+from nena_status_aggregator.history.report import (
+    HOUR,
+    FailureFigures,
+    FailureKind,
+    HourFigures,
+    Link,
+    OrderFigures,
+    Outage,
+    Report,
+    RobotFigures,
+    WaitFigures,
+    outages,
+    utilisation,
+)
+
+LONGEST_RANGE = timedelta(days=31, hours=1)
+"""A month of local days, of which one may have 25 hours."""
+
+ENTRIES_LIMIT = 1_000_000
+"""Maximum number of entries that a report reads."""
+
+FAILURES_LIMIT = 100
+"""Maximum number of rows per kind of failure."""
+
+CONDITION_CODES = (Code.CONDITION.value, Code.ROBOT_FORGOTTEN.value)
+"""Events that end the previous condition of a robot."""
+
+CODES = tuple(
+    code.value
+    for code in (
+        Code.CONDITION,
+        Code.ROBOT_FORGOTTEN,
+        Code.TRANSPORT_ORDER,
+        Code.ORDER_ENDED,
+        Code.ACTION_ENDED,
+        Code.ERROR_RAISED,
+        Code.CHARGING,
+        Code.CONNECTION,
+        Code.LINK,
+        Code.HISTORY_GAP,
+    )
+)
+"""Events that a report reads."""
+
+FINAL = tuple(state.value for state in TransportOrderState if state.final)
+NOT_FINISHED = tuple(state for state in FINAL if state != TransportOrderState.FINISHED)
+
+NUL_IN_JSON = "\\u0000"
+"""Text from which PostgreSQL reads no JSON."""
+
+BEYOND_ALL = 2**63 - 1
+
+
+class TooManyEntriesError(Exception):
+    """A range has more than ENTRIES_LIMIT entries."""
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Values of the events of a table, in the SQL of a dialect; null if absent."""
+
+    dialect: Dialect
+    table: FromClause
+
+    def text(self, name: str) -> ColumnElement[Any]:
+        """Return a text."""
+        details = self.table.c.details
+        if self.dialect.name == "sqlite":
+            return func.json_extract(details, f"$.{name}")
+        readable = func.strpos(details, NUL_IN_JSON) == 0
+        return case((readable, cast(details, JSON)[name].as_string()))
+
+    def number(self, name: str) -> ColumnElement[Any]:
+        """Return a number."""
+        return cast(self.text(name), Float)
+
+    def truth(self, name: str) -> ColumnElement[Any]:
+        """Return a truth value as 1 or 0."""
+        value = self.text(name)
+        return value if self.dialect.name == "sqlite" else case((value == "true", 1), (value == "false", 0))
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """A time range of the history in an open database; ms since 1970."""
+
+    connection: Connection
+    since: int
+    until: int
+
+    @property
+    def values(self) -> Values:
+        """The values of events."""
+        return Values(self.connection.dialect, event_table)
+
+    def has(self, *codes: str) -> ColumnElement[bool]:
+        """Return the condition for events of these kinds in the range."""
+        table = event_table.c
+        return and_(table.code.in_(codes), table.time >= self.since, table.time < self.until)
+
+
+def compute(engine: Engine, since: int, until: int) -> Report:
+    """Compute the report of a time range, ms since 1970.
+
+    Raises:
+        TooManyEntriesError: the range has too many entries.
+        SQLAlchemyError: the database is unavailable.
+
+    """
+    with engine.connect() as connection:
+        period = Period(connection, since, until)
+        _limit_entries(period)
+        begin = _recorded_since(period)
+        down = outages(_links(period), until)
+        recorded = 0 if begin is None else until - begin - sum(each.within(begin, until) for each in down)
+        robots, waiting = _robots(period, down)
+        return {
+            "since": iso_of(since),
+            "until": iso_of(until),
+            "recordedSince": None if begin is None else iso_of(begin),
+            "recordedSeconds": max(0, recorded) / 1000,
+            "missing": _missing(period),
+            "orders": _orders(period, begin, max(0, recorded)),
+            "utilisation": utilisation(_total(each["conditions"] for each in robots)),
+            "robots": robots,
+            "waiting": waiting,
+            "failures": _failures(period),
+        }
+
+
+def _limit_entries(period: Period) -> None:
+    some = select(literal(1).label("one")).where(period.has(*CODES)).limit(ENTRIES_LIMIT + 1).subquery()
+    if period.connection.execute(select(func.count()).select_from(some)).scalar_one() > ENTRIES_LIMIT:
+        raise TooManyEntriesError
+
+
+def _recorded_since(period: Period) -> int | None:
+    """Return the start of the history within the range; None if it has no part in it."""
+    first = select(func.min(event_table.c.time))
+    oldest = period.connection.execute(first).scalar()
+    if oldest is None or oldest >= period.until:
+        return None
+    return max(period.since, int(oldest))
+
+
+def _missing(period: Period) -> int:
+    dropped = func.sum(period.values.number("dropped"))
+    query = select(dropped).where(period.has(Code.HISTORY_GAP.value))
+    return int(period.connection.execute(query).scalar() or 0)
+
+
+def _links(period: Period) -> list[Link]:
+    """Return the connection changes in the range, the last one before it and the first one after it."""
+    table, earlier = event_table.c, event_table.alias()
+    previous = select(earlier.c.time).where(earlier.c.id < table.id).order_by(earlier.c.id.desc()).limit(1)
+    values = period.values
+    query = select(
+        table.time,
+        values.truth("connected").label("connected"),
+        values.truth("started").label("started"),
+        previous.scalar_subquery().label("before"),
+    ).where(table.code == Code.LINK.value)
+    before = query.where(table.time < period.since).order_by(table.time.desc(), table.id.desc()).limit(1)
+    inside = query.where(table.time >= period.since, table.time < period.until)
+    after = query.where(table.time >= period.until).order_by(table.time, table.id).limit(1)
+    rows = [
+        row
+        for part in (before, inside.order_by(table.time, table.id), after)
+        for row in period.connection.execute(part)
+    ]
+    return [Link(row.time, bool(row.connected), bool(row.started), row.before) for row in rows]
+
+
+def _robots(period: Period, down: Sequence[Outage]) -> tuple[list[RobotFigures], list[WaitFigures]]:
+    conditions: dict[str, dict[str, float]] = defaultdict(dict)
+    waiting: dict[str, float] = {}
+    spent = _spent(period, down)
+    cause = case((spent.c.condition == Condition.WAITING.value, spent.c.cause)).label("cause")
+    split = select(spent.c.robot, spent.c.condition, cause, spent.c.spent).subquery()
+    groups = split.c.robot, split.c.condition, split.c.cause
+    for row in period.connection.execute(select(*groups, func.sum(split.c.spent)).group_by(*groups)):
+        robot, condition, cause_code, total = row
+        seconds = int(total) / 1000
+        conditions[robot][condition] = round(conditions[robot].get(condition, 0.0) + seconds, 3)
+        if condition == Condition.WAITING:
+            waiting[cause_code] = round(waiting.get(cause_code, 0.0) + seconds, 3)
+    distances, charges = _distances(period), _charges(period)
+    robots = [
+        _robot(name, conditions.get(name, {}), distances.get(name), charges.get(name))
+        for name in sorted({*conditions, *distances, *charges})
+    ]
+    longest = sorted(waiting.items(), key=lambda each: -each[1])
+    return robots, [{"cause": code, "seconds": seconds} for code, seconds in longest]
+
+
+def _robot(
+    name: str,
+    conditions: dict[str, float],
+    distances: tuple[float | None, float | None] | None,
+    charges: tuple[int, float | None] | None,
+) -> RobotFigures:
+    distance, empty = distances or (None, None)
+    count, at_start = charges or (0, None)
+    return {
+        "robot": name,
+        "conditions": dict(sorted(conditions.items())),
+        "utilisation": utilisation(conditions),
+        "distance": distance,
+        "emptyDistance": empty,
+        "charges": count,
+        "chargeAtStart": at_start,
+    }
+
+
+def _changes(period: Period) -> Subquery:
+    """Return the changes of conditions: the last one of each robot before the range, and those in it.
+
+    The names of all robots, and the last change of each, are found through the index of robots.
+    """
+    table, values = event_table.c, period.values
+    first_id = period.connection.execute(
+        select(table.id).where(table.time >= period.since).order_by(table.time, table.id).limit(1)
+    ).scalar()
+    names = select(func.min(table.robot).label("robot")).cte("names", recursive=True)
+    greater = select(func.min(table.robot)).where(table.robot > names.c.robot).scalar_subquery()
+    names = names.union_all(select(greater).where(names.c.robot.is_not(None)))
+    past = event_table.alias()
+    last_id = (
+        select(past.c.id)
+        .where(past.c.robot == names.c.robot, past.c.code.in_(CONDITION_CODES))
+        .where(past.c.id < (BEYOND_ALL if first_id is None else first_id))
+        .order_by(past.c.id.desc())
+        .limit(1)
+        .scalar_subquery()
+    )
+    last = select(last_id.label("id")).select_from(names).where(names.c.robot.is_not(None)).subquery()
+    columns = (
+        table.id,
+        table.robot,
+        table.time,
+        values.text("condition").label("condition"),
+        values.text("reason").label("cause"),
+    )
+    before = select(*columns).join(last, last.c.id == table.id)
+    return union_all(before, select(*columns).where(period.has(*CONDITION_CODES))).subquery("changes")
+
+
+def _spent(period: Period, down: Sequence[Outage]) -> Subquery:
+    """Return the parts of the range that robots spent in a condition, without outages: ``spent``, ms."""
+    changes = _changes(period)
+    following = func.lead(changes.c.time).over(partition_by=changes.c.robot, order_by=changes.c.id)
+    steps = select(changes, following.label("following")).subquery("steps")
+    end: ColumnElement[Any] = func.coalesce(steps.c.following, period.until)
+    if restarts := [each for each in down if each.restart]:
+        run = _as_table(restarts, "runs")
+        cut = select(func.min(run.c.begin)).where(run.c.end > steps.c.time).scalar_subquery()
+        end = _least(end, func.coalesce(cut, period.until))
+    bounded = select(
+        steps.c.robot,
+        steps.c.condition,
+        steps.c.cause,
+        _greatest(steps.c.time, literal(period.since, BigInteger)).label("begin"),
+        _least(end, literal(period.until, BigInteger)).label("end"),
+    ).subquery("bounded")
+    spent = bounded.c.end - bounded.c.begin
+    if down:
+        gap = _as_table(down, "outages")
+        overlap = _least(gap.c.end, bounded.c.end) - _greatest(gap.c.begin, bounded.c.begin)
+        lost = select(func.sum(overlap)).where(gap.c.begin < bounded.c.end, gap.c.end > bounded.c.begin)
+        spent -= func.coalesce(lost.scalar_subquery(), 0)
+    known = and_(bounded.c.condition.is_not(None), bounded.c.end > bounded.c.begin)
+    return select(bounded, spent.label("spent")).where(known).subquery("spent")
+
+
+def _as_table(down: Iterable[Outage], name: str) -> FromClause:
+    rows = [
+        select(literal(each.begin, BigInteger).label("begin"), literal(each.end, BigInteger).label("end"))
+        for each in down
+    ]
+    return union_all(*rows).cte(name)
+
+
+def _least(one: ColumnElement[Any], other: ColumnElement[Any]) -> ColumnElement[Any]:
+    return case((one < other, one), else_=other)
+
+
+def _greatest(one: ColumnElement[Any], other: ColumnElement[Any]) -> ColumnElement[Any]:
+    return case((one > other, one), else_=other)
+
+
+def _distances(period: Period) -> dict[str, tuple[float | None, float | None]]:
+    """Return the distance of each robot's ended orders and its part without a load, m."""
+    robot, values = event_table.c.robot, period.values
+    trips = select(
+        robot, values.number("distance").label("distance"), values.number("emptyDistance").label("empty")
+    )
+    part = trips.where(period.has(Code.ORDER_ENDED.value)).subquery()
+    distance, empty = part.c.distance, part.c.empty
+    query = select(
+        part.c.robot, func.sum(distance), case((func.count(empty) == func.count(distance), func.sum(empty)))
+    ).group_by(part.c.robot)
+    return {
+        name: (_rounded(total), _rounded(without))
+        for name, total, without in period.connection.execute(query)
+    }
+
+
+def _charges(period: Period) -> dict[str, tuple[int, float | None]]:
+    """Return how often each robot started to charge, and its mean charge then, percent."""
+    values = period.values
+    begun = period.has(Code.CHARGING.value), values.truth("charging") == 1
+    part = select(event_table.c.robot, values.number("charge").label("charge")).where(*begun).subquery()
+    query = select(part.c.robot, func.count(), func.avg(part.c.charge)).group_by(part.c.robot)
+    return {name: (count, _rounded(charge)) for name, count, charge in period.connection.execute(query)}
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(float(value), 2)
+
+
+def _ended_orders(period: Period) -> Subquery:
+    """Return the orders that ended in the range, each once, without parking and recharging."""
+    table, values = event_table.c, period.values
+    events = (
+        select(
+            table.id,
+            table.order_name,
+            table.time,
+            values.text("state").label("state"),
+            values.text("before").label("before"),
+            values.text("reason").label("reason"),
+            values.text("vehicle").label("vehicle"),
+            values.number("leadTime").label("lead"),
+            values.truth("late").label("late"),
+            values.truth("automatic").label("automatic"),
+        )
+        .where(period.has(Code.TRANSPORT_ORDER.value))
+        .subquery("order_events")
+    )
+    repetition = func.row_number().over(partition_by=events.c.order_name, order_by=events.c.id)
+    ends = (
+        select(events, repetition.label("repetition"))
+        .where(events.c.state.in_(FINAL), func.coalesce(events.c.before, "").not_in(FINAL))
+        .where(func.coalesce(events.c.automatic, 0) == 0)
+        .subquery("ends")
+    )
+    return select(ends).where(ends.c.repetition == 1).subquery("orders")
+
+
+def _orders(period: Period, begin: int | None, recorded: int) -> OrderFigures:
+    orders = _ended_orders(period)
+    done = orders.c.state == TransportOrderState.FINISHED.value
+    counts = select(
+        func.count(case((done, 1))),
+        func.count(case((orders.c.state.in_(NOT_FINISHED), 1))),
+        func.count(case((done, orders.c.lead))),
+        func.count(orders.c.late),
+        func.count(case((and_(done, orders.c.late == 0), 1))),
+    )
+    finished, failed, timed, deadlines, on_time = period.connection.execute(counts).one()
+    leads = select(orders.c.lead).where(done, orders.c.lead.is_not(None)).order_by(orders.c.lead)
+    return {
+        "finished": finished,
+        "failed": failed,
+        "perHour": round(finished * HOUR / recorded, 2) if recorded else None,
+        "leadTimes": timed,
+        "leadTimeP50": _percentile(period, leads, timed, 50),
+        "leadTimeP95": _percentile(period, leads, timed, 95),
+        "deadlines": deadlines,
+        "onTime": on_time,
+        "hours": [] if begin is None else _hours(period, orders, begin),
+    }
+
+
+def _percentile(period: Period, ascending: Select[Any], number: int, percent: int) -> float | None:
+    """Return a percentile of ``number`` values, by the nearest rank."""
+    if not number:
+        return None
+    rank = ceil(number * percent / 100)
+    return _rounded(period.connection.execute(ascending.limit(1).offset(rank - 1)).scalar())
+
+
+def _hours(period: Period, orders: Subquery, begin: int) -> list[HourFigures]:
+    """Return the hours of the range, counted from its start, beginning with the first recorded one."""
+    hour = ((orders.c.time - period.since) // HOUR).label("hour")
+    done = case((orders.c.state == TransportOrderState.FINISHED.value, 1), else_=0).label("done")
+    ended = select(hour, done).subquery()
+    query = select(ended.c.hour, func.sum(ended.c.done), func.count()).group_by(ended.c.hour)
+    counted = {
+        int(number): (int(ok), count - int(ok)) for number, ok, count in period.connection.execute(query)
+    }
+    hours: list[HourFigures] = []
+    for number in range((begin - period.since) // HOUR, ceil((period.until - period.since) / HOUR)):
+        finished, failed = counted.get(number, (0, 0))
+        start = iso_of(period.since + number * HOUR)
+        hours.append({"since": start, "finished": finished, "failed": failed})
+    return hours
+
+
+def _failures(period: Period) -> list[FailureFigures]:
+    table, values, orders = event_table.c, period.values, _ended_orders(period)
+    status, state = values.text("status"), values.text("state")
+    action = func.coalesce(values.text("actionType"), values.text("actionId"))
+    errors = period.has(Code.ERROR_RAISED.value)
+    actions = period.has(Code.ACTION_ENDED.value), status == ActionStatus.FAILED.value
+    connections = period.has(Code.CONNECTION.value), state == ConnectionState.CONNECTION_BROKEN.value
+    parts = {
+        FailureKind.ERROR: _causes(
+            values.text("errorType"), robot=table.robot, level=values.text("errorLevel")
+        ).where(errors),
+        FailureKind.ACTION: _causes(action, robot=table.robot).where(*actions),
+        FailureKind.CONNECTION: _causes(state, robot=table.robot).where(*connections),
+        FailureKind.ORDER: _causes(orders.c.reason, vehicle=orders.c.vehicle).where(
+            orders.c.state.in_(NOT_FINISHED)
+        ),
+    }
+    found = [each for kind, part in parts.items() for each in _most_frequent(period, kind, part)]
+    return sorted(found, key=lambda each: -each["count"])
+
+
+def _causes(
+    cause: ColumnElement[Any],
+    *,
+    robot: ColumnElement[Any] | None = None,
+    vehicle: ColumnElement[Any] | None = None,
+    level: ColumnElement[Any] | None = None,
+) -> Select[Any]:
+    """Select failures; what is not given is null."""
+    given = {"robot": robot, "vehicle": vehicle, "cause": cause, "level": level}
+    return select(
+        *(
+            cast(null(), Text).label(name) if each is None else each.label(name)
+            for name, each in given.items()
+        )
+    )
+
+
+def _most_frequent(period: Period, kind: FailureKind, part: Select[Any]) -> list[FailureFigures]:
+    rows = part.subquery()
+    groups = rows.c.robot, rows.c.vehicle, rows.c.cause, rows.c.level
+    count = func.count()
+    query = select(*groups, count).group_by(*groups).order_by(count.desc(), *groups).limit(FAILURES_LIMIT)
+    return [
+        {
+            "kind": kind,
+            "robot": robot,
+            "vehicle": vehicle,
+            "cause": cause or "",
+            "level": level,
+            "count": times,
+        }
+        for robot, vehicle, cause, level, times in period.connection.execute(query)
+    ]
+
+
+def _total(conditions: Iterable[dict[str, float]]) -> dict[str, float]:
+    total: dict[str, float] = {}
+    for each in conditions:
+        for condition, seconds in each.items():
+            total[condition] = total.get(condition, 0.0) + seconds
+    return total
