@@ -145,6 +145,7 @@ async def opened(
     height: int = 800,
     dark: bool = False,
     language: str = "en-GB",
+    timezone: str | None = None,
     expected: tuple[str, ...] = (),
 ) -> AsyncIterator[Page]:
     """Open the page; errors of the browser fail the test, except ``expected`` ones."""
@@ -153,6 +154,7 @@ async def opened(
         viewport={"width": width, "height": height},
         color_scheme="dark" if dark else "light",
         locale=language,
+        timezone_id=timezone,
     )
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))

@@ -35,6 +35,7 @@ VIEWS = {
     "order": "#/orders/TO-1",
     "new-order": "#/orders",
     "past": "#/history",
+    "reports": "#/reports",
     "place": "#/places/South%202",
     "devices": "#/?tab=peripherals",
     "device": "#/places/Packing",

@@ -16,6 +16,48 @@ from nena_status_aggregator.history.report import (
 
 END = 10_000
 
+REPORT: Report = {
+    "since": "2026-01-01T06:00:00.000Z",
+    "until": "2026-01-01T07:00:00.000Z",
+    "recordedSince": None,
+    "recordedSeconds": 0.0,
+    "missing": 0,
+    "orders": {
+        "finished": 3,
+        "failed": 1,
+        "perHour": None,
+        "leadTimes": 3,
+        "leadTimeP50": 12.5,
+        "leadTimeP95": 20.0,
+        "deadlines": 0,
+        "onTime": 0,
+        "hours": [{"since": "2026-01-01T06:00:00.000Z", "finished": 3, "failed": 1}],
+    },
+    "utilisation": None,
+    "robots": [
+        {
+            "robot": "=cmd/1",
+            "conditions": {"BUSY": 5.0},
+            "utilisation": 1.0,
+            "distance": None,
+            "emptyDistance": None,
+            "charges": 2,
+            "chargeAtStart": 20.5,
+        }
+    ],
+    "waiting": [{"cause": "waits_turn", "seconds": 7.5}],
+    "failures": [
+        {
+            "kind": FailureKind.ERROR,
+            "robot": "A/1",
+            "vehicle": None,
+            "cause": "=1+1",
+            "level": "FATAL",
+            "count": 2,
+        }
+    ],
+}
+
 
 def up(time: int, *, before: int | None = None, started: bool = False) -> Link:
     return Link(time, connected=True, started=started, before=before)
@@ -61,48 +103,7 @@ def test_utilisation_is_a_share_of_the_time_in_service() -> None:
 
 
 def test_csv_has_a_row_per_figure_and_no_formulas() -> None:
-    report: Report = {
-        "since": "2026-01-01T06:00:00.000Z",
-        "until": "2026-01-01T07:00:00.000Z",
-        "recordedSince": None,
-        "recordedSeconds": 0.0,
-        "missing": 0,
-        "orders": {
-            "finished": 3,
-            "failed": 1,
-            "perHour": None,
-            "leadTimes": 3,
-            "leadTimeP50": 12.5,
-            "leadTimeP95": 20.0,
-            "deadlines": 0,
-            "onTime": 0,
-            "hours": [{"since": "2026-01-01T06:00:00.000Z", "finished": 3, "failed": 1}],
-        },
-        "utilisation": None,
-        "robots": [
-            {
-                "robot": "=cmd/1",
-                "conditions": {"BUSY": 5.0},
-                "utilisation": 1.0,
-                "distance": None,
-                "emptyDistance": None,
-                "charges": 2,
-                "chargeAtStart": 20.5,
-            }
-        ],
-        "waiting": [{"cause": "waits_turn", "seconds": 7.5}],
-        "failures": [
-            {
-                "kind": FailureKind.ERROR,
-                "robot": "A/1",
-                "vehicle": None,
-                "cause": "=1+1",
-                "level": "FATAL",
-                "count": 2,
-            }
-        ],
-    }
-    rows = list(csv.DictReader(StringIO(report_csv(report), newline="")))
+    rows = list(csv.DictReader(StringIO(report_csv(REPORT), newline="")))
     found = {
         tuple(row[name] for name in ("section", "figure", "robot", "detail")): row["value"] for row in rows
     }

@@ -24,7 +24,7 @@ ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
 KEY = re.compile(
     r'"((?:page|summary|urgent|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|peripherals?|state|messages|'
     r"language|filter|goal|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
-    r'lists|search|attention|several|confirm|place|position|form|login|operation|orderForm|drive|event|eventLog|done|history)\.[\w.]+)"'
+    r'lists|search|attention|several|confirm|place|position|form|login|operation|orderForm|drive|event|eventLog|done|history|reports|duration)\.[\w.]+)"'
 )
 MADE = re.compile(r"`([\w.]+\.)\$\{")
 

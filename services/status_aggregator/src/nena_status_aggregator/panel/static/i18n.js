@@ -70,6 +70,11 @@ export function dateAndTime(moment) {
   return new Date(moment).toLocaleString(locale(), { dateStyle: "medium", timeStyle: "medium" });
 }
 
+/** Format a date with its day of the week; `moment` is ISO 8601 or milliseconds. */
+export function dateOf(moment) {
+  return new Date(moment).toLocaleDateString(locale(), { weekday: "short", day: "numeric", month: "short" });
+}
+
 /** Format a heading (rad) in degrees. */
 export function degrees(theta) {
   return t("unit.degrees", { value: number((theta * 180) / Math.PI, 0) });
@@ -86,6 +91,16 @@ const UNITS = [
 export function age(seconds) {
   const [, unit, key] = UNITS.find(([limit]) => seconds < limit);
   return t(key, { count: number(Math.floor(Math.max(0, seconds) / unit)) });
+}
+
+/** Format a duration (s) in hours and minutes, minutes and seconds, or seconds. */
+export function duration(seconds) {
+  const whole = Math.round(seconds);
+  if (whole < 60) return t("age.seconds", { count: number(whole) });
+  if (whole < 3600 && whole % 60 === 0) return t("age.minutes", { count: number(whole / 60) });
+  if (whole < 3600) return t("duration.minutes", { minutes: number(Math.floor(whole / 60)), seconds: number(whole % 60) });
+  const minutes = Math.round(whole / 60);
+  return t("duration.hours", { hours: number(Math.floor(minutes / 60)), minutes: number(minutes % 60) });
 }
 
 const order = new Intl.Collator(undefined, { numeric: true });

@@ -13,6 +13,7 @@ import "./map/fleet_map.js";
 import "./order_page.js";
 import "./peripherals.js";
 import "./place_page.js";
+import "./reports_page.js";
 import "./robot_page.js";
 import "./stops.js";
 import "./tables.js";
@@ -29,8 +30,8 @@ const enabled = await commandsEnabled();
 const noCommands = enabled ? { viewer: "login.noCommands" }[session?.role] : "command.off";
 const fleet = { store, plant, link, enabled, noCommands };
 const map = part("fleet-map");
-const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page"), audit: part("audit-page") };
-const withoutId = ["history", "audit"]; // views
+const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page"), reports: part("reports-page"), audit: part("audit-page") };
+const withoutId = ["history", "reports", "audit"]; // views
 
 const tables = { robots: part("robot-table"), orders: part("order-table"), peripherals: part("peripheral-table") };
 
