@@ -107,6 +107,8 @@ async def test_figures_are_those_of_the_hand_count(hall: Hall, browser: Browser,
             await page.locator("nena-robot-table").wait_for(state="attached")
             await expect(rows.get_by_role("link", name="r1", exact=True)).not_to_have_count(0)
             await picture(page, "reports")
+            await page.get_by_role("heading", name="Waiting").evaluate("title => title.scrollIntoView()")
+            await picture(page, "reports-robots")
             async with page.expect_download() as download:
                 await page.get_by_role("link", name="Download CSV").click()
             table = (await (await download.value).path()).read_text(encoding="utf-8")
