@@ -6,6 +6,7 @@ import csv
 from datetime import UTC, datetime, timedelta
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,8 +28,8 @@ def kept_in(folder: Path) -> HistorySettings:
 
 async def work(served: Served, peer: MqttPeer) -> None:
     """Execute an order that drives 3 m without a load, and wait until it is in the history."""
-    at_a = {"last_node_id": "A", "mobile_robot_position": position(0, 0), "loads": ()}
-    at_b = {"last_node_id": "B", "mobile_robot_position": position(3, 0), "loads": ()}
+    at_a: dict[str, Any] = {"last_node_id": "A", "mobile_robot_position": position(0, 0), "loads": ()}
+    at_b: dict[str, Any] = {"last_node_id": "B", "mobile_robot_position": position(3, 0), "loads": ()}
     served.send(peer, Topic.STATE, state(1, at=1, **at_a))
     served.send(peer, Topic.STATE, state(2, at=2, order_id="o1", driving=True, **at_a, **way("B")))
     served.send(peer, Topic.STATE, state(3, at=3, order_id="o1", last_node_sequence_id=2, **at_b))
