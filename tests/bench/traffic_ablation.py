@@ -20,7 +20,7 @@ from bench.pibt import WORK_SECONDS
 from bench.traffic import Extent, case_of
 from bench.traffic_halls import HALLS, ROBOT_MM, SPEED_MM_S, Hall
 from nena_order_service.engine.rerouting import Rerouting
-from nena_order_service.traffic import traffic_control
+from nena_order_service.traffic import route_search, traffic_control
 from nena_order_service.traffic.evasion import Evader
 from nena_order_service.traffic.traffic_control import TrafficControl
 from nena_shared import log
@@ -39,7 +39,7 @@ class Part:
 
 
 def _no_planning() -> None:
-    traffic_control.CONGESTION = traffic_control.ONCOMING = 0.0
+    route_search.CONGESTION = route_search.ONCOMING = 0.0
 
 
 def _no_new_routes() -> None:

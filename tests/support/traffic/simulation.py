@@ -10,7 +10,8 @@ from random import Random
 from nena_order_service.routing.router import Router
 from nena_order_service.traffic.evasion import Evasion, no_vehicle
 from nena_order_service.traffic.manager import TrafficManager
-from nena_order_service.traffic.traffic_control import Displacement, RouteRequest
+from nena_order_service.traffic.route_search import RouteRequest
+from nena_order_service.traffic.traffic_control import Displacement
 from nena_shared.plant import PlantModel
 from support.traffic.scenes import routes_over
 

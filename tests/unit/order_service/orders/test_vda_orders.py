@@ -10,7 +10,7 @@ from nena_order_service.fleet.position import RobotProfile, Standing, locate
 from nena_order_service.orders import vda_orders
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.traffic_control import Journey
+from nena_order_service.traffic.route_search import Journey
 from nena_shared.plant import PlantModel, Point, Vehicle
 from nena_shared.vda5050.state import State
 from support.fleet import make_vda_order

@@ -8,7 +8,8 @@ from nena_order_service.routing.graph import travel_time
 from nena_order_service.routing.router import Router
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Found
-from nena_order_service.traffic.traffic_control import RouteRejection, RouteRequest
+from nena_order_service.traffic.route_search import RouteRequest
+from nena_order_service.traffic.traffic_control import RouteRejection
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
 from support.plants import path, plant, point

@@ -13,13 +13,8 @@ from nena_order_service.routing.router import Router
 from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.manager import TrafficManager
 from nena_order_service.traffic.resources import Crossings, Found
-from nena_order_service.traffic.traffic_control import (
-    SECTION,
-    Displacement,
-    MoreClaimed,
-    RouteGrant,
-    RouteRequest,
-)
+from nena_order_service.traffic.route_search import RouteRequest
+from nena_order_service.traffic.traffic_control import SECTION, Displacement, MoreClaimed, RouteGrant
 from nena_shared.plant import Path, PlantModel
 from nena_shared.plant.model import Block
 from nena_shared.plant.track import BoundingBox

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from nena_order_service.traffic.evasion import CANDIDATES_TRIED, Evader, Evasion, overlap
 from nena_order_service.traffic.resources import ResourceSet, conflict
+from nena_order_service.traffic.route_search import RouteRequest
 from nena_order_service.traffic.scheduler import UnknownOccupantError
-from nena_order_service.traffic.traffic_control import RouteGrant, RouteRequest
+from nena_order_service.traffic.traffic_control import RouteGrant
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import Block, BlockType
 from nena_shared.plant.track import Point, PointType

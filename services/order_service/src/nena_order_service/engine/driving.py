@@ -23,14 +23,9 @@ from nena_order_service.routing.router import RoutePlan
 from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.forecast import UNKNOWN_SPEED_MM_S
 from nena_order_service.traffic.manager import Gate
+from nena_order_service.traffic.route_search import RouteRequest
 from nena_order_service.traffic.scheduler import WaitReason
-from nena_order_service.traffic.traffic_control import (
-    Displacement,
-    MoreClaimed,
-    RouteGrant,
-    RouteRejection,
-    RouteRequest,
-)
+from nena_order_service.traffic.traffic_control import Displacement, MoreClaimed, RouteGrant, RouteRejection
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import DriveOrderState

@@ -408,6 +408,7 @@ class Engine:
             yield
         with self.change():
             self.state.dispatch_due = self.state.drive_due = True
+            self.traffic.recheck()
             self._life_cycle.check_times()
             self.peripherals.check_times()
             self._dispatching.offer_all()

@@ -28,7 +28,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing.graph import NoRouteError, Route, RoutingProfile
 from nena_order_service.routing.router import Leg, RouteFinder, RoutePlan
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.traffic_control import Journey, RouteRequest
+from nena_order_service.traffic.route_search import Journey, RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.plant import BACKWARD_SUFFIX, DirectedEdge, PlantModel, UnknownObjectError
 from nena_shared.plant.track import MM_PER_M

@@ -11,14 +11,13 @@ from nena_order_service.routing.graph import Route, Step
 from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.evasion import Evasion, no_vehicle
 from nena_order_service.traffic.resources import Found, OccupancyFinder, Resources, ResourceSet
+from nena_order_service.traffic.route_search import Journey, RouteRequest
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
 from nena_order_service.traffic.traffic_control import (
     Displacement,
-    Journey,
     MoreClaimed,
     RouteGrant,
     RouteRejection,
-    RouteRequest,
     TrafficControl,
 )
 from nena_shared.plant import PlantModel
@@ -219,6 +218,10 @@ class TrafficManager:
         """Drop the cached routes of waiting vehicles, because the plant has changed."""
         self._control.forget_routes()
         self._unsettled.update(self._to_extend)
+
+    def recheck(self) -> None:
+        """Answer all requests again, also those whose reasons to wait still hold."""
+        self._control.forget_answers()
 
     def displaces(self, vehicle: str, goal: str) -> bool:
         """Return whether vehicles at rest, now or soon, would have to make room for a drive to ``goal``."""

@@ -195,6 +195,7 @@ class Scheduler:
             self._remove(self._holds, name, each.uses)
         if occupant.resting:
             self._forget_end(name)
+            self._changes(name)  # others may now have to send it away
         return bool(freed)
 
     def give_up_claim(self, name: str) -> None:

@@ -23,49 +23,24 @@ A *way* is a route as resource sets in driving order: what the vehicle needs to 
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 
-from nena_order_service.routing.graph import NoRouteError, Route, burdened
+from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.evasion import Evader, Evasion, VehicleTest, no_vehicle, overlap
-from nena_order_service.traffic.resources import Resources, ResourceSet, opposite_edges
+from nena_order_service.traffic.resources import Resources, ResourceSet
+from nena_order_service.traffic.route_search import Journey, RouteRequest, RouteSearch
 from nena_order_service.traffic.scheduler import Refusal, Scheduler, SearchLimit, Turns, WaitReason
-from nena_shared.plant import PlantModel, UnknownObjectError
+from nena_shared.plant import PlantModel
 
 SECTION = 4
 """Number of resource sets that a vehicle claims ahead of what it holds; more if it cannot wait there."""
 LONGEST_DETOUR = 1.5
 """Maximum cost of a detour around vehicles at rest, as a multiple of the cheapest route's cost."""
-CONGESTION = 0.2
-"""Share of its cost added to a step for each other vehicle whose route leads to the same point."""
-ONCOMING = 0.3
-"""Share added for each other vehicle that will drive the path in the opposite direction."""
-STANDING = 6.0
-"""Share added for each other vehicle that waits at the point, when a waiting vehicle is rerouted."""
-WORTH_IT = 0.9
-"""Maximum cost of another route for a waiting vehicle, as a share of its current route's cost."""
 CLEARING, MAKING_ROOM = "clearing", "making room"
 """Tasks that are not repeated while a decision is continued."""
-VEHICLES_PER_SEARCH = 10
-"""Traffic is counted again after one route search per this many vehicles under way."""
-
-
-@dataclass(frozen=True, slots=True)
-class RouteRequest:
-    """A vehicle at rest wants to drive to ``goal``, and to use the location and devices ``at_goal`` there.
-
-    With ``straight_mm`` it drives straight for this distance, off the paths, to a position near ``goal``.
-    ``avoid`` names points, paths and locations that its route must not use.
-    """
-
-    vehicle: str
-    goal: str
-    at_goal: tuple[str, ...] = ()
-    avoid: frozenset[str] = frozenset()
-    straight_mm: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,31 +82,6 @@ class Displacement:
 Decision = RouteGrant | RouteRejection | MoreClaimed | Evasion | Displacement
 
 
-@dataclass(slots=True)
-class Journey:
-    """A route in progress: its sets, how many of them are allocated, and how many the vehicle has reached.
-
-    ``released`` of them may be driven; the others are allocated, but wait for a peripheral device.
-    """
-
-    way: tuple[ResourceSet, ...]
-    allocated: int = 0
-    reached: int = 0
-    released: int = 0
-    refusal: Refusal | None = None
-    """Why the next set is not allocated."""
-
-    @property
-    def all_released(self) -> bool:
-        """Whether the vehicle may drive the whole route."""
-        return self.released == len(self.way)
-
-    @property
-    def all_allocated(self) -> bool:
-        """Whether the whole route is allocated."""
-        return self.allocated == len(self.way)
-
-
 @dataclass(frozen=True, slots=True)
 class _RightOfWay:
     """The oldest vehicle that has to wait, and the section that it reserves."""
@@ -157,6 +107,19 @@ class _KnownRefusal:
 
 
 @dataclass(frozen=True, slots=True)
+class _KnownAnswer:
+    """The refusal of a request; valid until something on which it depended changes."""
+
+    refused: _Refused
+    route_request: RouteRequest
+    right_of_way: _RightOfWay | None
+    lost: dict[str, bool]
+    """Whether each of the other vehicles was lost."""
+    versions: dict[str, int]
+    """Of the vehicle itself, and of those that it waits for."""
+
+
+@dataclass(frozen=True, slots=True)
 class _LetOut:
     """A vehicle that another one let out; it rests ``at`` a point on the requester's way."""
 
@@ -173,13 +136,14 @@ class TrafficControl:
         self.scheduler = Scheduler()
         self.journeys: dict[str, Journey] = {}
         """The routes of the vehicles under way: those that drive or wait on their route."""
-        self._routes = _RouteSearch(plant, routes, self.scheduler, self.journeys)
+        self._routes = RouteSearch(plant, routes, self.scheduler, self.journeys)
         self._limit = SearchLimit(routes)
         self._evader = Evader(plant, self.resources, self.scheduler, routes, self._limit)
         self._turns = Turns()
         self._requests: dict[str, RouteRequest] = {}
         self._refusals: dict[str, Refusal] = {}
         self._known_refusals: dict[str, _KnownRefusal] = {}
+        self._known_answers: dict[str, _KnownAnswer] = {}
         self._in_the_way: set[str] = set()
         """The vehicles on which the last attempt to claim a section depended."""
         self._right_of_way: _RightOfWay | None = None
@@ -208,6 +172,7 @@ class TrafficControl:
         """Drop a vehicle's request; it keeps its turn."""
         self._requests.pop(vehicle, None)
         self._refusals.pop(vehicle, None)
+        self._known_answers.pop(vehicle, None)
         self._routes.forget(vehicle)
 
     def end_turn(self, vehicle: str, point: str | None) -> None:
@@ -230,6 +195,14 @@ class TrafficControl:
         """Drop the cached routes of waiting vehicles, because the plant has changed."""
         self._routes.forget_all()
         self._known_refusals.clear()
+        self.forget_answers()
+
+    def forget_answers(self) -> None:
+        """Answer all requests again in the next decision, also those whose reasons to wait still hold.
+
+        A vehicle that has come to rest on the way of a waiting one does not change its other reasons.
+        """
+        self._known_answers.clear()
 
     @property
     def requesting(self) -> tuple[str, ...]:
@@ -382,7 +355,44 @@ class TrafficControl:
     def _answer(
         self, route_request: RouteRequest, right_of_way: _RightOfWay | None, lost: VehicleTest
     ) -> RouteGrant | RouteRejection | _Refused:
-        """Claim the first section of the cheapest route or of a detour; else return the former's refusal."""
+        """Claim the first section of the cheapest route or of a detour; else return the former's refusal.
+
+        A refused request is not answered again until one of the vehicles that caused it has changed.
+        """
+        vehicle = route_request.vehicle
+        known = self._known_answers.get(vehicle)
+        if known and self._still_holds(known, route_request, right_of_way, lost):
+            return known.refused
+        self._in_the_way = {vehicle}
+        answer = self._new_answer(route_request, right_of_way, lost)
+        if isinstance(answer, _Refused) and vehicle not in self._lets_out:
+            self._known_answers[vehicle] = _KnownAnswer(
+                answer,
+                route_request,
+                right_of_way,
+                {other: lost(other) for other in self._in_the_way if other != vehicle},
+                self.scheduler.versions(self._in_the_way),
+            )
+        return answer
+
+    def _still_holds(
+        self,
+        known: _KnownAnswer,
+        route_request: RouteRequest,
+        right_of_way: _RightOfWay | None,
+        lost: VehicleTest,
+    ) -> bool:
+        """Return whether a request would be refused again for the same reasons."""
+        return (
+            known.route_request is route_request
+            and known.right_of_way == right_of_way
+            and known.versions == self.scheduler.versions(known.versions)
+            and all(lost(other) == was for other, was in known.lost.items())
+        )
+
+    def _new_answer(
+        self, route_request: RouteRequest, right_of_way: _RightOfWay | None, lost: VehicleTest
+    ) -> RouteGrant | RouteRejection | _Refused:
         vehicle = route_request.vehicle
         try:
             route = self._routes.find(route_request)
@@ -432,9 +442,14 @@ class TrafficControl:
         the lost one and wait there. Do the same for a vehicle that has let another one out and could enclose
         it again.
         """
-        if self._has_let_out(vehicle, lost) or any(map(lost, self.scheduler.resting_on(vehicle, way))):
+        resting = self.scheduler.resting_on(vehicle, way)
+        self._in_the_way.update(resting)
+        if self._has_let_out(vehicle, lost) or any(map(lost, resting)):
             refusal = self.scheduler.claim(vehicle, way)
-            return _Refused(refusal, way) if refusal else None
+            if refusal is None:
+                return None
+            self._in_the_way.update(refusal.vehicles, refusal.between)
+            return _Refused(refusal, way)
         return self._claim_section(vehicle, way, right_of_way)
 
     # Sections: how much of a route is claimed at once
@@ -600,99 +615,3 @@ class TrafficControl:
             return True
         del self._lets_out[vehicle]
         return False
-
-
-class _RouteSearch:
-    """Finds routes for requests, avoiding traffic; caches each route while its vehicle waits for it."""
-
-    def __init__(
-        self, plant: PlantModel, routes: VehicleRoutes, scheduler: Scheduler, journeys: Mapping[str, Journey]
-    ) -> None:
-        self._routes = routes
-        self._scheduler = scheduler
-        self._journeys = journeys
-        self._drivable = {*plant.points_by_name, *plant.paths_by_name}
-        self._opposite_edges = opposite_edges(plant)
-        self._found: dict[str, tuple[tuple[str, RouteRequest], Route]] = {}
-        """For each vehicle the start and request of its last search, and the route found."""
-        self._burden: dict[str, float] = {}
-        self._searched_with_burden = 0
-
-    def find(self, route_request: RouteRequest, without: Collection[str] = frozenset()) -> Route | None:
-        """Return the cheapest route, None for a straight drive; raises NoRouteError.
-
-        ``without`` names resources that it must not use, in addition to those that the request avoids.
-        """
-        if route_request.straight_mm is not None:
-            return None
-        vehicle, goal, avoid = route_request.vehicle, route_request.goal, route_request.avoid
-        start = self._scheduler.occupant(vehicle).point
-        if not_driven := self._drivable.intersection(without):
-            return self._routes.route(vehicle, start, goal, avoid=avoid | not_driven)
-        known = self._found.get(vehicle)
-        if known and known[0] == (start, route_request):
-            return known[1]
-        route = self._routes.route(vehicle, start, goal, avoid=avoid, burden=self._burden_now())
-        self._found[vehicle] = (start, route_request), route
-        return route
-
-    def around(
-        self,
-        vehicle: str,
-        start: str,
-        occupied: Iterable[Iterable[ResourceSet]],
-        avoid: Collection[str],
-        closed: Collection[str],
-    ) -> Route | None:
-        """Return another route from ``start`` for a vehicle under way; None if its current one is as good.
-
-        ``occupied`` is what waiting vehicles hold; ``closed`` resources are avoided like those in ``avoid``.
-        """
-        journey = self._journeys[vehicle]
-        ahead = journey.way[journey.allocated :]
-        shares = defaultdict(float, self._burden_now())
-        self._count(shares, journey, -1)
-        for held in occupied:
-            for each in held:
-                shares[each.point] += STANDING
-        burden = {name: share for name, share in shares.items() if share > 0}
-        try:
-            without = self._drivable.intersection(closed).union(avoid)
-            other = self._routes.route(vehicle, start, ahead[-1].point, avoid=without, burden=burden)
-        except (NoRouteError, UnknownObjectError):  # a new plant model may lack the point
-            return None
-        present = self._routes.along(vehicle, start, ((each.point, each.uses) for each in ahead))
-        if present is None:
-            return other
-        cost = burdened(burden)
-        return other if sum(map(cost, other.steps)) < WORTH_IT * sum(map(cost, present)) else None
-
-    def forget(self, vehicle: str) -> None:
-        """Drop the cached route of one vehicle."""
-        self._found.pop(vehicle, None)
-
-    def forget_all(self) -> None:
-        """Drop all cached routes."""
-        self._found.clear()
-
-    def _burden_now(self) -> Mapping[str, float]:
-        """Return what traffic adds to costs; with many vehicles it is not recounted for each search."""
-        if self._searched_with_burden >= len(self._journeys) // VEHICLES_PER_SEARCH:
-            self._burden, self._searched_with_burden = self._count_burden(), 0
-        self._searched_with_burden += 1
-        return self._burden
-
-    def _count_burden(self) -> dict[str, float]:
-        """Return the share added to the cost of points ahead of vehicles, and of edges towards vehicles."""
-        burden: defaultdict[str, float] = defaultdict(float)
-        for journey in self._journeys.values():
-            self._count(burden, journey, 1)
-        return burden
-
-    def _count(self, burden: defaultdict[str, float], journey: Journey, times: int) -> None:
-        """Add what one vehicle adds to costs; with ``times`` -1, subtract it."""
-        for each in journey.way[journey.reached :]:
-            burden[each.point] += times * CONGESTION
-            for use in each.uses:
-                for edge in self._opposite_edges.get((use, each.point), ()):
-                    burden[edge] += times * ONCOMING
