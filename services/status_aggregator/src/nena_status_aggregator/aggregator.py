@@ -37,6 +37,7 @@ class Aggregator:
         limits = ModelLimits(
             robots=settings.robots_limit,
             orders=settings.orders_limit,
+            open_orders=settings.open_orders_limit,
             silence=settings.silence_limit,
             clock_skew=settings.clock_skew_limit,
             track_distance=settings.history.track_distance if self.history else 0.0,
@@ -69,6 +70,7 @@ class Aggregator:
         while True:
             now = self.clock.monotonic()
             self.link.read_postponed()
+            self.link.report_limits()
             if self.events.clients:
                 followed_until = now + IDLE_DELAY
             if now < followed_until:

@@ -57,6 +57,9 @@ NO_TIME = datetime.min.replace(tzinfo=UTC)
 UNDATED_REMEMBERED = 10_000
 """Maximum number of topics with unreadable timestamps whose headerIds are remembered."""
 
+LIMITS_LOGGED_EVERY = 60.0
+"""Minimum interval between log lines about robots and orders beyond the limits, seconds."""
+
 KEY_LENGTH = 200
 """Maximum length of manufacturer and serial number together, characters."""
 
@@ -84,6 +87,9 @@ class FleetSubscriber:
         """Whether the last message had to be repaired."""
         self._undated: dict[tuple[RobotKey, MessageKind], messages.Sequence] = {}
         """headerIds of topics with unreadable timestamps."""
+        self._left_out = (0, 0)
+        """Number of ignored messages of robots beyond the limit, and of removed open orders, when logged."""
+        self._limits_due = -LIMITS_LOGGED_EVERY
         self._reader = MessageReader(self._on_repaired, strict=settings.strict)
         self.mqtt = MqttLink(
             settings.mqtt,
@@ -106,6 +112,29 @@ class FleetSubscriber:
     def read_postponed(self) -> None:
         """Read the last messages of robots that had sent too many, once their limit allows."""
         self._rate.read_postponed(self._clock.monotonic())
+
+    def report_limits(self) -> None:
+        """Log, at most once a minute, that limits leave out robots or open orders."""
+        limits, now = self._model.limits, self._clock.monotonic()
+        if now < self._limits_due:
+            return
+        refused, forgotten = sum(self._model.statistics.refused.values()), self._model.orders.open_removed
+        before = self._left_out
+        if (refused, forgotten) == before:
+            return
+        self._left_out, self._limits_due = (refused, forgotten), now + LIMITS_LOGGED_EVERY
+        if refused > before[0]:
+            log.error(
+                "more robots than robots_limit; panel and metrics lack the others",
+                limit=limits.robots,
+                messages_ignored=refused - before[0],
+            )
+        if forgotten > before[1]:
+            log.error(
+                "more open orders than open_orders_limit; panel and metrics lack some of them",
+                limit=max(limits.orders, limits.open_orders),
+                orders_removed=forgotten - before[1],
+            )
 
     def _subscribe_robots(self, schemes: Iterable[TopicScheme]) -> None:
         """Subscribe to all robots below these topics, unless already subscribed."""

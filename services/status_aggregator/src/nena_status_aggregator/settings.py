@@ -237,6 +237,12 @@ class AggregatorSettings(ServiceSettings):
         ge=1,
         description="Maximum number of transport orders; beyond it, the one that ended first is removed.",
     )
+    open_orders_limit: int = Field(
+        10_000,
+        ge=1,
+        description="Maximum number of orders that have not ended, if more than orders_limit; beyond it, the "
+        "one that has not changed for the longest time is removed.",
+    )
     jam: JamSettings = Field(
         default_factory=JamSettings, description="Limits above which waiting robots are reported as a jam."
     )

@@ -70,6 +70,19 @@ def test_limit_removes_the_order_that_ended_first() -> None:
     assert book.shrink() == ["living"]
 
 
+def test_open_orders_have_a_limit_of_their_own() -> None:
+    book = OrderRegistry(2, open_limit=4)
+    book.take(order_status("ended", state=FINISHED))
+    for name in "abcd":
+        book.take(order_status(name))
+    assert book.shrink() == ["ended"]
+    assert (names(book), book.open_removed) == ({*"abcd"}, 0)
+    book.take(order_status("b", version=2))
+    book.take(order_status("e"))
+    assert book.shrink() == ["a"]
+    assert book.open_removed == 1
+
+
 @settings(deadline=None)
 @given(
     st.lists(st.tuples(st.sampled_from("abcdef"), st.integers(1, 5), st.sampled_from(TransportOrderState)))

@@ -85,9 +85,10 @@ acl_file {folder}/access.list
 # Limits for each client. The longest message is the model of a large plant.
 max_packet_size {longest}
 max_inflight_messages 200
-max_queued_messages 10000
-max_queued_bytes 67108864
-max_connections 5000
+# A service that starts receives at once what is retained of 10,000 robots and 10,000 orders.
+max_queued_messages 50000
+max_queued_bytes 134217728
+max_connections 11000
 max_keepalive 120
 set_tcp_nodelay true
 

@@ -149,6 +149,8 @@ class ModelLimits:
 
     robots: int = 10_000
     orders: int = 1000
+    open_orders: int = 0
+    """Maximum number of orders that have not ended, if more than ``orders``."""
     peripherals: int = 1000
     silence: float | None = None
     """Time without a state after which a robot is silent, s; None: see ``Robot.silence_limit``."""
@@ -170,7 +172,7 @@ class FleetModel:
         """Start with an empty fleet; ``publish`` receives each event and must not block."""
         self.limits = limits
         self.robots = RobotRegistry(limits.robots, limits.silence)
-        self.orders = OrderRegistry(limits.orders)
+        self.orders = OrderRegistry(limits.orders, limits.open_orders)
         self.peripherals = PeripheralRegistry(limits.peripherals)
         self.queues = Queues(limits.jam)
         self.order_service = OrderServiceWatch()

@@ -1,14 +1,15 @@
 """Transport orders, as published by the order service.
 
 The order service retains the status of each open order at the broker and clears it after the final one, so
-ended orders are kept only here, up to a limit. Beyond the limit the order that ended first is removed; if
-none has ended, the one whose last status is oldest.
+ended orders are kept only here, up to a limit. Beyond the limit the order that ended first is removed. Open
+orders have a higher limit of their own; beyond it, the one whose last status is oldest is removed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderStatus
 
@@ -28,8 +29,12 @@ class TrackedOrder:
 class OrderRegistry:
     """Known orders by name, in the order of their last status."""
 
-    def __init__(self, limit: int) -> None:
+    def __init__(self, limit: int, open_limit: int = 0) -> None:
+        """``limit`` is for all orders; open ones alone may be up to ``open_limit``, if that is more."""
         self._limit = limit
+        self._open_limit = max(limit, open_limit)
+        self.open_removed = 0
+        """Number of orders removed beyond the limit that had not ended."""
         self._open: dict[str, TrackedOrder] = {}
         self._ended: dict[str, TrackedOrder] = {}
 
@@ -73,13 +78,14 @@ class OrderRegistry:
             order.confirmed = False
 
     def shrink(self) -> list[str]:
-        """Remove orders beyond the limit; return their names."""
-        gone = []
-        while len(self._open) + len(self._ended) > self._limit:
-            orders = self._ended or self._open
-            name = next(iter(orders))
-            del orders[name]
-            gone.append(name)
+        """Remove orders beyond the limits; return their names."""
+        excess = len(self._open) + len(self._ended) - self._limit
+        ended = [*islice(self._ended, max(0, excess))]
+        still_open = [*islice(self._open, max(0, len(self._open) - self._open_limit))]
+        self.open_removed += len(still_open)
+        gone = [*ended, *still_open]
+        for name in gone:
+            self.remove(name)
         return gone
 
 

@@ -209,7 +209,12 @@ MESSAGES: Final[Section[Aggregator]] = Section(
 ORDERS: Final[Section[Aggregator]] = Section(
     "Order service and transport orders",
     (
-        gauge("nena_transport_orders", "Known orders, at most `orders_limit` (1000).", _orders, "state"),
+        gauge(
+            "nena_transport_orders",
+            "Known orders, at most `orders_limit` (1000), or `open_orders_limit` (10000) open ones.",
+            _orders,
+            "state",
+        ),
         counter(
             "nena_transport_orders_ended_total",
             "Orders that ended while the aggregator was running.",
@@ -220,6 +225,11 @@ ORDERS: Final[Section[Aggregator]] = Section(
             "nena_transport_orders_forgotten_total",
             "Orders removed for new ones.",
             lambda s: s.model.statistics.orders_forgotten,
+        ),
+        counter(
+            "nena_transport_orders_open_forgotten_total",
+            "Those of them that had not ended (`open_orders_limit`); panel and metrics lack them.",
+            lambda s: s.model.orders.open_removed,
         ),
         gauge(
             "nena_order_service_up",
