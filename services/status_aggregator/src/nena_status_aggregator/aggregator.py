@@ -9,6 +9,7 @@ from pydantic_core import to_json
 
 from nena_shared.clock import Clock, iso
 from nena_shared.loop_lag import LoopLag
+from nena_status_aggregator.api.encoding import encode
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.queues import JamLimits
@@ -80,10 +81,10 @@ class Aggregator:
                 self.model.advance(self.now())
             await asyncio.sleep(self._interval)
 
-    def _snapshot(self) -> tuple[int, bytes]:
+    async def _snapshot(self) -> tuple[int, bytes]:
         self.publish_changes()
         view = self.model.snapshot()
-        return view["id"], to_json({**view, "time": iso(self.clock.now()), "share": str(self.share)})
+        return view["id"], await encode({**view, "time": iso(self.clock.now()), "share": str(self.share)})
 
 
 def _history(settings: HistorySettings, clock: Clock) -> History | None:

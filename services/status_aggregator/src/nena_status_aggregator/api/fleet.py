@@ -8,6 +8,7 @@ from typing_extensions import TypedDict
 from nena_shared.clock import iso
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.api.encoding import encode, encode_list
 from nena_status_aggregator.api.problems import as_json, found
 from nena_status_aggregator.fleet.view_builder import view_known_actions
 from nena_status_aggregator.fleet.views import (
@@ -98,15 +99,16 @@ def make_router(aggregator: Aggregator) -> APIRouter:
         """Return the whole fleet: robots, orders, devices, plant model summary, broker connection."""
         aggregator.publish_changes()
         view = model.snapshot()
-        robots = [with_age(aggregator, each) for each in view["robots"]]
+        robots = (with_age(aggregator, each) for each in view["robots"])
         time, share = iso(aggregator.now().utc), str(aggregator.share)
-        return as_json({**view, "time": time, "share": share, "robots": robots})
+        body = await encode({**view, "time": time, "share": share, "robots": robots})
+        return Response(body, media_type="application/json")
 
     @router.get("/orders", responses={200: {"model": list[OrderView]}})
     async def orders() -> Response:
         """Return all transport orders."""
         aggregator.publish_changes()
-        return as_json(model.snapshot()["orders"])
+        return Response(await encode_list(model.snapshot()["orders"]), media_type="application/json")
 
     @router.get("/peripherals", responses={200: {"model": list[PeripheralView]}})
     async def peripherals() -> Response:
