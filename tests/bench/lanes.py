@@ -1,4 +1,4 @@
-"""The plant of the order service's benchmarks: each robot has its own two-way lane of two points."""
+"""The first plant of the order service's benchmarks: each robot has its own two-way lane of two points."""
 
 from __future__ import annotations
 
@@ -45,9 +45,14 @@ def start_of(number: int) -> Start:
 
 def write_lanes(folder: Path, robots: int) -> Path:
     """Write the plant model for so many robots."""
+    return write_plant(folder, _lanes(robots))
+
+
+def write_plant(folder: Path, plant: PlantModel) -> Path:
+    """Write a plant model into a folder, which is created."""
     folder.mkdir(parents=True, exist_ok=True)
-    file = folder / "lanes.json"
-    file.write_text(_lanes(robots).to_json(), encoding="utf-8")
+    file = folder / "plant.json"
+    file.write_text(plant.to_json(), encoding="utf-8")
     return file
 
 
@@ -62,11 +67,12 @@ def _lanes(robots: int) -> PlantModel:
         paths=tuple(
             path(f"{end_of(number, end)} {end_of(number, 1 - end)}", LENGTH_M * 1000) for number, end in ends
         ),
-        vehicles=tuple(map(_vehicle, range(robots))),
+        vehicles=tuple(map(vehicle, range(robots))),
     )
 
 
-def _vehicle(number: int) -> Vehicle:
+def vehicle(number: int) -> Vehicle:
+    """Make the vehicle of a robot in the plant model."""
     return Vehicle(
         name=robot(number),
         bounding_box=BoundingBox(length_mm=ROBOT_MM, width_mm=ROBOT_MM),
@@ -94,7 +100,7 @@ WELL = {"IDLE", "EXECUTING"}
 
 @dataclass(frozen=True, slots=True)
 class Hall:
-    """A broker and an order service over lanes."""
+    """A broker and an order service over a plant."""
 
     port: int
     """Of the broker."""
@@ -123,7 +129,16 @@ class Hall:
 
 @asynccontextmanager
 async def lanes(folder: Path, robots: int, store: str = "orders.db") -> AsyncIterator[Hall]:
-    """Start a broker and an order service for so many robots."""
+    """Start a broker and an order service for so many robots, each on its lane."""
+    async with serving(folder, _lanes(robots), robots, store) as hall:
+        yield hall
+
+
+@asynccontextmanager
+async def serving(
+    folder: Path, plant: PlantModel, robots: int, store: str = "orders.db"
+) -> AsyncIterator[Hall]:
+    """Start a broker and an order service for a plant with so many robots."""
     async with Processes(folder) as processes:
         port, http_port = free_port(), free_port()
         await start_broker(processes, port, "mosquitto")
@@ -131,7 +146,7 @@ async def lanes(folder: Path, robots: int, store: str = "orders.db") -> AsyncIte
             "order-service",
             [
                 console_script("nena-order-service"),
-                *("--plant", str(write_lanes(folder, robots)), "--store.url", f"sqlite:///{folder / store}"),
+                *("--plant", str(write_plant(folder, plant)), "--store.url", f"sqlite:///{folder / store}"),
                 *("--http.port", str(http_port), "--http.burst", "1000000", "--mqtt.port", str(port)),
             ],
         )

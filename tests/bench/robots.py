@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -21,6 +22,7 @@ from support.fleet_examples import factsheet, position, state
 SCHEME = TopicScheme("uagv")
 WAY_LENGTH = 20
 """Nodes."""
+WAITING = ActionStatus.WAITING
 
 
 @dataclass
@@ -49,6 +51,14 @@ class InstantRobots:
     def close(self) -> None:
         """Disconnect."""
         self._wire.close()
+
+    def taken(self, wait: float = 0.0) -> list[tuple[str, str, float]]:
+        """Return the orders that have come since the last call; wait up to ``wait`` s for the first one."""
+        found: list[tuple[str, str, float]] = []
+        with suppress(queue.Empty):
+            while True:
+                found.append(self.orders.get(timeout=0.0 if found else wait))
+        return found
 
     def say_state(self, serial: str) -> None:
         """Publish the robot's state."""
@@ -114,6 +124,64 @@ class InstantRobots:
             last_node_id=start.node_id,
             mobile_robot_position={**position(start.x, start.y), "map_id": start.map_id},
         )
+
+
+class BaseRobots(InstantRobots):
+    """Robots that drive to the end of their base in no time, and wait there for more."""
+
+    def _on_order(self, topic: str, payload: bytes, moment: float) -> None:
+        serial = topic.split("/")[-2]
+        order = CODEC.decode(Order, payload)
+        if not order.order_update_id:
+            self.orders.put((serial, order.order_id, moment))
+        self._states[serial] = at_node(self._states[serial], order, released_of(order))
+        self.say_state(serial)
+
+
+def released_of(order: Order) -> int:
+    """Return the index of the last node of the base."""
+    return max(index for index, node in enumerate(order.nodes) if node.released)
+
+
+def at_node(before: State, order: Order, index: int) -> State:
+    """Return the state of a robot that stands at a node of its order, with the actions up to it done."""
+    node, rest = order.nodes[index], order.nodes[index + 1 :]
+    position = node.node_position
+    return before.model_copy(
+        update={
+            "order_id": order.order_id,
+            "order_update_id": order.order_update_id,
+            "last_node_id": node.node_id,
+            "last_node_sequence_id": node.sequence_id,
+            "node_states": tuple(
+                NodeState(
+                    node_id=each.node_id,
+                    sequence_id=each.sequence_id,
+                    released=each.released,
+                    node_position=each.node_position,
+                )
+                for each in rest
+            ),
+            "edge_states": tuple(
+                EdgeState(edge_id=each.edge_id, sequence_id=each.sequence_id, released=each.released)
+                for each in order.edges[index:]
+            ),
+            "action_states": tuple(
+                ActionState(
+                    action_id=action.action_id,
+                    action_type=action.action_type,
+                    action_status=ActionStatus.FINISHED if each.sequence_id <= node.sequence_id else WAITING,
+                )
+                for each in order.nodes
+                for action in each.actions
+            ),
+            "mobile_robot_position": MobileRobotPosition(
+                x=position.x, y=position.y, theta=0.0, map_id=position.map_id, localized=True
+            )
+            if position
+            else before.mobile_robot_position,
+        }
+    )
 
 
 class DrivingRobots(InstantRobots):

@@ -10,7 +10,7 @@ import platform
 import shutil
 import sys
 import tempfile
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,10 @@ from bench import (
     aggregator_load,
     core_cost,
     edge_agent,
+    loopback_fleet,
+    many_orders,
     order_service,
+    passing_nodes,
     plant_cost,
     queue_cost,
     reading_cost,
@@ -75,6 +78,19 @@ async def main() -> None:
     text = json.dumps(figures, indent=2)
     arguments.output.write_text(text + "\n", encoding="utf-8")
     sys.stdout.write(text + "\n")
+    for line in missed(figures):
+        sys.stdout.write(f"MISSED {line}\n")
+
+
+def missed(figures: dict[str, Any], path: str = "") -> Iterator[str]:
+    """Yield each missed target, with its value."""
+    for name, each in figures.items():
+        where = f"{path}.{name}" if path else name
+        if not isinstance(each, dict):
+            continue
+        if each.get("met") is False:
+            yield f"{where}: {each['value']}, target {each['target']}"
+        yield from missed(each, where)
 
 
 async def _services(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
@@ -152,6 +168,11 @@ async def _smooth(folder: Path, _samples: int, _seconds: float) -> dict[str, Any
 ENTRIES: dict[str, Callable[[Path, int, float], Awaitable[dict[str, Any]]]] = {
     "services": _services,
     "order_service": order_service.measure,
+    "grid": many_orders.on_a_grid,
+    "waiting": many_orders.with_a_queue,
+    "whole_fleet": many_orders.whole_fleet,
+    "passing": passing_nodes.measure,
+    "loopback_fleet": loopback_fleet.measure,
     "edge_agent": edge_agent.measure,
     "memory": _memory,
     "sessions": sessions.measure,
