@@ -177,6 +177,36 @@ async def test_a_whole_fleet_is_dispatched_in_slices() -> None:
     assert all(robot[1:] == vda_order.order_id[1:-2] for robot, vda_order in fleet.sent)
 
 
+@pytest.mark.parametrize("named", [True, False])
+async def test_an_order_for_each_vehicle_costs_the_same_in_a_large_fleet(*, named: bool) -> None:
+    calls = []
+    for number in (20, 100):
+        lanes = [f"{lane}-{end}" for lane in range(number) for end in (0, 1)]
+        plant = PlantModel(
+            name="lanes",
+            points=tuple(point(name, 4000 * index) for index, name in enumerate(lanes)),
+            paths=tuple(path(f"{lane}-0 {lane}-1", 4000) for lane in range(number)),
+            vehicles=tuple(Vehicle(name=f"V{lane}") for lane in range(number)),
+        )
+        fleet = ScriptedFleet({f"V{lane}": f"{lane}-0" for lane in range(number)})
+        settings = EngineSettings(default_map_id="map")
+        engine = await make_engine(plant, ForgetfulStore(), fleet, settings=settings)
+        for name, place in tuple(fleet.at.items()):
+            fleet.appear(name, place)
+        orders = [
+            request(f"{lane}-1", **({"intendedVehicle": f"V{lane}"} if named else {}))
+            for lane in range(number)
+        ]
+        counted = calls_of(
+            lambda engine=engine, orders=orders: [  # type: ignore[misc]
+                engine.create(order, f"T{index}") for index, order in enumerate(orders)
+            ]
+        )
+        assert len(fleet.sent) == number
+        calls.append(counted / number)
+    assert calls[1] < calls[0] * ALIKE, calls
+
+
 async def test_a_vehicle_freed_during_an_offer_takes_the_most_urgent_order() -> None:
     far, near = tuple(f"P{index}" for index in range(8)), ("A", "B")
     points = tuple(point(name, 4000 * index) for index, name in enumerate((*far, *near)))
