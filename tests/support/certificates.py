@@ -21,7 +21,7 @@ class Files(NamedTuple):
 
 
 class Authority:
-    """A CA whose certificates are valid for a day; ``ca`` is the file of its certificate."""
+    """A CA whose certificate is valid for a day; ``ca`` is the file of its certificate."""
 
     def __init__(self, folder: Path, name: str = "authority") -> None:
         self._folder = folder
@@ -33,12 +33,12 @@ class Authority:
         self.ca = folder / f"{name}.pem"
         self.ca.write_bytes(own.sign(self._key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM))
 
-    def sign(self, name: str, *, host: str = "127.0.0.1") -> Files:
-        """Issue a certificate for ``name`` at the address ``host``."""
+    def sign(self, name: str, *, host: str = "127.0.0.1", days: int = 1) -> Files:
+        """Issue a certificate for ``name`` at the address ``host``, valid for ``days``."""
         key = ec.generate_private_key(ec.SECP256R1())
         address = x509.SubjectAlternativeName([x509.IPAddress(ip_address(host))])
         signed = (
-            self._begin(_name(name), key)
+            self._begin(_name(name), key, days)
             .add_extension(address, critical=False)
             .sign(self._key, hashes.SHA256())
         )
@@ -51,7 +51,9 @@ class Authority:
         )
         return files
 
-    def _begin(self, subject: x509.Name, key: ec.EllipticCurvePrivateKey) -> x509.CertificateBuilder:
+    def _begin(
+        self, subject: x509.Name, key: ec.EllipticCurvePrivateKey, days: int = 1
+    ) -> x509.CertificateBuilder:
         now = datetime.now(UTC)
         return (
             x509.CertificateBuilder()
@@ -60,7 +62,7 @@ class Authority:
             .public_key(key.public_key())
             .serial_number(x509.random_serial_number())
             .not_valid_before(now - timedelta(hours=1))
-            .not_valid_after(now + timedelta(days=1))
+            .not_valid_after(now + timedelta(days=days))
         )
 
 

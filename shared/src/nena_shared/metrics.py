@@ -16,6 +16,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.metrics_core import Metric as Family
 from prometheus_client.registry import Collector
 
+from nena_shared.certificates import Certificates
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
 from nena_shared.mqtt.link import LinkState
@@ -167,4 +168,16 @@ def link_metrics(prefix: str, state: Callable[[S], LinkState]) -> tuple[Metric[S
             "Subscriptions refused by the broker's access list.",
             lambda s: len(state(s).refused),
         ),
+    )
+
+
+def certificate_metric(certificates: Callable[[S], Certificates]) -> Metric[S]:
+    """Return the metric of a program's certificates."""
+    return gauge(
+        "nena_certificate_expiry_timestamp_seconds",
+        "End of validity of the program's certificate files, Unix time: `http` (`http.tls_certificate`) and "
+        "`mqtt` (`mqtt.tls.certificate`). Renewed files count at once, even if the program must be restarted "
+        "to use them.",
+        lambda s: certificates(s).ends(),
+        "certificate",
     )

@@ -33,6 +33,7 @@ from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import LOAD_MAP, NO_OFFERS, interface, nav2_offers
 from nena_edge_agent.nav2_maps import map_store
 from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
@@ -118,7 +119,8 @@ def _serve_metrics(
     lag = LoopLag(clock)
     journal = settings.journal.folder.expanduser() if settings.journal.enabled else None
     supervisor.start("loop lag", lag.run())
-    server = MetricsServer(settings.metrics, Program(agents, clock, lag, journal))
+    certificates = Certificates(mqtt=settings.mqtt.tls.certificate)
+    server = MetricsServer(settings.metrics, Program(agents, clock, lag, journal, certificates))
     supervisor.start("metrics", forever("metrics", server.run, pause=METRICS_PAUSE), vital=False)
 
 

@@ -16,10 +16,11 @@ from typing import Any, Final
 from nena_edge_agent.agent import AgentSnapshot, RobotAgent
 from nena_edge_agent.driver.port import DriveFailure, SessionState
 from nena_edge_agent.settings import MetricsSettings
+from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
-from nena_shared.metrics import Exposition, Metric, MetricKind, Section, gauge
+from nena_shared.metrics import Exposition, Metric, MetricKind, Section, certificate_metric, gauge
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
 from nena_shared.vda5050.error import ErrorLevel
@@ -46,6 +47,7 @@ class Program:
     loop_lag: LoopLag
     journal: Path | None
     """The folder of the journal."""
+    certificates: Certificates = field(default_factory=Certificates)
     snapshots: Mapping[RobotKey, AgentSnapshot] = field(default_factory=dict)
     disk_free: float | None = None
     """Bytes left for the journal."""
@@ -210,6 +212,7 @@ DISK: Final[Section[Program]] = Section(
             "Free space on the journal's disk; absent without a journal, or if the disk does not respond.",
             lambda s: s.disk_free,
         ),
+        certificate_metric(lambda s: s.certificates),
         gauge(
             "nena_event_loop_lag_seconds",
             "Longest delay of the event loop in the last minute.",

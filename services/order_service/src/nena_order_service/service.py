@@ -51,6 +51,7 @@ from nena_order_service.settings import AuditSettings, OrderServiceSettings
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
+from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
@@ -167,10 +168,11 @@ def build(
     changes, loop_lag = ChangeLog(plant, clock), LoopLag(clock)
     _listen(engine, publisher, stream, changes, hosts.webhooks)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
-    operations, outcomes = HostOperations(hosts), hosts.schedules.outcomes
+    operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
-    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, answers, hosts.webhooks, outcomes)
+    runs, certificates = hosts.schedules.outcomes, _certificates(settings)
+    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, answers, hosts.webhooks, runs, certificates)
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,
@@ -185,6 +187,10 @@ def build(
     return OrderService(
         engine, fleet, publisher, heartbeat, sweep, mqtt, app, api, stream, changes, hosts, loop_lag, elected
     )
+
+
+def _certificates(settings: OrderServiceSettings) -> Certificates:
+    return Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
 
 
 def _make_heartbeat(engine: Engine, topics: FleetTopics, *, epoch: int) -> Heartbeat:

@@ -7,6 +7,7 @@ from secrets import token_hex
 
 from pydantic_core import to_json
 
+from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, iso
 from nena_shared.loop_lag import LoopLag
 from nena_status_aggregator.api.encoding import encode
@@ -48,6 +49,7 @@ class Aggregator:
         self.link = FleetSubscriber(settings, self.model, clock)
         self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._snapshot)
         self.loop_lag = LoopLag(clock)
+        self.certificates = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
         self._interval = settings.events.interval
 
     def now(self) -> Timestamp:

@@ -21,11 +21,21 @@ from nena_order_service.fleet.link import FleetLink
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.peripherals.devices import Verdict
 from nena_order_service.store.store import Store
+from nena_shared.certificates import Certificates
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleState
 from nena_shared.loop_lag import LoopLag
-from nena_shared.metrics import Exposition, LabelValues, Section, counter, gauge, histogram, link_metrics
+from nena_shared.metrics import (
+    Exposition,
+    LabelValues,
+    Section,
+    certificate_metric,
+    counter,
+    gauge,
+    histogram,
+    link_metrics,
+)
 from nena_shared.mqtt import MqttLink
 
 DISTRIBUTION = "nena-order-service"
@@ -68,6 +78,7 @@ class Monitored:
     webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
     schedule_runs: Mapping[str, int] = field(default_factory=dict)
     """Number of runs of schedules by outcome."""
+    certificates: Certificates = field(default_factory=Certificates)
 
     @property
     def store(self) -> Store:
@@ -332,6 +343,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
             "status",
         ),
         *link_metrics("nena_mqtt_", lambda s: s.mqtt.state),
+        certificate_metric(lambda s: s.certificates),
         counter(
             "nena_order_service_webhook_messages_total",
             "Messages of web hooks: `delivered`, or given up (`dropped`).",

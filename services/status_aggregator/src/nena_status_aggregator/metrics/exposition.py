@@ -15,7 +15,15 @@ from nena_shared import metrics
 from nena_shared.fleet_api.service_status import LOST_AFTER
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.histogram import Histogram
-from nena_shared.metrics import LabelValues, Section, counter, gauge, histogram, link_metrics
+from nena_shared.metrics import (
+    LabelValues,
+    Section,
+    certificate_metric,
+    counter,
+    gauge,
+    histogram,
+    link_metrics,
+)
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet.condition import Condition
 from nena_status_aggregator.fleet.messages import MessageKind
@@ -271,6 +279,7 @@ PROGRAM: Final[Section[Aggregator]] = Section(
             "version",
         ),
         *link_metrics("nena_mqtt_", lambda s: s.link.mqtt.state),
+        certificate_metric(lambda s: s.certificates),
         gauge(
             "nena_event_loop_lag_seconds",
             "Longest delay of the event loop in the last minute.",

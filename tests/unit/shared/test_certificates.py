@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
+
+from nena_shared.certificates import Certificates, not_after
+from support.certificates import Authority
+
+
+def pem_until(end: datetime, *, subject: str = "nena") -> str:
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, subject)])
+    made = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(datetime(2020, 1, 1, tzinfo=UTC))
+        .not_valid_after(end)
+        .sign(key, hashes.SHA256())
+    )
+    return made.public_bytes(serialization.Encoding.PEM).decode()
+
+
+@pytest.mark.parametrize("year", [2026, 2049, 2050, 2126])
+def test_end_of_validity_in_both_forms_of_time(year: int) -> None:
+    end = datetime(year, 3, 4, 5, 6, 7, tzinfo=UTC)
+    assert not_after(pem_until(end)) == end
+
+
+def test_the_first_certificate_of_a_chain_counts() -> None:
+    end = datetime(2027, 1, 1, tzinfo=UTC)
+    chain = pem_until(end) + pem_until(end + timedelta(days=900))
+    assert not_after(f"subject=CN = nena\n{chain}") == end
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "-----END CERTIFICATE-----\n-----BEGIN CERTIFICATE-----",
+        "-----BEGIN CERTIFICATE-----\n-----END CERTIFICATE-----\n",
+        "-----BEGIN CERTIFICATE-----\nMAA=\n-----END CERTIFICATE-----\n",
+        "-----BEGIN CERTIFICATE-----\nnot base 64\n-----END CERTIFICATE-----\n",
+    ],
+)
+def test_what_is_no_certificate_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="certificate"):
+        not_after(text)
+
+
+def test_damaged_certificates_are_refused_or_read() -> None:
+    """However a file is cut, only a ValueError comes out."""
+    text = pem_until(datetime(2030, 1, 1, tzinfo=UTC))
+    lines = text.splitlines()
+    for kept in range(1, len(lines) - 1):
+        try:
+            not_after("\n".join([*lines[:kept], lines[-1]]))
+        except ValueError:
+            continue
+
+
+def test_unreadable_files_are_left_out(tmp_path: Path) -> None:
+    files = Authority(tmp_path).sign("robot")
+    found = Certificates(http=tmp_path / "missing.pem", mqtt=files.certificate).ends()
+    assert found.keys() == {"mqtt"}
+    assert found["mqtt"] == pytest.approx((datetime.now(UTC) + timedelta(days=1)).timestamp(), abs=60)
+    assert Certificates().ends() == {}
+
+
+def test_renewed_file_counts_at_once(tmp_path: Path) -> None:
+    authority = Authority(tmp_path)
+    files = authority.sign("robot")
+    certificates = Certificates(http=files.certificate)
+    before = certificates.ends()["http"]
+    authority.sign("robot", days=100)
+    assert certificates.ends()["http"] > before
