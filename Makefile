@@ -29,7 +29,7 @@ STAMP := $(VENV)/.set-up
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
+.PHONY: help setup action-types wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker browser monitoring alerts-test sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -79,10 +79,10 @@ lint: $(STAMP) ## check style, types, import rules and known vulnerabilities
 test-unit: $(STAMP) ## unit tests only: no broker, ROS, browser or simulated plants; about three minutes
 	$(BIN)/pytest tests/unit $(SHARED_OUT) -m "not broker and not postgres and not ros and not e2e and not simulation"
 
-test: $(STAMP) action-types broker browser ## all tests but the long ones; TESTS=path runs a part of them
+test: $(STAMP) action-types broker browser monitoring ## all tests but the long ones; TESTS=path runs a part of them
 	$(BIN)/pytest $(SHARED_OUT) $(TESTS)
 
-test-all: $(STAMP) action-types broker browser ## all tests, with long and quarantined ones and branch coverage, then soak-cores, fuzz and faults: several hours
+test-all: $(STAMP) action-types broker browser monitoring ## all tests, with long and quarantined ones and branch coverage, then soak-cores, fuzz and faults: several hours
 	$(BIN)/pytest $(SHARED_OUT) $(COVERED) --long
 	$(MAKE) soak-cores fuzz faults
 
@@ -115,6 +115,10 @@ faults: $(STAMP) broker ## inject every kind of fault into a working site, about
 	rm -f build/recovery.jsonl
 	NENA_FAULTS=3 $(BIN)/pytest tests/faults --long --timeout 3600
 	PYTHONPATH=tests $(BIN)/python -m faults.table
+
+# A full disk needs root, a wrong clock a C compiler; without them these tests are skipped with a message.
+alerts-test: $(STAMP) broker monitoring ## cause faults at a site under Prometheus and Alertmanager: the right alert within 15 s, and no other
+	NENA_ALERT_WITHIN=15 $(BIN)/pytest --long tests/alerts
 
 MINUTES ?= 120
 soak-site: $(STAMP) broker ## run a site for two hours (or MINUTES=10): memory, latency, drift; writes docs/soak.md
@@ -176,6 +180,10 @@ conversations: $(STAMP) broker ## record the conversations in tests/fixtures aga
 # tests report what is missing.
 broker:
 	@PATH=$$PATH:/usr/sbin; { command -v mosquitto && command -v mosquitto_pub; } >/dev/null || $(call install,mosquitto mosquitto-clients)
+
+# Debian starts both as services where it can. The tests do not use these, but start their own.
+monitoring:
+	@{ command -v promtool && command -v prometheus-alertmanager; } >/dev/null || $(call install,prometheus prometheus-alertmanager)
 
 browser:
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || $(call install,chromium)

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 import subprocess
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
 import httpx
 import pytest
 
+from nena_shared.vda5050.topics import RobotKey
 from support.broker import free_port
 from support.reference import PROJECT
 from support.waiting import PATIENCE, awaited
 
 CONFIGURATION = PROJECT / "deploy" / "prometheus"
+GRAFANA = PROJECT / "deploy" / "grafana"
+DASHBOARDS = sorted((GRAFANA / "dashboards").glob("*.json"))
 
 T = TypeVar("T")
 
@@ -25,6 +30,13 @@ END_WITHIN = PATIENCE
 LOOK_EVERY = 0.05
 """Seconds."""
 
+LONGEST_FOR = 8
+"""Seconds; above the 7 s after which an order service without heartbeats counts as down."""
+UNITS = {"s": 1, "m": 60, "h": 3600}
+DURATION = re.compile(r"(?P<before>\bfor: |\[|\boffset )(?P<number>\d+)(?P<unit>[smh])")
+UNHURRIED = "NenaProgramSlow"
+"""Its metric covers the last minute, so that a shorter `for` finds single hiccups."""
+
 
 async def eventually(ask: Callable[[], Awaitable[T]], what: str) -> T:
     """Repeat a call until its result is true, and return it."""
@@ -32,24 +44,74 @@ async def eventually(ask: Callable[[], Awaitable[T]], what: str) -> T:
 
 
 def program(name: str) -> str:
-    """Return the path of `prometheus` or `promtool`; skip the test if it is not installed."""
+    """Return the path of `prometheus`, `promtool` or `prometheus-alertmanager`; skip the test without it."""
     path = shutil.which(name)
     if path is None:
-        pytest.skip(f"{name} is not there: apt-get install prometheus")
+        pytest.skip(f"{name} is not there: make monitoring")
     return path
+
+
+def hurried(rules: str) -> str:
+    """Return rules that find a fault within seconds, with the same expressions.
+
+    ``for`` is at most :data:`LONGEST_FOR`, and windows have a second for each minute, so that alerts also end
+    within seconds. As before, no window is longer than the ``for`` of a rule that relies on that.
+    """
+    groups = re.split(r"(?m)^(?=      - (?:alert|record): )", rules)
+    return "".join(each if f"alert: {UNHURRIED}" in each else DURATION.sub(_hurry, each) for each in groups)
+
+
+def _hurry(found: re.Match[str]) -> str:
+    seconds = int(found["number"]) * UNITS[found["unit"]]
+    shorter = min(seconds, LONGEST_FOR) if found["before"] == "for: " else max(1, seconds // 60)
+    return f"{found['before']}{shorter}s"
+
+
+def dashboard_queries(robot: RobotKey) -> Iterator[tuple[str, str]]:
+    """Yield all queries of the dashboards with their panels, with variables filled in."""
+    variables = {"$manufacturer": robot.manufacturer, "$serial": robot.serial_number, "$instance": ".+"}
+
+    def filled(expression: str) -> str:
+        for name, value in variables.items():
+            expression = expression.replace(name, value)
+        return expression
+
+    for file in DASHBOARDS:
+        board = json.loads(file.read_text(encoding="utf-8"))
+        for variable in board["templating"]["list"]:
+            wanted = re.fullmatch(r"label_values\((.+), \w+\)", variable["query"]["query"])
+            assert wanted, variable
+            yield f"{board['title']}: {variable['name']}", filled(wanted[1])
+        for panel in board["panels"]:
+            for target in panel["targets"]:
+                yield f"{board['title']}: {panel['title']}", filled(target["expr"])
 
 
 class Prometheus:
     """A Prometheus that scrapes and evaluates every second."""
 
-    def __init__(self, folder: Path, *aggregators: str, order_service: str = "") -> None:
-        """Start with these aggregators (host and port) as targets, and its files in ``folder``."""
-        text = (CONFIGURATION / "prometheus.yml").read_text(encoding="utf-8")
-        text = text.replace('"127.0.0.1:8080"', ", ".join(f'"{each}"' for each in aggregators)).replace(
-            "15s", "1s"
-        )
-        text = text.replace('"127.0.0.1:55200"', f'"{order_service}"' if order_service else "")
-        text = text.replace("rules/*.yml", f"{CONFIGURATION}/rules/*.yml")
+    def __init__(
+        self,
+        folder: Path,
+        *aggregators: str,
+        order_services: Sequence[str] = (),
+        agents: Sequence[str] = (),
+        alertmanager: str = "",
+    ) -> None:
+        """Start with these targets (host and port), and its files in ``folder``.
+
+        With an ``alertmanager`` the rules are :func:`hurried`.
+        """
+        text = (CONFIGURATION / "prometheus.yml").read_text(encoding="utf-8").replace("15s", "1s")
+        text = text.replace('"127.0.0.1:8080"', _listed(aggregators))
+        text = text.replace('"127.0.0.1:55200"', _listed(order_services))
+        rules = CONFIGURATION / "rules"
+        if agents:
+            text = _uncommented(text, "- job_name: nena-edge-agent", agents)
+        if alertmanager:
+            text = _uncommented(text, "alerting:", (alertmanager,))
+            rules = _hurried_rules(folder)
+        text = text.replace("rules/*.yml", f"{rules}/*.yml")
         (folder / "prometheus.yml").write_text(text, encoding="utf-8")
         port = free_port()
         self.http = httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}/api/v1", timeout=PATIENCE)
@@ -94,3 +156,22 @@ class Prometheus:
             return (await self.http.get("/status/buildinfo")).status_code == httpx.codes.OK
         except httpx.TransportError:
             return False
+
+
+def _listed(targets: Sequence[str]) -> str:
+    return ", ".join(f'"{each}"' for each in targets)
+
+
+def _uncommented(text: str, first: str, targets: Sequence[str]) -> str:
+    """Return the configuration with the block that begins with ``first``, with these targets."""
+    before, block, rest = re.split(rf"(?ms)^( *# {re.escape(first)}$.*?targets: \[).*?\]", text)
+    block = re.sub(r"(?m)^( *)# ", r"\1", block)
+    return f"{before}{block}{_listed(targets)}]{rest}"
+
+
+def _hurried_rules(folder: Path) -> Path:
+    made = folder / "rules"
+    made.mkdir()
+    for file in (CONFIGURATION / "rules").glob("*.yml"):
+        (made / file.name).write_text(hurried(file.read_text(encoding="utf-8")), encoding="utf-8")
+    return made

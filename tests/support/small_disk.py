@@ -26,11 +26,11 @@ class SmallDisk:
         """Return the free space, bytes."""
         return shutil.disk_usage(self.folder).free
 
-    def fill(self) -> None:
-        """Fill all free space; existing files can still be overwritten."""
+    def fill(self, *, leave: int = 0) -> None:
+        """Fill the free space but for ``leave`` bytes; existing files can still be overwritten."""
         with self._ballast.open("ab", buffering=0) as file:
             try:
-                while True:
+                while self.free > leave or not leave:
                     file.write(bytes(PIECE))
             except OSError as error:
                 assert self.free == 0, error  # noqa: PT017 - any other error than a full disk

@@ -73,7 +73,7 @@ async def _site(broker: Broker, interface_name: str, folder: Path) -> AsyncItera
     with fleet.stack:
         async with serving(broker, interface_name) as served:
             address = served.http.base_url.netloc.decode()
-            async with Prometheus(folder, address, order_service=f"127.0.0.1:{port}") as prometheus:
+            async with Prometheus(folder, address, order_services=[f"127.0.0.1:{port}"]) as prometheus:
                 yield Site(fleet, f"{interface_name}/nena", port, prometheus)
 
 

@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -22,15 +21,20 @@ from support.broker import Broker, MqttPeer
 from support.certificates import Authority
 from support.fleet_examples import ROBOT, START, connection, order_status, position, state, way
 from support.order_service_fleet import Fleet, running
-from support.prometheus import CONFIGURATION, Prometheus, eventually, program
+from support.prometheus import (
+    CONFIGURATION,
+    DASHBOARDS,
+    GRAFANA,
+    Prometheus,
+    dashboard_queries,
+    eventually,
+    program,
+)
 from support.reference import PROJECT
 from support.served_aggregator import Served, serving
 from support.waiting import PATIENCE
 
-GRAFANA = PROJECT / "deploy" / "grafana"
-DASHBOARDS = sorted((GRAFANA / "dashboards").glob("*.json"))
 NAME = re.compile(r"\bnena_\w+")
-VARIABLES = {"$manufacturer": "ACME", "$serial": "r1", "$instance": ".+"}
 BLOCKED = RobotKey("ACME", "r2")
 
 
@@ -101,25 +105,6 @@ def test_dashboards_are_provisioned_over_one_source() -> None:
     assert "uid: nena-prometheus" in source
 
 
-def queries() -> Iterator[tuple[str, str]]:
-    """Yield all queries of the dashboards with their panels, with variables filled in."""
-    for file in DASHBOARDS:
-        board = json.loads(file.read_text(encoding="utf-8"))
-        for variable in board["templating"]["list"]:
-            wanted = re.fullmatch(r"label_values\((.+), \w+\)", variable["query"]["query"])
-            assert wanted, variable
-            yield f"{board['title']}: {variable['name']}", _filled(wanted[1])
-        for panel in board["panels"]:
-            for target in panel["targets"]:
-                yield f"{board['title']}: {panel['title']}", _filled(target["expr"])
-
-
-def _filled(expression: str) -> str:
-    for name, value in VARIABLES.items():
-        expression = expression.replace(name, value)
-    return expression
-
-
 def say_everything(served: Served, peer: MqttPeer, turn: int) -> None:
     """Make two robots and the order service send one message of each kind."""
     order = f"v{turn}"
@@ -168,14 +153,16 @@ async def test_every_query_of_rules_and_dashboards_returns_data(
     orders = Fleet(broker, interface_name, tmp_path).settings()
     async with serving(broker, interface_name, history=history) as served, running(orders):
         address = served.http.base_url.netloc.decode()
-        async with Prometheus(tmp_path, address, order_service=f"127.0.0.1:{orders.http.port}") as prometheus:
+        async with Prometheus(
+            tmp_path, address, order_services=[f"127.0.0.1:{orders.http.port}"]
+        ) as prometheus:
             with MqttPeer(broker) as peer:
                 say_everything(served, peer, 1)
                 ended = 'nena_transport_orders_ended_total{state="FINISHED"}'
                 await eventually(lambda: prometheus.query(f"{ended} == 1"), "the first scrape")
                 say_everything(served, peer, 2)
                 await eventually(lambda: prometheus.query(f"{ended} == 2"), "a later scrape")
-            for panel, expression in queries():
+            for panel, expression in dashboard_queries(ROBOT):
                 await eventually(partial(prometheus.query, expression), f"{panel}: {expression}")
             rules = await eventually(lambda: evaluated(prometheus), "all rules evaluated")
             for rule in rules:
