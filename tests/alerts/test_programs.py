@@ -45,7 +45,7 @@ async def broker_killed(site: WatchedSite) -> AsyncIterator[None]:
 
 
 async def test_killed_and_suspended_programs(tmp_path: Path) -> None:
-    site = WatchedSite(tmp_path, Layout(singles=1))
+    site = WatchedSite(tmp_path, Layout(loopback=3, singles=1))
     async with watched(site) as watch:
         await watch.finds(
             killed(site, "order-service", site.start_order_service),

@@ -64,7 +64,7 @@ async def disk_full(site: WatchedSite, disk: SmallDisk) -> AsyncIterator[None]:
 
 async def test_stops_battery_and_clock(tmp_path: Path) -> None:
     clock = ShiftedClock(tmp_path)
-    site = WatchedSite(tmp_path, Layout(singles=1), single_1=clock.environment)
+    site = WatchedSite(tmp_path, Layout(loopback=5, singles=1), single_1=clock.environment)
     async with watched(site) as watch:
         await watch.finds(
             emergency_stop(site, "loop-3"),
@@ -78,7 +78,7 @@ async def test_stops_battery_and_clock(tmp_path: Path) -> None:
 
 async def test_disk_of_an_agent(tmp_path: Path) -> None:
     with small_disk(tmp_path / "disk", megabytes=DISK_MB) as disk:
-        site = WatchedSite(tmp_path, Layout(singles=1))
+        site = WatchedSite(tmp_path, Layout(loopback=2, singles=1))
         site.single_journal = disk.folder
         async with watched(site) as watch:
             await watch.finds(disk_almost_full(disk), {"NenaAgentDiskLow": 1})

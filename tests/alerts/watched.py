@@ -18,12 +18,17 @@ from support.alertmanager import Alertmanager, Labels, Notice
 from support.broker import free_port
 from support.programs import Program
 from support.prometheus import Prometheus, eventually
-from support.waiting import PATIENCE, until
+from support.reference import PROJECT
+from support.waiting import PATIENCE, awaited
 
 WITHIN = float(os.environ.get("NENA_ALERT_WITHIN", PATIENCE))
 """Seconds from a fault to its alert. `make alerts-test` sets 15; other runs may share a slow machine."""
 OVER_WITHIN = PATIENCE
 """Seconds from the end of a fault to the end of its alerts."""
+LOOK_EVERY = 0.1
+"""Seconds."""
+FILE = PROJECT / "build" / "alerts.jsonl"
+"""Seconds from each fault to the last of each of its alerts, one line per fault."""
 JAM_SECONDS = 1
 """Instead of 60: it is a setting of the aggregator, no part of the rules."""
 SINGLE = "single-1"
@@ -31,7 +36,7 @@ SINGLE = "single-1"
 
 
 class WatchedSite(Site):
-    """Eight loopback robots in one program, and one in a program of its own; all have metrics."""
+    """Loopback robots in one program, and one in a program of its own; all have metrics."""
 
     def __init__(self, folder: Path, layout: Layout, **environments: Mapping[str, str]) -> None:
         """Prepare it; ``environments``: of single programs, by name."""
@@ -120,16 +125,10 @@ class Watch:
         self._receiver = alertmanager.receiver
         self._expected = 0
         """So many notices belong to faults."""
-        self.found: dict[str, float] = {}
-        """Seconds until each alert."""
 
     async def quiet(self) -> None:
         """Wait until no alert fires."""
-        await until(
-            lambda: not self._receiver.firing(),
-            timeout=OVER_WITHIN,
-            what=lambda: f"no alert fires; firing: {dict(self._receiver.firing())}",
-        )
+        await self._until_firing({}, OVER_WITHIN)
 
     async def finds(
         self, fault: AbstractAsyncContextManager[None], alerts: Mapping[str, int], **labels: str
@@ -147,14 +146,9 @@ class Watch:
         start = self._expected
         began = time.monotonic()
         async with fault:
-            await until(
-                lambda: self._receiver.firing() == Counter(alerts),
-                timeout=WITHIN,
-                what=lambda: f"{dict(alerts)} firing; firing: {dict(self._receiver.firing())}",
-            )
-        notices = self._receiver.notices[start:]
-        for name in alerts:
-            self.found[name] = max(each.at for each in notices if each.name == name) - began
+            await self._until_firing(alerts, WITHIN)
+            notices = self._receiver.notices[start:]
+        self._note({name: max(each.at for each in notices if each.name == name) - began for name in alerts})
         await self.quiet()
         self._expected = len(self._receiver.notices)
         return self._checked(self._receiver.notices[start:], alerts, labels)
@@ -163,6 +157,23 @@ class Watch:
         """Check that nothing has fired but what faults have caused."""
         await self.quiet()
         assert self._receiver.notices[self._expected :] == []
+
+    async def _until_firing(self, alerts: Mapping[str, int], seconds: float) -> None:
+        """Wait until exactly these numbers of alerts fire."""
+
+        async def look() -> Counter[str]:
+            return self._receiver.firing()
+
+        wanted = Counter(alerts)
+        await awaited(
+            look, lambda now: now == wanted, seconds=seconds, what=f"firing: {dict(alerts)}", every=LOOK_EVERY
+        )
+
+    def _note(self, seconds: Mapping[str, float]) -> None:
+        """Append how long each alert took to :data:`FILE`."""
+        FILE.parent.mkdir(exist_ok=True)
+        with FILE.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({name: round(each, 1) for name, each in seconds.items()}) + "\n")
 
     def _checked(
         self, notices: list[Notice], alerts: Mapping[str, int], labels: Mapping[str, str]

@@ -127,7 +127,11 @@ def make_starting_app(problem: Callable[[], str]) -> FastAPI:
 
     def readiness() -> Readiness:
         return Readiness(
-            ready=False, role="starting", broker_connected=False, store_ready=False, problems=(detail(),)
+            ready=False,
+            role="starting",
+            broker_connected=False,
+            store_ready=not problem(),
+            problems=(detail(),),
         )
 
     return _make_waiting_app(readiness, lambda _: _retry("Starting", detail(), {}))
