@@ -129,4 +129,4 @@ async def test_hanging_database_and_no_leader(tmp_path: Path, own_postgres: Post
             instance=f"127.0.0.1:{site._standby_port}",
         )
         await watch.finds(no_leader(site, own_postgres), {"NenaNoLeader": 1}, severity="critical")
-        await watch.finds(hanging(site, own_postgres), {"NenaStoreNotWritten": 2}, severity="critical")
+        await watch.finds(hanging(site, own_postgres), {"NenaStoreNotWritten": 1}, severity="critical")
