@@ -11,6 +11,7 @@ import pytest
 
 from alerts.watched import SINGLE, WatchedSite, watched
 from faults.site import Layout
+from support.order_service_fleet import order_in
 from support.shifted_clock import ShiftedClock
 from support.small_disk import SmallDisk, small_disk
 
@@ -55,11 +56,17 @@ async def disk_almost_full(disk: SmallDisk) -> AsyncIterator[None]:
 
 @asynccontextmanager
 async def disk_full(site: WatchedSite, disk: SmallDisk) -> AsyncIterator[None]:
-    """Leave no space on a robot's disk, and give it an order."""
+    """Leave no space on a robot's disk, and give it an order that it cannot write down.
+
+    A journal keeps its space, so it is deleted first: the disk is also too full for a longer record.
+    """
+    for journal in disk.folder.glob("*.journal"):
+        journal.unlink()
     disk.fill()
     await site.order("for-a-full-disk", "Station 0", vehicle=SINGLE)
     yield
     disk.clear()
+    await order_in(site.orders, "for-a-full-disk", "FINISHED")
 
 
 async def test_stops_battery_and_clock(tmp_path: Path) -> None:
