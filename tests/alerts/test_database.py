@@ -120,8 +120,8 @@ async def standby_killed(site: PairedSite) -> AsyncIterator[None]:
     await site.complete()
 
 
-async def test_hanging_database_and_no_leader(tmp_path: Path, own_postgres: Postgres) -> None:
-    site = PairedSite(tmp_path, Layout(loopback=4, singles=1, store_url=own_postgres.url))
+async def test_standby_and_no_leader(tmp_path: Path, own_postgres: Postgres) -> None:
+    site = PairedSite(tmp_path, Layout(loopback=2, singles=1, store_url=own_postgres.url))
     async with watched(site) as watch:
         await watch.finds(
             standby_killed(site),
@@ -129,4 +129,9 @@ async def test_hanging_database_and_no_leader(tmp_path: Path, own_postgres: Post
             instance=f"127.0.0.1:{site._standby_port}",
         )
         await watch.finds(no_leader(site, own_postgres), {"NenaNoLeader": 1}, severity="critical")
+
+
+async def test_hanging_database(tmp_path: Path, own_postgres: Postgres) -> None:
+    site = PairedSite(tmp_path, Layout(loopback=2, singles=1, store_url=own_postgres.url))
+    async with watched(site) as watch:
         await watch.finds(hanging(site, own_postgres), {"NenaStoreNotWritten": 1}, severity="critical")
