@@ -18,6 +18,8 @@ from support.small_disk import SmallDisk, small_disk
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.long, pytest.mark.timeout(1200)]
 
 DISK_MB = 260
+FAR_STATION = "Station 10"
+"""Nobody is on the way there, who would have to wait for the robot."""
 LEFT = 150_000_000
 """Bytes, less than the 200 MB of the rule."""
 
@@ -63,7 +65,7 @@ async def disk_full(site: WatchedSite, disk: SmallDisk) -> AsyncIterator[None]:
     for journal in disk.folder.glob("*.journal"):
         journal.unlink()
     disk.fill()
-    await site.order("for-a-full-disk", "Station 0", vehicle=SINGLE)
+    await site.order("for-a-full-disk", FAR_STATION, vehicle=SINGLE)
     yield
     disk.clear()
     await order_in(site.orders, "for-a-full-disk", "FINISHED")
