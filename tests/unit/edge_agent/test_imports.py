@@ -24,6 +24,7 @@ PURE = {"driver": {"driver"}, "protocol": {"driver", "protocol"}}
 SPARED = (
     "msgspec",  # not among the agent's dependencies
     "lxml",
+    "opentelemetry",
     "prometheus_client",
     "tarfile",
     "nena_shared.plant.lif",

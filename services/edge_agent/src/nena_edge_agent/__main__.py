@@ -40,6 +40,7 @@ from nena_shared.loop_lag import LoopLag
 from nena_shared.program import run
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, forever
+from nena_shared.tracing import Export, Exporting, closing, open_export
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import codec_for, topics_for
 
@@ -75,13 +76,16 @@ async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> Non
     robots = [RobotKey(settings.manufacturer, each) for each in settings.serial_numbers]
     controls = {robot: SimulationControl() for robot in robots}
     agents: dict[RobotKey, RobotAgent] = {}
+    traces = open_export(settings.tracing, PROGRAM)
     makers = {
-        str(robot): _tracked(_agent_maker(settings, index, robot, controls[robot], clock), agents)
+        str(robot): _tracked(
+            _agent_maker(settings, index, robot, controls[robot], clock, export=traces), agents
+        )
         for index, robot in enumerate(robots)
     }
-    async with Supervisor() as supervisor:
+    async with Supervisor() as supervisor, closing(traces):
         if settings.metrics.port:
-            _serve_metrics(settings, agents, clock, supervisor)
+            _serve_metrics(settings, agents, clock, supervisor, traces)
         if settings.driver == "loopback" and settings.loopback.control:
             topics = topics_for(settings.version, settings.interface_name)
             api = ControlApi(settings.mqtt, topics.interface_name, controls)
@@ -105,6 +109,7 @@ def _serve_metrics(
     agents: Mapping[RobotKey, RobotAgent],
     clock: Clock,
     supervisor: Supervisor,
+    traces: Exporting | None = None,
 ) -> None:
     """Serve the metrics of all robots.
 
@@ -120,12 +125,19 @@ def _serve_metrics(
     journal = settings.journal.folder.expanduser() if settings.journal.enabled else None
     supervisor.start("loop lag", lag.run())
     certificates = Certificates(mqtt=settings.mqtt.tls.certificate)
-    server = MetricsServer(settings.metrics, Program(agents, clock, lag, journal, certificates))
+    program = Program(agents, clock, lag, journal, certificates, traces)
+    server = MetricsServer(settings.metrics, program)
     supervisor.start("metrics", forever("metrics", server.run, pause=METRICS_PAUSE), vital=False)
 
 
 def _agent_maker(
-    settings: EdgeAgentSettings, index: int, robot: RobotKey, control: SimulationControl, clock: Clock
+    settings: EdgeAgentSettings,
+    index: int,
+    robot: RobotKey,
+    control: SimulationControl,
+    clock: Clock,
+    *,
+    export: Export | None,
 ) -> Callable[[], RobotAgent]:
     ros = PluginRos() if settings.driver == "nav2" else None
     ports = RobotPorts(ros, settings.actions)
@@ -146,7 +158,7 @@ def _agent_maker(
         agent = RobotAgent(
             settings,
             robot.serial_number,
-            Equipment(ports.joined(driver), registry, store.maps if store else (), offers),
+            Equipment(ports.joined(driver), registry, store.maps if store else (), offers, export),
             clock=clock,
         )
         control.cut_link = agent.cut_link

@@ -39,6 +39,7 @@ from nena_edge_agent.protocol.robot_state import PowerPhase
 from nena_edge_agent.protocol.state import with_recorded_fields
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
+from nena_edge_agent.tracing import RobotTracer
 from nena_shared.clock import Clock, ClockSkew, iso
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.histogram import Histogram
@@ -47,6 +48,7 @@ from nena_shared.mqtt import LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor, TaskFailedError
+from nena_shared.tracing import Export
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import Map, State
@@ -115,12 +117,14 @@ DriverMaker = Callable[[Callable[[events.Event], None], Pose | None], Driver]
 
 @dataclass(frozen=True, slots=True)
 class Equipment:
-    """Equipment of a robot: its driver, its actions, its maps, and what Nav2 offers."""
+    """Equipment of a robot: its driver, its actions, its maps, what Nav2 offers, and its traces."""
 
     make_driver: DriverMaker
     registry: ActionRegistry
     maps: tuple[Map, ...] = ()
     offers: Nav2Offers = NO_OFFERS
+    export: Export | None = None
+    """Takes the spans of traces; None: no traces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +181,7 @@ class RobotAgent:
             settings, self.robot, self._capabilities, clock=clock, reserved=self._core.header_ids
         )
         self._mailbox, self._statistics = Mailbox(), AgentStatistics()
+        self._tracer = RobotTracer(self.robot, clock, equipment.export) if equipment.export else None
         self._recorder = Recorder(
             None if self._journal_loss else journal,
             self._core.durable_version,
@@ -237,6 +242,8 @@ class RobotAgent:
                 await self._disconnect(ConnectionState.OFFLINE)
         finally:
             self._runner.close()
+            if self._tracer:
+                self._tracer.close()
             await self._driver.stop()
         if self._shuts_down:
             await self._shut_down()
@@ -336,9 +343,13 @@ class RobotAgent:
         for event in received:
             self._statistics.note(event, now)
             try:
-                effects.extend(self._core.handle(event, now))
+                followed = self._core.handle(event, now)
             except Exception:
                 log.exception("event not handled", robot=str(self.robot), event_type=type(event).__name__)
+                continue
+            effects.extend(followed)
+            if self._tracer:
+                self._isolated(self._tracer.note, event, followed, self._core.robot)
         self._log_new_errors()
         return effects
 

@@ -20,9 +20,10 @@ from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
-from nena_shared.metrics import Exposition, Metric, MetricKind, Section, certificate_metric, gauge
+from nena_shared.metrics import Exposition, Metric, MetricKind, Section, certificate_metric, counter, gauge
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
+from nena_shared.tracing import SPANS_HELP, Exporting
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.topics import RobotKey
 
@@ -48,6 +49,7 @@ class Program:
     journal: Path | None
     """The folder of the journal."""
     certificates: Certificates = field(default_factory=Certificates)
+    traces: Exporting | None = None
     snapshots: Mapping[RobotKey, AgentSnapshot] = field(default_factory=dict)
     disk_free: float | None = None
     """Bytes left for the journal."""
@@ -217,6 +219,9 @@ DISK: Final[Section[Program]] = Section(
             "nena_event_loop_lag_seconds",
             "Longest delay of the event loop in the last minute.",
             lambda s: s.loop_lag.longest,
+        ),
+        counter(
+            "nena_trace_spans_total", SPANS_HELP, lambda s: s.traces.outcomes if s.traces else None, "outcome"
         ),
     ),
 )

@@ -16,6 +16,7 @@ from nena_edge_agent.power import PowerSettings
 from nena_edge_agent.protocol.capabilities import TOLERABLE, DriveStrategy, ExternalGoals, LinkLossPolicy
 from nena_shared.plant.geometry import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
+from nena_shared.tracing import TracingSettings
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
 
 
@@ -216,6 +217,9 @@ class EdgeAgentSettings(ServiceSettings):
     )
     metrics: MetricsSettings = Field(
         default_factory=MetricsSettings, description="Metrics for Prometheus; needs the extra `metrics`."
+    )
+    tracing: TracingSettings = Field(
+        default_factory=TracingSettings, description="Traces of orders; needs the extra `tracing`."
     )
     power: PowerSettings = Field(
         default_factory=PowerSettings, description="Hibernation and shutdown, with VDA 5050 3.0."

@@ -22,7 +22,7 @@ from nena_order_service.api.audit import Trail, record_current, recorder
 from nena_order_service.api.audit_states import ObjectStates
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
-from nena_order_service.api.metrics import SECTIONS, Monitored
+from nena_order_service.api.metrics import DISTRIBUTION, SECTIONS, Monitored
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.opentcs_events import ChangeLog
 from nena_order_service.api.opentcs_plant import EditPlant
@@ -33,6 +33,7 @@ from nena_order_service.api.place_requests import PlaceRequests
 from nena_order_service.api.rest import ChangePlant, Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
 from nena_order_service.api.stop_requests import StopRequests
+from nena_order_service.api.tracing import OrderTracer
 from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
@@ -62,6 +63,7 @@ from nena_shared.mqtt import LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, end
+from nena_shared.tracing import Exporting, TracingSettings, open_export
 from nena_shared.vda5050.topics import TopicScheme
 
 log = get_logger(__name__)
@@ -89,6 +91,7 @@ class OrderService:
     changes: ChangeLog
     hosts: HostServices
     loop_lag: LoopLag
+    traces: Exporting | None
     elected: asyncio.Event | None = None
     """Set once this order service leads the fleet; nothing is sent before. None: no election."""
 
@@ -134,6 +137,8 @@ class OrderService:
         self.publisher.close()
         self.heartbeat.end(self.mqtt)
         await self.mqtt_api.close()
+        if self.traces:
+            await self.traces.close()
 
 
 def build(
@@ -167,12 +172,24 @@ def build(
     stream = EventStream(engine, settings.events)
     changes, loop_lag = ChangeLog(plant, clock), LoopLag(clock)
     _listen(engine, publisher, stream, changes, hosts.webhooks)
+    traces = _trace(settings.tracing, engine, fleet)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
-    runs, certificates = hosts.schedules.outcomes, _certificates(settings)
-    parts = Monitored(engine, fleet, mqtt, api, stream, loop_lag, answers, hosts.webhooks, runs, certificates)
+    parts = Monitored(
+        engine,
+        fleet,
+        mqtt,
+        api,
+        stream,
+        loop_lag,
+        answers,
+        hosts.webhooks,
+        hosts.schedules.outcomes,
+        _certificates(settings),
+        traces,
+    )
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,
@@ -185,7 +202,20 @@ def build(
     )
     app = make_app(operations, stream, service)
     return OrderService(
-        engine, fleet, publisher, heartbeat, sweep, mqtt, app, api, stream, changes, hosts, loop_lag, elected
+        engine,
+        fleet,
+        publisher,
+        heartbeat,
+        sweep,
+        mqtt,
+        app,
+        api,
+        stream,
+        changes,
+        hosts,
+        loop_lag,
+        traces,
+        elected,
     )
 
 
@@ -214,6 +244,16 @@ def _listen(
     if webhooks.hooks:
         engine.unit_of_work.listeners.append(webhooks)
     engine.unit_of_work.peripheral_listeners += [publisher, changes]
+
+
+def _trace(settings: TracingSettings, engine: Engine, fleet: FleetLink) -> Exporting | None:
+    """Trace orders if that is enabled; raises ConfigurationError if the extra is not installed."""
+    traces = open_export(settings, DISTRIBUTION)
+    if traces:
+        tracer = OrderTracer(engine.state.orders.named, engine.clock, traces)
+        engine.unit_of_work.listeners.append(tracer)
+        fleet.listeners.append(tracer)
+    return traces
 
 
 def make_fleet(

@@ -12,6 +12,7 @@ from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.routing.graph import CostKey
 from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderState
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
+from nena_shared.tracing import TracingSettings
 from nena_shared.web.settings import HttpSettings
 
 
@@ -147,6 +148,9 @@ class OrderServiceSettings(ServiceSettings):
         (), max_length=20, description="Web hooks (docs/order-service.md)."
     )
     hosts: HostSettings = Field(default_factory=HostSettings, description="Limits of hosts over MQTT.")
+    tracing: TracingSettings = Field(
+        default_factory=TracingSettings, description="Traces of orders; needs the extra `tracing`."
+    )
     interface_name: TopicPrefix = Field(
         "uagv", description="Interface name (topic prefix) of robots with VDA 5050 2.x."
     )

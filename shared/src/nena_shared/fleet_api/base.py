@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 from enum import IntEnum
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
 from pydantic.alias_generators import to_camel
@@ -58,6 +58,10 @@ PageSize = Annotated[int, Field(ge=1, le=1000)]
 
 IdempotencyKey = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
 """Request ID, unique among all hosts; without NUL, which PostgreSQL cannot store."""
+
+TRACEPARENT: Final = r"^00-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}$"
+Traceparent = Annotated[str, Field(pattern=TRACEPARENT)]
+"""The caller's trace and span, in version 00 of W3C Trace Context."""
 
 OrderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_:\-][A-Za-z0-9_.:\-]{0,99}$")]
 """Name of a transport order. Used in MQTT topics and URLs, so ``..`` is not allowed."""

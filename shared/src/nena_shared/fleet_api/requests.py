@@ -8,7 +8,15 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import to_json
 
-from nena_shared.fleet_api.base import IdempotencyKey, Moment, ObjectName, PageSize, Request, Resource
+from nena_shared.fleet_api.base import (
+    IdempotencyKey,
+    Moment,
+    ObjectName,
+    PageSize,
+    Request,
+    Resource,
+    Traceparent,
+)
 from nena_shared.fleet_api.plant import PathStatus, StoredZoneSet
 from nena_shared.fleet_api.transport_order import (
     Coordinate,
@@ -189,6 +197,8 @@ class DispatchRequest(Request):
     """None: MOVE at a point or coordinate, NOP at a location."""
     priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
     idempotency_key: IdempotencyKey | None = None
+    traceparent: Traceparent | None = None
+    """Trace of the host (W3C Trace Context), to which the order's trace links."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:

@@ -9,7 +9,15 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, StrictBool, model_validator
 
-from nena_shared.fleet_api.base import IdempotencyKey, Moment, ObjectName, OrderName, Request, Resource
+from nena_shared.fleet_api.base import (
+    IdempotencyKey,
+    Moment,
+    ObjectName,
+    OrderName,
+    Request,
+    Resource,
+    Traceparent,
+)
 from nena_shared.fleet_api.peripherals import StepOperation
 from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
 
@@ -213,6 +221,8 @@ class TransportOrderRequest(OrderTemplate):
     on_dependency_failure: DependencyFailure = DependencyFailure.FAIL
     wrapping_sequence: OrderName | None = None
     """Name of the order sequence to which it is added."""
+    traceparent: Traceparent | None = None
+    """Trace of the host (W3C Trace Context), to which the order's trace links."""
 
 
 class DriveOrderStatus(Resource):
@@ -278,6 +288,8 @@ class TransportOrderStatus(Resource):
     """The hold; None: not held."""
     next_try: Moment | None = None
     """Time of the next retry after a failure; None: no retry pending."""
+    traceparent: str | None = None
+    """Trace of the host, as requested."""
     excluded_vehicles: tuple[str, ...] = ()
     """Vehicles that failed the order, to which it is not assigned again."""
     history: tuple[HistoryEntry, ...] = ()

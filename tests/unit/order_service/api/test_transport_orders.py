@@ -76,6 +76,34 @@ async def test_same_key_gives_the_same_order_also_by_header(client: httpx.AsyncC
     assert len((await client.get(ORDERS)).json()["transportOrders"]) == 1
 
 
+TRACE = "0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
+
+
+@pytest.mark.parametrize(
+    ("header", "found"),
+    [
+        (f"00-{TRACE}", f"00-{TRACE}"),
+        (f"cc-{TRACE}-later", f"00-{TRACE}"),
+        (f"ff-{TRACE}", None),
+        (f"00-{TRACE.upper()}", None),
+        ("00-1-2-3", None),
+    ],
+)
+async def test_the_trace_of_the_host_is_kept_and_an_invalid_one_ignored(
+    client: httpx.AsyncClient, header: str, found: str | None
+) -> None:
+    made = await client.post(ORDERS, json=BODY, headers={"traceparent": header})
+    assert (made.status_code, made.json()["traceparent"]) == (201, found)
+
+
+async def test_a_repeated_request_may_come_from_another_span(client: httpx.AsyncClient) -> None:
+    keyed = {**BODY, "idempotencyKey": "k"}
+    await client.post(ORDERS, json=keyed, headers={"traceparent": f"00-{TRACE}"})
+    again = await client.post(ORDERS, json={**keyed, "traceparent": f"00-{TRACE[:-2]}00"})
+    assert (again.status_code, again.json()["traceparent"]) == (200, f"00-{TRACE}")
+    assert problem(await client.post(ORDERS, json={**BODY, "traceparent": "00-1-2-3"}), 422)
+
+
 @pytest.mark.parametrize(
     "change",
     [

@@ -37,6 +37,7 @@ from nena_shared.metrics import (
     link_metrics,
 )
 from nena_shared.mqtt import MqttLink
+from nena_shared.tracing import SPANS_HELP, Exporting
 
 DISTRIBUTION = "nena-order-service"
 
@@ -79,6 +80,7 @@ class Monitored:
     schedule_runs: Mapping[str, int] = field(default_factory=dict)
     """Number of runs of schedules by outcome."""
     certificates: Certificates = field(default_factory=Certificates)
+    traces: Exporting | None = None
 
     @property
     def store(self) -> Store:
@@ -457,6 +459,9 @@ WORK: Final[Section[Monitored]] = Section(
             "nena_event_loop_lag_seconds",
             "Longest delay of the event loop in the last minute.",
             lambda s: s.loop_lag.longest,
+        ),
+        counter(
+            "nena_trace_spans_total", SPANS_HELP, lambda s: s.traces.outcomes if s.traces else None, "outcome"
         ),
     ),
 )

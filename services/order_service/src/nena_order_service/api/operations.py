@@ -251,6 +251,7 @@ class HostOperations:
                 intended_vehicle=call.name,
                 priority=asked.priority,
                 idempotency_key=asked.idempotency_key,
+                traceparent=asked.traceparent,
             )
         )
         return Reply(order, _created(new=new))

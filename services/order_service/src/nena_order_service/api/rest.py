@@ -42,7 +42,8 @@ from nena_shared.fleet_api.operations import (
 )
 from nena_shared.fleet_api.plant import PlantModelChange
 from nena_shared.fleet_api.refusals import Refusal, by_status
-from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, Readiness
+from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, DispatchRequest, Readiness
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.web.access import KnownUser, RoleNeeded
 from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import describe_problems, problem_response, refusal
@@ -75,6 +76,7 @@ PAGES = {
     "/readyz": "what is ready",
 }
 """Where the start page leads."""
+TRACEPARENT_HEADER = re.compile(r"(?!ff)[0-9a-f]{2}(-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2})(?=-|$)")
 START_PAGE = f"""<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>NeNa order service</title>
 <h1>NeNa order service</h1>
@@ -267,10 +269,22 @@ def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) ->
         request = operation.request()
     if key and request is not None and request.idempotency_key is None:
         request = request.model_copy(update={"idempotency_key": key})
+    trace = _traceparent(http)
+    if trace and isinstance(request, TransportOrderRequest | DispatchRequest) and request.traceparent is None:
+        request = request.model_copy(update={"traceparent": trace})
     user: KnownUser | None = getattr(http.state, "user", None)
     caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # an issuer's long subject is cut
     version = None if seen is None else ETag(seen)
     return Call(given.get("name", ""), request, caller, version, origin_of(http, AuditInterface.REST))
+
+
+def _traceparent(http: Request) -> str | None:
+    """Return the header ``traceparent`` in version 00; None without a valid one, which is ignored.
+
+    Later versions begin like version 00 (W3C Trace Context, section 4.3).
+    """
+    found = TRACEPARENT_HEADER.match(http.headers.get("traceparent", ""))
+    return f"00{found[1]}" if found else None
 
 
 async def _response(operation: Operation[Any], reply: Reply, *, known: ETag | None) -> Response:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from math import pi, remainder, tau
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import from_json, to_json
@@ -332,6 +332,22 @@ def _mark(topic: str, payload: bytes) -> int:
     return hash((topic, payload))
 
 
+class FleetListener(Protocol):
+    """Follows VDA orders and messages; ``now`` is monotonic, s."""
+
+    def begun(self, order_id: str, now: float, *, restored: bool) -> None:
+        """Handle a VDA order that is to be sent, or was ``restored`` after a restart."""
+        ...
+
+    def published(self, topic: Topic, output: Publish, now: float) -> None:
+        """Handle a message to a robot."""
+        ...
+
+    def happened(self, event: FleetOutput, now: float) -> None:
+        """Handle an event of the core."""
+        ...
+
+
 class FleetLink:
     """Connects a :class:`FleetController` with the broker; call all methods in the event loop's thread.
 
@@ -361,6 +377,7 @@ class FleetLink:
         self._undated: dict[RobotKey, MessageOrder] = {}
         """By robot with unreadable timestamps, the message order by headerId alone."""
         self.statistics = FleetStatistics()
+        self.listeners: list[FleetListener] = [self.statistics]
         self._sent: dict[int, None] = {}
         """Hashes of the last commands that this program has sent, oldest first."""
         self.deviations = Deviations(clock)
@@ -382,7 +399,8 @@ class FleetLink:
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         """See :meth:`FleetController.start_vda_order`."""
-        self._begin(vda_order, self._controller.start_vda_order(robot, vda_order, self._now()))
+        outputs = self._controller.start_vda_order(robot, vda_order, self._now())
+        self._begin(vda_order, outputs, restored=False)
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
@@ -391,10 +409,11 @@ class FleetLink:
         outputs = self._controller.adopt_vda_order(
             robot, vda_order, self._now(), accepted=accepted, update_id=update_id
         )
-        self._begin(vda_order, outputs)
+        self._begin(vda_order, outputs, restored=True)
 
-    def _begin(self, vda_order: VdaOrder, outputs: Outputs) -> None:
-        self.statistics.begun(vda_order.order_id, self._now())
+    def _begin(self, vda_order: VdaOrder, outputs: Outputs, *, restored: bool) -> None:
+        for listener in self.listeners:
+            listener.begun(vda_order.order_id, self._now(), restored=restored)
         self._hand_out(outputs)
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
@@ -562,7 +581,8 @@ class FleetLink:
             if isinstance(output, Publish):
                 self._publish(output, now)
             else:
-                self.statistics.happened(output, now)
+                for listener in self.listeners:
+                    listener.happened(output, now)
                 events.append(output)
         if events:
             self._on_events(*events)
@@ -584,7 +604,8 @@ class FleetLink:
         place = address.scheme.of(output.robot, topic)
         if topic in COMMANDS:
             self._remember(place, payload)
-        self.statistics.published(topic, output, now)
+        for listener in self.listeners:
+            listener.published(topic, output, now)
         self._mqtt.publish(Outbound(place, payload, qos=self._settings.qos, keep=False))
 
     def _now(self) -> float:

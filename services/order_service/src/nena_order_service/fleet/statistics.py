@@ -65,8 +65,8 @@ class FleetStatistics:
         """Number of VDA orders that no robot has echoed yet."""
         return sum(each.accepted is None for each in self._deliveries.values())
 
-    def begun(self, order_id: str, now: float) -> None:
-        """Count a VDA order that is to be sent."""
+    def begun(self, order_id: str, now: float, *, restored: bool = False) -> None:  # noqa: ARG002 - of listeners
+        """Count a VDA order that is to be sent, or was restored after a restart."""
         self._deliveries[order_id] = _Delivery(now)
 
     def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:

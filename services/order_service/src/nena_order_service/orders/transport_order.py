@@ -78,7 +78,10 @@ REQUEST_FIELDS = (
     "timeout",
     "processing_timeout",
 )
-"""Fields that an order copies from its request, besides the destinations."""
+"""Fields that an order copies from its request, besides the destinations and the trace.
+
+A repeated request has all of these again, but usually another ``traceparent``.
+"""
 
 Urgency = tuple[int, float, int]
 """Lower is more urgent; the last element is the order's number."""
@@ -133,6 +136,7 @@ class TransportOrder:
             current_drive_order_index=-1,
             created=now,
             history=(HistoryEntry(timestamp=now, event_code=EventCode.ORDER_CREATED),),
+            traceparent=request.traceparent,
             **{field: getattr(request, field) for field in REQUEST_FIELDS},
         )
         return cls(number, status, request.idempotency_key)
