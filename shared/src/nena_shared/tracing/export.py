@@ -40,63 +40,6 @@ CLOSE_TIMEOUT: Final = 2.0
 """Timeout for the last spans at the end of the program, seconds."""
 
 
-class SpanQueue(SpanProcessor):
-    """A bounded queue, and the thread that exports its spans."""
-
-    def __init__(self, exporter: SpanExporter) -> None:
-        self.exported = self.failed = self.dropped = 0
-        self._exporter = exporter
-        self._waiting: deque[ReadableSpan] = deque()
-        self._wake, self._closed = threading.Event(), threading.Event()
-        self._works = True
-        self._thread = threading.Thread(target=self._run, name="span export", daemon=True)
-        self._thread.start()
-
-    def on_end(self, span: ReadableSpan) -> None:
-        """Add an ended span; drop it if the queue is full."""
-        if len(self._waiting) >= QUEUE_LIMIT or self._closed.is_set():
-            self.dropped += 1
-            return
-        self._waiting.append(span)
-        self._wake.set()
-
-    def close(self, timeout: float) -> None:
-        """Export the waiting spans, but for no longer than ``timeout`` s."""
-        self._closed.set()
-        self._wake.set()
-        self._thread.join(timeout)
-        self._exporter.shutdown()
-
-    def _run(self) -> None:
-        while not self._closed.is_set():
-            self._wake.wait()
-            self._closed.wait(BATCH_DELAY)
-            self._wake.clear()
-            self._export_all()
-        self._export_all()  # what was added between the last export and the end
-
-    def _export_all(self) -> None:
-        while self._waiting:
-            self._export([self._waiting.popleft() for _ in range(min(BATCH, len(self._waiting)))])
-
-    def _export(self, batch: Sequence[ReadableSpan]) -> None:
-        try:
-            works = self._exporter.export(batch) is SpanExportResult.SUCCESS
-        except Exception:
-            log.exception("spans cannot be encoded")
-            works = False
-        if works:
-            self.exported += len(batch)
-        else:
-            self.failed += len(batch)
-        if works is not self._works:
-            self._works = works
-            if works:
-                log.info("traces are exported again")
-            else:
-                log.warning("traces cannot be exported; check tracing.endpoint and the collector")
-
-
 class _ChosenIds(IdGenerator):
     """Returns the IDs of the span that is created next."""
 
@@ -109,32 +52,103 @@ class _ChosenIds(IdGenerator):
         return self.span_id
 
 
+class _Ended(SpanProcessor):
+    """Collects the SDK's spans, without those that are not sampled."""
+
+    def __init__(self) -> None:
+        self.spans: list[ReadableSpan] = []
+
+    def on_end(self, span: ReadableSpan) -> None:
+        self.spans.append(span)
+
+
 class SpanExport:
-    """Takes spans in the event loop's thread, and exports them."""
+    """A bounded queue of spans, and the thread that exports them; only this thread uses the SDK."""
 
     def __init__(
         self, settings: TracingSettings, service: str, version: str, exporter: SpanExporter | None = None
     ) -> None:
         """``exporter`` replaces the one to ``tracing.endpoint``, for tests."""
         logging.getLogger("opentelemetry").setLevel(logging.CRITICAL)  # it logs each failed attempt
-        exporter = exporter or OTLPSpanExporter(
+        self._exporter = exporter or OTLPSpanExporter(
             endpoint=str(settings.endpoint),
             certificate_file=str(settings.ca) if settings.ca else None,
             timeout=EXPORT_TIMEOUT,
             compression=Compression.Gzip,
         )
-        self._ids, self._queue = _ChosenIds(), SpanQueue(exporter)
+        self._ids, self._ended = _ChosenIds(), _Ended()
         provider = TracerProvider(
             sampler=TraceIdRatioBased(settings.sample_ratio),
             resource=Resource.create({"service.name": service, "service.version": version}),
             id_generator=self._ids,
             shutdown_on_exit=False,
         )
-        provider.add_span_processor(self._queue)
+        provider.add_span_processor(self._ended)
         self._tracer = provider.get_tracer("nena", version)
+        self._outcomes = {"exported": 0, "failed": 0, "dropped": 0}
+        self._waiting: deque[Span] = deque()
+        self._wake, self._closed = threading.Event(), threading.Event()
+        self._works = True
+        self._thread = threading.Thread(target=self._run, name="span export", daemon=True)
+        self._thread.start()
 
     def __call__(self, span: Span) -> None:
-        """Queue a span."""
+        """Add a span to the queue; drop it if the queue is full."""
+        if len(self._waiting) >= QUEUE_LIMIT or self._closed.is_set():
+            self._outcomes["dropped"] += 1
+            return
+        self._waiting.append(span)
+        self._wake.set()
+
+    @property
+    def outcomes(self) -> Mapping[str, int]:
+        """Number of spans by outcome."""
+        return dict(self._outcomes)
+
+    async def close(self) -> None:
+        """Export the waiting spans, for at most :data:`CLOSE_TIMEOUT`."""
+        self._closed.set()
+        self._wake.set()
+        await asyncio.to_thread(self._thread.join, CLOSE_TIMEOUT)
+        self._exporter.shutdown()
+
+    def _run(self) -> None:
+        while not self._closed.is_set():
+            self._wake.wait()
+            self._closed.wait(BATCH_DELAY)
+            self._wake.clear()
+            self._export_all()
+        self._export_all()  # what was added between the last export and the end
+
+    def _export_all(self) -> None:
+        while self._waiting:
+            batch = [self._waiting.popleft() for _ in range(min(BATCH, len(self._waiting)))]
+            self._note(self._export(batch))
+
+    def _export(self, batch: Sequence[Span]) -> bool:
+        """Return whether the collector has accepted a batch."""
+        self._ended.spans = []
+        try:
+            for span in batch:
+                self._convert(span)
+            made = self._ended.spans
+            works = not made or self._exporter.export(made) is SpanExportResult.SUCCESS
+        except Exception:
+            log.exception("spans cannot be converted")
+            works = False
+        self._outcomes["exported" if works else "failed"] += len(self._ended.spans)
+        return works
+
+    def _note(self, works: bool) -> None:  # noqa: FBT001 - of one batch
+        """Log when the collector stops accepting spans, and when it accepts them again."""
+        if works is not self._works:
+            self._works = works
+            if works:
+                log.info("traces are exported again")
+            else:
+                log.warning("traces cannot be exported; check tracing.endpoint and the collector")
+
+    def _convert(self, span: Span) -> None:
         self._ids.trace_id, self._ids.span_id = span.trace_id, span.span_id
         made = self._tracer.start_span(
             span.name,
@@ -148,16 +162,6 @@ class SpanExport:
         if span.error:
             made.set_status(trace.StatusCode.ERROR, span.error)
         made.end(_nanoseconds(max(span.begin, span.end)))
-
-    @property
-    def outcomes(self) -> Mapping[str, int]:
-        """Number of spans by outcome."""
-        queue = self._queue
-        return {"exported": queue.exported, "failed": queue.failed, "dropped": queue.dropped}
-
-    async def close(self) -> None:
-        """Export the last spans."""
-        await asyncio.to_thread(self._queue.close, CLOSE_TIMEOUT)
 
 
 def _context(trace_id: int, span_id: int) -> Context:
