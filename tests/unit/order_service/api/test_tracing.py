@@ -172,3 +172,13 @@ def test_orders_whose_end_never_comes_are_forgotten(monkeypatch: pytest.MonkeyPa
         traced.tracer.begun(name, 0.0, restored=False)
     traced.do(*(VdaOrderFinished(ROBOT, each) for each in ("a-0", "b-0", "c-0")))
     assert [each.attributes["vda5050.order_id"] for each in traced.spans] == ["b-0", "c-0"]
+
+
+def test_a_fault_of_the_tracer_does_not_reach_the_work_that_it_follows() -> None:
+    def fails(_: Span) -> None:
+        raise RuntimeError
+
+    tracer = OrderTracer(lambda _: None, ManualClock(start=NOW), fails)
+    tracer.order_changed(dispatchable_order().failed("no vehicle", NOW).status)
+    tracer.begun("T-1-0", 0.0, restored=False)
+    tracer.happened(VdaOrderFinished(ROBOT, "T-1-0"), 0.0)

@@ -6,6 +6,7 @@ IDs are derived from names and a transport order's span is built from its histor
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Final
@@ -14,6 +15,7 @@ from nena_order_service.fleet import outputs
 from nena_order_service.orders.transport_order import EventCode, TransportOrder
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderState, TransportOrderStatus
+from nena_shared.log import get_logger
 from nena_shared.tracing import (
     EVENTS_LIMIT,
     AttributeValue,
@@ -29,6 +31,8 @@ from nena_shared.tracing import (
     vda_order_span_id,
 )
 from nena_shared.vda5050.topics import RobotKey, Topic
+
+log = get_logger(__name__)
 
 PLANNED_AFTER: Final = frozenset(
     {
@@ -63,7 +67,7 @@ def order_spans(status: TransportOrderStatus) -> Iterator[Span]:
     waits_since = status.created
     for entry in status.history:
         if entry.event_code == EventCode.ASSIGNED_TO_VEHICLE:
-            vehicle, *why = entry.supplements
+            vehicle, *why = entry.supplements or ("",)
             found = {"nena.vehicle": vehicle, "nena.reason": cut(" ".join(why))}
             yield part_of_order("dispatch", status.name, waits_since, entry.timestamp, found)
         elif entry.event_code == EventCode.REASSIGNED:
@@ -96,6 +100,15 @@ def _event_of(entry: HistoryEntry) -> SpanEvent:
     return SpanEvent(entry.event_code, entry.timestamp, {"nena.reason": reason} if reason else {})
 
 
+@contextmanager
+def _guarded() -> Iterator[None]:
+    """Log a fault of the tracer instead of passing it on to the work that it follows."""
+    try:
+        yield
+    except Exception:
+        log.exception("an order is not traced completely")
+
+
 @dataclass(slots=True)
 class _Execution:
     """A VDA order that has not ended."""
@@ -125,13 +138,14 @@ class OrderTracer:
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Export the creation of a new order, and the whole of an ended one."""
-        if status.created >= self._since and status.name not in self._created:
-            self._created.add(status.name)
-            self._export(part_of_order("create order", status.name, status.created, self._clock.now()))
-        if status.state.final:
-            self._created.discard(status.name)
-            for span in order_spans(status):
-                self._export(span)
+        with _guarded():
+            if status.created >= self._since and status.name not in self._created:
+                self._created.add(status.name)
+                self._export(part_of_order("create order", status.name, status.created, self._clock.now()))
+            if status.state.final:
+                self._created.discard(status.name)
+                for span in order_spans(status):
+                    self._export(span)
 
     def sequence_changed(self, _: object) -> None:
         """Order sequences have no traces."""
@@ -143,6 +157,21 @@ class OrderTracer:
 
     def begun(self, order_id: str, now: float, *, restored: bool) -> None:  # noqa: ARG002 - monotonic
         """Export the planning of a VDA order that is to be sent."""
+        with _guarded():
+            self._begin(order_id, restored=restored)
+
+    def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:  # noqa: ARG002
+        """Note that an order or an update was sent."""
+        with _guarded():
+            if isinstance(output, outputs.PublishOrder):
+                self._note_message(output)
+
+    def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
+        """Note an event of a VDA order; export its span once it has ended."""
+        with _guarded():
+            self._handle(event)
+
+    def _begin(self, order_id: str, *, restored: bool) -> None:
         moment, order = self._clock.now(), self._find(order_name_of(order_id))
         self._running[order_id] = _Execution(moment, restored)
         if len(self._running) > RUNNING_LIMIT:
@@ -154,17 +183,14 @@ class OrderTracer:
             found: dict[str, AttributeValue] = {"vda5050.order_id": order_id}
             self._export(part_of_order("plan", order.name, starts[-1], moment, found))
 
-    def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:  # noqa: ARG002
-        """Note that an order or an update was sent."""
-        if isinstance(output, outputs.PublishOrder):
-            execution = self._running.get(output.vda_order.order_id)
-            if execution:
-                execution.sent = execution.sent or self._clock.now()
-                execution.messages += 1
-                self._note(execution, "vda5050.orderSent", order_update_id=output.order_update_id)
+    def _note_message(self, output: outputs.PublishOrder) -> None:
+        execution = self._running.get(output.vda_order.order_id)
+        if execution:
+            execution.sent = execution.sent or self._clock.now()
+            execution.messages += 1
+            self._note(execution, "vda5050.orderSent", order_update_id=output.order_update_id)
 
-    def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
-        """Note an event of a VDA order; export its span once it has ended."""
+    def _handle(self, event: outputs.FleetOutput) -> None:
         match event:
             case outputs.VdaOrderAccepted(order_id=order_id) if execution := self._running.get(order_id):
                 self._accepted(order_id, execution)
