@@ -153,6 +153,8 @@ class RobotAgent:
     """Actions of the current order whose end has been logged."""
     _prepared: tuple[State, Outbound] | None = None
     """The next state, encoded while the disk writes what it reports; only the same round may publish it."""
+    _greeting = False
+    """Whether the first state of a connection is still to be published."""
     _shuts_down = False
     """Whether fleet control shuts the robot down."""
 
@@ -200,7 +202,6 @@ class RobotAgent:
         self._visualizations = VisualizationSchedule(
             interval=settings.interval.visualization, now=clock.monotonic()
         )
-        self._greeting = False
         self._commands: asyncio.Queue[events.Hibernate | events.Wake] = asyncio.Queue(COMMANDS_WAITING)
         self._ending = asyncio.Event()
         self._logged_errors: tuple[ErrorEntry, ...] = ()

@@ -161,61 +161,37 @@ def build(
     engine = make_engine(settings, plant, store, clock)
     client_id = _client_id(settings, epoch)
     topics = FleetTopics(settings.topic_prefix)
-    heartbeat = _make_heartbeat(engine, topics, epoch=epoch)
-    hooks = LinkHooks(heartbeat.will, lambda: chain(publisher.greeting(), devices.greeting()))
+    beat = _make_heartbeat(engine, topics, epoch=epoch)
+    hooks = LinkHooks(beat.will, lambda: chain(publisher.greeting(), devices.greeting()))
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
     devices = PeripheralLink(mqtt, topics, engine)
     hosts = _make_host_services(engine, fleet, Webhooks.of(settings.webhooks, store, clock), settings.audit)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
-    stream = EventStream(engine, settings.events)
-    changes, loop_lag = ChangeLog(plant, clock), LoopLag(clock)
+    stream, changes = EventStream(engine, settings.events), ChangeLog(plant, clock)
+    traces, lag = _trace(settings.tracing, engine, fleet), LoopLag(clock)
     _listen(engine, publisher, stream, changes, hosts.webhooks)
-    traces = _trace(settings.tracing, engine, fleet)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     limits = MqttLimits(settings.hosts, clock)
     api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
-    parts = Monitored(
-        engine,
-        fleet,
-        mqtt,
-        api,
-        stream,
-        loop_lag,
-        answers,
-        hosts.webhooks,
-        hosts.schedules.outcomes,
-        _certificates(settings),
-        traces,
-    )
+    runs, certificates = hosts.schedules.outcomes, _certificates(settings)
+    kept = (answers, hosts.webhooks, runs, certificates, traces)
+    parts = Monitored(engine, fleet, mqtt, api, stream, lag, *kept)
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
         asyncapi=cache(lambda: json.dumps(document(topics)).encode()),
-        readiness=lambda: readiness(mqtt, store, loop_lag.longest),
+        readiness=lambda: readiness(mqtt, store, lag.longest),
         max_body=settings.max_body,
         metrics=Exposition(parts, SECTIONS).text,
         mounted={prefix: opentcs.make_app(hosts, operations, engine, changes, change)} if prefix else {},
     )
     app = make_app(operations, stream, service)
     return OrderService(
-        engine,
-        fleet,
-        publisher,
-        heartbeat,
-        sweep,
-        mqtt,
-        app,
-        api,
-        stream,
-        changes,
-        hosts,
-        loop_lag,
-        traces,
-        elected,
+        engine, fleet, publisher, beat, sweep, mqtt, app, api, stream, changes, hosts, lag, traces, elected
     )
 
 
