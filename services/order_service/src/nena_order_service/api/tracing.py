@@ -110,7 +110,7 @@ def _guarded() -> Iterator[None]:
 
 
 @dataclass(slots=True)
-class _Execution:
+class _FollowedOrder:
     """A VDA order that has not ended."""
 
     begin: datetime
@@ -132,7 +132,7 @@ class OrderTracer:
         self._since = clock.now()
         self._created: set[str] = set()
         """Unfinished orders whose creation has been exported."""
-        self._running: dict[str, _Execution] = {}
+        self._running: dict[str, _FollowedOrder] = {}
 
     # Changes of the engine
 
@@ -173,7 +173,7 @@ class OrderTracer:
 
     def _begin(self, order_id: str, *, restored: bool) -> None:
         moment, order = self._clock.now(), self._find(order_name_of(order_id))
-        self._running[order_id] = _Execution(moment, restored)
+        self._running[order_id] = _FollowedOrder(moment, restored)
         if len(self._running) > RUNNING_LIMIT:
             del self._running[next(iter(self._running))]
         if order is None or restored:
@@ -209,12 +209,12 @@ class OrderTracer:
             case _:
                 pass
 
-    def _note(self, execution: _Execution, name: str, **attributes: AttributeValue) -> None:
+    def _note(self, execution: _FollowedOrder, name: str, **attributes: AttributeValue) -> None:
         if len(execution.events) < EVENTS_LIMIT:
             found = {f"vda5050.{key}": value for key, value in attributes.items()}
             execution.events.append(SpanEvent(name, self._clock.now(), found))
 
-    def _accepted(self, order_id: str, execution: _Execution) -> None:
+    def _accepted(self, order_id: str, execution: _FollowedOrder) -> None:
         self._note(execution, "vda5050.orderAccepted")
         if execution.sent and not execution.accepted:
             trace, parent = trace_id_of(order_name_of(order_id)), vda_order_span_id(order_id)
