@@ -68,7 +68,7 @@ def order_spans(status: TransportOrderStatus) -> Iterator[Span]:
     for entry in status.history:
         if entry.event_code == EventCode.ASSIGNED_TO_VEHICLE:
             vehicle, *why = entry.supplements or ("",)
-            found = {"nena.vehicle": vehicle, "nena.reason": cut(" ".join(why))}
+            found: dict[str, AttributeValue] = {"nena.vehicle": vehicle, "nena.reason": cut(" ".join(why))}
             yield part_of_order("dispatch", status.name, waits_since, entry.timestamp, found)
         elif entry.event_code == EventCode.REASSIGNED:
             waits_since = entry.timestamp
@@ -218,7 +218,10 @@ class OrderTracer:
         self._note(execution, "vda5050.orderAccepted")
         if execution.sent and not execution.accepted:
             trace, parent = trace_id_of(order_name_of(order_id)), vda_order_span_id(order_id)
-            found = {"vda5050.order_id": order_id, "nena.messages": execution.messages}
+            found: dict[str, AttributeValue] = {
+                "vda5050.order_id": order_id,
+                "nena.messages": execution.messages,
+            }
             now = self._clock.now()
             self._export(Span("deliver", trace, new_span_id(), parent, execution.sent, now, found))
         execution.accepted = True
