@@ -174,11 +174,9 @@ def build(
     _listen(engine, publisher, stream, changes, hosts.webhooks)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
-    limits = MqttLimits(settings.hosts, clock)
-    api = MqttApi(mqtt, topics, operations, limits=limits, max_body=settings.max_body)
-    runs, certificates = hosts.schedules.outcomes, _certificates(settings)
-    kept = (answers, hosts.webhooks, runs, certificates, traces)
-    parts = Monitored(engine, fleet, mqtt, api, stream, lag, *kept)
+    api = MqttApi(mqtt, topics, operations, MqttLimits(settings.hosts, clock), max_body=settings.max_body)
+    optional = (hosts.webhooks, hosts.schedules.outcomes, _certificates(settings), traces)
+    parts = Monitored(engine, fleet, mqtt, api, stream, lag, answers, *optional)
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,

@@ -128,8 +128,8 @@ class MqttApi:
         mqtt: MqttLink,
         topics: FleetTopics,
         operations: HostOperations,
-        *,
         limits: MqttLimits,
+        *,
         max_body: int,
     ) -> None:
         self._mqtt = mqtt
