@@ -59,6 +59,20 @@ _YARDSTICK = """() => {
 """A fixed workload similar to the map's: JSON and circles."""
 
 
+_COUNT_CALLS = """() => {
+  const prototype = CanvasRenderingContext2D.prototype;
+  window.canvasCalls = 0;
+  for (const [name, { value }] of Object.entries(Object.getOwnPropertyDescriptors(prototype))) {
+    if (typeof value !== "function" || name === "constructor") continue;
+    prototype[name] = function (...values) {
+      window.canvasCalls += 1;
+      return value.apply(this, values);
+    };
+  }
+}"""
+"""Counts each call of a canvas from now on."""
+
+
 async def frames_per_second(page: Page, seconds: float, *, move: bool) -> float:
     """Return the frames per second; with ``move`` the panel's map moves, so that nothing is cached."""
     counted: float = await page.evaluate(_FRAMES, {"seconds": seconds, "move": move})
@@ -90,3 +104,13 @@ async def seconds_for_the_yardstick(page: Page, session: CDPSession) -> float:
     before = await busy_seconds(session)
     await page.evaluate(_YARDSTICK)
     return await busy_seconds(session) - before
+
+
+async def calls_per_frame(page: Page, frames: int = 20) -> float:
+    """Return how often a frame of the moving map calls the canvas; the page counts from the first time on."""
+    if not await page.evaluate("'canvasCalls' in window"):
+        await page.evaluate(_COUNT_CALLS)
+    before: int = await page.evaluate("window.canvasCalls")
+    drawn: int = await page.evaluate(_DRAW, frames)
+    after: int = await page.evaluate("window.canvasCalls")
+    return (after - before) / drawn

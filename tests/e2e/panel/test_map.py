@@ -18,6 +18,7 @@ from support.fleet_examples import ROBOT, connection, factsheet, position, state
 from support.frames import (
     busy_clock,
     busy_seconds,
+    calls_per_frame,
     frames_per_second,
     seconds_for_a_frame,
     seconds_for_the_yardstick,
@@ -30,6 +31,8 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 MAP = "document.querySelector('nena-fleet-map')"
 ROBOTS = 200
 FRAMES_WANTED = 30
+CALLS_OF_A_ROBOT = 36
+"""Of the canvas in a frame, for shape, heading, route, goal, label and battery; measured: 33.6."""
 RUNS, BEGUN_WITHIN = 5, 200.0
 """Measurements, until one is within the limit; none begins after so many seconds."""
 YARDSTICK_SECONDS = 0.13
@@ -149,27 +152,49 @@ async def many_robots(hall: Hall, seconds: float = 0.5) -> None:
     """Publish two hundred driving robots, each with a state every half second."""
     for number in count(1):
         for each in range(ROBOTS):
-            robot = RobotKey("ACME", f"r{each + 1}")
-            turn = number / 8 + each
-            here = position(12 + 11 * sin(turn / 3), 7 + 6 * sin(turn / 5 + each), remainder(turn))
-            ahead = way("South 2", "Middle 2", first=2, released=1)
-            sent = state(
-                number,
-                robot=robot,
-                at=seconds_now(),
-                order_id="o",
-                driving=True,
-                mobile_robot_position=here,
-                **ahead,
-            )
-            hall.send(Topic.STATE, sent, robot=robot)
+            send_driving(hall, each, number)
             await time_passes(seconds / ROBOTS)
+
+
+def send_driving(hall: Hall, which: int, number: int) -> None:
+    """Publish one state of one driving robot."""
+    robot = RobotKey("ACME", f"r{which + 1}")
+    turn = number / 8 + which
+    here = position(12 + 11 * sin(turn / 3), 7 + 6 * sin(turn / 5 + which), remainder(turn))
+    ahead = way("South 2", "Middle 2", first=2, released=1)
+    sent = state(
+        number,
+        robot=robot,
+        at=seconds_now(),
+        order_id="o",
+        driving=True,
+        mobile_robot_position=here,
+        **ahead,
+    )
+    hall.send(Topic.STATE, sent, robot=robot)
 
 
 def remainder(angle: float) -> float:
     return (angle + pi) % (2 * pi) - pi
 
 
+async def test_drawing_a_robot_takes_few_calls(hall: Hall, browser: Browser) -> None:
+    """Count without a clock what each robot adds to a frame: a busy machine changes nothing."""
+    async with hall.connected():
+        hall.publish_plant()
+        hall.send(Topic.CONNECTION, connection(), robot=ROBOT)
+        async with opened(browser, hall.url) as page:
+            calls = list[float]()
+            for known, robots in ((0, 20), (20, ROBOTS)):
+                for each in range(known, robots):
+                    send_driving(hall, each, number=1)
+                await expect(page.get_by_role("tab", name="Robots")).to_have_text(f"Robots ({robots})")
+                calls.append(await calls_per_frame(page))
+    of_a_robot = (calls[1] - calls[0]) / (ROBOTS - 20)
+    assert 0 < of_a_robot <= CALLS_OF_A_ROBOT, calls
+
+
+@pytest.mark.long
 async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, browser: Browser) -> None:
     """Count in the page's own processor time, in units of a yardstick: other work slows down both alike.
 

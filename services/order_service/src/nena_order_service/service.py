@@ -175,8 +175,8 @@ def build(
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     api = MqttApi(mqtt, topics, operations, MqttLimits(settings.hosts, clock), max_body=settings.max_body)
-    optional = (hosts.webhooks, hosts.schedules.outcomes, _certificates(settings), traces)
-    parts = Monitored(engine, fleet, mqtt, api, stream, lag, answers, *optional)
+    ends = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
+    parts = Monitored(engine, fleet, mqtt, api, stream, lag, answers, hosts, certificates=ends, traces=traces)
     prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
     service = Service(
         plant_json=plant_json,
@@ -191,10 +191,6 @@ def build(
     return OrderService(
         engine, fleet, publisher, beat, sweep, mqtt, app, api, stream, changes, hosts, lag, traces, elected
     )
-
-
-def _certificates(settings: OrderServiceSettings) -> Certificates:
-    return Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
 
 
 def _make_heartbeat(engine: Engine, topics: FleetTopics, *, epoch: int) -> Heartbeat:

@@ -4,6 +4,7 @@ import asyncio
 import shutil
 import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,7 +19,8 @@ from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.metrics.exposition import SECTIONS, Exposition
 from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE, documented
-from nena_status_aggregator.settings import AggregatorSettings, JamSettings
+from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, JamSettings
+from support.certificates import Authority
 from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, connection, order_status, position, vehicle_status
 from support.fleet_records import state
@@ -28,9 +30,14 @@ PARTS_OF_HISTOGRAM = {"le"}
 
 
 @pytest.fixture
-def aggregator() -> Aggregator:
+def aggregator(tmp_path: Path) -> Aggregator:
     """Return an aggregator that has received one of everything."""
-    made = Aggregator(AggregatorSettings(jam=JamSettings(robots=0, seconds=0)), ManualClock(start=START))
+    certificate, key = Authority(tmp_path).sign("aggregator")
+    settings = AggregatorSettings(
+        jam=JamSettings(robots=0, seconds=0),
+        http=AggregatorHttpSettings(tls_certificate=certificate, tls_key=key),
+    )
+    made = Aggregator(settings, ManualClock(start=START))
     model, now = made.model, made.now()
     broken = RobotKey("ACME", 'r"2\\')
     model.on_state(

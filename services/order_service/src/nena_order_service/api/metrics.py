@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from http import HTTPStatus
 from importlib.metadata import version
 from time import time
 from typing import Final, Protocol
 
 from nena_order_service.api.events import EventStream
+from nena_order_service.api.host_requests import HostServices
 from nena_order_service.api.mqtt import MqttApi
-from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.fleet.robot import LinkStatus
@@ -76,11 +76,9 @@ class Monitored:
     loop_lag: LoopLag
     answers: Mapping[int, int]
     """Number of HTTP answers by status."""
-    webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
-    schedule_runs: Mapping[str, int] = field(default_factory=dict)
-    """Number of runs of schedules by outcome."""
-    certificates: Certificates = field(default_factory=Certificates)
-    traces: Exporting | None = None
+    hosts: HostServices
+    certificates: Certificates
+    traces: Exporting | None
 
     @property
     def store(self) -> Store:
@@ -177,7 +175,7 @@ ORDERS: Final[Section[Monitored]] = Section(
         counter(
             "nena_order_service_schedule_runs_total",
             "Runs of schedules: `created` an order, or `skipped` (missed in an outage, or refused).",
-            lambda s: s.schedule_runs,
+            lambda s: s.hosts.schedules.outcomes,
             "outcome",
         ),
         counter(
@@ -351,7 +349,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
             "Messages of web hooks: `delivered`, or given up (`dropped`).",
             lambda s: {
                 (each.settings.name, result): count
-                for each in s.webhooks.hooks
+                for each in s.hosts.webhooks.hooks
                 for result, count in (("delivered", each.delivered), ("dropped", each.dropped))
             },
             "webhook",
@@ -360,7 +358,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
         gauge(
             "nena_order_service_webhook_retrying",
             "1 while the receiver of a web hook does not accept a message.",
-            lambda s: {each.settings.name: each.failing for each in s.webhooks.hooks},
+            lambda s: {each.settings.name: each.failing for each in s.hosts.webhooks.hooks},
             "webhook",
         ),
         gauge("nena_event_clients", "Clients of the event stream.", lambda s: s.stream.clients),
