@@ -19,6 +19,8 @@ from support.waiting import PATIENCE, until
 
 ENDED_WITHIN = PATIENCE
 """Seconds that a program has to end in order."""
+LOG_SHOWN = 3000
+"""Last characters of a log that an error shows."""
 
 
 class Program:
@@ -95,7 +97,24 @@ class OrderServiceProgram(Program):
     async def client(self) -> httpx.AsyncClient:
         """Return a client once the program listens."""
         url = (await self.logged(r"http listening.* url=(\S+)", start=self._start)).group(1)
-        return httpx.AsyncClient(base_url=url, timeout=PATIENCE)
+        return httpx.AsyncClient(base_url=url, timeout=PATIENCE, transport=_Explaining(self))
+
+
+class _Explaining(httpx.AsyncHTTPTransport):
+    """Add what a program has logged last to the errors of connections that it did not answer."""
+
+    def __init__(self, program: Program) -> None:
+        super().__init__()
+        self._program = program
+
+    async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
+        try:
+            return await super().handle_async_request(request)
+        except httpx.TransportError as error:
+            error.add_note(
+                f"exit code: {self._program.process.poll()}; its log:\n{self._program.log[-LOG_SHOWN:]}"
+            )
+            raise
 
 
 def _environment() -> dict[str, str]:
