@@ -128,17 +128,16 @@ class Hall:
 
 
 @asynccontextmanager
-async def lanes(folder: Path, robots: int, store: str = "orders.db") -> AsyncIterator[Hall]:
+async def lanes(folder: Path, robots: int, store_url: str = "") -> AsyncIterator[Hall]:
     """Start a broker and an order service for so many robots, each on its lane."""
-    async with serving(folder, _lanes(robots), robots, store) as hall:
+    async with serving(folder, _lanes(robots), robots, store_url) as hall:
         yield hall
 
 
 @asynccontextmanager
-async def serving(
-    folder: Path, plant: PlantModel, robots: int, store: str = "orders.db"
-) -> AsyncIterator[Hall]:
-    """Start a broker and an order service for a plant with so many robots."""
+async def serving(folder: Path, plant: PlantModel, robots: int, store_url: str = "") -> AsyncIterator[Hall]:
+    """Start a broker and an order service for a plant with so many robots; by default its store is a file."""
+    url_of_store = store_url or f"sqlite:///{folder / 'orders.db'}"
     async with Processes(folder) as processes:
         port, http_port = free_port(), free_port()
         await start_broker(processes, port, "mosquitto")
@@ -146,7 +145,7 @@ async def serving(
             "order-service",
             [
                 console_script("nena-order-service"),
-                *("--plant", str(write_plant(folder, plant)), "--store.url", f"sqlite:///{folder / store}"),
+                *("--plant", str(write_plant(folder, plant)), "--store.url", url_of_store),
                 *("--http.port", str(http_port), "--http.burst", "1000000", "--mqtt.port", str(port)),
             ],
         )

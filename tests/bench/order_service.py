@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -11,13 +13,14 @@ from typing import Any
 import httpx
 
 from bench import order_states, order_throughput, rest_to_wire
-from bench.figures import at_least, within
+from bench.figures import at_least, ratio, within
 from bench.lanes import Hall, lanes, order_of, start_of
 from bench.robots import DrivingRobots, InstantRobots
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.database import Changes, write
 from nena_order_service.store.schema import open_database
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from support.postgres import Postgres
 
 FINISHING = 100
 """Robots that finish at once."""
@@ -35,6 +38,9 @@ async def measure(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
     """Run separate order services; return all figures, and which of the targets they meet."""
     async with lanes(folder / "finishing", FINISHING) as hall:
         finishing = await asyncio.to_thread(_finishing, hall, samples)
+    with postgresql() as url:
+        async with lanes(folder / "postgresql", FINISHING, url) as hall:
+            finishing |= {"rest_to_wire_postgresql": await asyncio.to_thread(_latency, hall, samples)}
     async with lanes(folder / "fleet", FLEET) as hall:
         states = await asyncio.to_thread(_states, hall, seconds)
     memory = folder / "memory"
@@ -48,9 +54,13 @@ async def measure(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
 
 def _targets(figures: dict[str, Any]) -> dict[str, Any]:
     wire, orders, states = figures["rest_to_wire"], figures["orders"], figures["states"]
+    sqlite, echo = wire["request_to_order_on_wire"], wire["bare_mqtt_echo"]
+    postgresql_ms = figures["rest_to_wire_postgresql"]["request_to_order_on_wire"]["p50_ms"]
     return {
-        "request_to_order_on_wire_p50_ms": within(wire["request_to_order_on_wire"]["p50_ms"], 4.0),
-        "request_to_order_on_wire_p99_ms": within(wire["request_to_order_on_wire"]["p99_ms"], 12.0),
+        "request_to_order_on_wire_p50_ms": within(sqlite["p50_ms"], 3.0),
+        "request_to_order_on_wire_p50_echoes": within(ratio(sqlite, echo)["p50"], 8.0),
+        "request_to_order_on_wire_p99_ms": within(sqlite["p99_ms"], 12.0),
+        "request_to_order_on_wire_postgresql_p50_ms": within(postgresql_ms, 4.5),
         "orders_per_second": at_least(orders["per_second"], 300.0),
         "orders_per_second_of_one_core": at_least(orders["per_second_of_one_core"], 300.0),
         "orders_sent_more_than_once": within(orders["sent_more_than_once"], 0),
@@ -69,6 +79,25 @@ def _finishing(hall: Hall, samples: int) -> dict[str, Any]:
     wire = rest_to_wire.measure(hall.url, hall.port, robots, samples, body)
     robots.close()
     return {"orders": orders, "rest_to_wire": wire}
+
+
+@contextmanager
+def postgresql() -> Iterator[str]:
+    """Run a PostgreSQL server that writes each commit to the disk, as that of a site does; yield its URL."""
+    server = Postgres(fsync=True)
+    try:
+        yield server.url
+    finally:
+        server.close()
+
+
+def _latency(hall: Hall, samples: int) -> dict[str, Any]:
+    robots = InstantRobots(hall.port, tuple(map(start_of, range(hall.robots))))
+    hall.wait_for_robots()
+    body = partial(order_of, robots=hall.robots)
+    wire = rest_to_wire.measure(hall.url, hall.port, robots, samples, body)
+    robots.close()
+    return wire
 
 
 def _states(hall: Hall, seconds: float) -> dict[str, Any]:

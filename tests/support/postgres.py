@@ -19,10 +19,14 @@ READY_SECONDS = 30
 
 
 class Postgres:
-    """A PostgreSQL server; it refuses to run as root, so as root it is given to the user `postgres`."""
+    """A PostgreSQL server; it refuses to run as root, so as root it is given to the user `postgres`.
 
-    def __init__(self, superuser: str = "nena") -> None:
+    ``fsync``: write each commit to the disk; tests do without.
+    """
+
+    def __init__(self, superuser: str = "nena", *, fsync: bool = False) -> None:
         self._superuser = superuser
+        self._unsafe = () if fsync else ("-F",)
         self._programs = _programs()
         self._folder = Path(tempfile.mkdtemp(prefix="nena-test-postgres-"))
         self._user: dict[str, Any] = {}
@@ -52,7 +56,7 @@ class Postgres:
 
     def start(self) -> None:
         """Start the server and wait until it accepts connections."""
-        options = f"-k {self._folder} -h '' -F"
+        options = " ".join((f"-k {self._folder} -h ''", *self._unsafe))
         log = str(self._folder / "log")
         self._run(
             "pg_ctl", "start", "-w", "-t", str(READY_SECONDS), "-D", str(self._data), "-l", log, "-o", options
