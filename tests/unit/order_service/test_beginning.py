@@ -1,11 +1,15 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 
 import pytest
 
-from nena_order_service.app import has_begun
+from nena_order_service.app import has_begun, serve
+from nena_order_service.settings import OrderServiceSettings, StoreSettings
+from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, TaskFailedError
+from nena_shared.tracing import TracingSettings
 from support.forgetful import cancel_again_at_once, forgetful
 from support.waiting import PATIENCE
 
@@ -98,3 +102,20 @@ async def test_a_start_that_swallows_its_cancellation_is_cancelled_again(
         await asyncio.wait({running}, timeout=PATIENCE / 2)
         assert running.done()
         assert not running.result()
+
+
+async def test_a_standby_without_the_extra_for_traces_ends_at_its_start(
+    settings: OrderServiceSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A program that noticed it only at a takeover would leave the fleet without an order service."""
+    monkeypatch.setitem(sys.modules, "nena_shared.tracing.export", None)
+    stop = asyncio.Event()
+    stop.set()
+    standby = settings.model_copy(
+        update={
+            "store": StoreSettings.model_validate({"url": "postgresql://127.0.0.1:1/nena"}),
+            "tracing": TracingSettings.model_validate({"endpoint": "http://127.0.0.1:1/v1/traces"}),
+        }
+    )
+    with pytest.raises(ConfigurationError, match=r"install the extra nena-order-service\[tracing\]"):
+        await serve(standby, stop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 
 import pytest
 
@@ -16,6 +17,7 @@ from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
 from nena_shared.plant import Path, PlantModel
 from nena_shared.tasks import Supervisor
+from nena_shared.tracing import TracingSettings
 from support.order_service import request
 from support.pausing import time_passes
 
@@ -69,6 +71,19 @@ async def test_uploaded_model_is_activated_and_kept(settings: OrderServiceSettin
         with pytest.raises(StoreNotReadyError, match=CHANGING):
             before.engine.create(request("South 2"), "T-2")
     assert await taken_up(settings, store) == without("South 3")
+    store.close()
+
+
+async def test_a_checked_model_opens_no_connection_to_the_collector(settings: OrderServiceSettings) -> None:
+    tracing = TracingSettings.model_validate({"endpoint": "http://127.0.0.1:1/v1/traces"})
+    traced = settings.model_copy(update={"tracing": tracing})
+    store = Store(open_database(settings.store.location()))
+    async with Supervisor() as supervisor:
+        runner = runner_of(traced, store, supervisor)
+        await runner.begin()
+        for _ in range(3):
+            await runner.change_plant(without("South 3"), check_only=True)
+        assert "span export" not in [each.name for each in threading.enumerate()]
     store.close()
 
 

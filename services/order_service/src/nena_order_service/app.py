@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
+from nena_order_service.api.metrics import DISTRIBUTION
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
 from nena_order_service.fleet.leader import LeaderElection
 from nena_order_service.plant_file import PlantFile, load_plant
@@ -20,6 +21,7 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor, end
+from nena_shared.tracing import Exporting, closing, open_export
 
 log = get_logger(__name__)
 
@@ -68,16 +70,20 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
     """Run the order service until ``stop`` is set; on a shared store it starts as standby.
 
     Raises:
-        ConfigurationError: the plant model cannot be used.
+        ConfigurationError: the plant model cannot be used, or traces cannot be exported.
         StartError: the store cannot be used, or the port is in use.
         TaskFailedError: an essential part has failed, or another order service has taken over the store.
     """
     plant = load_plant(settings.plant)
     run = _serve_shared if is_shared(settings.store.location()) else _serve_alone
-    await run(settings, plant, stop)
+    traces = open_export(settings.tracing, DISTRIBUTION)
+    async with closing(traces):
+        await run(settings, plant, stop, traces)
 
 
-async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
+async def _serve_alone(
+    settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event, traces: Exporting | None
+) -> None:
     url = settings.store.location()
     lock = InstanceLock.take(url)
     engine = open_database(url)
@@ -86,12 +92,22 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
         election = _start_election(settings, supervisor, store_id(engine), epoch, always)
-        runner = _runner(settings, plant, store, supervisor, election=election, answers=server.answers)
+        runner = _runner(
+            settings,
+            plant,
+            store,
+            supervisor,
+            election=election,
+            answers=server.answers,
+            traces=traces,
+        )
         await _begin_and_serve(runner, store, server, supervisor, stop, election=election)
     store.close()
 
 
-async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
+async def _serve_shared(
+    settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event, traces: Exporting | None
+) -> None:
     lead = Lead(settings.store.location())
     server = RestServer(make_standby_app(lambda: lead.active_url, lambda: lead.problem), settings.http)
     store = None
@@ -108,6 +124,7 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
                     election=election,
                     term=lead.lease.term,
                     answers=server.answers,
+                    traces=traces,
                 )
                 await _begin_and_serve(runner, store, server, supervisor, stop, election=election)
         finally:
@@ -161,6 +178,7 @@ def _runner(
     election: LeaderElection,
     term: Term = always,
     answers: Mapping[int, int],
+    traces: Exporting | None,
 ) -> ServiceRunner:
     def make(model: PlantModel) -> OrderService:
         return build(
@@ -172,6 +190,7 @@ def _runner(
             change_plant=runner.change_plant,
             elected=election.won,
             answers=answers,
+            traces=traces,
         )
 
     runner = ServiceRunner(plant, store, supervisor, make=make)

@@ -22,7 +22,7 @@ from nena_order_service.api.audit import Trail, record_current, recorder
 from nena_order_service.api.audit_states import ObjectStates
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
-from nena_order_service.api.metrics import DISTRIBUTION, SECTIONS, Monitored
+from nena_order_service.api.metrics import SECTIONS, Monitored
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.opentcs_events import ChangeLog
 from nena_order_service.api.opentcs_plant import EditPlant
@@ -63,7 +63,7 @@ from nena_shared.mqtt import LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, end
-from nena_shared.tracing import Exporting, TracingSettings, open_export
+from nena_shared.tracing import Exporting
 from nena_shared.vda5050.topics import TopicScheme
 
 log = get_logger(__name__)
@@ -91,7 +91,6 @@ class OrderService:
     changes: ChangeLog
     hosts: HostServices
     loop_lag: LoopLag
-    traces: Exporting | None
     elected: asyncio.Event | None = None
     """Set once this order service leads the fleet; nothing is sent before. None: no election."""
 
@@ -137,8 +136,6 @@ class OrderService:
         self.publisher.close()
         self.heartbeat.end(self.mqtt)
         await self.mqtt_api.close()
-        if self.traces:
-            await self.traces.close()
 
 
 def build(
@@ -151,6 +148,7 @@ def build(
     change_plant: ChangePlant | None = None,
     elected: asyncio.Event | None = None,
     answers: Mapping[int, int] = MappingProxyType({}),  # HTTP answers by status, for the metrics
+    traces: Exporting | None = None,
 ) -> OrderService:
     """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
@@ -159,8 +157,7 @@ def build(
     """
     clock = SystemClock()
     engine = make_engine(settings, plant, store, clock)
-    client_id = _client_id(settings, epoch)
-    topics = FleetTopics(settings.topic_prefix)
+    client_id, topics = _client_id(settings, epoch), FleetTopics(settings.topic_prefix)
     beat = _make_heartbeat(engine, topics, epoch=epoch)
     hooks = LinkHooks(beat.will, lambda: chain(publisher.greeting(), devices.greeting()))
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
@@ -169,9 +166,9 @@ def build(
     hosts = _make_host_services(engine, fleet, Webhooks.of(settings.webhooks, store, clock), settings.audit)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
-    stream, changes = EventStream(engine, settings.events), ChangeLog(plant, clock)
-    traces, lag = _trace(settings.tracing, engine, fleet), LoopLag(clock)
+    stream, changes, lag = EventStream(engine, settings.events), ChangeLog(plant, clock), LoopLag(clock)
     _listen(engine, publisher, stream, changes, hosts.webhooks)
+    _trace(traces, engine, fleet)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     api = MqttApi(mqtt, topics, operations, MqttLimits(settings.hosts, clock), max_body=settings.max_body)
@@ -189,7 +186,7 @@ def build(
     )
     app = make_app(operations, stream, service)
     return OrderService(
-        engine, fleet, publisher, beat, sweep, mqtt, app, api, stream, changes, hosts, lag, traces, elected
+        engine, fleet, publisher, beat, sweep, mqtt, app, api, stream, changes, hosts, lag, elected
     )
 
 
@@ -216,14 +213,12 @@ def _listen(
     engine.unit_of_work.peripheral_listeners += [publisher, changes]
 
 
-def _trace(settings: TracingSettings, engine: Engine, fleet: FleetLink) -> Exporting | None:
-    """Trace orders if that is enabled; raises ConfigurationError if the extra is not installed."""
-    traces = open_export(settings, DISTRIBUTION)
+def _trace(traces: Exporting | None, engine: Engine, fleet: FleetLink) -> None:
+    """Trace orders if ``traces`` exports them."""
     if traces:
         tracer = OrderTracer(engine.state.orders.named, engine.clock, traces)
         engine.unit_of_work.listeners.append(tracer)
         fleet.listeners.append(tracer)
-    return traces
 
 
 def make_fleet(
