@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
+import ssl
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from pathlib import Path
 from typing import Final
 
 from opentelemetry import trace
@@ -25,6 +28,7 @@ from opentelemetry.sdk.trace.id_generator import IdGenerator
 from opentelemetry.sdk.trace.sampling import TraceIdRatioBased
 
 from nena_shared.log import get_logger
+from nena_shared.settings import ConfigurationError
 from nena_shared.tracing import Span, TracingSettings
 
 log = get_logger(__name__)
@@ -62,14 +66,34 @@ class _Ended(SpanProcessor):
         self.spans.append(span)
 
 
+class _Reason(logging.Handler):
+    """Keeps the first message about an export, which names the cause; the last one may only say "timeout"."""
+
+    text = ""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.text = self.text or re.sub(r"\?\S+", "?...", record.getMessage())  # queries may be secret
+
+
 class SpanExport:
     """A bounded queue of spans, and the thread that exports them; only this thread uses the SDK."""
 
     def __init__(
         self, settings: TracingSettings, service: str, version: str, exporter: SpanExporter | None = None
     ) -> None:
-        """``exporter`` replaces the one to ``tracing.endpoint``, for tests."""
-        logging.getLogger("opentelemetry").setLevel(logging.CRITICAL)  # it logs each failed attempt
+        """``exporter`` replaces the one to ``tracing.endpoint``, for tests.
+
+        Raises:
+            ConfigurationError: ``tracing.ca`` cannot be read or is not PEM.
+        """
+        if settings.ca:
+            _check_ca(settings.ca)
+        logging.getLogger("opentelemetry").setLevel(logging.CRITICAL)
+        self._reason = _Reason()
+        attempts = logging.getLogger("opentelemetry.exporter")
+        attempts.setLevel(logging.WARNING)
+        attempts.propagate = False  # each failed attempt is logged
+        attempts.addHandler(self._reason)
         self._exporter = exporter or OTLPSpanExporter(
             endpoint=str(settings.endpoint),
             certificate_file=str(settings.ca) if settings.ca else None,
@@ -127,7 +151,7 @@ class SpanExport:
 
     def _export(self, batch: Sequence[Span]) -> bool:
         """Return whether the collector has accepted a batch."""
-        self._ended.spans = []
+        self._ended.spans, self._reason.text = [], ""
         try:
             for span in batch:
                 self._convert(span)
@@ -146,7 +170,10 @@ class SpanExport:
             if works:
                 log.info("traces are exported again")
             else:
-                log.warning("traces cannot be exported; check tracing.endpoint and the collector")
+                log.warning(
+                    "traces cannot be exported; check tracing.endpoint and the collector",
+                    reason=self._reason.text,
+                )
 
     def _convert(self, span: Span) -> None:
         self._ids.trace_id, self._ids.span_id = span.trace_id, span.span_id
@@ -162,6 +189,13 @@ class SpanExport:
         if span.error:
             made.set_status(trace.StatusCode.ERROR, span.error)
         made.end(_nanoseconds(max(span.begin, span.end)))
+
+
+def _check_ca(file: Path) -> None:
+    try:
+        ssl.create_default_context(cafile=file)
+    except (OSError, ssl.SSLError) as error:
+        raise ConfigurationError([f"tracing.ca: {file}: {error.strerror or error}"]) from error
 
 
 def _context(trace_id: int, span_id: int) -> Context:

@@ -5,12 +5,16 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
 
 import pytest
 from opentelemetry.sdk.trace import ReadableSpan
 from opentelemetry.sdk.trace.export import SpanExporter, SpanExportResult
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
+from structlog.testing import capture_logs
 
+from nena_shared.settings import ConfigurationError
 from nena_shared.tracing import Span, SpanEvent, TraceContext, TracingSettings
 from nena_shared.tracing import export as export_module
 from nena_shared.tracing.export import SpanExport
@@ -100,3 +104,46 @@ async def test_a_stuck_collector_costs_spans_and_no_time(monkeypatch: pytest.Mon
     assert export.outcomes["dropped"] == 3
     stuck.released.set()
     await until(lambda: export.outcomes["failed"] == 4, what="the end of the thread")
+
+
+class Refusing(BaseHTTPRequestHandler):
+    """A collector that wants a login."""
+
+    def do_POST(self) -> None:
+        self.rfile.read(int(self.headers["content-length"]))
+        self.send_response(401)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Log nothing."""
+
+
+async def test_the_log_says_why_spans_are_not_exported_without_secrets_of_the_url() -> None:
+    with HTTPServer(("127.0.0.1", 0), Refusing) as server, capture_logs() as logs:
+        threading.Thread(target=server.handle_request, daemon=True).start()
+        endpoint = f"http://127.0.0.1:{server.server_port}/v1/traces?key=secret"
+        export = SpanExport(TracingSettings.model_validate({"endpoint": endpoint}), "nena", "1")
+        export(SPAN)
+        await until(lambda: export.outcomes["failed"] == 1, what="the failed export")
+        await export.close()
+    (warning,) = (each for each in logs if each["event"].startswith("traces cannot be exported"))
+    assert "401" in warning["reason"]
+
+    with capture_logs() as logs:
+        export = SpanExport(TracingSettings.model_validate({"endpoint": endpoint}), "nena", "1")
+        export(SPAN)
+        await export.close()
+        await until(lambda: export.outcomes["failed"] == 1, what="the refused connection")
+        await until(lambda: bool(logs), what="the log line")
+    assert "refused" in logs[0]["reason"]
+    assert "secret" not in str(logs)
+
+
+@pytest.mark.parametrize("content", [None, "not PEM"])
+def test_an_unusable_ca_is_named_at_the_start(tmp_path: Path, content: str | None) -> None:
+    ca = tmp_path / "ca.pem"
+    if content:
+        ca.write_text(content)
+    settings = SETTINGS.model_copy(update={"ca": ca})
+    with pytest.raises(ConfigurationError, match=r"tracing\.ca: .*ca\.pem: "):
+        SpanExport(settings, "nena", "1")
