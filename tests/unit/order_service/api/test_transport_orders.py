@@ -84,6 +84,9 @@ TRACE = "0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
     [
         (f"00-{TRACE}", f"00-{TRACE}"),
         (f"cc-{TRACE}-later", f"00-{TRACE}"),
+        (f"00-{TRACE}-later", None),
+        (f"00-{'0' * 32}-b7ad6b7169203331-01", None),
+        (f"00-0af7651916cd43dd8448eb211c80319c-{'0' * 16}-01", None),
         (f"ff-{TRACE}", None),
         (f"00-{TRACE.upper()}", None),
         ("00-1-2-3", None),

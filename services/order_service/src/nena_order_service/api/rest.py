@@ -76,7 +76,9 @@ PAGES = {
     "/readyz": "what is ready",
 }
 """Where the start page leads."""
-TRACEPARENT_HEADER = re.compile(r"(?!ff)[0-9a-f]{2}(-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2})(?=-|$)")
+TRACEPARENT_HEADER = re.compile(
+    r"(?!ff|00.{53}-)[0-9a-f]{2}(-(?!0{32})[0-9a-f]{32}-(?!0{16})[0-9a-f]{16}-[0-9a-f]{2})(?=-|$)"
+)
 START_PAGE = f"""<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>NeNa order service</title>
 <h1>NeNa order service</h1>
@@ -281,7 +283,7 @@ def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) ->
 def _traceparent(http: Request) -> str | None:
     """Return the header ``traceparent`` in version 00; None without a valid one, which is ignored.
 
-    Later versions begin like version 00 (W3C Trace Context, section 4.3).
+    Only later versions may be longer; they begin like version 00 (W3C Trace Context, sections 3.2 and 4.3).
     """
     found = TRACEPARENT_HEADER.match(http.headers.get("traceparent", ""))
     return f"00{found[1]}" if found else None
