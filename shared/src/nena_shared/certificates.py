@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ssl
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -36,21 +38,39 @@ class Certificates:
     """The certificate files of a program, if it has any."""
 
     http: Path | None = None
-    """Of its HTTP server."""
+    """Of its HTTP server, which uses the file as it was at the start."""
     mqtt: Path | None = None
-    """With which it identifies itself at the broker."""
+    """With which it identifies itself at the broker; each connection reads the file again."""
 
     def ends(self) -> Mapping[str, float]:
         """Return the end of validity by purpose, Unix time; without certificates that cannot be read."""
         found: dict[str, float] = {}
-        for purpose, file in (("http", self.http), ("mqtt", self.mqtt)):
+        for purpose, file, end_of in (("http", self.http, _end_at_start), ("mqtt", self.mqtt, _end)):
             if file is None:
                 continue
             try:
-                found[purpose] = not_after(file.read_text(encoding="ascii")).timestamp()
+                found[purpose] = end_of(file)
             except (OSError, ValueError) as error:
                 log.warning("certificate unreadable", file=str(file), reason=str(error))
         return found
+
+
+def _end(file: Path) -> float:
+    """Return the end of validity, Unix time; comments around the certificate may have any encoding."""
+    return not_after(file.read_text(encoding="latin-1")).timestamp()
+
+
+@cache
+def _end_at_start(file: Path) -> float:
+    """Return what the first call in this program has found."""
+    return _end(file)
+
+
+def remember_http(file: Path | None) -> None:
+    """Read the certificate that an HTTP server has loaded, before the file is renewed."""
+    if file:
+        with suppress(OSError, ValueError):
+            _end_at_start(file)
 
 
 def not_after(pem: str) -> datetime:

@@ -175,9 +175,9 @@ def certificate_metric(certificates: Callable[[S], Certificates]) -> Metric[S]:
     """Return the metric of a program's certificates."""
     return gauge(
         "nena_certificate_expiry_timestamp_seconds",
-        "End of validity of the program's certificate files, Unix time: `http` (`http.tls_certificate`) and "
-        "`mqtt` (`mqtt.tls.certificate`). Renewed files count at once, even if the program must be restarted "
-        "to use them.",
+        "End of validity of the certificates that the program uses, Unix time: `http` "
+        "(`http.tls_certificate`, as it was at the start; a renewed file counts after a restart) and `mqtt` "
+        "(`mqtt.tls.certificate`, whose renewed file counts at once).",
         lambda s: certificates(s).ends(),
         "certificate",
     )

@@ -10,7 +10,13 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from nena_shared.certificates import Certificates, not_after
+from nena_shared.web.server import HttpServer
+from nena_shared.web.settings import HttpSettings
 from support.certificates import Authority
+
+
+async def nothing_served(*_: object) -> None:
+    """Answer nothing."""
 
 
 def pem_until(end: datetime, *, subject: str = "nena") -> str:
@@ -75,10 +81,24 @@ def test_unreadable_files_are_left_out(tmp_path: Path) -> None:
     assert Certificates().ends() == {}
 
 
-def test_renewed_file_counts_at_once(tmp_path: Path) -> None:
+def test_renewed_file_counts_once_the_program_uses_it(tmp_path: Path) -> None:
+    """The HTTP server presents the certificate that it has read at its start until the program ends."""
     authority = Authority(tmp_path)
-    files = authority.sign("robot")
-    certificates = Certificates(http=files.certificate)
-    before = certificates.ends()["http"]
-    authority.sign("robot", days=100)
-    assert certificates.ends()["http"] > before
+    server, client = authority.sign("server"), authority.sign("client")
+    HttpServer(
+        nothing_served, HttpSettings(port=0, tls_certificate=server.certificate, tls_key=server.key)
+    ).close()
+    authority.sign("server", days=100)
+    authority.sign("client", days=100)
+    ends = Certificates(server.certificate, client.certificate).ends()
+    in_days = {name: round((end - datetime.now(UTC).timestamp()) / 86400) for name, end in ends.items()}
+    assert in_days == {"http": 1, "mqtt": 100}
+
+
+def test_comments_around_a_certificate_may_have_any_encoding(tmp_path: Path) -> None:
+    """OpenSSL ignores them."""
+    end = datetime(2030, 1, 1, tzinfo=UTC)
+    file = tmp_path / "commented.pem"
+    for encoding in ("utf-8", "latin-1"):
+        file.write_bytes(f"subject=O = Straße\r\n{pem_until(end)}".encode(encoding))
+        assert Certificates(mqtt=file).ends() == {"mqtt": end.timestamp()}

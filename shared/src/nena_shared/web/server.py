@@ -20,6 +20,7 @@ import uvicorn
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from nena_shared.certificates import remember_http
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
 from nena_shared.rate_limit import RateLimit
@@ -326,6 +327,7 @@ class HttpServer:
             ssl_keyfile=settings.tls_key,
         )
         _load(config, settings)
+        remember_http(settings.tls_certificate)
         logging.getLogger("uvicorn.error").addFilter(SELDOM)
         self._server = _Server(config)
         self._host = settings.host
