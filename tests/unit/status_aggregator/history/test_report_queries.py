@@ -193,3 +193,26 @@ def test_failures_are_limited(engine: Engine, monkeypatch: pytest.MonkeyPatch) -
     ]
     database.write(engine, errors)
     assert [each["cause"] for each in report(engine)["failures"]] == ["e5", "e1", "e2"]
+
+
+def test_cost_does_not_multiply_with_the_number_of_outages(engine: Engine) -> None:
+    """A flapping connection to the broker must not occupy the reports for hours."""
+    start, steps = datetime(2026, 1, 1, tzinfo=UTC), [0]
+    made = []
+    for number in range(1000):
+        at = start + timedelta(seconds=number)
+        if number % 10 == 0:
+            made.append(Event(at, Code.LINK, "", values={"connected": True, "started": True}))
+        values: dict[str, Any] = {"condition": "BUSY" if number % 2 else "IDLE", "reason": "r"}
+        made.append(Event(at, Code.CONDITION, "", "A/1", values=values))
+    database.write(engine, made)
+
+    def count() -> None:
+        steps[0] += 1000
+
+    if engine.dialect.name == "sqlite":
+        with engine.connect() as connection:
+            connection.connection.driver_connection.set_progress_handler(count, 1000)  # type: ignore[union-attr]
+    found = report(engine, start, start + timedelta(seconds=1000))
+    assert found["recordedSeconds"] < 1000
+    assert steps[0] < 1_000_000, "steps of SQLite's virtual machine"

@@ -288,38 +288,83 @@ def _changes(period: Period) -> Subquery:
 
 
 def _spent(period: Period, down: Sequence[Outage]) -> Subquery:
-    """Return the parts of the range that robots spent in a condition, without outages: ``spent``, ms."""
-    changes = _changes(period)
-    following = func.lead(changes.c.time).over(partition_by=changes.c.robot, order_by=changes.c.id)
-    steps = select(changes, following.label("following")).subquery("steps")
-    end: ColumnElement[Any] = func.coalesce(steps.c.following, period.until)
-    if restarts := [each for each in down if each.restart]:
-        run = _as_table(restarts, "runs")
-        cut = select(func.min(run.c.begin)).where(run.c.end > steps.c.time).scalar_subquery()
-        end = _least(end, func.coalesce(cut, period.until))
-    bounded = select(
-        steps.c.robot,
-        steps.c.condition,
-        steps.c.cause,
-        _greatest(steps.c.time, literal(period.since, BigInteger)).label("begin"),
-        _least(end, literal(period.until, BigInteger)).label("end"),
-    ).subquery("bounded")
-    spent = bounded.c.end - bounded.c.begin
-    if down:
-        gap = _as_table(down, "outages")
-        overlap = _least(gap.c.end, bounded.c.end) - _greatest(gap.c.begin, bounded.c.begin)
-        lost = select(func.sum(overlap)).where(gap.c.begin < bounded.c.end, gap.c.end > bounded.c.begin)
-        spent -= func.coalesce(lost.scalar_subquery(), 0)
-    known = and_(bounded.c.condition.is_not(None), bounded.c.end > bounded.c.begin)
-    return select(bounded, spent.label("spent")).where(known).subquery("spent")
+    """Return the parts of the range that robots spent in a condition, without outages: ``spent``, ms.
+
+    ``up`` is a time without the outages before it, so that a difference of two has none. The cost does not
+    depend on the number of outages.
+    """
+    placed = _placed(_changes(period), down)
+    robots: dict[str, Any] = {"partition_by": placed.c.robot, "order_by": placed.c.id}
+    steps = select(
+        placed,
+        func.lead(placed.c.time).over(**robots).label("next_time"),
+        func.lead(placed.c.up).over(**robots).label("next_up"),
+    ).subquery("steps")
+
+    def up(time: int) -> int:
+        return time - sum(each.within(each.begin, time) for each in down)
+
+    columns = steps.c
+    begin, end = _bounded(columns.time, (columns.next_time, columns.cut_time), period.since, period.until)
+    begin_up, end_up = _bounded(
+        columns.up, (columns.next_up, columns.cut_up), up(period.since), up(period.until)
+    )
+    known = and_(columns.condition.is_not(None), end > begin)
+    parts = select(columns.robot, columns.condition, columns.cause, (end_up - begin_up).label("spent"))
+    return parts.where(known).subquery("spent")
 
 
-def _as_table(down: Iterable[Outage], name: str) -> FromClause:
-    rows = [
-        select(literal(each.begin, BigInteger).label("begin"), literal(each.end, BigInteger).label("end"))
-        for each in down
+def _bounded(
+    begin: ColumnElement[Any], ends: Sequence[ColumnElement[Any]], since: int, until: int
+) -> tuple[ColumnElement[Any], ColumnElement[Any]]:
+    """Return the begin and the first end (null: none), both within the range."""
+    first, last = literal(since, BigInteger), literal(until, BigInteger)
+    one, other = (func.coalesce(each, last) for each in ends)
+    return _greatest(begin, first), _least(_least(one, other), last)
+
+
+def _placed(changes: Subquery, down: Sequence[Outage]) -> Subquery:
+    """Return changes with their ``up``, and where the first restart after them cuts them off."""
+    columns = ("id", "robot", "time", "condition", "cause")
+    marks: list[list[ColumnElement[Any]]] = []
+    lost = 0
+    for each in sorted(down, key=lambda each: (each.begin, each.end)):
+        cut = (each.begin, each.begin - lost) if each.restart else (None, None)
+        marks += [_mark(each.begin, -each.begin, 1), _mark(each.end, each.end, -1, *cut)]
+        lost += each.end - each.begin
+    rows = union_all(
+        select(*(changes.c[name] for name in columns), *_mark_values(1)), *(select(*each) for each in marks)
+    ).subquery("rows")
+    order: dict[str, Any] = {"order_by": (rows.c.time, rows.c.kind)}
+    lost_before = func.sum(rows.c.moved).over(rows=(None, 0), **order)
+    lost_now = func.sum(rows.c.opened).over(rows=(None, 0), **order) * rows.c.time
+    return select(
+        *(rows.c[name] for name in columns),
+        (rows.c.time - lost_before - lost_now).label("up"),
+        func.min(rows.c.cut_time).over(rows=(0, None), **order).label("cut_time"),
+        func.min(rows.c.cut_up).over(rows=(0, None), **order).label("cut_up"),
+    ).subquery("placed")
+
+
+def _mark(
+    time: int, moved: int, opened: int, cut_time: int | None = None, cut_up: int | None = None
+) -> list[ColumnElement[Any]]:
+    """Return a row at the begin or end of an outage; it comes before changes at the same time."""
+    nothing: tuple[Any, ...] = (BigInteger, Text, BigInteger, Text, Text)
+    names = ("id", "robot", "time", "condition", "cause")
+    empty: list[ColumnElement[Any]] = [
+        cast(null(), kind).label(name) for kind, name in zip(nothing, names, strict=True)
     ]
-    return union_all(*rows).cte(name)
+    empty[2] = literal(time, BigInteger).label("time")
+    return [*empty, *_mark_values(0, moved, opened, cut_time, cut_up)]
+
+
+def _mark_values(
+    kind: int, moved: int = 0, opened: int = 0, cut_time: int | None = None, cut_up: int | None = None
+) -> list[ColumnElement[Any]]:
+    """Return what a row adds to the time lost before it: ``moved`` + ``opened`` x time, ms."""
+    values = {"kind": kind, "moved": moved, "opened": opened, "cut_time": cut_time, "cut_up": cut_up}
+    return [cast(literal(value, BigInteger), BigInteger).label(name) for name, value in values.items()]
 
 
 def _least(one: ColumnElement[Any], other: ColumnElement[Any]) -> ColumnElement[Any]:
