@@ -14,6 +14,7 @@ from nena_order_service.engine import schedules as engine_schedules
 from nena_order_service.engine.schedules import Schedules
 from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from support.clocks import ManualClock
 
 START = datetime(2026, 3, 28, 12, tzinfo=UTC)
@@ -219,6 +220,29 @@ async def test_due_run_waits_for_the_store(
     assert await orders(client) == ["milk-run-20260329T040000Z"]
 
 
+async def test_schedule_that_fails_is_retried_and_holds_up_no_other(
+    client: httpx.AsyncClient, service: OrderService, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine_schedules, "LOOK_INTERVAL", 0.0)
+    await put(client)
+    await put(client, "/v1/schedules/other")
+    create = service.engine._life_cycle.create
+
+    def fail(request: TransportOrderRequest, name: str) -> None:
+        if name.startswith("milk-run"):
+            raise RuntimeError(name)
+        create(request, name)
+
+    clock.advance(16 * HOUR)
+    with monkeypatch.context() as failing:
+        failing.setattr(service.engine._life_cycle, "create", fail)
+        await run_due(service)
+    assert await orders(client) == ["other-20260329T040000Z"]
+    assert (await client.get(MILK_RUN)).json()["createdOrders"] == 0, "it has no order yet"
+    await run_due(service)
+    assert await orders(client) == ["other-20260329T040000Z", "milk-run-20260329T040000Z"]
+
+
 @pytest.mark.parametrize(
     ("fields", "status", "problem"),
     [
@@ -276,9 +300,11 @@ async def test_mqtt_command_is_the_same_definition(service: OrderService, clock:
 
 async def test_unreadable_schedule_is_left_out(service: OrderService, client: httpx.AsyncClient) -> None:
     await put(client)
+    stored = (await service.store.documents("schedule"))["milk-run"]
     documents = service.engine.state.pending.stored.documents
     with service.engine.unit_of_work.begin():
         documents["schedule", "broken"] = "{}"
+        documents["schedule", "another-cron"] = stored.replace("0 6 * * *", "0 25 * * *")
     await service.engine.unit_of_work.wait_committed()
     again = Schedules(service.engine)
     await again.load()

@@ -439,10 +439,10 @@ class Engine:
         return self.state.orders.get(order.number)
 
     def create_with(self, progress: Callable[[], None], request: TransportOrderRequest, name: str) -> None:
-        """Create an order of a validated request and make another change, both in one unit of work."""
+        """Create an order of a validated request, then make another change, both in one unit of work."""
         with self.change():
-            progress()
             self._life_cycle.create(request, name)
+            progress()  # last: a unit of work that fails is committed as far as it got
 
     def withdraw(self, number: int, reason: str, *, immediate: bool = True) -> None:
         """Withdraw an order that has not ended; see :meth:`LifeCycle.withdraw`."""

@@ -15,6 +15,7 @@ from datetime import datetime
 from functools import partial
 from typing import Final
 
+from cronsim import CronSimError
 from pydantic import ValidationError
 
 from nena_order_service.engine.engine import Engine
@@ -39,7 +40,7 @@ LOOK_INTERVAL: Final = 1.0
 
 CREATED: Final = "created"
 SKIPPED: Final = "skipped"
-LONG_AGO: Final = f"missed more than {LOOK_BACK.days} days ago, as all later ones until then"
+LONG_AGO: Final = f"skipped with all other runs that were missed more than {LOOK_BACK.days} days ago"
 LATE: Final = "created late: the order service was not active at this time"
 
 
@@ -82,7 +83,7 @@ class Schedules:
         for name, document in (await self._engine.store.documents(SCHEDULE)).items():
             try:
                 self._known[name] = _Planned.of(Schedule.model_validate_json(document))
-            except (ValidationError, KeyError, ValueError, OSError):  # or a time zone that is unknown here
+            except (ValidationError, CronSimError, KeyError, ValueError, OSError):  # or an unknown time zone
                 log.exception("stored schedule is unreadable", schedule=name)
         self._visible = dict(self._known)
 
@@ -168,7 +169,8 @@ class Schedules:
         await self.run_due()
 
     async def run_due(self) -> None:
-        """Create the orders that are due now; while the store cannot be written, try again later."""
+        """Create the orders that are due now; retry later what fails, without holding up other schedules."""
+        failed = False
         for name in list(self._known):
             try:
                 async with self._one_by_one:
@@ -176,8 +178,13 @@ class Schedules:
                         await self._run(name, self._engine.clock.now())
             except StoreNotReadyError as error:
                 log.warning("schedule waits for the store", schedule=name, reason=str(error))
-                await asyncio.sleep(LOOK_INTERVAL)
-                return
+                failed = True
+                break
+            except Exception:
+                log.exception("schedule failed; retrying", schedule=name)
+                failed = True
+        if failed:
+            await asyncio.sleep(LOOK_INTERVAL)
 
     async def _change(self, name: str, definition: ScheduleRequest, now: datetime) -> None:
         """Use another definition from now on; what is due until now follows the previous one."""
