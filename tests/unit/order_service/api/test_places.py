@@ -8,8 +8,10 @@ from typing import Any
 import httpx
 import pytest
 
+from nena_order_service.api.place_requests import PlaceRequests
 from nena_order_service.service import OrderService
-from nena_shared.fleet_api.places import LocationStatus, PointStatus
+from nena_shared.fleet_api.places import LocationsQuery, LocationStatus, PointsQuery, PointStatus
+from nena_shared.plant import Link, Location, LocationType, PlantModel, Point
 from support.fleet_examples import state
 
 
@@ -102,3 +104,60 @@ async def test_locations_are_filtered_by_type_point_and_operation(client: httpx.
     assert one.name in {each["name"] for each in await found(client, "locations", point=point)}
     assert {each["type"] for each in await found(client, "locations", type=one.type)} == {one.type}
     assert (await client.get("/v1/locations", params={"point": "Nowhere"})).status_code == 404
+
+
+SHELF = PlantModel(
+    name="shelf",
+    points=(Point(name="A", x_mm=0, y_mm=0), Point(name="B", x_mm=0, y_mm=1000)),
+    location_types=(LocationType(name="Shelf", allowed_operations=("Load", "Unload")),),
+    locations=(
+        Location(
+            name="S",
+            type="Shelf",
+            x_mm=0,
+            y_mm=0,
+            links=(Link(point="A", allowed_operations=("Load", "Juggle")), Link(point="B")),
+        ),
+    ),
+)
+
+
+@pytest.fixture
+def shelf(service: OrderService, monkeypatch: pytest.MonkeyPatch) -> PlaceRequests:
+    monkeypatch.setattr(service.engine, "plant", SHELF)
+    return PlaceRequests(service.engine)
+
+
+def test_a_link_offers_no_more_than_the_type_of_its_location(shelf: PlaceRequests) -> None:
+    """As orders are checked: they are refused what the location type lacks."""
+    assert [(each.point, each.operations) for each in shelf.location("S").links] == [
+        ("A", ("Load",)),
+        ("B", ("Load", "Unload")),
+    ]
+    found = {
+        (operation, point): bool(shelf.locations(LocationsQuery(operation=operation, point=point)).locations)
+        for operation in ("Load", "Unload", "Juggle", "NOP")
+        for point in (None, "A", "B")
+    }
+    assert {each for each, offered in found.items() if not offered} == {
+        ("Unload", "A"),
+        ("Juggle", None),
+        ("Juggle", "A"),
+        ("Juggle", "B"),
+    }
+
+
+async def test_only_what_a_page_contains_is_described(
+    shelf: PlaceRequests, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With 10,000 places, describing all of them would block other requests for over 0.1 s."""
+    described: list[str] = []
+
+    def noted(place: Point | Location, *_: object) -> None:
+        described.append(place.name)
+
+    monkeypatch.setattr(shelf, "_point_status", noted)
+    monkeypatch.setattr(shelf, "_location_status", noted)
+    await shelf.points(PointsQuery(vehicle="Robot-01"))
+    shelf.locations(LocationsQuery(operation="Juggle"))
+    assert described == []

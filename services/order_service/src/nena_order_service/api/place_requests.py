@@ -6,6 +6,7 @@ import asyncio
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import islice
 from typing import TypeVar
 
 from nena_order_service.engine.engine import Engine
@@ -21,7 +22,7 @@ from nena_shared.fleet_api.places import (
     PointStatus,
 )
 from nena_shared.plant import Location, Point
-from nena_shared.plant.model import NO_OPERATION, LocationType
+from nena_shared.plant.model import NO_OPERATION
 
 LOOKED_AT_ONCE = 100
 """Number of vehicles located before other tasks run; each takes up to 0.1 ms."""
@@ -46,22 +47,20 @@ class PlaceRequests:
         """
         if query.vehicle is not None and self._engine.registry.named(query.vehicle) is None:
             raise UnknownVehicleError(query.vehicle)
-        occupants = await self._occupants()
         if query.after is not None:
             self._point(query.after)
-        found: list[PointStatus] = []
-        for point in _behind(self._plant.points, query.after):
-            if query.type and point.type not in query.type:
-                continue
-            if query.map_id is not None and point.map_id != query.map_id:
-                continue
-            status = self._point_status(point, occupants.get(point.name, ()))
-            if query.vehicle is None or query.vehicle in (*status.occupied_by, *status.reserved_by):
-                found.append(status)
-            if len(found) > query.limit:
-                break
-        page = tuple(found[: query.limit])
-        return PointPage(points=page, next=page[-1].name if len(found) > query.limit else None)
+        occupants = await self._occupants()
+        holders, vehicle = self._engine.traffic.holders, query.vehicle
+        points = (
+            each
+            for each in _behind(self._plant.points, query.after)
+            if (not query.type or each.type in query.type)
+            and query.map_id in (None, each.map_id)
+            and (vehicle is None or vehicle in occupants.get(each.name, ()) or vehicle in holders(each.name))
+        )
+        page, following = _page(points, query.limit)
+        statuses = (self._point_status(each, occupants.get(each.name, ())) for each in page)
+        return PointPage(points=tuple(statuses), next=following)
 
     async def point(self, name: str) -> PointStatus:
         """Return a point; raises UnknownPointError."""
@@ -80,18 +79,17 @@ class PlaceRequests:
             self.location(query.after)
         if query.point is not None:
             self._point(query.point)
-        found: list[LocationStatus] = []
-        for location in _behind(self._plant.locations, query.after):
-            status = self._location_status(location)
-            links = [each for each in status.links if query.point in (None, each.point)]
-            if query.type not in (None, status.type) or (query.point is not None and not links):
-                continue
-            if query.operation is None or any(query.operation in _allowed(each) for each in links):
-                found.append(status)
-            if len(found) > query.limit:
-                break
-        page = tuple(found[: query.limit])
-        return LocationPage(locations=page, next=page[-1].name if len(found) > query.limit else None)
+        wanted = (each for each in _behind(self._plant.locations, query.after) if self._fits(each, query))
+        page, following = _page(wanted, query.limit)
+        return LocationPage(locations=tuple(map(self._location_status, page)), next=following)
+
+    def _fits(self, location: Location, query: LocationsQuery) -> bool:
+        if query.type not in (None, location.type):
+            return False
+        if query.point is None and query.operation is None:
+            return True
+        points = self._plant.access_points(location.name, query.operation or NO_OPERATION)
+        return bool(points) if query.point is None else query.point in points
 
     def location(self, name: str) -> LocationStatus:
         """Return a location; raises UnknownLocationError."""
@@ -141,7 +139,7 @@ class PlaceRequests:
         return found
 
     def _location_status(self, location: Location) -> LocationStatus:
-        kind = self._plant.location_types_by_name.get(location.type) or LocationType(name=location.type)
+        kind = self._plant.location_type(location.type)
         return LocationStatus(
             name=location.name,
             type=location.type,
@@ -151,14 +149,10 @@ class PlaceRequests:
             operations=kind.allowed_operations,
             peripheral_operations=kind.allowed_peripheral_operations,
             links=tuple(
-                LocationLink(point=link.point, operations=link.allowed_operations or kind.allowed_operations)
+                LocationLink(point=link.point, operations=self._plant.link_operations(location, link))
                 for link in location.links
             ),
         )
-
-
-def _allowed(link: LocationLink) -> tuple[str, ...]:
-    return (*link.operations, NO_OPERATION)
 
 
 def _behind(objects: Iterable[P], name: str | None) -> Iterator[P]:
@@ -168,3 +162,9 @@ def _behind(objects: Iterable[P], name: str | None) -> Iterator[P]:
         if passed:
             yield each
         passed = passed or each.name == name
+
+
+def _page(objects: Iterable[P], limit: int) -> tuple[list[P], str | None]:
+    """Return the first ``limit`` objects, and the name of the last of them if there are more."""
+    found = list(islice(objects, limit + 1))
+    return found[:limit], found[limit - 1].name if len(found) > limit else None
