@@ -125,7 +125,7 @@ def _template(
 ) -> JsonValue:
     """Return the transport order of the stops and options, or of the file."""
     if bool(stops) == bool(file):
-        message = "Name either stops or a file with the transport order"
+        message = "Specify stops or --file"
         raise typer.BadParameter(message)
     if file is None:
         places: list[JsonValue] = [
