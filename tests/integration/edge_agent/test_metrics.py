@@ -18,8 +18,13 @@ from support.waiting import PATIENCE, awaited
 pytestmark = pytest.mark.broker
 
 ROBOT = {"manufacturer": "NeNa", "serial_number": "robot-01"}
-SAID_LATER = {"nena_agent_fleet_clock_skew_seconds", "nena_agent_ros_session", "nena_trace_spans_total"}
-"""Known after the first order, of robots with ROS only, and with traces only."""
+SAID_LATER = {
+    "nena_agent_fleet_clock_skew_seconds",
+    "nena_agent_ros_session",
+    "nena_trace_spans_total",
+    "nena_certificate_expiry_timestamp_seconds",
+}
+"""Known after the first order, of robots with ROS only, with traces only, and with certificates only."""
 
 
 @pytest.fixture

@@ -163,6 +163,27 @@ async def devices_are_asked_for(host: Host) -> None:
     assert made["status"] == 404
 
 
+async def places_are_listed(host: Host) -> None:
+    points = (await host.ask("points", vehicle="Robot-01"))["points"]["points"]
+    assert (await host.ask("point", point=points[0]["name"]))["point"] == points[0]
+    locations = (await host.ask("locations", limit=1))["locations"]["locations"]
+    assert (await host.ask("location", location=locations[0]["name"]))["location"] == locations[0]
+    assert (await host.ask("location", location="Nowhere"))["status"] == 404
+
+
+async def schedules_are_made_and_deleted(host: Host) -> None:
+    order = {"destinations": [{"locationName": "South 2"}]}
+    made = await host.ask(
+        "putSchedule", schedule="yearly", transportOrder=order, cron="0 3 1 1 *", timeZone="Europe/Berlin"
+    )
+    assert (made["status"], made["schedule"]["enabled"]) == (201, True)
+    disabled = await host.ask("enableSchedule", schedule="yearly", enabled=False)
+    assert (await host.ask("schedule", schedule="yearly"))["schedule"] == disabled["schedule"]
+    assert [each["name"] for each in (await host.ask("schedules"))["schedules"]["schedules"]] == ["yearly"]
+    assert (await host.ask("deleteSchedule", schedule="yearly"))["status"] == 200
+    assert (await host.ask("schedule", schedule="yearly"))["status"] == 404
+
+
 OF_DEVICES = {"deviceJob", "deviceCancel", "deviceJobState", "deviceState", "peripheralStatus"}
 
 
@@ -204,6 +225,8 @@ async def test_every_command_works_as_documented(fleet: Fleet, service: Start, h
     await sequences_are_made_and_completed(host)
     await orders_are_held_and_withdrawn(host)
     await devices_are_asked_for(host)
+    await places_are_listed(host)
+    await schedules_are_made_and_deleted(host)
     await an_area_is_stopped_and_released(host)
     assert (await host.ask("instantAction", vehicle="Robot-01", actionType="resume"))["status"] == 200
     await order_in(client, "T-1", "FINISHED")
@@ -235,6 +258,11 @@ async def test_every_command_works_as_documented(fleet: Fleet, service: Start, h
         ("lockPath", {"path": "Nowhere"}, 422),
         ("integrationLevel", {"vehicle": "R2D2", "integrationLevel": "TO_BE_IGNORED"}, 404),
         ("integrationLevel", {"vehicle": "Robot-01", "integrationLevel": "LATER"}, 422),
+        ("point", {"point": "Nowhere"}, 404),
+        ("points", {"limit": 0}, 422),
+        ("putSchedule", {"schedule": "S", "cron": "0 3 1 1 *"}, 422),
+        ("enableSchedule", {"schedule": "S-9", "enabled": True}, 404),
+        ("deleteSchedule", {"schedule": "S-9"}, 404),
         ("dance", {}, 404),
     ],
 )

@@ -75,6 +75,22 @@ BODIES: dict[str, dict[str, Any]] = {
     "completeOrderSequence": {"orderSequence": "S-1", "version": 1},
     "summary": {},
     "trafficPlan": {},
+    "points": {"limit": 5, "after": "A", "vehicle": "V-1"},
+    "point": {"point": "A"},
+    "locations": {"limit": 5, "type": "shelf", "operation": "Load"},
+    "location": {"location": "Shelf 1"},
+    "schedules": {},
+    "schedule": {"schedule": "night"},
+    "putSchedule": {
+        "schedule": "night",
+        "transportOrder": {"destinations": [{"locationName": "A"}]},
+        "cron": "30 2 * * 1-5",
+        "timeZone": "Europe/Berlin",
+        "validFrom": "2030-01-01T00:00:00Z",
+        "catchUp": 1,
+    },
+    "enableSchedule": {"schedule": "night", "enabled": False},
+    "deleteSchedule": {"schedule": "night"},
 }
 ORDER = {
     "name": "T-1",

@@ -120,7 +120,7 @@ def test_order_comes_from_stops_or_a_file(
     (tmp_path / "order.json").write_text("{}")
     result = CliRunner().invoke(schedules.app, ["put", "milk-run", "30 6 * * *", *more])
     assert result.exit_code == 2
-    assert "either stops or a file" in result.output
+    assert "Specify stops or --file" in result.output
     assert asked == []
 
 

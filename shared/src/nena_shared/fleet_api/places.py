@@ -42,9 +42,9 @@ class PointStatus(Resource):
     x: float
     """m in the plant frame."""
     y: float
-    theta: float | None
+    theta: float | None = None
     """Heading of a vehicle that ends its drive here, rad; None: any."""
-    map_id: str | None
+    map_id: str | None = None
     """None: the map of each vehicle."""
     locations: tuple[str, ...]
     """Locations that are linked to it."""
