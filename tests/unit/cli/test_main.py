@@ -35,12 +35,41 @@ def test_an_unknown_command_is_an_error() -> None:
     assert (done.exit_code, "ordres" in done.stderr) == (2, True)
 
 
-def test_a_start_imports_nothing_of_the_other_commands() -> None:
+HEAVY = ("rich", "pydantic", "httpx", "nena_shared", "nena_client", "structlog", "yaml", "asyncio")
+
+
+@pytest.mark.parametrize("arguments", [["--version"], ["--help"]])
+def test_version_and_help_start_without_heavy_modules(arguments: list[str]) -> None:
+    assert imported_by(arguments, HEAVY) == set()
+
+
+def test_a_command_imports_nothing_of_the_others() -> None:
+    others = ("nena_conversations", "nena_cli.plants", "nena_shared.mqtt", "nena_shared.plant.lif")
+    of_httpx_main = ("click", "pygments.lexers")
+    of_pretty_help = ("typer.rich_utils", "rich.markdown", "markdown_it")
+    unneeded = (*others, *of_httpx_main, *of_pretty_help, "structlog", "yaml")
+    command = ["vehicles", "list", "--url", "http://127.0.0.1:9"]
+    assert imported_by(command, ("httpx", "pydantic", *unneeded)) == {"httpx", "pydantic"}
+
+
+def imported_by(arguments: list[str], modules: tuple[str, ...]) -> set[str]:
+    """Run a command in a process of its own; return which of these modules it has imported at its end."""
     look = (
-        "import sys, nena_cli.__main__; "
-        "print([each for each in ('httpx', 'pydantic', 'structlog', 'nena_shared') if each in sys.modules])"
+        "import atexit, sys\n"
+        f"atexit.register(lambda: print('imported', *(set({modules!r}) & set(sys.modules))))\n"
+        f"sys.argv = ['nena', *{arguments!r}]\n"
+        "from nena_cli.__main__ import app\n"
+        "app()"
     )
     done = subprocess.run(
-        [sys.executable, "-c", look], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", look], capture_output=True, text=True, check=False, timeout=60
     )
-    assert done.stdout == "[]\n"
+    marker, *found = done.stdout.splitlines()[-1].split()
+    assert marker == "imported", done.stderr
+    return set(found)
+
+
+def test_help_fits_a_terminal_of_80_columns() -> None:
+    shown = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "80"}).stdout
+    assert max(map(len, shown.splitlines())) <= 80
+    assert "─" not in shown

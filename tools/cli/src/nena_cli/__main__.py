@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import gc
+
+gc.disable()  # nothing that modules create is garbage: the search for it took a quarter of their loading time
+
+import sys
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points, version
 from inspect import Parameter
-from typing import Annotated, Any, Final
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from nena_cli.options import group
+from nena_cli.options import PLAIN, group
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+# httpx also imports its own command line, with click and pygments, which takes longer than the rest of it.
+sys.modules.setdefault("httpx._main", ModuleType("httpx._main"))
 
 ENTRY_POINTS: Final = "nena.commands"
 """Entry points of commands that other distributions add, such as ``simulate`` of nena-simulate."""
@@ -31,10 +42,12 @@ class Command:
     def load(self) -> Any:  # noqa: ANN401 - Typer's own copy of click has no public types
         """Import the module and return the command."""
         found = getattr(import_module(self.module), self.name)
+        gc.freeze()
+        gc.enable()  # for commands that run for days, such as watch
         if isinstance(found, typer.Typer):
             found.info.help = self.help
             return get_command(found)
-        single = typer.Typer(add_completion=False)
+        single = typer.Typer(add_completion=False, rich_markup_mode=PLAIN)
         single.command()(found)
         return get_command(single)
 
@@ -66,14 +79,16 @@ COMMANDS: Final = {
 class Commands(TyperGroup):
     """The commands; imports the one that is called, so that the others cost no time."""
 
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401 - see Command.load
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401, ARG002 - see Command.load
         """Return the names of all commands."""
-        return [*COMMANDS, *super().list_commands(ctx)]
+        return [*COMMANDS, *sorted(_added())]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - see Command.load
         """Return a command with name and help only, for lists of commands."""
         if found := COMMANDS.get(cmd_name):
             return TyperCommand(cmd_name, help=found.help)
+        if added := _added().get(cmd_name):
+            return _passed_on(added)
         return super().get_command(ctx, cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401 - see Command.load
@@ -85,6 +100,8 @@ class Commands(TyperGroup):
 
 def _print_version(wanted: bool) -> None:  # noqa: FBT001 - the callback of an option
     if wanted:
+        from importlib.metadata import version  # noqa: PLC0415 - other commands start faster without it
+
         typer.echo(f"nena {version('nena-cli')}")
         raise typer.Exit
 
@@ -100,25 +117,31 @@ app = group(
 )
 
 
-def _passed_on(command: EntryPoint) -> Callable[[typer.Context], None]:
+@cache
+def _added() -> dict[str, EntryPoint]:
+    """Return the commands of other distributions by name."""
+    from importlib.metadata import entry_points  # noqa: PLC0415 - it reads every distribution's files
+
+    return {each.name: each for each in entry_points(group=ENTRY_POINTS)}
+
+
+def _passed_on(command: EntryPoint) -> Any:  # noqa: ANN401 - see Command.load
     """Return a command that loads the other distribution only when it is called."""
 
     def run(context: typer.Context) -> None:
         command.load()(context.args)
 
-    return run
-
-
-for each in sorted(entry_points(group=ENTRY_POINTS)):
-    app.command(
-        each.name,
-        help=f"See nena {each.name} --help.",
+    single = typer.Typer(add_completion=False, rich_markup_mode=PLAIN)
+    single.command(
+        command.name,
+        help=f"See nena {command.name} --help.",
         context_settings={
             "allow_extra_args": True,
             "ignore_unknown_options": True,
             "help_option_names": [],
         },
-    )(_passed_on(each))
+    )(run)
+    return get_command(single)
 
 
 if __name__ == "__main__":

@@ -85,11 +85,12 @@ def parse_measure(text: str) -> FailureStep:
 
 
 Stops = Annotated[
-    list[str] | None, typer.Argument(help="NAME, NAME:OPERATION or @X,Y,THETA, in driving order.")
+    list[str] | None,
+    typer.Argument(metavar="STOP", help="NAME, NAME:OPERATION or @X,Y,THETA, in driving order."),
 ]
 File = Annotated[
     typer.FileBinaryRead | None,
-    typer.Option("--file", help="JSON file with the request; - for standard input."),
+    typer.Option("--file", metavar="FILE", help="JSON file with the request; - for standard input."),
 ]
 NewName = Annotated[str | None, typer.Option(help="Name (optional).")]
 Vehicle = Annotated[str | None, typer.Option(help="Assign to this vehicle only.")]
@@ -100,17 +101,21 @@ Dispensable = Annotated[
     bool, typer.Option("--dispensable", help="Allow withdrawal in favour of other orders.")
 ]
 Dependencies = Annotated[
-    list[str] | None, typer.Option("--after", help="Order that must be FINISHED first; repeatable.")
+    list[str] | None,
+    typer.Option("--after", metavar="NAME", help="Order that must be FINISHED first; repeatable."),
 ]
 OnDependencyFailure = Annotated[
     DependencyFailure, typer.Option(help="What to do if one of these orders fails.")
 ]
 Sequence = Annotated[str | None, typer.Option("--sequence", help="Order sequence to add the order to.")]
-Properties = Annotated[list[str] | None, typer.Option("--property", help="KEY=VALUE; repeatable.")]
+Properties = Annotated[
+    list[str] | None, typer.Option("--property", metavar="KEY=VALUE", help="Property; repeatable.")
+]
 OnFailure = Annotated[
     list[str] | None,
     typer.Option(
         "--on-failure",
+        metavar="MEASURE",
         help="MEASURE, MEASURE:TIMES or MEASURE:TIMES:SECONDS; repeatable, tried in this order.",
     ),
 ]

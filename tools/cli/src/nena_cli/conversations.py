@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from nena_cli.options import PLAIN
 from nena_cli.output import echo, fail
 from nena_conversations import broker
 from nena_conversations.broker import EntryFilter
@@ -27,7 +28,7 @@ from nena_shared import log
 from nena_shared.settings import ConfigurationError, LogSettings, MqttTlsSettings
 from nena_shared.tasks import TaskFailedError, stop_on_signals
 
-app = typer.Typer(no_args_is_help=True, add_completion=False)
+app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=PLAIN)
 
 T = TypeVar("T")
 

@@ -28,22 +28,21 @@ class Format(StrEnum):
     """The name of each object."""
 
 
-PANEL: Final = "Order service and output"
-"""Heading of these options in the help of a command."""
+PLAIN: Final = None
+"""Typer's markup mode of all commands: help and usage errors in plain text, which starts without Rich."""
 
 
 def _options(*, hidden: bool) -> tuple[Parameter, ...]:
     """Return the options as parameters of a Typer command."""
 
     def described(*names: str, **more: Any) -> Any:  # noqa: ANN401 - Typer's own type
-        return typer.Option(*names, hidden=hidden, rich_help_panel=PANEL, **more)
+        return typer.Option(*names, hidden=hidden, **more)
 
     url = described(
         "--url",
         envvar="NENA_URL",
         metavar="URL",
-        help="URL of the order service; repeatable for a standby.",
-        show_default=DEFAULT_URL,
+        help=f"URL of the order service; repeatable for a standby. Unset: {DEFAULT_URL}.",
     )
     token = described(
         "--token", envvar="NENA_TOKEN", metavar="TEXT", help="Access token; prefer the environment variable."
@@ -83,7 +82,13 @@ def group(*more: Parameter, hidden: bool = True, **settings: Any) -> typer.Typer
     options = (*_options(hidden=hidden), *more)
     callback.__signature__ = Signature(options)  # type: ignore[attr-defined]
     callback.__annotations__ = {each.name: each.annotation for each in options}
-    return typer.Typer(no_args_is_help=True, callback=callback, add_completion=not hidden, **settings)
+    return typer.Typer(
+        no_args_is_help=True,
+        callback=callback,
+        add_completion=not hidden,
+        rich_markup_mode=PLAIN,
+        **settings,
+    )
 
 
 def option(context: typer.Context, name: str) -> Any:  # noqa: ANN401 - of any type

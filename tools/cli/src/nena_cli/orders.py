@@ -156,7 +156,7 @@ def create(
 @of_service
 def import_(
     service: Service,
-    file: Annotated[typer.FileText, typer.Argument(help="CSV file; - for standard input.")],
+    file: Annotated[typer.FileText, typer.Argument(metavar="FILE", help="CSV file; - for standard input.")],
     *,
     check: Annotated[
         bool, typer.Option("--check", help="Create nothing; show what would be refused.")

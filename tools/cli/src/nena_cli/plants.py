@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from nena_cli.options import Format
+from nena_cli.options import PLAIN, Format
 from nena_cli.output import echo, fail, print_object
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import CHANGE_PLANT
@@ -205,7 +205,7 @@ def _severity(finding: Finding) -> str:
     return "error" if finding.is_error else "warning"
 
 
-app = typer.Typer(no_args_is_help=True, add_completion=False)
+app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=PLAIN)
 
 FOUND: Final = 1
 """Exit status if the plant model has errors."""

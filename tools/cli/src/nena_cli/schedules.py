@@ -61,7 +61,9 @@ def put(
     *,
     file: Annotated[
         typer.FileBinaryRead | None,
-        typer.Option("--file", help="JSON file with the transport order; - for standard input."),
+        typer.Option(
+            "--file", metavar="FILE", help="JSON file with the transport order; - for standard input."
+        ),
     ] = None,
     zone: Annotated[str, typer.Option("--time-zone", help="Time zone, such as Europe/Berlin.")] = "UTC",
     valid_from: Annotated[datetime | None, typer.Option("--from", help="First run, local time.")] = None,

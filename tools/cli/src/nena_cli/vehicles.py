@@ -92,7 +92,9 @@ def order_types(
     name: Name,
     types: Annotated[
         list[str] | None,
-        typer.Argument(help="Accepted order types in order of preference (* = any). Omit to list them."),
+        typer.Argument(
+            metavar="TYPE", help="Accepted order types in order of preference (* = any). Omit to list them."
+        ),
     ] = None,
     *,
     none: Annotated[bool, typer.Option("--none", help="Accept no orders.")] = False,
