@@ -299,6 +299,7 @@ class Problem(Resource):
     """Problem details of a failed request (RFC 9457), the same over REST and MQTT."""
 
     type: str = "about:blank"
+    """Kind of problem: a path of the order service with its description, or ``about:blank``."""
     title: str
     status: int
     detail: str

@@ -52,6 +52,7 @@ def test_expected_errors_have_their_own_text() -> None:
     found = problem_of(error)
 
     assert (found.status, found.detail) == (404, str(error))
+    assert (found.type, found.title) == ("/problems/unknown-order", "Not Found")
     assert "T-9" in found.detail
 
 

@@ -27,6 +27,7 @@ from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.audit import AuditInterface
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.operations import Operation
+from nena_shared.fleet_api.refusals import MalformedRequest
 from nena_shared.fleet_api.requests import SOMEBODY
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import CreationAnswer, Problem, TransportOrderRequest
@@ -272,9 +273,11 @@ def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Prob
     except ValidationError as error:
         problems = problems_of(error, FINDINGS_SHOWN)
         no_json = error.error_count() == 1 and error.errors()[0]["type"] == "json_invalid"
+        kind = MalformedRequest.NOT_JSON if no_json else MalformedRequest.INVALID_REQUEST
         return Problem(
+            type=kind.uri,
             title="Not JSON" if no_json else "Request does not fit",
-            status=HTTPStatus.BAD_REQUEST if no_json else HTTPStatus.UNPROCESSABLE_ENTITY,
+            status=kind.status,
             detail="The request is malformed. Fix the problems listed in errors.",
             errors=tuple(problems),
         )

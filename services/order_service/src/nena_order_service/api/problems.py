@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from nena_order_service.errors import RefusedError
 from nena_order_service.orders.validation import InvalidRequestError
 from nena_shared.findings import FINDINGS_SHOWN, in_words
-from nena_shared.fleet_api.refusals import Refusal
+from nena_shared.fleet_api.refusals import MalformedRequest, Refusal
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
 from nena_shared.web.problem import answer
@@ -28,18 +28,20 @@ def problem_of(error: Exception) -> Problem:
         return _invalid(error)
     if not isinstance(error, RefusedError):
         return Problem(
+            type=MalformedRequest.INTERNAL_ERROR.uri,
             title="Internal error",
             status=HTTPStatus.INTERNAL_SERVER_ERROR,
             detail="Internal error; the log of the order service has the details. Please report it.",
         )
-    status = error.refusal.status
-    problems: tuple[str, ...] = getattr(error, "problems", ())
-    return Problem(title=status.phrase, status=status, detail=str(error), errors=problems)
+    refusal, problems = error.refusal, getattr(error, "problems", ())
+    status = refusal.status
+    return Problem(type=refusal.uri, title=status.phrase, status=status, detail=str(error), errors=problems)
 
 
 def _invalid(error: InvalidRequestError) -> Problem:
     refusal = Refusal.UNKNOWN_IN_PLANT if error.only_unknown else Refusal.NOT_IN_PLANT
     return Problem(
+        type=refusal.uri,
         title="Not possible in this plant",
         status=refusal.status,
         detail="The request does not fit the plant model; nothing was created. Fix what errors lists.",
@@ -81,12 +83,14 @@ def _problem_of_validation(request: Request, error: RequestValidationError) -> P
         )
     if any(item["type"] == "json_invalid" for item in found):
         return Problem(
+            type=MalformedRequest.NOT_JSON.uri,
             title="Not JSON",
             status=HTTPStatus.BAD_REQUEST,
             detail="The body is not JSON. Send a JSON object with Content-Type: application/json.",
             errors=tuple(str(item.get("ctx", {}).get("error", item["msg"])) for item in found),
         )
     return Problem(
+        type=MalformedRequest.INVALID_REQUEST.uri,
         title="Request does not fit",
         status=HTTPStatus.UNPROCESSABLE_ENTITY,
         detail="The request is malformed. Fix the problems listed in errors; see /docs.",
@@ -100,4 +104,8 @@ def _problem_of_status(request: Request, error: HTTPException) -> Problem:
         HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not supported at this path; see /docs.",
     }
     status = HTTPStatus(error.status_code)
-    return Problem(title=status.phrase, status=status, detail=details.get(status, str(error.detail)))
+    detail = details.get(status, str(error.detail))
+    if status is HTTPStatus.NOT_FOUND:
+        kind = MalformedRequest.UNKNOWN_RESOURCE.uri
+        return Problem(type=kind, title=status.phrase, status=status, detail=detail)
+    return Problem(title=status.phrase, status=status, detail=detail)

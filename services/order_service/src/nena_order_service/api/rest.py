@@ -41,7 +41,7 @@ from nena_shared.fleet_api.operations import (
     Operation,
 )
 from nena_shared.fleet_api.plant import PlantModelChange
-from nena_shared.fleet_api.refusals import Refusal, by_status
+from nena_shared.fleet_api.refusals import PROBLEMS, Refusal, by_status
 from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, DispatchRequest, Readiness
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.web.access import KnownUser, RoleNeeded
@@ -130,7 +130,7 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     """Create the ASGI application."""
     app = FastAPI(
         title="NeNa order service",
-        description="Transport orders and vehicles. Every error is a problem (RFC 9457).",
+        description="Transport orders and vehicles. Every error is a problem (RFC 9457) of a documented type.",
         version="1",
         servers=[{"url": "/", "description": "The order service that serves this document."}],
         docs_url=None,
@@ -165,7 +165,7 @@ def role_needed(method: str, path: str) -> Role | None:
     of an operation.
     """
     reads = method in READING
-    if path in OPEN or (reads and path.startswith(f"{FILES}/")):
+    if path in OPEN or (reads and path.startswith((f"{FILES}/", f"{PROBLEMS}/"))):
         return None
     if not reads and any(part in path for part in OPENTCS_PLANT_CHANGES):
         return Role.ADMIN
