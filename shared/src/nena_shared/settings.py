@@ -11,8 +11,10 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import sys
 import tomllib
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -173,6 +175,26 @@ class ServiceSettings(ProgramSettings):
     mqtt: MqttSettings = Field(default_factory=MqttSettings, description="The MQTT broker.")
 
 
+class ShowVersion(argparse.Action):
+    """Option that prints the version of the program's distribution, which has its name, and exits."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, *, program: str) -> None:
+        super().__init__(
+            option_strings,
+            argparse.SUPPRESS,
+            nargs=0,
+            default=argparse.SUPPRESS,
+            help="show version and exit",
+        )
+        del dest
+        self._program = program
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print the version and exit."""
+        sys.stdout.write(f"{self._program} {version(self._program)}\n")
+        parser.exit()
+
+
 def load(model: type[S], argv: Sequence[str], *, program: str, description: str) -> S:
     """Read the settings of ``program`` from the command line, the environment and its file.
 
@@ -192,6 +214,8 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
         allow_abbrev=False,
     )
     parser.add_argument("--config", metavar="FILE", type=Path, help="TOML file with settings")
+    names = ("-V",) if "version" in model.model_fields else ("-V", "--version")  # a robot's VDA 5050 version
+    parser.add_argument(*names, action=ShowVersion, program=program)
     chosen, _ = _config_only_parser(program).parse_known_args(list(argv))
     from_file = _read_file(chosen.config) if chosen.config else {}
     try:

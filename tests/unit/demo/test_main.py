@@ -7,6 +7,7 @@ import asyncio
 import os
 import signal
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,12 @@ import pytest
 from nena_demo import __main__ as demo
 from nena_demo.session import ProgressPrinter
 from support.waiting import PATIENCE
+
+
+def test_the_version_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        demo.main(["--version"])
+    assert capsys.readouterr().out == f"nena-demo {version('nena-demo')}\n"
 
 
 async def test_lost_cancellation_is_repeated(

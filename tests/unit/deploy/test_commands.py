@@ -9,6 +9,7 @@ import sys
 import tomllib
 from base64 import b64decode, b64encode
 from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,11 @@ def site(tmp_path: Path) -> Path:
 
 def listed(site: Path) -> list[list[str]]:
     return [line.split() for line in run("list", site).stdout.splitlines()[1:]]
+
+
+@pytest.mark.parametrize("option", ["-V", "--version"])
+def test_the_version_is_shown(option: str) -> None:
+    assert run(option).stdout == f"nena-deploy {version('nena-deploy')}\n"
 
 
 def test_a_site_has_its_services(site: Path) -> None:

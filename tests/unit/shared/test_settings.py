@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -116,6 +117,27 @@ def _options(model: type[BaseModel], prefix: str = "") -> list[str]:
         else:
             options.append(prefix + name)
     return options
+
+
+@pytest.mark.parametrize("option", ["-V", "--version"])
+def test_version_needs_no_settings(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    class Demanding(ServiceSettings):
+        plant: str
+
+    with pytest.raises(SystemExit) as ended:
+        load(Demanding, [option], program="nena-shared", description="")
+    assert ended.value.code == 0
+    assert capsys.readouterr().out == f"nena-shared {version('nena-shared')}\n"
+
+
+def test_a_setting_named_version_leaves_the_short_option(capsys: pytest.CaptureFixture[str]) -> None:
+    class OfRobot(ServiceSettings):
+        version: str = "2.1.0"
+
+    assert load(OfRobot, ["--version", "3.0.0"], program="nena-shared", description="").version == "3.0.0"
+    with pytest.raises(SystemExit):
+        load(OfRobot, ["-V"], program="nena-shared", description="")
+    assert capsys.readouterr().out.startswith("nena-shared ")
 
 
 @pytest.mark.parametrize("option", [["--color", "red"], ["--mqtt.hots", "x"], ["--col", "red"], ["red"]])

@@ -1,12 +1,18 @@
 from __future__ import annotations
 
+from importlib.metadata import version
+
 import httpx
 
 from nena_order_service.service import OrderService
 
 
 async def test_health_and_readiness(client: httpx.AsyncClient, service: OrderService) -> None:
-    assert (await client.get("/healthz")).status_code == 200
+    alive = await client.get("/healthz")
+    assert (alive.status_code, alive.text) == (
+        200,
+        f"ok\nnena-order-service {version('nena-order-service')}\n",
+    )
     answer = await client.get("/readyz")
     assert answer.status_code == 503
     assert "broker" in answer.json()["problems"][0]

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from importlib.metadata import version
+
 import httpx
 import pytest
 
@@ -52,7 +54,8 @@ async def test_page_has_a_strict_content_security_policy(client: httpx.AsyncClie
 
 
 async def test_health_and_readiness(client: httpx.AsyncClient, aggregator: Aggregator) -> None:
-    assert (await client.get("/healthz")).status_code == 200
+    alive = await client.get("/healthz")
+    assert alive.json() == {"status": "ok", "version": version("nena-status-aggregator")}
     unready = await client.get("/readyz")
     assert unready.status_code == 503
     assert "broker" in unready.json()["detail"]

@@ -15,7 +15,7 @@ from nena_demo.processes import AMQTT_NOTICE, ChildFailedError, mosquitto_path
 from nena_demo.session import DemoSession, ProgressPrinter
 from nena_demo.stack import NotReadyError, Options
 from nena_shared import log
-from nena_shared.settings import LogSettings
+from nena_shared.settings import LogSettings, ShowVersion
 from nena_shared.tasks import end, stop_on_signals
 
 EXIT_STOPPED = 130
@@ -87,6 +87,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="nena-demo",
         description="Starts NeNa on this machine with two simulated Nav2 robots and runs the main job.",
     )
+    parser.add_argument("-V", "--version", action=ShowVersion, program=parser.prog)
     parser.add_argument(
         "command",
         choices=("run", "smoke"),

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
+from importlib.metadata import version
 from pathlib import Path, PurePosixPath
 from typing import Annotated
 
@@ -46,6 +47,27 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
 )
+
+
+def _print_version(wanted: bool) -> None:  # noqa: FBT001 - the callback of an option
+    if wanted:
+        typer.echo(f"nena-deploy {version('nena-deploy')}")
+        raise typer.Exit
+
+
+@app.callback()
+def site(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", "-V", callback=_print_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Certificates, broker access rights and users of a NeNa site."""
+
+
 robot = typer.Typer(help="Robots: each has its own certificate and broker rights.", no_args_is_help=True)
 host = typer.Typer(help="Hosts (WMS, MES): each creates orders under its own name.", no_args_is_help=True)
 device = typer.Typer(help="Peripheral devices (doors, lifts): each has its own topics.", no_args_is_help=True)

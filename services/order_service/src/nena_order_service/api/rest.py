@@ -12,6 +12,7 @@ from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Ite
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from http import HTTPStatus
+from importlib.metadata import version
 from inspect import Parameter, Signature
 from typing import Annotated, Any
 from urllib.parse import quote
@@ -54,6 +55,8 @@ ChangePlant = Callable[..., Awaitable[None]]
 """Signature of :meth:`ServiceRunner.change_plant`."""
 
 
+ALIVE = f"ok\nnena-order-service {version('nena-order-service')}\n"
+"""Answer of ``/healthz``."""
 OPEN = frozenset({"/", "/healthz", "/readyz", DOCS, REDOC})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})
 GUARDED: tuple[Operation[Any], ...] = (*OPERATIONS, CHANGE_PLANT)
@@ -130,7 +133,7 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     """Create the ASGI application."""
     app = FastAPI(
         title="NeNa order service",
-        description="Transport orders and vehicles. Every error is a problem (RFC 9457) of a documented type.",
+        description="Transport orders and vehicles. Errors are problems (RFC 9457) of documented types.",
         version="1",
         servers=[{"url": "/", "description": "The order service that serves this document."}],
         docs_url=None,
@@ -439,8 +442,8 @@ def _probes(service: Service) -> APIRouter:
 
     @router.get("/healthz", operation_id="healthz", response_class=PlainTextResponse)
     async def alive() -> Response:
-        """Return 200 while the process runs."""
-        return Response("ok\n", media_type="text/plain")
+        """Return 200 and the version while the process runs."""
+        return Response(ALIVE, media_type="text/plain")
 
     @router.get("/readyz", operation_id="readyz", response_model=Readiness, responses=NOT_READY)
     async def ready() -> Response:

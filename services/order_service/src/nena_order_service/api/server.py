@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from nena_order_service.api import problems
 from nena_order_service.api.metrics import Waiting, standing_by
 from nena_order_service.api.opentcs import AccessKey
-from nena_order_service.api.rest import READING, rule_of
+from nena_order_service.api.rest import ALIVE, READING, rule_of
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.tasks import Supervisor
@@ -149,7 +149,7 @@ def _make_waiting_app(readiness: Callable[[], Readiness], other: Callable[[Reque
 
     @app.get("/healthz")
     async def alive() -> Response:
-        return Response("ok\n", media_type="text/plain")
+        return Response(ALIVE, media_type="text/plain")
 
     @app.get(METRICS)
     async def metrics(request: Request) -> Response:

@@ -65,8 +65,8 @@ def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRou
 
     @router.get("/healthz")
     async def healthz() -> dict[str, str]:
-        """Report that the program is running."""
-        return {"status": "ok"}
+        """Report that the program is running, and its version."""
+        return {"status": "ok", "version": version(DISTRIBUTION)}
 
     @router.get("/readyz")
     async def readyz() -> dict[str, str]:
