@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+from datetime import datetime, timedelta
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -52,3 +55,31 @@ async def test_changes_are_listed_and_filtered(
         await page.get_by_label("Object").fill("nothing")
         await page.keyboard.press("Enter")
         await expect(page.get_by_text("No changes found.")).to_be_visible()
+
+
+async def test_time_range_is_chosen_and_saved_as_csv(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with site(broker, interface_name, tmp_path, browser) as (page, orders):
+        body = {"name": "=T-1", "destinations": [{"locationName": "Storage", "operation": "NOP"}]}
+        assert (await orders.post("/v1/transportOrders", json=body)).status_code == 201
+        await page.get_by_role("link", name="Audit trail").click()
+        rows = page.locator("nena-audit-page li")
+        await expect(rows).to_have_count(1)
+        tomorrow = datetime.now() + timedelta(days=1)  # noqa: DTZ005 - local time, as in the page
+        await page.get_by_label("From", exact=True).fill(f"{tomorrow:%Y-%m-%dT%H:%M}")
+        await page.get_by_label("From", exact=True).blur()
+        await expect(rows).to_have_count(0)
+        await page.reload()
+        await expect(page.get_by_label("From", exact=True)).to_have_value(f"{tomorrow:%Y-%m-%dT%H:%M}")
+        await page.get_by_label("From", exact=True).fill("")
+        await page.get_by_label("To", exact=True).fill(f"{tomorrow:%Y-%m-%dT%H:%M}")
+        await page.get_by_label("To", exact=True).blur()
+        await expect(rows).to_have_count(1)
+        async with page.expect_download() as download:
+            await page.get_by_role("button", name="Download CSV").click()
+        text = (await (await download.value).path()).read_text(encoding="utf-8")
+        [row] = csv.DictReader(StringIO(text, newline=""))
+        assert (row["operation"], row["object"], row["result"]) == ("createTransportOrder", "'=T-1", "DONE")
+        assert len(row["hash"]) == 64
+        await expect(page.get_by_text("1 row saved.")).to_be_visible()

@@ -128,6 +128,41 @@ async def test_an_order_is_created_watched_to_its_end_and_read_about(
         await expect(row).to_be_hidden()
 
 
+async def test_integration_level_is_set_and_a_drive_off_the_paths_is_noted(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        operated(broker, interface_name, tmp_path) as fleet,
+        opened(browser, fleet.url + ROBOT) as page,
+    ):
+        await button(page, "Integration level …").click()
+        form = page.get_by_role("form", name="Integration level")
+        await expect(form.get_by_label("Integration level")).to_have_value("TO_BE_UTILIZED")
+        await form.get_by_label("Integration level").select_option("TO_BE_IGNORED")
+        await expect(form).to_contain_text("other robots no longer avoid it")
+        sure = form.get_by_role("checkbox", name="Robot-01 is not in the way of other robots")
+        await button(page, "Set level").click()
+        await expect(sure).to_be_focused()  # required
+        assert await findings(page) == []
+        await picture(page, "integration-level")
+        await form.get_by_label("Integration level").select_option("TO_BE_RESPECTED")
+        await expect(sure).to_have_count(0)
+        await button(page, "Set level").click()
+        await expect(form.get_by_role("status")).to_contain_text("Out of use")
+        vehicle = (await fleet.orders.get("/v1/vehicles/Robot-01")).json()
+        assert vehicle["integrationLevel"] == "TO_BE_RESPECTED"
+
+        await button(page, "Dispatch …").click()
+        await page.get_by_label("To", exact=True).select_option("coordinate")
+        form = page.get_by_role("form", name="Dispatch")
+        await form.get_by_label("x in m").fill("9")
+        await form.get_by_label("y in m").fill("2")  # South 2
+        note = form.get_by_text("away from the paths")
+        await expect(note).to_have_count(0)
+        await form.get_by_label("y in m").fill("5")
+        await expect(note).to_be_visible()
+
+
 async def test_dispatch_to_a_point_and_cancel(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:

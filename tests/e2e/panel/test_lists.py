@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 from playwright.async_api import Browser, Page, Route, expect
@@ -33,14 +34,18 @@ SEARCH_SECONDS = """(word) => new Promise((done) => {
 """How long the page takes to show what is searched."""
 
 
-def robot(hall: Hall, number: int, charge: float = 80.0, /, **fields: Any) -> None:
-    """Publish a robot and its vehicle."""
+def robot(
+    hall: Hall, number: int, charge: float = 80.0, /, *, order: str | None = None, **fields: Any
+) -> None:
+    """Publish a robot and its vehicle, which is assigned to an order."""
     key = RobotKey("ACME", f"r{number:03}")
     hall.send(Topic.CONNECTION, connection(robot=key), robot=key, retain=True)
     here = position(3 + number % 20, 2 + number // 20 % 10)
     shown = {"mobile_robot_position": here, **power(charge), **fields}
     hall.send(Topic.STATE, state(robot=key, at=seconds_now(), **shown), robot=key)
-    status = vehicle_status(f"AMR-{number:02}", robot=key).model_dump_json(by_alias=True)
+    status = vehicle_status(f"AMR-{number:02}", robot=key, transport_order=order).model_dump_json(
+        by_alias=True
+    )
     hall.peer.publish(hall.fleet.vehicle_status(key.serial_number), status, retain=True)
 
 
@@ -171,6 +176,37 @@ async def test_tabs_are_switched_by_keyboard(hall: Hall, browser: Browser) -> No
             await picture(page, "orders")
 
 
+async def test_columns_are_chosen_and_stored(hall: Hall, browser: Browser) -> None:
+    async with hall.connected():
+        shift(hall)
+        async with opened(browser, hall.url, width=1600, height=1000) as page:
+            shown = page.locator("#robots thead th:visible")
+            usual = ["Robot", "Condition", "Battery", "Order", "Last state"]
+
+            async def titles() -> list[str]:
+                return [each.split("\n")[0].strip() for each in await shown.all_inner_texts()]
+
+            await expect(page.locator("tr[data-robot]").first).to_be_visible()
+            assert await titles() == usual
+            await page.locator("#robots").get_by_label("Columns").click()
+            await page.get_by_role("checkbox", name="Battery").uncheck()
+            await page.get_by_role("checkbox", name="Place").check()
+            chosen = ["Robot", "Condition", "Order", "Last state", "Place"]
+            assert await titles() == chosen
+            row = page.locator("tr[data-robot='ACME/r001'] td:visible")
+            await expect(row).to_have_count(len(chosen))
+            assert await findings(page) == []
+            await picture(page, "columns")
+            await page.reload()
+            await expect(page.locator("tr[data-robot]").first).to_be_visible()
+            assert await titles() == chosen
+            await page.locator("#robots").get_by_label("Columns").click()
+            await expect(page.get_by_role("checkbox", name="Battery")).not_to_be_checked()
+            await page.get_by_role("checkbox", name="Battery").check()
+            await page.get_by_role("checkbox", name="Place").uncheck()
+            assert await titles() == usual
+
+
 async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -> None:
     sent: list[tuple[str, Any]] = []
 
@@ -214,6 +250,56 @@ async def test_several_robots_are_paused_at_once(hall: Hall, browser: Browser) -
             assert sorted(sent) == [(name, {"actionType": "resume"}) for name in marked]
             await page.get_by_role("button", name="Clear selection").click()
             await expect(page.get_by_text("robots selected")).to_be_hidden()
+
+
+async def test_orders_of_several_robots_are_cancelled_and_the_robots_parked(
+    hall: Hall, browser: Browser
+) -> None:
+    sent: list[tuple[str, dict[str, Any]]] = []
+
+    async def order_service(route: Route) -> None:
+        path = urlsplit(route.request.url).path.split("/control/")[1]
+        sent.append((path, json.loads(route.request.post_data or "")))
+        await route.fulfill(json={"name": "Park-1", "status": "FINISHED"})
+
+    async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
+        shift(hall)
+        robot(hall, 5, order="WMS-041")
+        async with opened(browser, hall.url, width=1600, height=1000, expected=("502",)) as page:
+            await page.route(re.compile("/withdrawal$|/transportOrders$|/instantActions$"), order_service)
+            for name in ("AMR-01", "AMR-05"):
+                await page.get_by_role("checkbox", name=f"Select {name}").check()
+            await page.get_by_role("button", name="Cancel orders …").click()
+            question = page.locator("nena-fleet-commands .question")
+            await expect(question).to_contain_text("their orders end as failed")
+            await expect(question.get_by_role("listitem")).to_have_text(
+                [re.compile("^AMR-05, WMS-041: "), "Without an order: AMR-01"]
+            )
+            assert sent == []
+            await picture(page, "several-cancelled")
+            await page.get_by_role("button", name="Cancel 1 order now").click()
+            told = page.locator("nena-fleet-commands .result")
+            await expect(told).to_have_text("1 of 1 orders cancelled")
+            reason = {"reason": "withdrawn at the control panel"}
+            assert sent == [("transportOrders/WMS-041/withdrawal", reason)]
+            sent.clear()
+            await page.get_by_role("button", name="Send to park …").click()
+            lines = question.get_by_role("listitem")
+            await expect(lines).to_have_text(
+                ["AMR-01 → Parking bay", "No free parking position, or position unknown: AMR-05"]
+            )
+            assert await findings(page) == []
+            await page.get_by_role("button", name="Park 1 robot now").click()
+            await expect(told).to_have_text("1 of 1 parking orders created")
+            [(path, body)] = sent
+            assert path == "transportOrders"
+            assert body.pop("idempotencyKey")
+            assert body == {
+                "destinations": [{"locationName": "Parking bay", "operation": "PARK"}],
+                "intendedVehicle": "AMR-01",
+                "type": "Park",
+                "dispensable": True,
+            }
 
 
 async def test_list_of_a_thousand_robots_stays_usable(hall: Hall, browser: Browser) -> None:

@@ -7,6 +7,7 @@ import time
 from contextlib import suppress
 from itertools import count
 from math import pi, sin
+from typing import Any
 
 import pytest
 from playwright.async_api import Browser, CDPSession, Page, Route, expect
@@ -14,6 +15,7 @@ from playwright.async_api import Browser, CDPSession, Page, Route, expect
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey, Topic
+from support.broker import free_port
 from support.fleet_examples import ROBOT, connection, factsheet, position, state, way
 from support.frames import (
     busy_clock,
@@ -23,7 +25,7 @@ from support.frames import (
     seconds_for_a_frame,
     seconds_for_the_yardstick,
 )
-from support.panel import COLOUR_NEAR, Hall, becomes, opened, picture, seconds_now
+from support.panel import COLOUR_NEAR, LABELS, Hall, becomes, opened, picture, seconds_now
 from support.pausing import time_passes
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -87,6 +89,42 @@ async def test_robot_map_is_drawn_below_the_plan_and_can_be_hidden(hall: Hall, b
             await page.get_by_label("Layers").click()
             await page.get_by_role("checkbox", name="Robot maps").uncheck()
             await becomes(page, COLOUR_NEAR, [10, 13.15, "muted"], lambda found: found < 5)
+
+
+async def test_zones_are_drawn_named_and_hidden(hall: Hall, browser: Browser) -> None:
+    def outline(name: str, kind: str, left: float, right: float) -> dict[str, Any]:
+        corners = [[left, 4], [right, 4], [right, 6.5], [left, 6.5]]
+        return {"zoneId": name, "zoneType": kind, "vertices": corners}
+
+    def zone_set(name: str, *outlines: dict[str, Any], **fields: bool) -> dict[str, Any]:
+        given = {"enabled": False, "deleted": False, **fields}
+        counts = {"zones": len(outlines), "outlines": outlines, "vehicles": []}
+        return {"zoneSetId": name, "mapId": "hall", **counts, **given}
+
+    sets = [
+        zone_set("day", outline("Z1", "BLOCKED", 4, 8), enabled=True),
+        zone_set("night", outline("Z2", "SPEED_LIMIT", 16, 20)),
+        zone_set("old", outline("Z3", "ACTION", 10, 12), deleted=True),
+    ]
+
+    async def order_service(route: Route) -> None:
+        await route.fulfill(json={"zoneSets": sets})
+
+    async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
+        hall.publish_plant()
+        busy_robot(hall)
+        async with opened(browser, hall.url, expected=("502",)) as page:
+            await page.route("**/control/zoneSets", order_service)
+            await page.reload()
+            names = {"Z1: no entry", "Z2: speed limit (not in use)"}
+            await becomes(page, LABELS, None, lambda labels: names <= set(labels))
+            assert not any("Z3" in each for each in await page.evaluate(LABELS))
+            assert await near(page, 4, 5.2, "bad") > 5
+            assert await near(page, 10, 5.2, "accent") < 3
+            await picture(page, "zones")
+            await page.get_by_label("Layers").click()
+            await page.get_by_role("checkbox", name="Zones").uncheck()
+            await becomes(page, COLOUR_NEAR, [4, 5.2, "bad"], lambda found: found < 3)
 
 
 async def test_failed_map_is_loaded_again(hall: Hall, browser: Browser) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -12,46 +11,30 @@ from playwright.async_api import Browser, Page, Route, expect
 
 from nena_shared.vda5050.topics import Topic
 from nena_status_aggregator.fleet.events import Code, Event
-from nena_status_aggregator.history import database
 from support.fleet_examples import connection, state
-from support.panel import Hall, findings, opened, picture, seconds_now
+from support.panel import LABELS, Hall, becomes, findings, opened, picture, seconds_now
+from support.panel_history import recorded, recorded_shift, yesterday
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
-
-SHIFT = Path(__file__).parents[2] / "fixtures" / "history" / "shift.jsonl"
-RECORDED = datetime(2026, 1, 1, tzinfo=UTC)
 
 NOON_AFTER_CLOCKS_WENT_BACK = "Date.UTC(2026, 9, 26, 11)"
 """12:00 in Berlin, whose 25 October 2026 has 25 hours."""
 
 
-def yesterday() -> datetime:
-    return datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0) - timedelta(days=1)
+def recorded_waits(folder: Path) -> tuple[str, str]:
+    """Make a history of yesterday with waits of 5 minutes at South 2, and of 20 on the path to South 3."""
 
+    def event(minute: float, condition: str, **values: str) -> Event:
+        time = yesterday() + timedelta(hours=6, minutes=minute)
+        return Event(time, Code.CONDITION, "", "ACME/r1", values={"condition": condition, **values})
 
-def recorded_shift(folder: Path) -> tuple[str, str]:
-    """Make a history with the shift, moved to yesterday; return the options of an aggregator for it."""
-    url = f"sqlite:///{folder / 'history.db'}"
-    engine = database.make_engine(url)
-    database.prepare(engine)
-    entries = [json.loads(line) for line in SHIFT.read_text(encoding="utf-8").splitlines()]
-    moved = yesterday() - RECORDED
-    database.write(
-        engine,
-        [
-            Event(
-                datetime.fromisoformat(entry["time"]) + moved,
-                Code(entry["code"]),
-                entry["text"],
-                entry["robot"],
-                entry["order"],
-                entry["values"],
-            )
-            for entry in entries
-        ],
-    )
-    engine.dispose()
-    return "--history.url", url
+    waits = [
+        event(0, "WAITING", reason="waits_turn", at="South 2"),
+        event(5, "BUSY", reason="driving"),
+        event(10, "WAITING", reason="waits_passing", at="South 2 --- South 3"),
+        event(30, "IDLE", reason="idle"),
+    ]
+    return recorded(folder, waits)
 
 
 def link(hall: Hall, since: float = 6, until: float = 8) -> str:
@@ -113,6 +96,34 @@ async def test_figures_are_those_of_the_hand_count(hall: Hall, browser: Browser,
                 await page.get_by_role("link", name="Download CSV").click()
             table = (await (await download.value).path()).read_text(encoding="utf-8")
             assert "orders,finished,,,4" in table
+
+
+async def test_waiting_times_are_drawn_on_the_map(hall: Hall, browser: Browser, tmp_path: Path) -> None:
+    async with hall.connected(*recorded_waits(tmp_path)):
+        hall.publish_plant()
+        hall.send(Topic.CONNECTION, connection(), retain=True)
+        hall.send(Topic.STATE, state(at=seconds_now()))
+        async with opened(browser, link(hall), timezone="UTC", width=1600, height=1000) as page:
+            places = page.locator("section").filter(has_text="Where robots wait").locator("tbody tr")
+            await expect(places).to_have_count(2)
+            await expect(places.first).to_contain_text("South 2 --- South 3")
+            await expect(places.first).to_contain_text("20 min")
+            assert not {"20 min", "5 min"} & set(await page.evaluate(LABELS))
+            await page.get_by_role("button", name="Show on map").click()
+            await becomes(page, LABELS, None, lambda labels: {"20 min", "5 min"} <= set(labels))
+            note = page.locator("nena-fleet-map .heat")
+            await expect(note).to_contain_text("Longest: South 2 --- South 3, 20 min.")
+            assert await findings(page) == []
+            await picture(page, "waiting-map")
+            await page.get_by_label("From", exact=True).fill(f"{yesterday():%Y-%m-%d}T07:00")
+            await expect(note).to_contain_text("No waiting was recorded")
+            await page.get_by_label("Layers").click()
+            await page.get_by_role("checkbox", name="Waiting times").uncheck()
+            await expect(note).to_be_hidden()
+            await page.get_by_role("checkbox", name="Waiting times").check()
+            await page.goto("about:blank")
+            await page.goto(hall.url)  # without a report, the last 24 hours
+            await expect(note).to_be_visible()
 
 
 @pytest.mark.parametrize("language", ["de-DE", "nl-NL"])

@@ -7,6 +7,7 @@ published by the test, on an interface that the order service does not listen to
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import httpx
@@ -23,6 +24,8 @@ from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import connection, position, state, vehicle_status
 from support.order_service_fleet import Fleet, listening
 from support.panel import COLOUR_NEAR, LABELS, becomes, findings, opened, picture, seconds_now
+from support.panel_history import recorded_shift
+from support.panel_texts import Texts
 from support.plants import grid_name, grid_plant
 from support.waiting import PATIENCE, awaited, until
 
@@ -33,10 +36,10 @@ STOPPED = 17
 TOLD_WITHIN = 2.0
 """Time until the page shows that the order service is down, with a margin for a busy machine, seconds."""
 MAP = "document.querySelector('nena-fleet-map')"
-NOTE_BANNER = """() => {
+NOTE_BANNER = """(words) => {
   const banner = document.querySelector("nena-link-banner");
   const look = () => {
-    if (banner.textContent.includes("The order service is down")) window.told ??= Date.now();
+    if (banner.textContent.includes(words)) window.told ??= Date.now();
   };
   new MutationObserver(look).observe(banner, { childList: true, characterData: true, subtree: true });
 }"""
@@ -63,19 +66,57 @@ def publish_robots(peer: MqttPeer, robots: TopicScheme, fleet: FleetTopics, epoc
         peer.publish(fleet.vehicle_status(key.serial_number), body, retain=True)
 
 
-@pytest.mark.parametrize(
-    ("size", "dark"), [((1600, 1000), False), ((1280, 800), True)], ids=["light", "dark"]
-)
+SIZES = {"wide": (1600, 1000), "laptop": (1280, 800), "phone": (390, 844)}
+NARROW = 900
+"""Up to this width the map is a tab, px."""
+IN_CI = {("wide", "light", "en-GB"), ("laptop", "dark", "de-DE"), ("phone", "light", "nl-NL")}
+"""Each size, theme and language once; the other combinations are long tests."""
+SHIFTS = [
+    pytest.param(size, theme, language, marks=() if (size, theme, language) in IN_CI else pytest.mark.long)
+    for size in SIZES
+    for theme in ("light", "dark")
+    for language in ("en-GB", "de-DE", "nl-NL")
+]
+
+
+@dataclass
+class Screen:
+    """The page, its texts and whether it is narrow."""
+
+    page: Page
+    say: Texts
+    size: str
+    theme: str
+
+    @property
+    def narrow(self) -> bool:
+        """Whether the map is a tab."""
+        return SIZES[self.size][0] <= NARROW
+
+    async def check(self, name: str) -> None:
+        """Fail if axe finds anything, or if the page is wider than the screen; save a picture."""
+        assert await findings(self.page) == [], name
+        width = await self.page.evaluate("document.documentElement.scrollWidth")
+        assert width <= SIZES[self.size][0], name
+        await picture(self.page, f"shift-{self.size}-{self.theme}-{name}")
+
+    async def back(self) -> None:
+        """Leave a page for the lists."""
+        await self.page.get_by_role("link", name=self.say("page.back")).click()
+
+
+@pytest.mark.parametrize(("size", "theme", "language"), SHIFTS)
 async def test_a_shift(
     broker: Broker,
     interface_name: str,
     tmp_path: Path,
     browser: Browser,
-    size: tuple[int, int],
     *,
-    dark: bool,
+    size: str,
+    theme: str,
+    language: str,
 ) -> None:
-    width, height = size
+    width, height = SIZES[size]
     fleet, port = Fleet(broker, f"{interface_name}-orders", tmp_path), free_port()
     plant = tmp_path / "plant.json"
     plant.write_text(grid_plant(COLUMNS, ROWS).to_json())
@@ -91,6 +132,7 @@ async def test_a_shift(
                 *("--http.port", str(port), "--mqtt.port", str(broker.port)),
                 *("--interface_name", interface_name, "--topic_prefix", fleet.prefix),
                 *("--order_service.url", str(orders.base_url), "--jam.seconds", "0.1"),
+                *recorded_shift(tmp_path),
             )
             with AggregatorProcess(*options) as aggregator:
                 await aggregator.logged("broker connected")
@@ -98,20 +140,22 @@ async def test_a_shift(
                 told = await until(lambda: heard.payloads(topics.service_status), what="it lives")
                 publish_robots(peer, TopicScheme(interface_name), topics, epoch_of(told[-1]))
                 url = f"http://127.0.0.1:{port}/"
-                async with opened(
-                    browser, url, width=width, height=height, dark=dark, expected=("502",)
-                ) as page:
-                    await the_stopped_robot_is_seen(page)
-                    await the_head_of_the_jam_is_two_clicks_away(page)
-                    await the_order_is_found(page)
-                    await is_locked(orders, await a_path_is_locked(page))
-                    await page.get_by_role("link", name="All robots and orders").click()
-                    if not dark:
+                looks = {"width": width, "height": height, "dark": theme == "dark", "language": language}
+                async with opened(browser, url, **looks, timezone="UTC", expected=("502",)) as page:
+                    screen = Screen(page, Texts(language), size, theme)
+                    await the_stopped_robot_is_seen(screen)
+                    await the_head_of_the_jam_is_two_clicks_away(screen)
+                    await the_order_is_found(screen)
+                    await is_locked(orders, await a_path_is_locked(screen))
+                    await an_area_is_stopped_and_released(screen, orders)
+                    await yesterdays_report_is_read(screen)
+                    await screen.back()
+                    if (size, theme) == ("wide", "light"):
                         await picture(page, "shift")
-                    await page.evaluate(NOTE_BANNER)
+                    await page.evaluate(NOTE_BANNER, screen.say.start("link.orderService"))
                     killed = time.time()
                     service.kill()
-                    await the_order_service_is_said_to_be_down(page, killed)
+                    await the_order_service_is_said_to_be_down(screen, killed)
 
 
 async def is_locked(orders: httpx.AsyncClient, path: str) -> None:
@@ -122,48 +166,100 @@ async def is_locked(orders: httpx.AsyncClient, path: str) -> None:
     await awaited(locked, bool, seconds=PATIENCE, what=f"{path} is locked")
 
 
-async def the_order_service_is_said_to_be_down(page: Page, killed: float) -> None:
-    banner = page.locator("nena-link-banner")
-    await expect(banner).to_contain_text("The order service is down", timeout=1e3 * PATIENCE)
-    took = await page.evaluate("window.told") / 1e3 - killed
+async def the_order_service_is_said_to_be_down(screen: Screen, killed: float) -> None:
+    banner = screen.page.locator("nena-link-banner")
+    await expect(banner).to_contain_text(screen.say.start("link.orderService"), timeout=1e3 * PATIENCE)
+    took = await screen.page.evaluate("window.told") / 1e3 - killed
     assert 0 < took < TOLD_WITHIN, f"told after {took:.1f} s"
-    assert await findings(page) == []
+    await screen.check("down")
 
 
-async def the_stopped_robot_is_seen(page: Page) -> None:
-    await expect(page.get_by_role("tab", name="Robots")).to_have_text(f"Robots ({ROBOTS})")
-    row = page.locator(f"tr[data-robot='ACME/r{STOPPED}']")
-    await expect(row).to_be_in_viewport()
+async def the_stopped_robot_is_seen(screen: Screen) -> None:
+    page, say = screen.page, screen.say
+    tab = page.get_by_role("tab", name=say.start("robots.tab"))
+    await expect(tab).to_have_text(say("robots.tab", count=ROBOTS))
     await expect(page.locator("tr[data-robot]").first).to_contain_text(f"AMR-{STOPPED}")
-    await expect(page.get_by_role("link", name=f"AMR-{STOPPED}: Emergency stop")).to_be_in_viewport()
-    await becomes(page, LABELS, None, lambda labels: any(f"AMR-{STOPPED}" in each for each in labels))
+    if screen.narrow:
+        needs = page.get_by_role("region", name=say("attention.title"))
+        await expect(needs.get_by_role("link", name=f"AMR-{STOPPED}")).to_be_in_viewport()
+    else:
+        await expect(page.locator(f"tr[data-robot='ACME/r{STOPPED}']")).to_be_in_viewport()
+        named = say("summary.urgent", name=f"AMR-{STOPPED}", why=say("urgent.emergency_stop"))
+        await expect(page.get_by_role("link", name=named)).to_be_in_viewport()
+        await becomes(page, LABELS, None, lambda labels: any(f"AMR-{STOPPED}" in each for each in labels))
+    await screen.check("lists")
 
 
-async def the_head_of_the_jam_is_two_clicks_away(page: Page) -> None:
+async def the_head_of_the_jam_is_two_clicks_away(screen: Screen) -> None:
+    page, say = screen.page, screen.say
     last = f"AMR-{STOPPED + JAMMED - 1}"
-    await page.get_by_role("button", name=f"{JAMMED - 1} Waiting").click()
+    waiting = page.get_by_role("button", name=f"{JAMMED - 1} {say('condition.WAITING')}")
+    await waiting.click()
     row = page.locator("tr[data-robot]").filter(has_text=last).first
-    await row.get_by_role("link", name=f"Head of queue: AMR-{STOPPED}").click()
+    head = say("robots.head", name=f"AMR-{STOPPED}", condition=say("urgent.emergency_stop"))
+    await row.get_by_role("link", name=head).click()
     await expect(page.locator("nena-robot-page h2")).to_have_text(f"AMR-{STOPPED}")
+    await screen.check("head")
     await page.go_back()
-    await page.get_by_role("button", name=f"{JAMMED - 1} Waiting").click()
+    await waiting.click()
 
 
-async def the_order_is_found(page: Page) -> None:
+async def the_order_is_found(screen: Screen) -> None:
+    page = screen.page
     await page.keyboard.press("/")
     await page.keyboard.type("WMS-042")
     await page.keyboard.press("Enter")
     await expect(page.locator("nena-order-page h2")).to_have_text("WMS-042")
-    search = page.get_by_role("searchbox", name="Search")
-    await search.fill("")
+    await screen.check("order")
+    await page.get_by_role("searchbox", name=screen.say("search.label")).fill("")
 
 
-async def a_path_is_locked(page: Page) -> str:
-    x, y = await page.evaluate(f"{MAP}.view.toScreen(31, 18)")  # between P-15-9 and P-16-9
-    await page.locator("nena-fleet-map canvas").click(position={"x": x, "y": y})
+async def a_path_is_locked(screen: Screen) -> str:
+    page, say = screen.page, screen.say
+    canvas = page.locator("nena-fleet-map canvas")
+    if screen.narrow:
+        await screen.back()
+        await page.get_by_role("tab", name=say("map.title")).click()
+        await canvas.focus()
+        for _ in range(4):  # the middle of the hall stays where it is
+            await page.keyboard.press("+")
+    x, y = await page.evaluate(f"{MAP}.view.toScreen(19, 14)")  # between P-9-7 and P-10-7
+    await canvas.click(position={"x": x, "y": y})
     shown = page.locator("nena-place-page")
-    await expect(shown.locator("h2")).to_contain_text("P-15-9")
-    await page.get_by_role("button", name="Lock", exact=True).click()
-    await expect(shown.locator(".chip")).to_have_text("Path, locked")
-    await becomes(page, COLOUR_NEAR, [31, 18, "bad"], lambda found: found > 2)  # one of two directions
+    await expect(shown.locator("h2")).to_contain_text("P-9-7")
+    await page.get_by_role("button", name=say("place.lock"), exact=True).click()
+    await expect(shown.locator(".chip")).to_have_text(say("place.locked"))
+    await becomes(page, COLOUR_NEAR, [19, 14, "bad"], lambda found: found > 2)  # one of two directions
+    await screen.check("path")
     return await shown.locator("h2").inner_text()
+
+
+async def an_area_is_stopped_and_released(screen: Screen, orders: httpx.AsyncClient) -> None:
+    page, say = screen.page, screen.say
+    await page.get_by_role("button", name=say("stops.area"), exact=True).click()
+    form = page.get_by_role("form", name=say("stops.area"))
+    await form.get_by_label(say("stops.by")).fill("Anna")
+    await form.get_by_label(say("stops.reason")).fill("oil on the floor")
+    for name, value in {"xMin": 3, "yMin": 3, "xMax": 9, "yMax": 9}.items():
+        await form.get_by_label(say(f"stops.{name}")).fill(str(value))
+    await screen.check("area-form")
+    await form.get_by_role("button", name=say("stops.area.send")).click()
+    banner = page.locator("nena-stops .stop")
+    await expect(banner).to_contain_text("oil on the floor")
+    (stop,) = (await orders.get("/v1/stops")).json()["stops"]
+    assert (stop["by"], stop["area"]["xMax"]) == ("Anna", 9)
+    await screen.check("area")
+    await banner.get_by_role("button", name=say("stops.end")).click()
+    await banner.get_by_label(say("stops.reason")).fill("clean again")
+    await banner.get_by_role("button", name=say("stops.end.send")).click()
+    await expect(banner).to_have_count(0)
+    assert (await orders.get("/v1/stops")).json()["stops"] == []
+
+
+async def yesterdays_report_is_read(screen: Screen) -> None:
+    page, say = screen.page, screen.say
+    await page.get_by_role("link", name=say("reports.title"), exact=True).click()
+    await page.get_by_label(say("reports.range")).select_option("yesterday")
+    finished = page.locator(".figures > div").filter(has_text=say("reports.finished")).locator("dd")
+    await expect(finished).to_have_text("6")
+    await screen.check("report")

@@ -9,7 +9,7 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, Base64Bytes, Field
 
 from nena_shared.fleet_api.base import Resource
-from nena_shared.vda5050.zone_set import ZoneSet
+from nena_shared.vda5050.zone_set import ZoneSet, ZoneType
 
 
 class PlantModelChange(Resource):
@@ -77,12 +77,23 @@ class ZoneSetAtVehicle(Resource):
     """Last attempt and its result, as text."""
 
 
+class ZoneOutline(Resource):
+    """Type and corners of a zone."""
+
+    zone_id: str
+    zone_type: ZoneType
+    vertices: tuple[tuple[float, float], ...]
+    """x and y of the corners, m in the project-wide frame of the map."""
+
+
 class ZoneSetStatus(Resource):
     """A zone set stored by a host."""
 
     zone_set_id: str
     map_id: str
     zones: int
+    """Number of zones."""
+    outlines: tuple[ZoneOutline, ...]
     enabled: bool
     """Whether robots should use it."""
     deleted: bool

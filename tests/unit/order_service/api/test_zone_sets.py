@@ -14,6 +14,13 @@ async def test_zone_sets_are_put_shown_enabled_and_deleted(client: httpx.AsyncCl
     put = await client.post(URL, json=DAY)
     assert (put.status_code, put.json()["zoneSetId"], put.json()["zones"]) == (200, "day", 1)
     assert {each["phase"] for each in put.json()["vehicles"]} == {"UNKNOWN"}
+    assert put.json()["outlines"] == [
+        {
+            "zoneId": "z",
+            "zoneType": "BLOCKED",
+            "vertices": [[0.0, -5.0], [1.0, -5.0], [1.0, 5.0], [0.0, 5.0]],
+        }
+    ]
     assert (await client.get(f"{URL}/day")).json() == put.json()
     assert (await client.post(f"{URL}/day/enable")).json()["enabled"] is True
     assert (await client.delete(f"{URL}/day")).json()["deleted"] is True

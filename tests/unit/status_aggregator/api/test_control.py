@@ -122,11 +122,31 @@ async def test_a_path_is_locked(client: httpx.AsyncClient, far: Far) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/paths/A", "/vehicles/A/lock", "/transportOrders/A/lock", "/paths/A/route"]
+    "path",
+    [
+        "/paths/A",
+        "/vehicles/A/lock",
+        "/transportOrders/A/lock",
+        "/paths/A/route",
+        "/schedules/A",
+        "/schedules",
+    ],
 )
-async def test_only_path_locks_accept_put(client: httpx.AsyncClient, far: Far, path: str) -> None:
+async def test_only_what_the_panel_changes_accepts_put(
+    client: httpx.AsyncClient, far: Far, path: str
+) -> None:
     assert (await client.put(path, json={})).status_code == 404
     assert far.asked == []
+
+
+async def test_integration_level_is_set(client: httpx.AsyncClient, far: Far) -> None:
+    await client.put("/vehicles/R1/integrationLevel", json={"integrationLevel": "TO_BE_RESPECTED"})
+    assert far.asked == [("PUT", "/v1/vehicles/R1/integrationLevel", {"integrationLevel": "TO_BE_RESPECTED"})]
+
+
+async def test_schedule_is_switched(client: httpx.AsyncClient, far: Far) -> None:
+    await client.put("/schedules/Night%20shift/enabled", json={"enabled": False})
+    assert far.asked == [("PUT", "/v1/schedules/Night%20shift/enabled", {"enabled": False})]
 
 
 async def test_problems_of_the_order_service_are_forwarded_unchanged(client: httpx.AsyncClient) -> None:

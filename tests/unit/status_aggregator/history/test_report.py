@@ -46,6 +46,7 @@ REPORT: Report = {
         }
     ],
     "waiting": [{"cause": "waits_turn", "seconds": 7.5}],
+    "waitingPlaces": [{"place": "=P-2", "seconds": 6.0, "robots": 2}],
     "failures": [
         {
             "kind": FailureKind.ERROR,
@@ -113,4 +114,6 @@ def test_csv_has_a_row_per_figure_and_no_formulas() -> None:
     assert found["hours", "failed", "", "2026-01-01T06:00:00.000Z"] == "1"
     assert found["robots", "seconds", "'=cmd/1", "BUSY"] == "5.0"
     assert found["waiting", "seconds", "", "waits_turn"] == "7.5"
+    assert found["waitingPlaces", "seconds", "", "'=P-2"] == "6.0"
+    assert found["waitingPlaces", "robots", "", "'=P-2"] == "2"
     assert found["failures", "error", "A/1", "'=1+1 (FATAL)"] == "2"

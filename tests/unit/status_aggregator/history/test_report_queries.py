@@ -102,6 +102,38 @@ def test_waiting_by_cause(shift: Engine) -> None:
     ]
 
 
+def test_waiting_by_place(shift: Engine) -> None:
+    assert report(shift)["waitingPlaces"] == [{"place": "P-2", "seconds": 300, "robots": 1}]
+
+
+def test_places_are_sorted_limited_and_only_those_of_waits(
+    engine: Engine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report_queries, "PLACES_LIMIT", 2)
+    waits = [  # minute, robot, condition, values
+        (0, "A/1", "WAITING", {"reason": "waits_passing", "at": "P-1--P-2"}),
+        (3, "A/1", "BUSY", {"reason": "driving", "next": "P-9"}),
+        (0, "A/2", "WAITING", {"reason": "waiting_for_release", "place": "P-3", "next": "P-4"}),
+        (5, "A/2", "WAITING", {"reason": "waits_other", "why": "no route"}),
+        (0, "A/3", "WAITING", {"reason": "waits_turn", "at": "P-1--P-2"}),
+        (4, "A/3", "WAITING", {"reason": "waits_peripheral", "at": "Door"}),
+        (5, "A/3", "IDLE", {"reason": "idle"}),
+    ]
+    database.write(
+        engine,
+        [
+            Event(
+                SIX + timedelta(minutes=minute), Code.CONDITION, "", robot, values={"condition": to, **values}
+            )
+            for minute, robot, to, values in sorted(waits, key=lambda each: each[0])
+        ],
+    )
+    assert report(engine, SIX, SIX + timedelta(minutes=10))["waitingPlaces"] == [
+        {"place": "P-1--P-2", "seconds": 420, "robots": 2},
+        {"place": "P-4", "seconds": 300, "robots": 1},
+    ]
+
+
 def test_distances_and_charges(shift: Engine) -> None:
     figures = {
         robot["robot"]: (robot["distance"], robot["emptyDistance"], robot["charges"], robot["chargeAtStart"])

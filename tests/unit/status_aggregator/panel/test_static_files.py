@@ -10,10 +10,12 @@ import pytest
 
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.zone_set import ZoneType
 from nena_status_aggregator.api.app import PANEL
 from nena_status_aggregator.fleet.condition import TEXTS, URGENT, Condition, SessionState
 from nena_status_aggregator.fleet.events import Code
@@ -24,7 +26,7 @@ ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
 KEY = re.compile(
     r'"((?:page|summary|urgent|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|peripherals?|state|messages|'
     r"language|filter|goal|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
-    r'lists|search|attention|several|confirm|place|position|form|login|operation|orderForm|drive|event|eventLog|done|history|reports|duration)\.[\w.]+)"'
+    r'lists|audit|schedules|search|attention|several|confirm|place|position|form|login|operation|orderForm|drive|event|eventLog|done|history|reports|duration)\.[\w.]+)"'
 )
 MADE = re.compile(r"`([\w.]+\.)\$\{")
 
@@ -108,7 +110,20 @@ def test_every_code_has_a_text() -> None:
     wanted |= {f"eventLog.{each}" for each in Code}
     wanted |= {f"reason.{each}" for each in TEXTS if each != "emergency_stop"}
     wanted |= {f"urgent.{each}" for each in URGENT}
+    wanted |= {f"zone.{each}" for each in ZoneType}
+    wanted |= {f"integration.{each}" for each in IntegrationLevel}
     assert wanted - KEYS == set()
+
+
+def test_every_condition_has_the_same_sign_in_lists_and_on_the_map() -> None:
+    style = (PANEL / "style.css").read_text(encoding="utf-8")
+    rules = re.findall(r'\[data-condition="(\w+)"\](?:, \[data-urgent\])? \{ --sign: "(.*?)";', style)
+    signs = dict(rules)
+    assert set(signs) == set(Condition)
+    assert len(set(signs.values())) == len(signs), "a sign of two conditions"
+    badges = (PANEL / "map" / "badges.js").read_text(encoding="utf-8")
+    drawn = dict(re.findall(r'([A-Z]+): "(.)"', badges))
+    assert drawn == {name: sign for name, sign in signs.items() if name not in ("IDLE", "BUSY")}
 
 
 def test_every_condition_has_its_colour() -> None:

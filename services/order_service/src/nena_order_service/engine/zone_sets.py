@@ -17,7 +17,7 @@ from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.store.database import Changes
 from nena_order_service.vehicles.registry import FleetVehicle
-from nena_shared.fleet_api.plant import ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus
+from nena_shared.fleet_api.plant import ZoneOutline, ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus
 from nena_shared.log import get_logger
 from nena_shared.tasks import forever
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
@@ -257,6 +257,14 @@ class ZoneSets:
             zone_set_id=zone_set.zone_set_id,
             map_id=zone_set.map_id,
             zones=len(zone_set.zones),
+            outlines=tuple(
+                ZoneOutline(
+                    zone_id=each.zone_id,
+                    zone_type=each.zone_type,
+                    vertices=tuple((corner.x, corner.y) for corner in each.vertices),
+                )
+                for each in zone_set.zones
+            ),
             enabled=wanted.enabled,
             deleted=wanted.deleted,
             vehicles=tuple(

@@ -66,10 +66,12 @@ class OrderServiceClient:
 
 
 PREFIX = "/api/v1/control"
-RESOURCES = re.compile(r"(transportOrders|vehicles|paths|stops)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan|audit")
+RESOURCES = re.compile(
+    r"(transportOrders|vehicles|paths|stops|schedules)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan|audit|zoneSets"
+)
 """Paths of forwarded queries and commands: the resources that the panel uses."""
-CHANGES = re.compile(r"paths/[^/]+/lock")
-"""Paths of forwarded changes (PUT): only the lock of a path."""
+CHANGES = re.compile(r"paths/[^/]+/lock|vehicles/[^/]+/integrationLevel|schedules/[^/]+/enabled")
+"""Paths of forwarded changes (PUT): lock of a path, integration level, and whether a schedule is enabled."""
 BODY_LIMIT = 256 * 1024
 """Maximum size of a command, bytes."""
 

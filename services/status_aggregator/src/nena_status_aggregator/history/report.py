@@ -88,6 +88,15 @@ class WaitFigures(TypedDict):
     seconds: float
 
 
+class PlaceFigures(TypedDict):
+    """Time that robots waited for a point, path, location or block, or for the release of a node."""
+
+    place: str
+    seconds: float
+    robots: int
+    """Number of different robots."""
+
+
 class FailureFigures(TypedDict):
     """Failures of a kind with the same cause, at the same robot or vehicle."""
 
@@ -120,6 +129,8 @@ class Report(TypedDict):
     robots: list[RobotFigures]
     waiting: list[WaitFigures]
     """Longest first."""
+    waitingPlaces: list[PlaceFigures]
+    """Longest first; at most 1,000. Waits without a place are not included."""
     failures: list[FailureFigures]
     """Most frequent first; at most 100 of each kind."""
 
@@ -208,6 +219,9 @@ def _rows(report: Report) -> Iterator[Cells]:
         yield from _robot_rows(robot)
     for wait in report["waiting"]:
         yield "waiting", "seconds", None, wait["cause"], wait["seconds"]
+    for place in report["waitingPlaces"]:
+        yield "waitingPlaces", "seconds", None, place["place"], place["seconds"]
+        yield "waitingPlaces", "robots", None, place["place"], place["robots"]
     for failure in report["failures"]:
         cause = f"{failure['cause']} ({failure['level']})" if failure["level"] else failure["cause"]
         yield "failures", failure["kind"], failure["robot"] or failure["vehicle"], cause, failure["count"]

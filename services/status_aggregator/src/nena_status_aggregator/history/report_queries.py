@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import timedelta
 from math import ceil
 from typing import Any
@@ -48,6 +48,7 @@ from nena_status_aggregator.history.report import (
     Link,
     OrderFigures,
     Outage,
+    PlaceFigures,
     Report,
     RobotFigures,
     WaitFigures,
@@ -63,6 +64,9 @@ ENTRIES_LIMIT = 1_000_000
 
 FAILURES_LIMIT = 100
 """Maximum number of rows per kind of failure."""
+
+PLACES_LIMIT = 1000
+"""Maximum number of places for which robots waited."""
 
 CONDITION_CODES = (Code.CONDITION.value, Code.ROBOT_FORGOTTEN.value)
 """Events that end the previous condition of a robot."""
@@ -155,7 +159,7 @@ def compute(engine: Engine, since: int, until: int) -> Report:
         begin = _recorded_since(period)
         down = outages(_links(period), until)
         recorded = 0 if begin is None else until - begin - sum(each.within(begin, until) for each in down)
-        robots, waiting = _robots(period, down)
+        robots, waits = _robots(period, down)
         return {
             "since": iso_of(since),
             "until": iso_of(until),
@@ -165,7 +169,8 @@ def compute(engine: Engine, since: int, until: int) -> Report:
             "orders": _orders(period, begin, max(0, recorded)),
             "utilisation": utilisation(_total(each["conditions"] for each in robots)),
             "robots": robots,
-            "waiting": waiting,
+            "waiting": waits.by_cause(),
+            "waitingPlaces": waits.by_place(),
             "failures": _failures(period),
         }
 
@@ -213,26 +218,58 @@ def _links(period: Period) -> list[Link]:
     return [Link(row.time, bool(row.connected), bool(row.started), row.before) for row in rows]
 
 
-def _robots(period: Period, down: Sequence[Outage]) -> tuple[list[RobotFigures], list[WaitFigures]]:
+@dataclass(slots=True)
+class Waits:
+    """The time that robots waited, by cause and by place, ms."""
+
+    causes: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+    places: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+    robots: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
+    """Robots that waited, by place."""
+
+    def add(self, robot: str, cause: str, place: str | None, spent: int) -> None:
+        """Count a wait."""
+        self.causes[cause] += spent
+        if place is not None and spent:
+            self.places[place] += spent
+            self.robots[place].add(robot)
+
+    def by_cause(self) -> list[WaitFigures]:
+        """Return the times by cause, longest first."""
+        return [{"cause": cause, "seconds": spent / 1000} for cause, spent in _longest(self.causes)]
+
+    def by_place(self) -> list[PlaceFigures]:
+        """Return the longest times by place, longest first."""
+        return [
+            {"place": place, "seconds": spent / 1000, "robots": len(self.robots[place])}
+            for place, spent in _longest(self.places)[:PLACES_LIMIT]
+        ]
+
+
+def _longest(times: dict[str, int]) -> list[tuple[str, int]]:
+    return sorted(times.items(), key=lambda each: -each[1])
+
+
+def _robots(period: Period, down: Sequence[Outage]) -> tuple[list[RobotFigures], Waits]:
     conditions: dict[str, dict[str, float]] = defaultdict(dict)
-    waiting: dict[str, float] = {}
+    waits = Waits()
     spent = _spent(period, down)
-    cause = case((spent.c.condition == Condition.WAITING.value, spent.c.cause)).label("cause")
-    split = select(spent.c.robot, spent.c.condition, cause, spent.c.spent).subquery()
-    groups = split.c.robot, split.c.condition, split.c.cause
-    for row in period.connection.execute(select(*groups, func.sum(split.c.spent)).group_by(*groups)):
-        robot, condition, cause_code, total = row
+    waiting = spent.c.condition == Condition.WAITING.value
+    cause, place = (case((waiting, each)).label(each.name) for each in (spent.c.cause, spent.c.place))
+    split = select(spent.c.robot, spent.c.condition, cause, place, spent.c.spent).subquery()
+    groups = split.c.robot, split.c.condition, split.c.cause, split.c.place
+    query = select(*groups, func.sum(split.c.spent)).group_by(*groups)
+    for robot, condition, cause_code, place_name, total in period.connection.execute(query):
         seconds = int(total) / 1000
         conditions[robot][condition] = round(conditions[robot].get(condition, 0.0) + seconds, 3)
         if condition == Condition.WAITING:
-            waiting[cause_code] = round(waiting.get(cause_code, 0.0) + seconds, 3)
+            waits.add(robot, cause_code, place_name, int(total))
     distances, charges = _distances(period), _charges(period)
     robots = [
         _robot(name, conditions.get(name, {}), distances.get(name), charges.get(name))
         for name in sorted({*conditions, *distances, *charges})
     ]
-    longest = sorted(waiting.items(), key=lambda each: -each[1])
-    return robots, [{"cause": code, "seconds": seconds} for code, seconds in longest]
+    return robots, waits
 
 
 def _robot(
@@ -282,6 +319,7 @@ def _changes(period: Period) -> Subquery:
         table.time,
         values.text("condition").label("condition"),
         values.text("reason").label("cause"),
+        func.coalesce(values.text("at"), values.text("next")).label("place"),  # next: waiting for its release
     )
     before = select(*columns).join(last, last.c.id == table.id)
     return union_all(before, select(*columns).where(period.has(*CONDITION_CODES))).subquery("changes")
@@ -310,7 +348,9 @@ def _spent(period: Period, down: Sequence[Outage]) -> Subquery:
         columns.up, (columns.next_up, columns.cut_up), up(period.since), up(period.until)
     )
     known = and_(columns.condition.is_not(None), end > begin)
-    parts = select(columns.robot, columns.condition, columns.cause, (end_up - begin_up).label("spent"))
+    parts = select(
+        columns.robot, columns.condition, columns.cause, columns.place, (end_up - begin_up).label("spent")
+    )
     return parts.where(known).subquery("spent")
 
 
@@ -325,7 +365,7 @@ def _bounded(
 
 def _placed(changes: Subquery, down: Sequence[Outage]) -> Subquery:
     """Return changes with their ``up``, and where the first restart after them cuts them off."""
-    columns = ("id", "robot", "time", "condition", "cause")
+    columns = ("id", "robot", "time", "condition", "cause", "place")
     marks: list[list[ColumnElement[Any]]] = []
     lost = 0
     for each in sorted(down, key=lambda each: (each.begin, each.end)):
@@ -350,8 +390,8 @@ def _mark(
     time: int, moved: int, opened: int, cut_time: int | None = None, cut_up: int | None = None
 ) -> list[ColumnElement[Any]]:
     """Return a row at the begin or end of an outage; it comes before changes at the same time."""
-    nothing: tuple[Any, ...] = (BigInteger, Text, BigInteger, Text, Text)
-    names = ("id", "robot", "time", "condition", "cause")
+    nothing: tuple[Any, ...] = (BigInteger, Text, BigInteger, Text, Text, Text)
+    names = ("id", "robot", "time", "condition", "cause", "place")
     empty: list[ColumnElement[Any]] = [
         cast(null(), kind).label(name) for kind, name in zip(nothing, names, strict=True)
     ]

@@ -1,11 +1,16 @@
 // The audit trail: who changed what, newest first, with filters. The order service shows it to administrators.
 
 import { fetchList } from "./api.js";
+import { csvOf, save } from "./csv.js";
 import { button, element, field, foreign, select, setText, verbatim } from "./dom.js";
-import { dateAndTime, t } from "./i18n.js";
+import { dateAndTime, fieldTime, number, plural, t } from "./i18n.js";
 import { backLink, parameters, setParameters } from "./router.js";
 
 const PAGE = 50;
+const EXPORT_PAGE = 1000;
+const EXPORT_PAGES = 50;
+const TIMES = ["since", "until"];
+const COLUMNS = ["sequence", "timestamp", "user", "interface", "client", "operation", "objectKind", "object", "result", "reason", "before", "after", "request", "hash"];
 const RESULTS = ["DONE", "REFUSED", "FAILED"];
 
 /** Return whether a user may see the audit trail; without a login anyone may. */
@@ -29,8 +34,10 @@ class AuditPage extends HTMLElement {
       operation: element("input", { type: "search", maxlength: 200 }),
       object: element("input", { type: "search", maxlength: 200 }),
       result: select([["", t("audit.all")], ...results]),
+      since: element("input", { type: "datetime-local" }),
+      until: element("input", { type: "datetime-local" }),
     };
-    for (const [name, control] of Object.entries(this.filters)) control.value = parameters().get(name) ?? "";
+    for (const [name, control] of Object.entries(this.filters)) control.value = linked(name);
     this.list = element("ol", { class: "history" });
     this.note = element("p", { class: "hint", role: "status" });
     this.older = button(t("audit.older"), () => this.#load(this.next), { hidden: true });
@@ -39,16 +46,44 @@ class AuditPage extends HTMLElement {
     const narrowing = element("div", { class: "fields" }, ...fields);
     narrowing.addEventListener("change", () => this.#load(null));
     const hint = element("p", { class: "hint" }, t("audit.hint"));
-    const found = element("section", {}, narrowing, hint, this.list, this.note, this.older);
+    const csv = button(t("audit.csv"), () => this.#export(csv));
+    const found = element("section", {}, narrowing, hint, element("p", {}, csv), this.list, this.note, this.older);
     this.replaceChildren(element("header", { class: "head" }, backLink(), heading), found);
     heading.focus({ preventScroll: true });
     return this.#load(null);
   }
 
+  // The filters as in the order service's API; empty ones are left out there.
+  get #chosen() {
+    const values = Object.entries(this.filters).map(([name, { value }]) => [name, value.trim()]);
+    return Object.fromEntries(values.map(([name, value]) => [name, value && TIMES.includes(name) ? new Date(value).toISOString() : value]));
+  }
+
+  // Save all rows that the filters leave, newest first.
+  async #export(csv) {
+    const rows = [];
+    csv.disabled = true;
+    setText(this.note, t("audit.loading"));
+    try {
+      let after = null;
+      for (let page = 0; page < EXPORT_PAGES && (page === 0 || after !== null); page += 1) {
+        const answer = await fetchList("audit", { ...this.#chosen, limit: EXPORT_PAGE, after });
+        rows.push(...answer.entries);
+        after = answer.next;
+      }
+      save("nena-audit.csv", csvOf(COLUMNS, rows.map((entry) => COLUMNS.map((name) => entry[name]))), "text/csv;charset=utf-8");
+      setText(this.note, after === null ? plural("audit.saved", rows.length) : t("audit.cut", { count: number(rows.length) }));
+    } catch (error) {
+      this.note.replaceChildren(t("audit.failed"), " ", foreign("span", error.message));
+    } finally {
+      csv.disabled = false;
+    }
+  }
+
   // Load the rows after `after`; null: the newest ones, which replace what is shown.
   async #load(after) {
     const load = (this.#loads += 1);
-    const chosen = Object.fromEntries(Object.entries(this.filters).map(([name, control]) => [name, control.value.trim()]));
+    const chosen = this.#chosen;
     setParameters(chosen);
     setText(this.note, t("audit.loading"));
     this.older.hidden = true;
@@ -64,6 +99,13 @@ class AuditPage extends HTMLElement {
     this.older.hidden = answer.next === null;
     setText(this.note, this.list.childElementCount ? "" : t("audit.none"));
   }
+}
+
+// The value of a filter in the address.
+function linked(name) {
+  const value = parameters().get(name) ?? "";
+  if (!TIMES.includes(name)) return value;
+  return Number.isNaN(Date.parse(value)) ? "" : fieldTime(Date.parse(value));
 }
 
 function row(entry) {

@@ -123,6 +123,7 @@ const RANGES = { minutes10: 600, hour: 3600, hours8: 28_800, day: 86_400 };
 const SPEEDS = [1, 10, 60];
 const FRAME = 100; // ms
 const LISTED = 60;
+const MARKS = 300; // on the slider
 
 /** Fires `replay` with the robots to show on the map; null: live data. */
 class HistoryPage extends HTMLElement {
@@ -151,6 +152,7 @@ class HistoryPage extends HTMLElement {
     this.filters = this.#filters(linked);
     this.speed = select(SPEEDS.map((each) => [each, t("history.speed", { factor: each })]), { name: "speed" });
     this.slider = element("input", { type: "range", step: 100, "aria-label": t("history.time"), class: "slider" });
+    this.marks = element("div", { class: "marks", "aria-hidden": "true" }); // the list has the same
     this.play = button(t("history.play"), () => (this.#playing ? this.#stop() : this.#start()));
     this.clock = verbatim("output", "", { class: "number clock" });
     this.note = element("p", { class: "hint", role: "status" });
@@ -163,7 +165,7 @@ class HistoryPage extends HTMLElement {
     const heading = element("h2", { tabindex: -1 }, t("history.title"));
     const head = element("header", { class: "head" }, backLink(), heading);
     const choices = element("div", { class: "fields" }, field(t("history.range"), this.range), field(t("history.speedLabel"), this.speed), this.play, this.clock);
-    const controls = element("section", {}, choices, this.slider, this.note);
+    const controls = element("section", {}, choices, this.slider, this.marks, this.note);
     const narrowing = element("div", { class: "fields" }, ...Object.entries(this.filters).map(([name, control]) => field(t(`history.by.${name}`), control)));
     narrowing.addEventListener("input", () => this.#narrow());
     // The list grows while a replay plays: links above it stay where they are.
@@ -216,7 +218,23 @@ class HistoryPage extends HTMLElement {
     setParameters({ from: new Date(since).toISOString(), to: new Date(until).toISOString(), ...this.#chosen });
     if (!this.#timeline) return;
     this.files.replaceChildren(...["csv", "jsonl"].map((form) => download(this.loaded, form, this.#chosen)));
+    this.#mark();
     this.#moved();
+  }
+
+  // Mark the times of problems below the slider, as far as the filters leave them; the latest if there are many.
+  #mark() {
+    const [begin, end] = [Number(this.slider.min), Number(this.slider.max)];
+    const chosen = { ...this.#chosen, level: "problems" };
+    const times = this.#timeline.events.filter((entry) => fits(entry, chosen)).slice(-MARKS).map((entry) => Date.parse(entry.time));
+    const shares = [...new Set(times.filter((time) => time >= begin).map((time) => ((100 * (time - begin)) / (end - begin)).toFixed(1)))];
+    this.marks.replaceChildren(
+      ...shares.map((share) => {
+        const mark = element("i");
+        mark.style.left = `${share}%`;
+        return mark;
+      }),
+    );
   }
 
   async #load() {

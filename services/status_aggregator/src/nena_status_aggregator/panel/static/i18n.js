@@ -70,6 +70,11 @@ export function dateAndTime(moment) {
   return new Date(moment).toLocaleString(locale(), { dateStyle: "medium", timeStyle: "medium" });
 }
 
+/** Return a time (ms) as the value of a field for a local time, to the minute. */
+export function fieldTime(time) {
+  return new Date(time - new Date(time).getTimezoneOffset() * 60_000).toISOString().slice(0, 16);
+}
+
 /** Format a date with its day of the week; `moment` is ISO 8601 or milliseconds. */
 export function dateOf(moment) {
   return new Date(moment).toLocaleDateString(locale(), { weekday: "short", day: "numeric", month: "short" });

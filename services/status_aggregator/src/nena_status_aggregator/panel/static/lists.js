@@ -1,8 +1,7 @@
-// Beside the map: tabs of robots, orders and devices, one search for robots, orders and places, and commands to several robots.
+// Beside the map: tabs of robots, orders and devices, and one search for robots, orders and places.
 
-import { command } from "./api.js";
-import { button, element, foreign, refill, setAttribute, setText, verbatim } from "./dom.js";
-import { byName, number, plural, t } from "./i18n.js";
+import { button, element, refill, setAttribute, setText } from "./dom.js";
+import { byName, number, t } from "./i18n.js";
 import { matches } from "./live_table.js";
 import { address, currentView, lists } from "./router.js";
 
@@ -149,95 +148,3 @@ class Search extends HTMLElement {
 }
 
 customElements.define("nena-search", Search);
-
-/** Sends a command to each of the marked robots. */
-class FleetCommands extends HTMLElement {
-  /** Attach to the table in which robots are marked. */
-  show(table) {
-    this.table = table;
-    this.count = element("strong");
-    this.all = button(t("several.all"), () => table.mark(table.ids, true));
-    this.pause = button(t("command.pause"), () => this.#send("pause"));
-    this.resume = button(t("command.resume"), () => this.#askResume());
-    const clear = button(t("several.clear"), () => table.mark([...table.marked], false));
-    this.unseen = element("p", { class: "hint" });
-    this.effect = element("p", { class: "effect", id: "several-effect", tabindex: -1 });
-    this.sure = button("", () => this.#send("resume"), { class: "danger", "aria-describedby": "several-effect" });
-    this.asked = element("div", {}, this.effect, element("div", { class: "actions" }, this.sure));
-    this.result = element("output", { class: "result", role: "status" });
-    this.bar = element("div", { class: "actions" }, this.count, this.pause, this.resume, this.all, clear);
-    this.replaceChildren(this.bar, this.unseen, this.asked, this.result);
-    for (const name of ["marked", "count"]) table.addEventListener(name, () => this.#update());
-    table.addEventListener("marked", () => {
-      this.asked.hidden = true;
-      this.result.replaceChildren();
-    });
-    this.asked.hidden = true;
-    this.#update();
-  }
-
-  // The names of marked robots that can be commanded or not; `hidden`: those that the list does not show.
-  #names() {
-    const { marked, store, ids } = this.table;
-    const robots = [...marked].map((id) => store.robots.get(id)).filter(Boolean).sort((a, b) => byName(a.name, b.name));
-    const shown = new Set(ids);
-    const names = (chosen) => chosen.map(({ name }) => name);
-    return {
-      robots: robots.filter(({ vehicle }) => vehicle),
-      skipped: names(robots.filter(({ vehicle }) => !vehicle)),
-      hidden: names(robots.filter(({ id }) => !shown.has(id))),
-    };
-  }
-
-  #update() {
-    const { robots, hidden } = this.#names();
-    this.bar.hidden = this.table.marked.size === 0;
-    setText(this.count, plural("several.marked", this.table.marked.size));
-    this.pause.disabled = this.resume.disabled = !robots.length;
-    this.unseen.hidden = !hidden.length;
-    setText(this.unseen, t("several.unseen", { names: hidden.join(", ") }));
-  }
-
-  // Paused robots start to move: it says which, and asks once.
-  #askResume() {
-    const { robots } = this.#names();
-    this.asked.hidden = !this.asked.hidden;
-    setText(this.effect, t("several.effect", { names: robots.map(({ name }) => name).join(", ") }));
-    setText(this.sure, plural("several.sure", robots.length));
-    if (!this.asked.hidden) this.effect.focus();
-  }
-
-  async #send(actionType) {
-    if (this.bar.getAttribute("aria-busy")) return;
-    const { robots, skipped } = this.#names();
-    this.bar.setAttribute("aria-busy", "true");
-    if (this.asked.contains(document.activeElement)) this.resume.focus();
-    this.asked.hidden = true;
-    this.result.dataset.level = "wait";
-    setText(this.result, t("command.sent"));
-    const answers = await Promise.allSettled(robots.map((robot) => command(["vehicles", robot.vehicle.name, "instantActions"], { actionType })));
-    this.bar.removeAttribute("aria-busy");
-    const open = answers.flatMap((answer, at) => (answer.value?.status === "FINISHED" ? [] : [[robots[at].name, answer]]));
-    const count = { count: number(robots.length - open.length), of: number(robots.length) };
-    const running = open.every(([, { value }]) => value?.status === "PENDING");
-    this.result.dataset.level = open.length ? (running ? "wait" : "bad") : "fine";
-    this.result.replaceChildren(element("strong", {}, t(DONE[actionType], count)));
-    const action = t(`command.${actionType}`);
-    const rows = open.map(([name, answer]) => unfinished(name, action, answer));
-    if (skipped.length) rows.push(element("li", {}, t("several.skipped", { names: skipped.join(", ") })));
-    if (rows.length) this.result.append(element("ul", {}, ...rows));
-  }
-}
-
-const DONE = { pause: "several.paused", resume: "several.resumed" };
-
-// A robot that has not done it (yet), and why.
-function unfinished(name, action, { reason, value }) {
-  if (value) {
-    const words = [value.reason, value.result].filter(Boolean).join(" – ");
-    return element("li", {}, t(`command.${value.status}`, { name, action }), " ", foreign("span", words));
-  }
-  return element("li", {}, verbatim("span", name), ": ", reason.message ? foreign("span", reason.message) : t("command.unanswered"));
-}
-
-customElements.define("nena-fleet-commands", FleetCommands);

@@ -1,6 +1,6 @@
 // A live table that mounts only the rows in sight, so that it stays fast with a thousand of them.
 
-import { button, element, emptyBox, setAttribute, setText } from "./dom.js";
+import { button, element, emptyBox, icon, setAttribute, setText } from "./dom.js";
 import { t } from "./i18n.js";
 import { lists } from "./router.js";
 
@@ -8,10 +8,10 @@ const TICK = 1000;
 const BEYOND = 600; // px above and below what is in sight
 const HEIGHT = 58; // px of a row that was never mounted
 const HIDDEN_ROWS = 20; // mounted while the table is hidden
+const CHOSEN = "nena-columns-"; // key of the choice of columns, followed by the table's sort key
 
 /**
- * A table of the views of one kind. Subclasses define `columns` (text keys; the part after the dot names the column),
- * `empty` (text key), `sortKey` (its value in the address), `comparators` (by column: a function of two views), `usual` (the order
+ * A table of the views of one kind. Subclasses define `columns` (text keys; the part after the dot names the column), `extra` (names of columns that are hidden until they are chosen), `empty` (text key), `sortKey` (its value in the address), `comparators` (by column: a function of two views), `usual` (the order
  * without a choice), `first` (what stays on top in any order), `accept(view)` and `makeRow(id)`, which returns
  * `{row, update(view, now)}`.
  */
@@ -21,6 +21,7 @@ export class LiveTable extends HTMLElement {
   #shown = [];
   #pending = false;
   #pointed = false;
+  extra = [];
 
   /** Show the views of `kind` in the store, and follow their changes. */
   follow(store, kind) {
@@ -28,8 +29,12 @@ export class LiveTable extends HTMLElement {
     this.views = () => store[kind];
     this.body = element("tbody");
     this.spaces = [space(this.columns.length), space(this.columns.length)];
+    this.shownColumns = this.#readColumns();
     this.heads = new Map(this.columns.map((key) => [nameOf(key), this.#head(key)]));
     const titles = element("tr", {}, ...this.heads.values());
+    titles.firstChild.append(this.#chooser());
+    this.titles = titles;
+    this.#showColumns(titles);
     this.table = element("table", {}, element("thead", {}, titles), this.body);
     this.body.append(...this.spaces);
     this.note = emptyBox(t(`${this.empty}.title`), t(`${this.empty}.text`));
@@ -110,6 +115,40 @@ export class LiveTable extends HTMLElement {
     return element("th", { scope: "col" }, name in this.comparators ? button(t(key), () => this.#sortBy(name), { class: "sort" }) : t(key));
   }
 
+  // The first column is always shown.
+  #readColumns() {
+    const stored = (localStorage.getItem(CHOSEN + this.sortKey) ?? "").split(" ");
+    const names = this.columns.map(nameOf);
+    return new Set(names.filter((name, at) => at === 0 || (this.extra.includes(name) ? stored.includes(`+${name}`) : !stored.includes(`-${name}`))));
+  }
+
+  // What differs from the usual columns, so that new ones of a later release appear.
+  #chooseColumn(name, shown) {
+    if (shown) this.shownColumns.add(name);
+    else this.shownColumns.delete(name);
+    const changed = this.columns.map(nameOf).filter((each) => this.extra.includes(each) === this.shownColumns.has(each));
+    localStorage.setItem(CHOSEN + this.sortKey, changed.map((each) => (this.extra.includes(each) ? `+${each}` : `-${each}`)).join(" "));
+    for (const row of [this.titles, ...[...this.#rows.values()].map((each) => each.row)]) this.#showColumns(row);
+    this.#heights.clear();
+    this.refresh();
+  }
+
+  #showColumns(row) {
+    this.columns.forEach((key, at) => (row.children[at].hidden = !this.shownColumns.has(nameOf(key))));
+  }
+
+  #chooser() {
+    const title = t("lists.columns");
+    const boxes = this.columns.slice(1).map((key) => {
+      const box = element("input", { type: "checkbox", name: nameOf(key) });
+      box.checked = this.shownColumns.has(nameOf(key));
+      box.addEventListener("change", () => this.#chooseColumn(nameOf(key), box.checked));
+      return element("label", {}, box, t(key));
+    });
+    const summary = element("summary", { title, "aria-label": title }, icon("columns"));
+    return element("details", { class: "columns" }, summary, element("fieldset", {}, element("legend", {}, title), ...boxes));
+  }
+
   // Ascending, descending, and back to the usual order.
   #sortBy(name) {
     const next = new Map([[name, `-${name}`], [`-${name}`, ""]]);
@@ -167,6 +206,7 @@ export class LiveTable extends HTMLElement {
     for (const [view, at] of wanted) {
       if (!this.#rows.has(view.id)) {
         this.#rows.set(view.id, this.makeRow(view.id));
+        this.#showColumns(this.#rows.get(view.id).row);
         this.#rows.get(view.id).update(view, now);
       }
       const { row } = this.#rows.get(view.id);

@@ -6,6 +6,7 @@ import { EventLink, FleetStore, PlantStore } from "./fleet.js";
 import { unsentForm } from "./forms.js";
 import { chosenLanguage, t } from "./i18n.js";
 import { address, followView } from "./router.js";
+import "./fleet_commands.js";
 import "./header.js";
 import "./history_page.js";
 import "./lists.js";
@@ -15,6 +16,7 @@ import "./peripherals.js";
 import "./place_page.js";
 import "./reports_page.js";
 import "./robot_page.js";
+import "./schedules_page.js";
 import "./stops.js";
 import "./tables.js";
 
@@ -30,17 +32,18 @@ const enabled = await commandsEnabled();
 const noCommands = enabled ? { viewer: "login.noCommands" }[session?.role] : "command.off";
 const fleet = { store, plant, link, enabled, noCommands };
 const map = part("fleet-map");
-const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page"), reports: part("reports-page"), audit: part("audit-page") };
-const withoutId = ["history", "reports", "audit"]; // views
+const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), places: part("place-page"), history: part("history-page"), reports: part("reports-page"), schedules: part("schedules-page"), audit: part("audit-page") };
+const withoutId = ["history", "reports", "schedules", "audit"]; // views
 
 const tables = { robots: part("robot-table"), orders: part("order-table"), peripherals: part("peripheral-table") };
 
 for (const name of ["fleet-summary", "attention", "message-health", "order-table", "peripheral-table"]) part(name).show(store);
 tables.robots.show(store, !noCommands);
-part("fleet-commands").show(tables.robots);
+part("fleet-commands").show(tables.robots, plant);
 part("tabs").show(tables);
 part("search").show(tables, plant);
 document.getElementById("new-order").hidden = Boolean(noCommands);
+document.getElementById("schedules-link").hidden = !enabled;
 document.getElementById("audit-link").hidden = !enabled || !mayAudit(session);
 part("link-banner").show(store, link);
 part("stops").show(store, session, noCommands);
@@ -59,6 +62,7 @@ function go(...view) {
 map.addEventListener("select", (event) => go("robots", event.detail));
 map.addEventListener("selectplace", (event) => go("places", event.detail));
 views.robots.addEventListener("reveal", (event) => map.reveal(event.detail));
+views.reports.addEventListener("waiting", ({ detail: { report, reveal } }) => map.showWaiting(report, reveal));
 views.history.addEventListener("replay", (event) => map.replay(event.detail));
 document.addEventListener("poseshow", (event) => map.showPose(event.detail));
 document.addEventListener("posepick", (event) => map.pickPose(event.detail));

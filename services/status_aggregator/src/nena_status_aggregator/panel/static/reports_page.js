@@ -1,7 +1,7 @@
 // Reports: figures of robots and orders over a time range, which the server computes from the history.
 
-import { element, field, foreign, progressBar, select, setText, verbatim } from "./dom.js";
-import { byName, dateAndTime, dateOf, duration, has, number, plural, t, timeOfDay } from "./i18n.js";
+import { button, element, field, foreign, progressBar, select, setText, verbatim } from "./dom.js";
+import { byName, dateAndTime, dateOf, duration, fieldTime, has, number, plural, t, timeOfDay } from "./i18n.js";
 import { address, backLink, parameters, setParameters } from "./router.js";
 
 const LONGEST_DAYS = 31;
@@ -9,6 +9,7 @@ const DAY = 86_400_000; // ms
 const SHOWN_BY_HOUR = 50; // longer ranges are shown by day
 const INTERRUPTED = 60; // s without data that are worth a note
 const NO_HISTORY = 404;
+const SHOWN_PLACES = 20;
 const STOPPED = ["ERROR", "BLOCKED", "BROKEN", "SILENT", "MANUAL"];
 
 // Local midnight, `days` after that of `now`; days have 23 to 25 hours.
@@ -70,8 +71,8 @@ class ReportsPage extends HTMLElement {
 
   #fill(preset, { since, until }) {
     this.preset.value = preset;
-    this.from.value = localTime(since);
-    this.to.value = localTime(until);
+    this.from.value = fieldTime(since);
+    this.to.value = fieldTime(until);
   }
 
   async #load({ since, until }) {
@@ -94,7 +95,13 @@ class ReportsPage extends HTMLElement {
     }
     this.files.replaceChildren(...["", ".csv"].map((form) => download(form, query)));
     this.note.replaceChildren(...notesOn(body, since).map((text) => element("span", { class: "detail" }, text)));
+    this.#send(body, false);
     if (body.recordedSince) this.results.replaceChildren(...this.#sections(body));
+  }
+
+  // Show the waiting times on the map, if its layer is on; `reveal`: switch it on.
+  #send(report, reveal) {
+    this.dispatchEvent(new CustomEvent("waiting", { detail: { report, reveal } }));
   }
 
   #sections(report) {
@@ -105,9 +112,14 @@ class ReportsPage extends HTMLElement {
       section("reports.summary", summaryOf(report)),
       section("reports.orders", table(["from", "finished", "failed"], periodsOf(orders.hours))),
       section("reports.waiting", table(["cause", "time"], shares)),
+      section("reports.places", table(["place", "time", "robotCount"], placeRows(report.waitingPlaces)), this.#mapButton(report)),
       section("reports.robots", table(["robot", "utilisation", "waiting", "stopped", "distance", "charges"], this.#robotRows(robots))),
       section("reports.failures", table(["robot", "kind", "cause", "count"], rows)),
     ];
+  }
+
+  #mapButton(report) {
+    return button(t("reports.onMap"), () => this.#send(report, true), { hidden: !report.waitingPlaces.length });
   }
 
   #robotRows(robots) {
@@ -128,12 +140,6 @@ class ReportsPage extends HTMLElement {
     if (known) return element("a", { class: "name", href: address("robots", known.id), translate: "no" }, known.name);
     return verbatim("span", robot ?? vehicle ?? t("none"));
   }
-}
-
-// The value of a field for a local time.
-function localTime(time) {
-  const date = new Date(time);
-  return new Date(time - date.getTimezoneOffset() * 60_000).toISOString().slice(0, 16);
 }
 
 // The key of the text that says why a range has no report; null if it may have one.
@@ -202,6 +208,14 @@ function periodsOf(hours) {
   return rows.map(({ start, finished, failed }) => [labelOf(start, daily, two), bar(finished / most, number(finished)), number(failed)]);
 }
 
+function placeRows(places) {
+  return places.slice(0, SHOWN_PLACES).map(({ place, seconds, robots }) => [
+    element("a", { class: "name", href: address("places", place), translate: "no" }, place),
+    bar(seconds / places[0].seconds, duration(seconds)),
+    number(robots),
+  ]);
+}
+
 function labelOf(start, daily, withDate) {
   const time = timeOfDay(start).slice(0, 5);
   const date = daily || withDate ? dateOf(start) : "";
@@ -236,8 +250,8 @@ function bar(share, text) {
   return box;
 }
 
-function section(title, content) {
-  return element("section", {}, element("h3", {}, t(title)), content);
+function section(title, ...content) {
+  return element("section", {}, element("h3", {}, t(title)), ...content);
 }
 
 // A table with these columns; each row has a text or an element per column.

@@ -1,19 +1,23 @@
 // Command buttons of a robot, and the forms they open.
 
-import { command, newKey, RefusedError } from "./api.js";
-import { button, element, field, foreign, numberInput, numberOf, select, setAttribute } from "./dom.js";
+import { ask, command, newKey, RefusedError } from "./api.js";
+import { button, element, field, foreign, numberInput, numberOf, select, setAttribute, setText } from "./dom.js";
 import { orderOf, reasonOf } from "./explanations.js";
 import { commandForm, outcome, PlaceFields, PoseFields, run } from "./forms.js";
-import { t } from "./i18n.js";
+import { number, t } from "./i18n.js";
+import { distanceOffPaths, drawPlan } from "./map/plan_painter.js";
 
-function dispatchForm(vehicle, plant) {
+const OFF_PATHS = 1; // m
+
+function dispatchForm(vehicle, plant, robot) {
   const place = new PlaceFields(plant);
   const pose = new PoseFields();
   const priority = numberInput({ name: "priority", value: 0, min: -1000, max: 1000, step: 1 });
   const kind = select([["place", t("dispatch.place")], ["coordinate", t("dispatch.coordinate")]], { name: "kind" });
   const chosen = element("div");
+  const off = offPathsHint(pose, plant, robot);
   const choose = () => {
-    chosen.replaceChildren((kind.value === "place" ? place : pose).element);
+    chosen.replaceChildren(...(kind.value === "place" ? [place.element] : [pose.element, off]));
     if (kind.value === "place") document.dispatchEvent(new CustomEvent("poseshow", { detail: null }));
     else pose.show();
   };
@@ -30,6 +34,44 @@ function dispatchForm(vehicle, plant) {
       const order = await command(["vehicles", vehicle, "dispatch"], body);
       key = newKey();
       return ["done.orderCreated", { name: order.name }];
+    },
+  });
+}
+
+// Says how far the straight drive to a coordinate leaves the paths; empty while it does not.
+function offPathsHint(pose, plant, robot) {
+  const hint = element("p", { class: "effect", role: "status" });
+  const plan = plant.model && drawPlan(plant.model);
+  pose.element.addEventListener("input", () => {
+    const { x, y } = pose.pose;
+    const from = robot()?.position;
+    const known = plan?.named.size && from && Number.isFinite(x) && Number.isFinite(y) && x !== null && y !== null;
+    const off = known ? distanceOffPaths(plan, [from.x, from.y], [x, y]) : 0;
+    setText(hint, off > OFF_PATHS ? t("dispatch.offPaths", { distance: number(off, 1) }) : "");
+  });
+  return hint;
+}
+
+const LEVELS = ["TO_BE_UTILIZED", "TO_BE_RESPECTED", "TO_BE_NOTICED", "TO_BE_IGNORED"];
+const UNSEEN = ["TO_BE_NOTICED", "TO_BE_IGNORED"]; // other robots do not avoid it
+
+async function levelForm(vehicle) {
+  const known = await ask("vehicles", vehicle).catch(() => null);
+  const level = select([["", t("form.choose")], ...LEVELS.map((each) => [each, t(`integration.${each}`)])], { name: "level", required: true });
+  level.value = known?.integrationLevel ?? "";
+  const details = element("div");
+  level.addEventListener("change", () => {
+    const sure = element("input", { type: "checkbox", name: "sure", required: true });
+    const effect = element("p", { class: "effect" }, t("integration.effect", { name: vehicle }));
+    details.replaceChildren(...(UNSEEN.includes(level.value) ? [effect, field(t("integration.sure", { name: vehicle }), sure)] : []));
+  });
+  return commandForm({
+    label: t("integration.title"),
+    submit: t("integration.send"),
+    fields: [element("p", { class: "hint" }, t("integration.hint")), field(t("integration.title"), level), details],
+    send: async () => {
+      await command(["vehicles", vehicle, "integrationLevel"], { integrationLevel: level.value }, "PUT");
+      return ["done.integration", { name: vehicle, level: t(`integration.${level.value}`) }];
     },
   });
 }
@@ -198,12 +240,13 @@ class RobotCommands extends HTMLElement {
     this.wake = this.#direct("wake", () => this.#act("stopHibernation", "wake"));
     this.buttons = [
       this.wake,
-      this.#opener("command.dispatch", () => dispatchForm(this.#vehicle, plant)),
+      this.#opener("command.dispatch", () => dispatchForm(this.#vehicle, plant, () => this.#robot)),
       this.#opener("command.position", () => positionForm(this.#vehicle, this.#robot.position)),
       this.pause,
       this.resume,
       this.cancel,
       this.#opener("command.action", () => actionForm(this.#vehicle, this.#robot)),
+      this.#opener("command.level", () => levelForm(this.#vehicle)),
     ];
     this.driverOn = this.#direct("driverOn", () => this.#act("nena:startRosSession", "driverOn"));
     this.driverOff = this.#opener("command.driverOff", () => this.#driverOffForm());

@@ -3,7 +3,7 @@
 import { element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf } from "./explanations.js";
 import { shownState } from "./fleet.js";
-import { age, byName, number, plural, t } from "./i18n.js";
+import { age, byName, dateAndTime, number, plural, t } from "./i18n.js";
 import { LiveTable, cell, filterChip, matches } from "./live_table.js";
 import { nameAndState } from "./peripherals.js";
 import { address, lists } from "./router.js";
@@ -23,7 +23,8 @@ function isNamed(name) {
 }
 
 class RobotTable extends LiveTable {
-  columns = ["robots.name", "robots.condition", "robots.battery", "robots.order", "robots.age"];
+  columns = ["robots.name", "robots.condition", "robots.battery", "robots.order", "robots.age", "robots.since", "robots.place", "robots.load"];
+  extra = ["since", "place", "load"];
   empty = "robots.empty";
   sortKey = "robotSort";
   first = (a, b) => b.urgent - a.urgent;
@@ -34,6 +35,9 @@ class RobotTable extends LiveTable {
     battery: (a, b) => (a.battery?.charge ?? Infinity) - (b.battery?.charge ?? Infinity),
     order: (a, b) => byName(this.#orderName(a), this.#orderName(b)),
     age: (a, b) => Date.parse(b.lastState ?? 0) - Date.parse(a.lastState ?? 0),
+    since: (a, b) => Date.parse(a.conditionSince) - Date.parse(b.conditionSince), // the longest first
+    place: (a, b) => byName(placeOf(a) ?? "\uffff", placeOf(b) ?? "\uffff"),
+    load: (a, b) => (b.loads?.length ?? 0) - (a.loads?.length ?? 0),
   };
 
   /** Robots selected for a command. */
@@ -84,6 +88,9 @@ class RobotTable extends LiveTable {
       order: verbatim("a", "", { class: "order" }),
       progress: progressBar(),
       age: element("span", { class: "number" }),
+      since: element("span", { class: "number" }),
+      place: verbatim("a", ""),
+      load: element("span", { class: "number" }),
     };
     const row = element(
       "tr",
@@ -93,6 +100,9 @@ class RobotTable extends LiveTable {
       cell("robots.battery", parts.battery, parts.charging),
       cell("robots.order", parts.order, parts.progress.box),
       cell("robots.age", parts.age),
+      cell("robots.since", parts.since),
+      cell("robots.place", parts.place),
+      cell("robots.load", parts.load),
     );
     const update = (robot, now) => {
       box.checked = this.marked.has(id);
@@ -122,6 +132,19 @@ function updateRobotRow(parts, row, robot, now, store) {
   const seconds = robot.lastState ? (now - Date.parse(robot.lastState)) / 1000 : null;
   setText(parts.age, seconds === null ? t("age.never") : age(seconds));
   parts.age.classList.toggle("bad", seconds === null || seconds > robot.silenceLimit);
+  updateExtras(parts, robot, now);
+}
+
+function placeOf({ vehicle }) {
+  return vehicle?.currentPosition ?? null;
+}
+
+function updateExtras(parts, robot, now) {
+  const place = placeOf(robot);
+  setText(parts.since, age((now - Date.parse(robot.conditionSince)) / 1000));
+  setText(parts.place, place ?? t("none"));
+  setAttribute(parts.place, "href", place && address("places", place));
+  setText(parts.load, robot.loads ? number(robot.loads.length) : t("none"));
 }
 
 function marks(robot) {
@@ -175,7 +198,8 @@ function headLink(head) {
 customElements.define("nena-robot-table", RobotTable);
 
 class OrderTable extends LiveTable {
-  columns = ["orders.name", "orders.state", "orders.vehicle", "orders.destinations", "orders.progress"];
+  columns = ["orders.name", "orders.state", "orders.vehicle", "orders.destinations", "orders.progress", "orders.type", "orders.priority", "orders.deadline"];
+  extra = ["type", "priority", "deadline"];
   empty = "orders.empty";
   sortKey = "orderSort";
   first = () => 0;
@@ -189,6 +213,9 @@ class OrderTable extends LiveTable {
     state: (a, b) => byName(t(`state.${shownState(a)}`), t(`state.${shownState(b)}`)),
     vehicle: (a, b) => byName(vehicle(a), vehicle(b)),
     progress: (a, b) => (a.progress ?? -1) - (b.progress ?? -1),
+    type: (a, b) => byName(a.type, b.type),
+    priority: (a, b) => b.priority - a.priority, // the highest first
+    deadline: (a, b) => Date.parse(a.deadline ?? "9999") - Date.parse(b.deadline ?? "9999"),
   };
 
   /** Show the orders of the store, below chips that filter them by state. */
@@ -226,6 +253,9 @@ class OrderTable extends LiveTable {
       vehicle: element("span", { class: "nowrap" }),
       destinations: verbatim("ol", "", { class: "destinations" }),
       progress: progressBar(),
+      type: verbatim("span", ""),
+      priority: element("span", { class: "number" }),
+      deadline: element("time", { class: "number" }),
     };
     const row = element(
       "tr",
@@ -235,6 +265,9 @@ class OrderTable extends LiveTable {
       cell("orders.vehicle", parts.vehicle),
       cell("orders.destinations", parts.destinations),
       cell("orders.progress", parts.progress.box),
+      cell("orders.type", parts.type),
+      cell("orders.priority", parts.priority),
+      cell("orders.deadline", parts.deadline),
     );
     return { row, update: (order, now) => updateOrderRow(parts, row, order, now) };
   }
@@ -261,6 +294,10 @@ function updateOrderRow(parts, row, order, now) {
   parts.progress.bar.value = order.progress ?? 0;
   setAttribute(parts.progress.bar, "aria-label", t("progress.label", { name: order.id }));
   setText(parts.progress.value, t("progress.value", { percent: number(order.progress ?? 0) }));
+  setText(parts.type, order.type);
+  setText(parts.priority, number(order.priority));
+  setText(parts.deadline, order.deadline ? dateAndTime(order.deadline) : t("none"));
+  setAttribute(parts.deadline, "datetime", order.deadline);
 }
 
 function vehicle(order) {

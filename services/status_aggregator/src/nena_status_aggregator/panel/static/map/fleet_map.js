@@ -7,23 +7,29 @@ import { Painter, readColours } from "./painter.js";
 import { drawPlan, extent, placeAt } from "./plan_painter.js";
 import { TrafficPlan } from "./traffic.js";
 import { Gestures, Viewport } from "./viewport.js";
+import { WaitingTimes } from "./waiting.js";
+import { Zones } from "./zones.js";
 
 const KEY = "nena-hidden-layers";
 const OLD_KEY = "nena-layers"; // choices of panels without the layer that is hidden by default
 
 /** The layers from bottom to top; named by the texts under `layer.`. */
-const LAYERS = ["grids", "blocks", "paths", "points", "locations", "names", "routes", "goals", "plans", "traffic", "robots", "robotNames"];
+const LAYERS = ["grids", "zones", "blocks", "waiting", "paths", "points", "locations", "names", "routes", "goals", "plans", "traffic", "robots", "robotNames"];
 const HIDDEN = "traffic"; // polls the order service
+const WAITING = "waiting"; // needs a report; stored as WAITING_SHOWN, because choices of older panels do not name it
+const WAITING_SHOWN = "+waiting";
 
-/** Return the stored choice; all layers except the traffic plan are visible by default. */
+/** Return the stored choice; all layers except the traffic plan and the waiting times are visible by default. */
 function readLayers() {
-  const hidden = (localStorage.getItem(KEY) ?? `${localStorage.getItem(OLD_KEY) ?? ""} ${HIDDEN}`).split(" ");
-  return Object.fromEntries(LAYERS.map((name) => [name, !hidden.includes(name)]));
+  const stored = (localStorage.getItem(KEY) ?? `${localStorage.getItem(OLD_KEY) ?? ""} ${HIDDEN}`).split(" ");
+  const shown = (name) => (name === WAITING ? stored.includes(WAITING_SHOWN) : !stored.includes(name));
+  return Object.fromEntries(LAYERS.map((name) => [name, shown(name)]));
 }
 
 /** Store a choice. */
 function storeLayers(layers) {
-  localStorage.setItem(KEY, LAYERS.filter((name) => !layers[name]).join(" "));
+  const hidden = LAYERS.filter((name) => !layers[name]);
+  localStorage.setItem(KEY, [...hidden, layers[WAITING] && WAITING_SHOWN].filter(Boolean).join(" "));
 }
 
 /** Fires `layers` when `chosen` has been replaced. */
@@ -33,19 +39,24 @@ class MapLayers extends HTMLElement {
   connectedCallback() {
     const title = t("map.layers");
     const summary = element("summary", { title, "aria-label": title }, icon("layers"));
-    const boxes = LAYERS.map((name) => this.#box(name));
-    this.replaceChildren(element("details", {}, summary, element("fieldset", {}, element("legend", {}, title), ...boxes)));
+    this.boxes = Object.fromEntries(LAYERS.map((name) => [name, this.#box(name)]));
+    const labels = Object.entries(this.boxes).map(([name, box]) => element("label", {}, box, t(`layer.${name}`)));
+    this.replaceChildren(element("details", {}, summary, element("fieldset", {}, element("legend", {}, title), ...labels)));
+  }
+
+  /** Show or hide a layer. */
+  choose(name, shown) {
+    this.boxes[name].checked = shown;
+    this.chosen = { ...this.chosen, [name]: shown };
+    storeLayers(this.chosen);
+    this.dispatchEvent(new Event("layers"));
   }
 
   #box(name) {
     const box = element("input", { type: "checkbox", name });
     box.checked = this.chosen[name];
-    box.addEventListener("change", () => {
-      this.chosen = { ...this.chosen, [name]: box.checked };
-      storeLayers(this.chosen);
-      this.dispatchEvent(new Event("layers"));
-    });
-    return element("label", {}, box, t(`layer.${name}`));
+    box.addEventListener("change", () => this.choose(name, box.checked));
+    return box;
   }
 }
 
@@ -62,6 +73,8 @@ class FleetMap extends HTMLElement {
   #places = [];
   #grids = new Grids();
   #traffic = new TrafficPlan();
+  #waiting = new WaitingTimes();
+  #zones = new Zones();
 
   /** `enabled`: whether requests to the order service are possible. */
   show(store, plant, enabled) {
@@ -69,6 +82,10 @@ class FleetMap extends HTMLElement {
     this.#build();
     this.#traffic.addEventListener("change", () => this.#draw());
     this.#traffic.follow(() => enabled && this.layers.chosen.traffic && !this.replayed);
+    this.#waiting.addEventListener("change", () => this.#showWaiting());
+    this.#waiting.follow(() => this.layers.chosen.waiting, () => store.now());
+    this.#zones.addEventListener("change", () => this.#draw());
+    this.#zones.follow(() => enabled && this.layers.chosen.zones && store.orderService.up !== false);
     plant.addEventListener("change", () => this.#showPlant(plant.model));
     plant.addEventListener("locks", () => this.#showLocks(plant.model));
     store.addEventListener("change", (event) => this.#change(event.detail));
@@ -128,6 +145,21 @@ class FleetMap extends HTMLElement {
     this.#draw();
   }
 
+  /** Take the waiting times of a report; `reveal`: also show their layer, and scroll to the map. */
+  showWaiting(report, reveal = false) {
+    this.#waiting.take(report);
+    if (!reveal) return;
+    this.layers.choose("waiting", true);
+    this.closest("section").scrollIntoView({ block: "nearest" });
+  }
+
+  #showWaiting() {
+    const shown = this.layers.chosen.waiting && this.#waiting.note;
+    this.heat.hidden = !shown;
+    setText(this.heat, shown || "");
+    this.#draw();
+  }
+
   /** Pick a position with a click and a heading with a drag: `take(pose)` on each step, `done()` at the end. */
   pickPose({ take, done }) {
     this.gestures.pickPose(take, this.#startPicking("map.pick", done));
@@ -168,6 +200,8 @@ class FleetMap extends HTMLElement {
     this.hint.hidden = true;
     this.past = element("div", { class: "hint past" });
     this.past.hidden = true;
+    this.heat = element("div", { class: "hint heat" });
+    this.heat.hidden = true;
     this.gestures = new Gestures(this.canvas, this.view, {
       moved: (byHand) => (byHand ? this.follow(false) : this.#draw()),
       picked: (x, y) => this.#pick(x, y),
@@ -178,9 +212,13 @@ class FleetMap extends HTMLElement {
     this.bar = element("span", { class: "scale-bar" });
     this.readout = element("span", { class: "readout number" });
     this.layers = element("nena-map-layers");
-    this.layers.addEventListener("layers", () => this.#draw());
+    this.layers.addEventListener("layers", () => {
+      this.#waiting.load();
+      this.#zones.load();
+      this.#showWaiting();
+    });
     const legend = element("div", { class: "legend" }, this.bar, this.readout);
-    const notes = element("div", { class: "notes" }, this.past, this.hint, this.note);
+    const notes = element("div", { class: "notes" }, this.past, this.heat, this.hint, this.note);
     this.replaceChildren(this.canvas, notes, this.#tools(this.gestures), legend);
   }
 
@@ -289,7 +327,8 @@ class FleetMap extends HTMLElement {
     const { place, layers: { chosen: layers } } = this;
     const stopped = this.replayed ? [] : this.store.orderService.stops.map(({ area }) => area);
     const areas = [...stopped, this.area].filter(Boolean);
-    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, place, colours, layers, pose, traffic, jams, areas };
+    const [waiting, zones] = [this.#waiting.shares, this.#zones.list];
+    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, place, colours, layers, pose, traffic, jams, areas, waiting, zones };
     const { places, labels } = this.painter.paint(this.view, scene);
     [this.#places, this.labels] = [places, labels];
     this.#drawScale();

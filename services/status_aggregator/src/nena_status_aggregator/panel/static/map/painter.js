@@ -48,7 +48,7 @@ function paintArea(context, view, { xMin, yMin, xMax, yMax }, colour) {
   context.restore();
 }
 
-const COLOURS = ["ink", "muted", "line", "surface", "path", "point", "location", "accent", "bad"];
+const COLOURS = ["ink", "muted", "line", "surface", "path", "point", "location", "accent", "bad", "heat"];
 const CONDITIONS = ["idle", "busy", "waiting", "charging", "blocked", "error", "manual", "silent", "broken", "offline"];
 
 /** Return the current colours of the style sheet. */
@@ -79,8 +79,8 @@ export class Painter {
   }
 
   /**
-   * Paint everything. `scene`: {plan, grids, robots, selected, place, colours, layers, pose, traffic, jams, areas}; `place`: name of a marked place or path; `jams`: robots that wait
-   * behind a vehicle, by its name. Returns `{places, labels}`: the screen positions of the robots, `[{robot, at}]`, and the
+   * Paint everything. `scene`: {plan, grids, robots, selected, place, colours, layers, pose, traffic, jams, areas, waiting, zones}; `place`: name of a marked place or path;
+   * `jams`: robots that wait behind a vehicle, by its name; `waiting`: waiting times by place. Returns `{places, labels}`: the screen positions of the robots, `[{robot, at}]`, and the
    * labels, `[{text, box}]`.
    */
   paint(view, scene) {
@@ -119,7 +119,7 @@ export class Painter {
 
   #planPicture(view, scene) {
     const { width, height } = this.#canvas;
-    const wanted = [view.x, view.y, view.scale, width, height, scene.plan, scene.colours, scene.layers];
+    const wanted = [view.x, view.y, view.scale, width, height, scene.plan, scene.colours, scene.layers, scene.waiting, scene.zones];
     wanted.push(...scene.grids.flatMap(({ grid, image }) => [grid, image]));
     if (wanted.length !== this.#painted.length || wanted.some((each, at) => each !== this.#painted[at])) {
       this.#painted = wanted;

@@ -2,6 +2,8 @@
 
 import { paintGrids } from "./grids.js";
 import { Labels } from "./labels.js";
+import { labelWaiting, paintWaiting } from "./waiting.js";
+import { labelZones, paintZones } from "./zones.js";
 
 const MM = 1000;
 
@@ -176,6 +178,15 @@ function distanceToSegment([x, y], [ax, ay], [bx, by]) {
   return Math.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay));
 }
 
+const SAMPLES = 100;
+
+/** Return how far, m, the straight line between two places leaves the paths of a plan, at most. */
+export function distanceOffPaths(plan, [ax, ay], [bx, by]) {
+  const lines = [...plan.named.values()].map(flattened);
+  const samples = Array.from({ length: SAMPLES + 1 }, (_, at) => [ax + ((bx - ax) * at) / SAMPLES, ay + ((by - ay) * at) / SAMPLES]);
+  return Math.max(...samples.map((place) => Math.min(...lines.map((line) => distanceToLine(place, line)))));
+}
+
 /** Highlight the chosen point, location or path, below everything painted so far. */
 export function paintMarked(context, view, { plan, place, colours }) {
   context.save();
@@ -198,26 +209,34 @@ export function paintMarked(context, view, { plan, place, colours }) {
 }
 
 /** Paint grid maps and the visible layers of a plan, without labels. */
-export function paintPlan(context, view, { plan, grids, colours, layers }) {
+export function paintPlan(context, view, { plan, grids, colours, layers, waiting, zones }) {
   if (layers.grids) paintGrids(context, view, grids, colours.muted);
+  if (layers.zones) paintZones(context, view, zones, colours);
   if (!plan) return;
   context.lineCap = "round";
   if (layers.blocks) for (const block of plan.blocks) paintBlock(context, view, block, colours);
+  if (layers.waiting) paintWaiting(context, view, plan, waiting, colours.heat);
   if (layers.paths) for (const path of plan.paths) paintPath(context, view, path, colours);
   if (layers.locations) for (const location of plan.locations) paintLocation(context, view, location, colours);
   if (layers.points) for (const point of plan.points.values()) paintPoint(context, view, point, colours);
 }
 
-/** Paint the labels of a plan: locations first, then points. Returns the visible ones. */
-export function labelPlan(context, view, { plan, colours, layers }) {
-  if (!plan || !layers.names) return [];
+/** Paint the labels of a plan: waiting times first, then zones, locations, points and blocks. Returns the visible ones. */
+export function labelPlan(context, view, { plan, colours, layers, waiting, zones }) {
+  if (!plan) return [];
   const labels = new Labels(context, view.width);
+  if (layers.waiting) labelWaiting(labels, view, plan, waiting);
+  if (layers.zones && layers.names) labelZones(labels, view, zones);
+  if (layers.names) labelNames(labels, view, plan, layers);
+  labels.paint(colours);
+  return labels.placed.filter(({ box }) => inSight(view, box));
+}
+
+function labelNames(labels, view, plan, layers) {
   const put = (each, distance, important) => labels.put(each.name, view.toScreen(each.x, each.y), distance, { important });
   if (layers.locations) for (const each of plan.locations) put(each, 18, true);
   if (layers.points) for (const each of plan.points.values()) put(each, 14, false);
   if (layers.blocks) for (const each of plan.blocks.filter((block) => !block.empty)) put(each, 32, false);
-  labels.paint(colours);
-  return labels.placed.filter(({ box }) => inSight(view, box));
 }
 
 // A single stroke, so that overlapping parts keep one opacity.

@@ -1,6 +1,7 @@
 // Paints robots: footprint, heading, planned route and goal. Sizes are in metres.
 
-import { t } from "../i18n.js";
+import { number, t } from "../i18n.js";
+import { badgeOf, BADGE, loadBadge } from "./badges.js";
 import { Labels } from "./labels.js";
 import { trace } from "./plan_painter.js";
 
@@ -9,6 +10,7 @@ const ROBOT = { length: 0.9, width: 0.6 };
 const LEAST_ROBOT = 16;
 const RING = 7;
 const HALO = 5;
+const LOW_BATTERY = 20; // percent, as in the list
 const BODY = 0.75; // approximate share of its circumscribed square that a footprint fills
 
 /** Place the names of robots, `[{robot, at}]`, off all robots and if possible off other labels. Urgent ones come first. */
@@ -33,9 +35,12 @@ function reachOf(view, robot, jams) {
   return radiusOf(view, robot) + (isMarked(robot, jams) ? RING : 0);
 }
 
+// With the charge of a low battery, and the number of robots that wait behind it.
 function nameOf(robot, jams) {
+  const low = robot.battery && robot.battery.charge < LOW_BATTERY && t("battery.charge", { charge: number(robot.battery.charge) });
+  const name = low ? `${robot.name} (${low})` : robot.name;
   const behind = jams.get(robot.vehicle?.name);
-  return behind ? t("map.jam", { name: robot.name, count: behind }) : robot.name;
+  return behind ? t("map.jam", { name, count: behind }) : name;
 }
 
 function isMarked(robot, jams) {
@@ -53,6 +58,16 @@ export function paintRobots(context, view, places, scene) {
   }
   if (!layers.robots) return;
   for (const { robot, at } of places) paintRobot(context, view, robot, at, scene);
+  for (const { robot, at } of places) paintBadge(context, view, robot, at, scene);
+}
+
+// The sign of its condition at the upper right corner of a robot, and that of a load at the lower right one.
+function paintBadge(context, view, robot, [x, y], { colours }) {
+  const badge = badgeOf(robot.urgent ? "ERROR" : robot.condition, colourOf(robot, colours), colours.surface);
+  const aside = BODY * radiusOf(view, robot);
+  if (badge) context.drawImage(badge, x + aside - BADGE / 2, y - aside - BADGE / 2, BADGE, BADGE);
+  const load = robot.loads?.length && loadBadge(colours.location, colours.surface);
+  if (load) context.drawImage(load, x + aside - BADGE / 2, y + aside - BADGE / 2, BADGE, BADGE);
 }
 
 /** Return the colour of a robot: that of its condition; red if it needs attention. */
