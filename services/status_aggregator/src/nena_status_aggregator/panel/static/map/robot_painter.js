@@ -3,7 +3,7 @@
 import { number, t } from "../i18n.js";
 import { badgeOf, BADGE, loadBadge } from "./badges.js";
 import { Labels } from "./labels.js";
-import { trace } from "./plan_painter.js";
+import { trace } from "./lines.js";
 
 const ABSENT = ["SILENT", "BROKEN", "OFFLINE"];
 const ROBOT = { length: 0.9, width: 0.6 };

@@ -3,7 +3,7 @@
 import { ask } from "../api.js";
 import { number, t } from "../i18n.js";
 import { Labels } from "./labels.js";
-import { trace } from "./plan_painter.js";
+import { trace } from "./lines.js";
 import { colourOf } from "./robot_painter.js";
 
 const PAUSE = 1000;

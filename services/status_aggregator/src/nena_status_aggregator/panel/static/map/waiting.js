@@ -1,7 +1,7 @@
 // Where robots waited: the waiting times of a report by place, painted below the paths of the plant.
 
 import { dateAndTime, duration, t } from "../i18n.js";
-import { stroke } from "./plan_painter.js";
+import { stroke } from "./lines.js";
 
 const DAY = 86_400_000; // ms
 const EVERY = 300_000; // ms

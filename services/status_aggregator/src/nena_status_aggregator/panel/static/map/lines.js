@@ -1,0 +1,30 @@
+// Straight lines and Bézier curves on a canvas.
+
+/** Add a line (pixels) to the current canvas path; the pen is at its start. */
+export function trace(context, line, curved) {
+  if (curved && line.length >= 4) {
+    for (let at = 1; at + 2 < line.length; at += 3) context.bezierCurveTo(...line[at], ...line[at + 1], ...line[at + 2]);
+  } else {
+    for (const corner of line.slice(1)) context.lineTo(...corner);
+  }
+}
+
+/** Stroke a single line. */
+export function stroke(context, line, curved) {
+  context.beginPath();
+  context.moveTo(...line[0]);
+  trace(context, line, curved);
+  context.stroke();
+}
+
+/** Return the middle of a line and its direction there, screen rad. */
+export function middle(line, curved) {
+  if (curved && line.length === 4) {
+    const at = (axis) => (line[0][axis] + 3 * line[1][axis] + 3 * line[2][axis] + line[3][axis]) / 8;
+    const slope = (axis) => line[3][axis] + line[2][axis] - line[1][axis] - line[0][axis];
+    return [at(0), at(1), Math.atan2(slope(1), slope(0))];
+  }
+  const half = Math.floor((line.length - 1) / 2);
+  const [a, b] = [line[half], line[half + 1]];
+  return [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, Math.atan2(b[1] - a[1], b[0] - a[0])];
+}
