@@ -144,7 +144,6 @@ async def test_integration_level_is_set_and_a_drive_off_the_paths_is_noted(
         await button(page, "Set level").click()
         await expect(sure).to_be_focused()  # required
         assert await findings(page) == []
-        await picture(page, "integration-level")
         await form.get_by_label("Integration level").select_option("TO_BE_RESPECTED")
         await expect(sure).to_have_count(0)
         await button(page, "Set level").click()
@@ -153,8 +152,8 @@ async def test_integration_level_is_set_and_a_drive_off_the_paths_is_noted(
         assert vehicle["integrationLevel"] == "TO_BE_RESPECTED"
 
         await button(page, "Dispatch …").click()
-        await page.get_by_label("To", exact=True).select_option("coordinate")
         form = page.get_by_role("form", name="Dispatch")
+        await form.locator("select[name=kind]").select_option("coordinate")
         await form.get_by_label("x in m").fill("9")
         await form.get_by_label("y in m").fill("2")  # South 2
         note = form.get_by_text("away from the paths")

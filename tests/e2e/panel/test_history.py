@@ -158,6 +158,7 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
             await shown.get_by_label("Severity").select_option("problems")
             await expect(events).to_have_count(1)
             await expect(events).to_contain_text("nodeUnreachable: no way")
+            await expect(shown.locator(".marks i")).to_have_count(1)
             assert await findings(page) == []
             linked = page.url
             await page.goto("about:blank")
