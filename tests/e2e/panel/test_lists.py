@@ -18,7 +18,7 @@ from support.panel import Hall, findings, opened, picture, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
-STOP = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
+STOP: dict[str, Any] = {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}
 MANY = 1000
 USABLE_WITHIN = 1.0
 """Seconds of the page's own time from the list of many robots to the answer to a search."""

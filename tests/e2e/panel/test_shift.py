@@ -140,8 +140,16 @@ async def test_a_shift(
                 told = await until(lambda: heard.payloads(topics.service_status), what="it lives")
                 publish_robots(peer, TopicScheme(interface_name), topics, epoch_of(told[-1]))
                 url = f"http://127.0.0.1:{port}/"
-                looks = {"width": width, "height": height, "dark": theme == "dark", "language": language}
-                async with opened(browser, url, **looks, timezone="UTC", expected=("502",)) as page:
+                async with opened(
+                    browser,
+                    url,
+                    width=width,
+                    height=height,
+                    dark=theme == "dark",
+                    language=language,
+                    timezone="UTC",
+                    expected=("502",),
+                ) as page:
                     screen = Screen(page, Texts(language), size, theme)
                     await the_stopped_robot_is_seen(screen)
                     await the_head_of_the_jam_is_two_clicks_away(screen)
@@ -211,14 +219,13 @@ async def the_order_is_found(screen: Screen) -> None:
     await page.keyboard.press("Enter")
     await expect(page.locator("nena-order-page h2")).to_have_text("WMS-042")
     await screen.check("order")
-    await page.get_by_role("searchbox", name=screen.say("search.label")).fill("")
+    await page.get_by_role("searchbox", name=screen.say("search.label")).fill("")  # back to the lists
 
 
 async def a_path_is_locked(screen: Screen) -> str:
     page, say = screen.page, screen.say
     canvas = page.locator("nena-fleet-map canvas")
     if screen.narrow:
-        await screen.back()
         await page.get_by_role("tab", name=say("map.title")).click()
         await canvas.focus()
         for _ in range(4):  # the middle of the hall stays where it is
