@@ -27,6 +27,7 @@ from support.panel import COLOUR_NEAR, LABELS, becomes, findings, opened, pictur
 from support.panel_history import recorded_shift
 from support.panel_texts import Texts
 from support.plants import grid_name, grid_plant
+from support.programs import OrderServiceProgram
 from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -150,20 +151,24 @@ async def test_a_shift(
                     timezone="UTC",
                     expected=("502",),
                 ) as page:
-                    screen = Screen(page, Texts(language), size, theme)
-                    await the_stopped_robot_is_seen(screen)
-                    await the_head_of_the_jam_is_two_clicks_away(screen)
-                    await the_order_is_found(screen)
-                    await is_locked(orders, await a_path_is_locked(screen))
-                    await an_area_is_stopped_and_released(screen, orders)
-                    await yesterdays_report_is_read(screen)
-                    await screen.back()
-                    if (size, theme) == ("wide", "light"):
-                        await picture(page, "shift")
-                    await page.evaluate(NOTE_BANNER, screen.say.start("link.orderService"))
-                    killed = time.time()
-                    service.kill()
-                    await the_order_service_is_said_to_be_down(screen, killed)
+                    await tasks_of_a_shift(Screen(page, Texts(language), size, theme), orders, service)
+
+
+async def tasks_of_a_shift(screen: Screen, orders: httpx.AsyncClient, service: OrderServiceProgram) -> None:
+    """Do what an operator does, up to the death of the order service."""
+    await the_stopped_robot_is_seen(screen)
+    await the_head_of_the_jam_is_two_clicks_away(screen)
+    await the_order_is_found(screen)
+    await is_locked(orders, await a_path_is_locked(screen))
+    await an_area_is_stopped_and_released(screen, orders)
+    await yesterdays_report_is_read(screen)
+    await screen.back()
+    if (screen.size, screen.theme) == ("wide", "light"):
+        await picture(screen.page, "shift")
+    await screen.page.evaluate(NOTE_BANNER, screen.say.start("link.orderService"))
+    killed = time.time()
+    service.kill()
+    await the_order_service_is_said_to_be_down(screen, killed)
 
 
 async def is_locked(orders: httpx.AsyncClient, path: str) -> None:
