@@ -181,11 +181,11 @@ async def picture(page: Page, name: str) -> None:
         await page.screenshot(path=Path(PICTURES) / f"{name}.png", animations="disabled")
 
 
-async def findings(page: Page) -> list[str]:
-    """Return axe's serious and critical findings in a page."""
+async def findings(page: Page, *, minor: bool = False) -> list[str]:
+    """Return axe's serious and critical findings in a page; with ``minor``, all of them."""
     results = await Axe().run(page)
     return [
         f"{each['id']}: {json.dumps([node['html'] for node in each['nodes']])}"
         for each in results.response["violations"]
-        if each["impact"] in ("serious", "critical")
+        if minor or each["impact"] in ("serious", "critical")
     ]
