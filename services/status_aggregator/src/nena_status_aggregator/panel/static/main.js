@@ -75,12 +75,12 @@ followView(([name, id]) => {
   const view = Object.hasOwn(views, chosen) ? views[chosen] : null;
   document.getElementById("lists").hidden = view !== null;
   document.body.dataset.view = view ? "page" : "lists";
-  if (!view) for (const table of Object.values(tables)) table.refresh();
   map.showPose(null);
   for (const [key, each] of Object.entries(views)) {
     each.hidden = each !== view;
     each.open(key === chosen ? (id ?? "new") : null);
   }
+  if (!view) for (const table of Object.values(tables)) table.refresh(); // once the page no longer takes their room
   map.select(chosen === "robots" ? id : null);
   map.selectPlace(chosen === "places" ? id : null);
   if (begun && view) view.scrollIntoView({ block: "nearest" });
