@@ -137,6 +137,7 @@ def topics() -> dict[str, Any]:
             for version in ("v2", "v3")
         },
         "maps": fleet.all_robot_maps,
+        "recordings": [fleet.recording_chunks(robot), fleet.recording_answers(robot)],
     }
 
 

@@ -107,6 +107,7 @@ PATHS = (
     "/static/..\\\\..\\\\..\\\\etc\\\\passwd",
     "/v1/transportOrders/..%2f..%2f..%2fetc%2fpasswd",
     "/api/v1/robots/..%2f../..%2f../map",
+    "/api/v1/recordings/..%2f../..%2f../passwd",
     "//etc/passwd",
     "/users.toml",
     "/static/../users.toml",

@@ -59,7 +59,8 @@ def of_robot(serial: str, *topics: str) -> list[str]:
 
 
 def said_by_robot(serial: str) -> list[str]:
-    return [*of_robot(serial, *SAID_BY_ROBOTS), f"nena/v1/robots/ACME/{serial}/map"]
+    own = f"nena/v1/robots/ACME/{serial}"
+    return [*of_robot(serial, *SAID_BY_ROBOTS), f"{own}/map", f"{own}/recordings/chunk"]
 
 
 async def all_came(client: Client, topics: Sequence[str]) -> None:
@@ -161,7 +162,21 @@ async def test_robot_cannot_read_messages_of_others(running: RunningSite) -> Non
         assert set(robot.topics) == set(own)
 
 
-async def test_aggregator_cannot_publish(running: RunningSite) -> None:
+async def test_aggregator_answers_the_robot_whose_recording_it_receives(running: RunningSite) -> None:
+    own, others = (f"nena/v1/robots/ACME/{serial}/recordings/answer" for serial in "12")
+    async with (
+        running.client(ROBOT_1, own, others) as robot,
+        running.client(ROBOT_2, others) as neighbour,
+        running.client(AGGREGATOR) as aggregator,
+    ):
+        aggregator.publish(others, own)
+        await all_came(neighbour, [others])
+        await all_came(robot, [own])
+
+        assert robot.topics == [own]
+
+
+async def test_aggregator_cannot_publish_anything_else(running: RunningSite) -> None:
     robots = [*said_by_robot("1"), *of_robot("1", *SAID_TO_ROBOTS)]
     forbidden = (*robots, *OF_ANOTHER_HOST, *TOLD_BY_THE_ORDER_SERVICE, *COMMANDS_OF_NOBODY)
 

@@ -21,6 +21,8 @@ from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
 from nena_edge_agent.actions.settings import AnyOperation
 from nena_edge_agent.agent import Equipment, RobotAgent
+from nena_edge_agent.black_box.action import FetchRecording
+from nena_edge_agent.black_box.ros_topics import RosTopicRecorder
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
@@ -32,6 +34,7 @@ from nena_edge_agent.nav2.map_image import MapWatch
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import LOAD_MAP, NO_OFFERS, interface, nav2_offers
 from nena_edge_agent.nav2_maps import map_store
+from nena_edge_agent.recorder import RobotRecorder, make_recorder
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
@@ -77,13 +80,17 @@ async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> Non
     controls = {robot: SimulationControl() for robot in robots}
     agents: dict[RobotKey, RobotAgent] = {}
     traces = open_export(settings.tracing, PROGRAM)
+    recorders = {robot: make_recorder(settings, robot, clock) for robot in robots}
     makers = {
         str(robot): _tracked(
-            _agent_maker(settings, index, robot, controls[robot], clock, export=traces), agents
+            _agent_maker(settings, index, controls[robot], clock, recorder=recorders[robot], export=traces),
+            agents,
         )
         for index, robot in enumerate(robots)
     }
     async with Supervisor() as supervisor, closing(traces):
+        for recorder in recorders.values():
+            recorder.start(supervisor)
         if settings.metrics.port:
             _serve_metrics(settings, agents, clock, supervisor, traces)
         if settings.driver == "loopback" and settings.loopback.control:
@@ -133,33 +140,37 @@ def _serve_metrics(
 def _agent_maker(
     settings: EdgeAgentSettings,
     index: int,
-    robot: RobotKey,
     control: SimulationControl,
     clock: Clock,
     *,
+    recorder: RobotRecorder,
     export: Export | None,
 ) -> Callable[[], RobotAgent]:
+    robot, box = recorder.robot, recorder.box
     ros = PluginRos() if settings.driver == "nav2" else None
     ports = RobotPorts(ros, settings.actions)
     journal = settings.journal.folder if settings.journal.enabled else None
     switch = session_switch(settings.ros, journal, robot)
     map_server = _map_server(settings)
     map_watch = make_map_watch(settings, map_server)
-    extensions = (ros, map_watch) if ros else ()
+    recorded = (RosTopicRecorder(settings.black_box.topics, box.ring, clock),) if box else ()
+    extensions = (ros, map_watch, *recorded) if ros else ()
     offers = nav2_offers(settings.ros) if ros else NO_OFFERS
     driver = driver_maker(
         settings, index, clock, control, switch, extensions=extensions, map_server=map_server
     )
     store = map_store(settings, robot, map_server)
     context = PluginContext(robot, ports.drive, ros)
-    registry = make_registry(settings, control, store, switch, context)
+    registry = make_registry(settings, control, store, switch, context, recorder=recorder)
 
     def make() -> RobotAgent:
         agent = RobotAgent(
             settings,
             robot.serial_number,
-            Equipment(ports.joined(driver), registry, store.maps if store else (), offers, export),
+            Equipment(ports.joined(driver), registry, store.maps if store else (), offers, export, box),
             clock=clock,
+            make_link=recorder.make_link,
+            make_journal=recorder.make_journal,
         )
         control.cut_link = agent.cut_link
         map_watch.on_map = agent.publish_map
@@ -205,6 +216,8 @@ def make_registry(
     store: MapStore | None = None,
     switch: SessionSwitch | None = None,
     context: PluginContext | None = None,
+    *,
+    recorder: RobotRecorder | None = None,
 ) -> ActionRegistry:
     """Return the actions of one robot, for loopback robots with simulated ones if enabled."""
     context = context or PluginContext(
@@ -214,9 +227,11 @@ def make_registry(
     operations = effective_operations(found, settings)
     plugins: list[ActionPlugin] = [*ready_made(operations, context, settings.actions), Wait()]
     plugins += [
-        LogReport(settings.log_report),
+        LogReport(settings.log_report, recorder.send if recorder else None),
         ZoneSetDownload(codec_for(settings.version), settings.download),
     ]
+    if recorder and recorder.box:
+        plugins.append(FetchRecording(recorder.box))
     if store:
         places = context.drive if settings.maps.store == NAV2_STORE else None
         plugins.extend(map_actions(store, settings.download, places))

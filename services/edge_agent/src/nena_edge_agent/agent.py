@@ -14,6 +14,7 @@ from structlog.contextvars import bind_contextvars
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import ActionRunner
+from nena_edge_agent.black_box.box import BlackBox
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
@@ -117,7 +118,7 @@ DriverMaker = Callable[[Callable[[events.Event], None], Pose | None], Driver]
 
 @dataclass(frozen=True, slots=True)
 class Equipment:
-    """Equipment of a robot: its driver, its actions, its maps, what Nav2 offers, and its traces."""
+    """Equipment of a robot: its driver, its actions, its maps, what Nav2 offers, traces and black box."""
 
     make_driver: DriverMaker
     registry: ActionRegistry
@@ -125,6 +126,7 @@ class Equipment:
     offers: Nav2Offers = NO_OFFERS
     export: Export | None = None
     """Takes the spans of traces; None: no traces."""
+    black_box: BlackBox | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +155,8 @@ class RobotAgent:
     """Actions of the current order whose end has been logged."""
     _prepared: tuple[State, Outbound] | None = None
     """The next state, encoded while the disk writes what it reports; only the same round may publish it."""
+    _map: Outbound | None = None
+    """The robot's map, for each connection."""
     _greeting = False
     """Whether the first state of a connection is still to be published."""
     _shuts_down = False
@@ -184,6 +188,7 @@ class RobotAgent:
         )
         self._mailbox, self._statistics = Mailbox(), AgentStatistics()
         self._tracer = RobotTracer(self.robot, clock, equipment.export) if equipment.export else None
+        self._observers = [each.note for each in (self._tracer, equipment.black_box) if each]
         self._recorder = Recorder(
             None if self._journal_loss else journal,
             self._core.durable_version,
@@ -206,7 +211,6 @@ class RobotAgent:
         self._ending = asyncio.Event()
         self._logged_errors: tuple[ErrorEntry, ...] = ()
         self._shown = self._core.state(self._messages.headers.form(0))
-        self._map: Outbound | None = None
         self._link = self._connect(make_link)
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -349,8 +353,8 @@ class RobotAgent:
                 log.exception("event not handled", robot=str(self.robot), event_type=type(event).__name__)
                 continue
             effects.extend(followed)
-            if self._tracer:
-                self._isolated(self._tracer.note, event, followed, self._core.robot)
+            for observe in self._observers:
+                self._isolated(observe, event, followed, self._core.robot)
         self._log_new_errors()
         return effects
 

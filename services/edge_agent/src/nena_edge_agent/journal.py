@@ -67,7 +67,11 @@ class Journal:
     does not match its checksum).
     """
 
-    def __init__(self, folder: Path, robot: RobotKey) -> None:
+    def __init__(
+        self, folder: Path, robot: RobotKey, *, on_record: Callable[[bytes], None] = lambda _: None
+    ) -> None:
+        """Create the journal; ``on_record`` gets each record, in the thread of :meth:`write`."""
+        self._on_record = on_record
         self._folder = _expanded(folder)
         self._file = self._folder / f"{_file_name(robot)}.journal"
         self._number = 0
@@ -118,6 +122,7 @@ class Journal:
             OSError: the record could not be written; the old one is kept.
         """
         record = memory.model_dump_json(exclude_defaults=True).encode()
+        self._on_record(record)
         self._begun = number = self._next()
         if not self._overwrite(number, record):
             self._make_file(number, record)

@@ -9,11 +9,13 @@ from pydantic import AfterValidator, Field, model_validator
 
 from nena_edge_agent.actions.builtin import LogReportSettings
 from nena_edge_agent.actions.settings import ActionSettings, AnyOperation, default_operations
+from nena_edge_agent.black_box.settings import BlackBoxSettings
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
 from nena_edge_agent.power import PowerSettings
 from nena_edge_agent.protocol.capabilities import TOLERABLE, DriveStrategy, ExternalGoals, LinkLossPolicy
+from nena_shared.black_box.settings import OutgoingSettings
 from nena_shared.plant.geometry import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.tracing import TracingSettings
@@ -226,6 +228,14 @@ class EdgeAgentSettings(ServiceSettings):
     )
     log_report: LogReportSettings = Field(
         default_factory=LogReportSettings, description="The action logReport."
+    )
+    black_box: BlackBoxSettings = Field(
+        default_factory=BlackBoxSettings,
+        description="Black box: the last minutes as an MCAP file; needs the extra `blackbox`.",
+    )
+    upload: OutgoingSettings = Field(
+        default_factory=OutgoingSettings,
+        description="Files of the black box and log reports, and their transfer to the status aggregator.",
     )
     operations: tuple[AnyOperation, ...] = Field(
         default_factory=default_operations,

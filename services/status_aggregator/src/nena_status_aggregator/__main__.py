@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from nena_shared.clock import SystemClock
 from nena_shared.program import run
-from nena_shared.tasks import Supervisor
+from nena_shared.tasks import Supervisor, forever
 from nena_shared.web.server import SHUTDOWN_TIMEOUT, HttpServer
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
@@ -46,6 +46,8 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
         http = tasks.start("http", server.run())
         tasks.start("mqtt link", aggregator.link.run())
         tasks.start("publish changes", aggregator.keep_publishing())
+        if aggregator.receiver:
+            tasks.start("recordings", forever("recordings", aggregator.receiver.run), vital=False)
         tasks.start("loop lag", aggregator.loop_lag.run())
         try:
             await tasks.wait(stop)

@@ -9,6 +9,7 @@ from pydantic_core import to_json
 
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, iso
+from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.loop_lag import LoopLag
 from nena_status_aggregator.api.encoding import encode
 from nena_status_aggregator.api.events import EventStream
@@ -17,7 +18,9 @@ from nena_status_aggregator.fleet.queues import JamLimits
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.history.history import History
 from nena_status_aggregator.mqtt import FleetSubscriber
-from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, Share
+from nena_status_aggregator.recordings.receiver import RecordingReceiver
+from nena_status_aggregator.recordings.store import RecordingStore, StoreLimits
+from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, RecordingSettings, Share
 
 IDLE_DELAY = 30.0
 """Time for which changes are still published after the last client has left, as it may reconnect, seconds."""
@@ -47,6 +50,14 @@ class Aggregator:
         )
         self.model = FleetModel(limits, self.history.writer.add if self.history else lambda _: None)
         self.link = FleetSubscriber(settings, self.model, clock)
+        self.recordings = _recordings(settings.recordings)
+        self.receiver = (
+            RecordingReceiver(self.recordings, FleetTopics(settings.topic_prefix), self.share)
+            if self.recordings
+            else None
+        )
+        if self.receiver:
+            self.receiver.attach(self.link.mqtt)
         self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._snapshot)
         self.loop_lag = LoopLag(clock)
         self.certificates = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
@@ -87,6 +98,18 @@ class Aggregator:
         self.publish_changes()
         view = self.model.snapshot()
         return view["id"], await encode({**view, "time": iso(self.clock.now()), "share": str(self.share)})
+
+
+def _recordings(settings: RecordingSettings) -> RecordingStore | None:
+    if not settings.enabled:
+        return None
+    limits = StoreLimits(
+        files=settings.keep,
+        robot_files=settings.keep_per_robot,
+        total_bytes=settings.keep_bytes,
+        file_bytes=settings.file_bytes,
+    )
+    return RecordingStore(settings.folder, limits)
 
 
 def _history(settings: HistorySettings, clock: Clock) -> History | None:

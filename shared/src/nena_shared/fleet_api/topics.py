@@ -133,6 +133,24 @@ class FleetTopics:
         """Topic filter of all robots' maps."""
         return self.robot_map(RobotKey("+", "+"))
 
+    def recording_chunks(self, robot: RobotKey) -> str:
+        """Return the topic of a robot's recordings, as :class:`Chunk`; not part of VDA 5050."""
+        return f"{self.prefix}/robots/{robot}/recordings/chunk"
+
+    def recording_answers(self, robot: RobotKey) -> str:
+        """Return the topic on which a robot receives the :class:`Answer` to each chunk."""
+        return f"{self.prefix}/robots/{robot}/recordings/answer"
+
+    @property
+    def all_recording_chunks(self) -> str:
+        """Topic filter of all robots' recordings."""
+        return self.recording_chunks(RobotKey("+", "+"))
+
+    def robot_of_chunk(self, topic: str) -> RobotKey | None:
+        """Return the robot of a recording's ``topic``; None for any other topic."""
+        robot = RobotKey(*levels) if len(levels := topic.split("/")[-4:-2]) == len(RobotKey._fields) else None
+        return robot if robot is not None and topic == self.recording_chunks(robot) else None
+
     def robot_of_map(self, topic: str) -> RobotKey | None:
         """Return the robot of a map's ``topic``; None for any other topic."""
         robot = RobotKey(*levels) if len(levels := topic.split("/")[-3:-1]) == len(RobotKey._fields) else None

@@ -19,6 +19,9 @@ USE_BEHAVIOR_TREE: Final = "nena:useBehaviorTree"
 BEHAVIOR_TREE: Final = "behaviorTree"
 """Parameter of USE_BEHAVIOR_TREE: name of the tree in the agent's settings."""
 
+FETCH_RECORDING: Final = "nena:fetchRecording"
+"""Writes the last minutes of the robot's black box to a file, and sends it to the status aggregator."""
+
 ROS_SESSION: Final = "rosSession"
 """Type of the information entry that reports the robot's ROS session."""
 

@@ -137,7 +137,8 @@ def topics_of_robot(robot: RobotKey, topics: SiteTopics) -> Iterator[str]:
     """Yield all topics that a robot may write, in every version of VDA 5050."""
     for scheme in topics.schemes:
         yield from (scheme.of(robot, topic) for topic in FROM_ROBOT)
-    yield FleetTopics(topics.prefix).robot_map(robot)
+    fleet = FleetTopics(topics.prefix)
+    yield from (fleet.robot_map(robot), fleet.recording_chunks(robot))
 
 
 def access_list(identities: Iterable[Identity], topics: SiteTopics) -> str:
@@ -155,7 +156,8 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             robot = RobotKey(*identity.name.split("/"))
             for scheme in topics.schemes:
                 yield from _of_robots(scheme, robot, out="write", back="read")
-            yield f"write {fleet.robot_map(robot)}"
+            yield from (f"write {each}" for each in (fleet.robot_map(robot), fleet.recording_chunks(robot)))
+            yield f"read {fleet.recording_answers(robot)}"
             yield f"read {fleet.plant_model}"
         case Kind.HOST:
             own = f"{topics.prefix}/hosts/{identity.name}"
@@ -176,6 +178,7 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             for scheme in topics.schemes:
                 yield f"read {scheme.interface_name}/{scheme.major_version}/#"
             yield f"read {topics.prefix}/#"
+            yield f"write {fleet.recording_answers(ANY_ROBOT)}"
 
 
 def _of_device(location: str, fleet: FleetTopics) -> Iterator[str]:

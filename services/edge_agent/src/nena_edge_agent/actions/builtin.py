@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -107,6 +107,10 @@ class LogReportSettings(SettingsGroup):
     )
 
 
+Send = Callable[[str, Callable[[Path], object]], Coroutine[None, None, None]]
+"""Sends a file, given its name and what writes it."""
+
+
 class LogReport:
     """Writes the newest lines of the log (VDA 5050 3.0 section 6.2.3).
 
@@ -121,8 +125,10 @@ class LogReport:
         description="Writes the agent's recent log lines to a file and returns its name.",
     )
 
-    def __init__(self, settings: LogReportSettings) -> None:
+    def __init__(self, settings: LogReportSettings, send: Send | None = None) -> None:
+        """Write into the folder of ``settings``; ``send`` also sends the report to the server."""
         self._settings = settings
+        self._send = send
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Write the file in the background."""
@@ -131,17 +137,20 @@ class LogReport:
     async def _work(self, action: Action) -> ActionReport:
         reason = str(action.parameter("reason"))
         name = f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.log"
+        text = "\n".join([f"log report: {reason}", *recent_lines()]) + "\n"
         try:
-            await asyncio.to_thread(self._write, name, [f"log report: {reason}", *recent_lines()])
+            await asyncio.to_thread(self._write, name, text)
+            if self._send:
+                await self._send(name, partial(Path.write_text, data=text, encoding="utf-8"))
         except (OSError, RuntimeError) as error:
             message = f"the log report was not written: {error}"
             raise WorkFailedError(message) from error
         return ActionReport(action.action_id, ActionStatus.FINISHED, name)
 
-    def _write(self, name: str, lines: list[str]) -> None:
+    def _write(self, name: str, text: str) -> None:
         folder = self._settings.folder.expanduser()
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (folder / name).write_text(text, encoding="utf-8")
         for old in sorted(folder.glob("*.log"))[: -self._settings.keep]:
             old.unlink(missing_ok=True)
 

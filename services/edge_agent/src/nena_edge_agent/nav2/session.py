@@ -200,6 +200,20 @@ class RosSession:
         )
         return self._with_rare_events(subscription)
 
+    def subscribe_serialised(
+        self,
+        node: Any,  # noqa: ANN401
+        kind: Any,  # noqa: ANN401
+        topic: str,
+        qos: Any,  # noqa: ANN401
+        handle: Callable[[bytes], None],
+    ) -> None:
+        """Pass each message of a topic to ``handle`` in the ROS thread, in CDR, without reading it."""
+        subscription = node.create_subscription(
+            kind, topic, handle, qos, raw=True, callback_group=self._topics
+        )
+        self._with_rare_events(subscription)
+
     def create_publisher(self, node: Any, kind: Any, topic: str, qos: Any) -> Any:  # noqa: ANN401
         """Create a publisher; incompatible subscribers are logged by :meth:`read_events`."""
         publisher = node.create_publisher(kind, topic, qos, callback_group=self._topics)

@@ -20,7 +20,17 @@ from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import users_of
 from nena_status_aggregator import panel
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.api import control, events, fleet, history, oidc, problems, reports, session
+from nena_status_aggregator.api import (
+    control,
+    events,
+    fleet,
+    history,
+    oidc,
+    problems,
+    recordings,
+    reports,
+    session,
+)
 from nena_status_aggregator.api.oidc import sign_in_of
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.api.session import make_rule
@@ -138,6 +148,7 @@ def make_app(
     app.include_router(fleet.make_router(aggregator))
     app.include_router(fleet.make_robots_router(aggregator))
     app.include_router(history.make_router(aggregator.history))
+    app.include_router(recordings.make_router(aggregator.recordings))
     app.include_router(reports.make_router(aggregator.history, aggregator.clock))
     app.include_router(control.make_router(order_service or OrderServiceSettings()))
     app.include_router(events.make_router(aggregator.events))

@@ -1,0 +1,145 @@
+"""The files of all robots in one folder. Its methods block: call them outside the event loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from hashlib import file_digest
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote, unquote
+
+from nena_shared.black_box.folder import FILE_NAME, UNFINISHED, StoredFile, excess, files_in
+from nena_shared.black_box.transfer import Answer, Chunk, Verdict
+from nena_shared.vda5050.topics import RobotKey
+
+SEPARATOR: Final = "."
+"""Between manufacturer and serial number in the name of a robot's folder, which contain none."""
+
+LONGEST_FOLDER: Final = 250
+"""Maximum length of a folder's name."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoreLimits:
+    """Limits of the folder."""
+
+    files: int
+    robot_files: int
+    total_bytes: int
+    file_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRecording:
+    """A file of a robot; ``received`` is the time of its last chunk, s since 1970."""
+
+    robot: RobotKey
+    name: str
+    size: int
+    received: float
+    path: Path
+
+
+class RecordingStore:
+    """Appends chunks to files; a file appears under its name only when complete, with the right checksum."""
+
+    def __init__(self, folder: Path, limits: StoreLimits) -> None:
+        """Use ``folder``, which is created with the first file."""
+        self._folder = folder
+        self._limits = limits
+
+    def add(self, robot: RobotKey, chunk: Chunk) -> Answer:
+        """Store a chunk if it is the next one of its file; return the answer for the robot.
+
+        A robot's file that was begun earlier and is not complete is discarded when it begins another one.
+
+        Raises:
+            OSError: the disk fails; the robot repeats the chunk.
+        """
+        header, place = chunk.header, self._place(robot)
+        target = place / header.name
+        if problem := self._problem(chunk, place):
+            return Answer(name=header.name, verdict=Verdict.REFUSED, reason=problem)
+        if target.exists():
+            return Answer(name=header.name, verdict=Verdict.COMPLETE, received=header.size)
+        part = place / f"{header.name}.{header.sha256}{UNFINISHED}"
+        have = part.stat().st_size if part.exists() else 0
+        if header.offset != have:
+            return Answer(name=header.name, verdict=Verdict.MORE, received=have)
+        if have == 0:
+            place.mkdir(parents=True, exist_ok=True)
+            for other in place.glob(f"*{UNFINISHED}"):
+                other.unlink(missing_ok=True)
+        with part.open("ab") as file:
+            file.write(chunk.data)
+        have += len(chunk.data)
+        if have < header.size:
+            return Answer(name=header.name, verdict=Verdict.MORE, received=have)
+        return self._finish(chunk, part, target)
+
+    def _problem(self, chunk: Chunk, place: Path) -> str:
+        """Return why a file is refused; empty if it is not."""
+        size, limit, target = chunk.header.size, self._limits.file_bytes, place / chunk.header.name
+        if size > limit:
+            return f"{size} bytes exceed the limit of {limit} (recordings.file_bytes)"
+        if len(place.name) > LONGEST_FOLDER:
+            return "manufacturer and serial number are too long for a folder"
+        if target.exists() and target.stat().st_size != size:
+            return "another file of this name exists"
+        return ""
+
+    def _finish(self, chunk: Chunk, part: Path, target: Path) -> Answer:
+        with part.open("rb") as file:
+            digest = file_digest(file, "sha256").hexdigest()
+        if digest != chunk.header.sha256:
+            part.unlink()
+            return Answer(name=target.name, verdict=Verdict.REFUSED, reason="the checksum is wrong")
+        part.replace(target)
+        self._trim(target.parent)
+        return Answer(name=target.name, verdict=Verdict.COMPLETE, received=chunk.header.size)
+
+    def recordings(self) -> list[StoredRecording]:
+        """Return all complete files, newest first."""
+        found = [
+            StoredRecording(robot, each.path.name, each.size, each.written, each.path)
+            for robot, place in self._places()
+            for each in files_in(place)
+            if FILE_NAME.fullmatch(each.path.name)
+        ]
+        return sorted(found, key=lambda each: (each.received, each.name), reverse=True)
+
+    def find(self, robot: RobotKey, name: str) -> Path | None:
+        """Return the path of a complete file, None if there is none."""
+        path = self._place(robot) / name
+        return path if FILE_NAME.fullmatch(name) and path.is_file() else None
+
+    def _trim(self, place: Path) -> None:
+        """Remove the oldest files: of this robot beyond its number, then of all robots beyond the limits."""
+        limits = self._limits
+        own = [each for each in files_in(place) if FILE_NAME.fullmatch(each.path.name)]
+        self._remove(excess(own, keep=limits.robot_files, keep_bytes=limits.total_bytes))
+        every = [each for _, other in self._places() for each in files_in(other)]
+        every.sort(key=lambda each: each.written)
+        self._remove(excess(every, keep=limits.files, keep_bytes=limits.total_bytes))
+
+    def _remove(self, files: list[StoredFile]) -> None:
+        for each in files:
+            each.path.unlink(missing_ok=True)
+            with suppress(OSError):  # not empty
+                each.path.parent.rmdir()
+
+    def _place(self, robot: RobotKey) -> Path:
+        return self._folder / SEPARATOR.join(_level(each) for each in robot)
+
+    def _places(self) -> Iterator[tuple[RobotKey, Path]]:
+        for path in self._folder.glob(f"*{SEPARATOR}*"):
+            parts = [unquote(each) for each in path.name.split(SEPARATOR)]
+            if path.is_dir() and len(parts) == len(RobotKey._fields):
+                yield RobotKey(*parts), path
+
+
+def _level(name: str) -> str:
+    """Return a part of a folder's name: letters, digits, - and _ stay, all others are percent-encoded."""
+    return quote(name, safe="").replace(".", "%2E").replace("~", "%7E")

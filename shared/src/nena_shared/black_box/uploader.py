@@ -1,0 +1,135 @@
+"""Sends the files of a folder over MQTT, one after the other."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from hashlib import file_digest
+from pathlib import Path
+from typing import Final, Protocol
+
+from pydantic import ValidationError
+
+from nena_shared.black_box.folder import OutgoingFolder
+from nena_shared.black_box.transfer import CHUNK_SIZE, Answer, Transfer, Verdict
+from nena_shared.log import get_logger
+from nena_shared.mqtt import Handler, Inbound, LinkState, Outbound
+from nena_shared.tasks import set_within
+
+log = get_logger(__name__)
+
+ANSWER_TIMEOUT: Final = 2.0
+"""Time after which an unanswered chunk is sent again, seconds; doubled each time."""
+LONGEST_TIMEOUT: Final = 60.0
+"""Maximum time between two tries, seconds: without a receiver, a chunk is sent each minute."""
+
+
+class UploadLink(Protocol):
+    """The program's link to the broker."""
+
+    @property
+    def state(self) -> LinkState:
+        """Return whether it is connected."""
+        ...
+
+    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
+        """Subscribe to a topic."""
+        ...
+
+    def publish(self, message: Outbound) -> None:
+        """Send a message."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class UploadTopics:
+    """The MQTT topics of a sender's chunks, and of the answers to them."""
+
+    chunks: str
+    answers: str
+
+
+class Uploader:
+    """Sends waiting files until each is stored or refused; a file that cannot be read is skipped.
+
+    Chunks that the link cannot send are dropped, and sent again after a timeout.
+    """
+
+    def __init__(self, folder: OutgoingFolder, topics: UploadTopics, *, rate: int) -> None:
+        """Create the uploader; ``rate`` is the maximum rate, bytes per second."""
+        self._folder = folder
+        self._topics = topics
+        self._rate = rate
+        self._transfer: Transfer | None = None
+        self._answered = asyncio.Event()
+        self._added = asyncio.Event()
+        self._link: UploadLink | None = None
+
+    def attach(self, link: UploadLink) -> None:
+        """Send on ``link`` from now on."""
+        self._link = link
+        link.subscribe(self._topics.answers, self._take, needed=False)
+
+    def wake(self) -> None:
+        """Look for new files; call this in the event loop."""
+        self._added.set()
+
+    async def run(self) -> None:
+        """Send files until cancelled."""
+        while True:
+            self._added.clear()
+            for each in await asyncio.to_thread(self._folder.waiting):
+                await self._send(each.path)
+            await self._added.wait()
+
+    async def _send(self, path: Path) -> None:
+        try:
+            transfer = await asyncio.to_thread(_begin, path)
+            await self._send_chunks(path, transfer)
+            await asyncio.to_thread(self._folder.mark_sent, path.name)
+        except FileNotFoundError:
+            log.info("recording removed before it was sent", name=path.name)
+            return
+        except (OSError, ValidationError) as error:
+            log.warning("recording not sent", name=path.name, reason=str(error))
+            return
+        finally:
+            self._transfer = None
+        end = transfer.end
+        if end and end.verdict is Verdict.REFUSED:
+            log.warning("recording refused by the status aggregator", name=path.name, reason=end.reason)
+        else:
+            log.info("recording sent", name=path.name, size=transfer.size)
+
+    async def _send_chunks(self, path: Path, transfer: Transfer) -> None:
+        self._transfer = transfer
+        timeout = ANSWER_TIMEOUT
+        while transfer.end is None:
+            data = await asyncio.to_thread(_read, path, transfer.offset)
+            self._answered.clear()
+            if self._link and self._link.state.connected:
+                self._link.publish(Outbound(self._topics.chunks, transfer.chunk(data).encode(), keep=False))
+            await asyncio.sleep(len(data) / self._rate)
+            answered = await set_within(self._answered, timeout)
+            timeout = ANSWER_TIMEOUT if answered else min(2 * timeout, LONGEST_TIMEOUT)
+
+    def _take(self, message: Inbound) -> None:
+        try:
+            answer = Answer.model_validate_json(message.payload)
+        except ValidationError:
+            log.warning("unreadable answer to a recording", topic=message.topic)
+            return
+        if self._transfer and not message.retained and self._transfer.take(answer):
+            self._answered.set()
+
+
+def _begin(path: Path) -> Transfer:
+    with path.open("rb") as file:
+        digest = file_digest(file, "sha256").hexdigest()
+        return Transfer(path.name, file.tell(), digest)
+
+
+def _read(path: Path, offset: int) -> bytes:
+    with path.open("rb") as file:
+        file.seek(offset)
+        return file.read(CHUNK_SIZE)

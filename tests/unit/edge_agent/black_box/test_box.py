@@ -1,0 +1,110 @@
+"""The black box writes what its robot has sent, received and logged."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from nena_edge_agent.black_box import box as module
+from nena_edge_agent.black_box.action import FetchRecording
+from nena_edge_agent.black_box.box import BlackBox, Outgoing, check_library
+from nena_edge_agent.black_box.settings import BlackBoxSettings
+from nena_edge_agent.driver.port import DriveFailed, DriveFailure
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared import log
+from nena_shared.black_box.folder import OutgoingFolder
+from nena_shared.clock import SystemClock
+from nena_shared.settings import ConfigurationError, LogSettings
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.topics import RobotKey
+from support.robot_core import Bench, action
+from support.waiting import until
+
+ROBOT = RobotKey("ACME", "1")
+TOPIC = "uagv/v2/ACME/1/state"
+
+
+def make_box(folder: Path) -> BlackBox:
+    settings = BlackBoxSettings(enabled=True, delay=0.0)
+    outgoing = Outgoing(OutgoingFolder(folder, keep=5, keep_bytes=10**6), None)
+    return BlackBox(ROBOT, settings, outgoing, SystemClock())
+
+
+def topics(path: Path) -> dict[str, list[bytes]]:
+    found: dict[str, list[bytes]] = {}
+    with path.open("rb") as stream:
+        messages: Any = make_reader(stream).iter_messages()
+        for _, channel, message in messages:
+            found.setdefault(channel.topic, []).append(message.data)
+    return found
+
+
+async def test_a_failed_drive_is_written_with_messages_journal_and_log(tmp_path: Path) -> None:
+    log.configure(LogSettings())
+    box = make_box(tmp_path / "recordings")
+    box.record(TOPIC, b'{"headerId":1}')
+    journal = box.make_journal(tmp_path / "journal", ROBOT)
+    journal.read()
+    journal.write(Bench().core.memory())
+    log.get_logger("nena.example").warning("wheel slips")
+
+    box.note(DriveFailed(1, DriveFailure.ABORTED, "no path"), (), Bench().core.robot)
+    task = asyncio.create_task(box.run())
+    path = await until(lambda: next((tmp_path / "recordings").glob("*.mcap"), None))
+    task.cancel()
+
+    assert path.name.endswith("-drive-failed.mcap")
+    found = topics(path)
+    assert found[TOPIC] == [b'{"headerId":1}']
+    assert len(found["/nena/journal"]) == 1
+    assert any(b"wheel slips" in each for each in found["/nena/log"])
+
+
+async def requested(box: BlackBox) -> ActionReport:
+    reports: list[ActionReport] = []
+    FetchRecording(box).start(action("a", "NONE", "nena:fetchRecording"), (), reports.append)
+    return await until(lambda: next((each for each in reports if each.status.ended), None))
+
+
+async def test_a_requested_recording_is_the_actions_result(tmp_path: Path) -> None:
+    report = await requested(make_box(tmp_path))
+
+    assert report.status is ActionStatus.FINISHED
+    assert str(report.result).endswith("-request.mcap")
+    assert (tmp_path / str(report.result)).exists()
+
+
+async def test_a_failing_disk_fails_the_action(tmp_path: Path) -> None:
+    (tmp_path / "recordings").write_text("a file")
+
+    report = await requested(make_box(tmp_path / "recordings"))
+
+    assert report.status is ActionStatus.FAILED
+    assert "upload.folder" in str(report.result)
+
+
+async def test_a_failing_disk_does_not_end_the_black_box(tmp_path: Path) -> None:
+    log.configure(LogSettings())
+    place = tmp_path / "recordings"
+    place.write_text("a file")
+    box = make_box(place)
+    failed, robot = DriveFailed(1, DriveFailure.ABORTED, "no path"), Bench().core.robot
+    box._triggers._interval = 0.0
+    task = asyncio.create_task(box.run())
+    box.note(failed, (), robot)
+    await until(lambda: any("recording not written" in each for each in log.recent_lines()))
+    place.unlink()
+    box.note(failed, (), robot)
+    await until(lambda: next(place.glob("*.mcap"), None))
+    task.cancel()
+
+
+def test_without_the_library_the_program_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    check_library()
+    monkeypatch.setattr(module, "find_spec", lambda _: None)
+    with pytest.raises(ConfigurationError, match=r"nena-edge-agent\[blackbox\]"):
+        check_library()

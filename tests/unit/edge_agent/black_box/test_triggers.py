@@ -1,0 +1,54 @@
+"""Failures start a recording, once."""
+
+from __future__ import annotations
+
+from nena_edge_agent.black_box.triggers import Reason, Triggers
+from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure
+from nena_edge_agent.protocol.events import Event, SafetyReport
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
+from nena_shared.vda5050.state import EmergencyStop
+
+FAILED = DriveFailed(1, DriveFailure.ABORTED, "no path")
+STOPPED, RELEASED = SafetyReport(emergency_stop=EmergencyStop.MANUAL), SafetyReport()
+QUIET = Arrived(1)
+
+
+def an_error(level: ErrorLevel, kind: str = "broken") -> ErrorEntry:
+    return ErrorEntry(error_type=kind, error_level=level)
+
+
+def reasons(*events: Event, interval: float = 0.0) -> list[Reason | None]:
+    triggers = Triggers(interval)
+    return [triggers.note(each, (), float(second)) for second, each in enumerate(events)]
+
+
+def test_a_failed_drive_starts_a_recording() -> None:
+    assert reasons(QUIET, FAILED, QUIET) == [None, Reason.DRIVE_FAILED, None]
+
+
+def test_an_emergency_stop_starts_one_when_it_begins() -> None:
+    assert reasons(STOPPED, STOPPED, RELEASED, STOPPED) == [
+        Reason.EMERGENCY_STOP,
+        None,
+        None,
+        Reason.EMERGENCY_STOP,
+    ]
+
+
+def test_serious_errors_start_one_when_they_appear() -> None:
+    triggers = Triggers(0.0)
+    warning, fatal = an_error(ErrorLevel.WARNING), an_error(ErrorLevel.FATAL, "motor")
+    critical = an_error(ErrorLevel.CRITICAL, "lift")
+
+    assert triggers.note(QUIET, (warning,), 0.0) is None
+    assert triggers.note(QUIET, (warning, fatal), 1.0) is Reason.ERROR
+    assert triggers.note(QUIET, (warning, fatal), 2.0) is None
+    assert triggers.note(QUIET, (fatal, critical), 3.0) is Reason.ERROR
+    assert triggers.note(QUIET, (), 4.0) is None
+    assert triggers.note(QUIET, (fatal,), 5.0) is Reason.ERROR
+
+
+def test_repeated_failures_start_one_in_each_interval() -> None:
+    found = reasons(*[FAILED] * 25, interval=10.0)
+
+    assert [second for second, each in enumerate(found) if each] == [0, 10, 20]

@@ -1,0 +1,56 @@
+"""The ring keeps what is new, within its limits."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_shared.black_box.ring import ENTRY_OVERHEAD, Channel, Ring
+
+STATE = Channel("uagv/v2/ACME/1/state")
+
+
+def test_entries_older_than_the_time_are_removed() -> None:
+    ring = Ring(seconds=10.0, limit=100_000)
+    for second in range(30):
+        ring.add(STATE, b"%d" % second, float(second))
+
+    assert [each.payload for each in ring.entries(29.0)] == [b"%d" % each for each in range(19, 30)]
+    assert ring.entries(100.0) == []
+    assert (ring.size, ring.displaced) == (0, 0)
+
+
+def test_without_room_the_oldest_goes_and_is_counted() -> None:
+    ring = Ring(seconds=1000.0, limit=5 * (ENTRY_OVERHEAD + 10))
+    for number in range(8):
+        ring.add(STATE, b"%010d" % number, 0.0)
+
+    assert [int(each.payload) for each in ring.entries(0.0)] == [3, 4, 5, 6, 7]
+    assert ring.displaced == 3
+
+
+def test_a_payload_that_would_replace_most_others_is_left_out() -> None:
+    ring = Ring(seconds=10.0, limit=10_000)
+    ring.add(STATE, b"small", 0.0)
+    ring.add(STATE, bytes(9000), 0.0)
+
+    assert [each.payload for each in ring.entries(0.0)] == [b"small"]
+    assert ring.too_large == 1
+
+
+def test_payloads_are_not_copied() -> None:
+    ring, payload = Ring(seconds=10.0, limit=10_000), bytes(100)
+    ring.add(STATE, payload, 0.0)
+
+    assert ring.entries(0.0)[0].payload is payload
+
+
+@given(st.lists(st.tuples(st.integers(0, 3000), st.floats(0, 5)), max_size=60))
+def test_size_and_age_never_exceed_their_limits(added: list[tuple[int, float]]) -> None:
+    ring, now = Ring(seconds=20.0, limit=8000), 0.0
+    for size, pause in added:
+        now += pause
+        ring.add(STATE, bytes(size), now)
+        kept = ring.entries(now)
+        assert ring.size == sum(len(each.payload) + ENTRY_OVERHEAD for each in kept) <= 8000
+        assert all(each.at >= now - 20.0 for each in kept)
