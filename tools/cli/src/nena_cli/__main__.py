@@ -68,6 +68,7 @@ COMMANDS: Final = {
     "peripherals": Command(
         "nena_cli.peripherals", "app", "Peripheral devices, such as doors, and their jobs."
     ),
+    "recordings": Command("nena_cli.recordings", "app", "Recordings and log reports of robots."),
     "audit": Command("nena_cli.audit", "app", "Who changed what, and whether the audit trail is intact."),
     "plant": Command("nena_cli.plants", "app", "Plant models: openTCS XML, LIF and NeNa's own JSON."),
     "vda5050": Command(

@@ -54,7 +54,7 @@ class Service:
     @contextmanager
     def opened(self) -> Iterator[Client]:
         """Connect; raises RefusedError, UnreachableError and OSError."""
-        connection = Client(self.urls, self._token(), retry_for=0, user_agent="nena")
+        connection = Client(self.urls, self.access_token(), retry_for=0, user_agent="nena")
         try:
             yield connection
         finally:
@@ -62,7 +62,7 @@ class Service:
 
     def _explain(self, error: RefusedError) -> str:
         """Return the order service's text, or a hint about the token options."""
-        if error.problem.status == HTTPStatus.UNAUTHORIZED and self._token() is None:
+        if error.problem.status == HTTPStatus.UNAUTHORIZED and self.access_token() is None:
             return "The order service requires a token. Set NENA_TOKEN or --token-file."
         return str(error)
 
@@ -78,7 +78,8 @@ class Service:
         """Print several objects; ``table`` makes the table of them."""
         print_objects(self.output, found, table)
 
-    def _token(self) -> str | None:
+    def access_token(self) -> str | None:
+        """Return the access token; raises OSError if its file cannot be read."""
         return self.token_file.read_text(encoding="utf-8").strip() if self.token_file else self.token
 
 

@@ -139,24 +139,24 @@ def hibernate(
     until: Annotated[datetime, typer.Option(help="Wake-up time in local time.")],
 ) -> None:
     """Put an idle vehicle into its low-power mode until it is woken or its wake-up time (VDA 5050 3.0)."""
-    _act(service, name, START_HIBERNATION, {WAKE_UP_TIME: iso(until.astimezone(UTC))})
+    act(service, name, START_HIBERNATION, {WAKE_UP_TIME: iso(until.astimezone(UTC))})
 
 
 @app.command()
 @of_service
 def wake(service: Service, name: Name) -> None:
     """Wake a hibernating vehicle (VDA 5050 3.0)."""
-    _act(service, name, STOP_HIBERNATION, {})
+    act(service, name, STOP_HIBERNATION, {})
 
 
 @app.command()
 @of_service
 def shutdown(service: Service, name: Name) -> None:
     """Shut an idle vehicle down; it has to be switched on by hand (VDA 5050 3.0)."""
-    _act(service, name, SHUTDOWN, {})
+    act(service, name, SHUTDOWN, {})
 
 
-def _act(service: Service, name: str, action_type: str, parameters: dict[str, JsonValue]) -> None:
+def act(service: Service, name: str, action_type: str, parameters: dict[str, JsonValue]) -> None:
     """Send an instant action and print its result; exit with status 1 unless it has succeeded or runs."""
     listed: list[JsonValue] = [{"key": key, "value": value} for key, value in parameters.items()]
     body: dict[str, JsonValue] = {"actionType": action_type, "parameters": listed}

@@ -1,9 +1,10 @@
-// The page of a robot: why it is not moving, commands, order, errors, actions, goals, details and deviations.
+// The page of a robot: why it is not moving, commands, order, errors, actions, goals, details, recordings, deviations.
 
 import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { adviceForError, causesOfRobot, conditionText, nodeName, orderOf } from "./explanations.js";
 import { age, dateAndTime, degrees, has, number, t } from "./i18n.js";
 import { address, backLink } from "./router.js";
+import "./recordings.js";
 import "./robot_commands.js";
 
 const TICK = 1000;
@@ -42,16 +43,19 @@ class RobotPage extends HTMLElement {
     this.actions = this.#section("robot.actions");
     this.goals = this.#section("robot.goals");
     this.deviations = this.#section("robot.deviations");
+    this.recordings = element("nena-recordings");
     this.gone = element("p", { class: "hint" }, t("robot.gone"));
     const toMap = button(t("robot.toMap"), () => this.dispatchEvent(new CustomEvent("reveal", { detail: this.#id })));
     const head = element("header", { class: "head" }, backLink(), this.heading, this.chip, toMap);
     this.whyTitle = element("h3");
     const whySection = element("section", {}, this.whyTitle, this.why);
     const commandSection = element("section", {}, element("h3", {}, t("robot.commands")), this.commands);
+    const recordingSection = element("section", {}, element("h3", {}, t("robot.recordings")), this.recordings);
     const factSection = element("section", {}, element("h3", {}, t("robot.facts")), this.facts);
-    this.body = element("div", {}, whySection, commandSection, this.order, this.errors, this.actions, this.goals, factSection, this.deviations);
+    this.body = element("div", {}, whySection, commandSection, this.order, this.errors, this.actions, this.goals, factSection, recordingSection, this.deviations);
     this.replaceChildren(head, this.gone, this.body);
     this.commands.show(this.fleet, this.#id);
+    this.recordings.show(this.fleet, this.#id);
     this.#update();
     this.heading.focus({ preventScroll: true });
   }
