@@ -64,4 +64,4 @@ async def test_disabled_recordings_say_so() -> None:
         answer = await http.get("/api/v1/recordings")
 
     assert answer.status_code == 404
-    assert "--recordings.enabled" in answer.json()["detail"]
+    assert "recordings.enabled" in answer.json()["detail"]

@@ -15,7 +15,7 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.api.problems import found
 from nena_status_aggregator.recordings.store import RecordingStore
 
-DISABLED = "Recordings are disabled. Set --recordings.enabled true."
+DISABLED = "Recordings are disabled. Set recordings.enabled to true."
 
 
 class RecordingView(TypedDict):
