@@ -163,7 +163,8 @@ async def opened(
     await page.goto(url)
     yield page
     passed_over = ("net::ERR_", *expected)  # the browser reports it while the aggregator is down
-    assert [each for each in complaints if not any(part in each for part in passed_over)] == []
+    left = [each for each in complaints if not any(part in each for part in passed_over)]
+    assert left == [], left
     await page.close()
 
 

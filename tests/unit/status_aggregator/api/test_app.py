@@ -29,6 +29,8 @@ async def test_openapi_document_is_served(client: httpx.AsyncClient) -> None:
         "/api/v1/control/{path}",
         "/api/v1/events",
         "/healthz",
+        "/api/v1/recordings",
+        "/api/v1/recordings/{manufacturer}/{serial}/{name}",
         "/api/v1/history",
         "/api/v1/history.csv",
         "/api/v1/history.jsonl",

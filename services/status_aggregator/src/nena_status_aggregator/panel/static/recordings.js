@@ -35,7 +35,7 @@ class Recordings extends HTMLElement {
 
   async #offer() {
     const robot = this.store.robots.get(this.robotId);
-    if (!robot) return;
+    if (!robot?.body) return; // no factsheet received
     const path = [robot.manufacturer, robot.serialNumber].map(encodeURIComponent).join("/");
     const answer = await fetch(`api/v1/robots/${path}/actions`).catch(() => null);
     const actions = answer?.ok ? await answer.json() : [];
