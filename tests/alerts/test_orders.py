@@ -64,7 +64,7 @@ async def queue_behind_stopped_robot(
 
 @asynccontextmanager
 async def unreadable_messages(site: WatchedSite) -> AsyncIterator[None]:
-    """Let a robot send messages that nobody can read."""
+    """Let a robot send unreadable messages."""
 
     async def send() -> None:
         while True:

@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.long, pytest.mark
 
 DISK_MB = 260
 FAR_STATION = "Station 10"
-"""Nobody is on the way there, who would have to wait for the robot."""
+"""No other robot passes there, so none has to wait."""
 LEFT = 150_000_000
 """Bytes, less than the 200 MB of the rule."""
 

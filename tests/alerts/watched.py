@@ -66,7 +66,7 @@ class WatchedSite(Site):
         )
 
     def control(self, serial: str, command: str, **fields: object) -> None:
-        """Give a command of simulation control to a loopback robot."""
+        """Send a loopback robot a simulation control command."""
         topic = f"{self.interface}/loopback/NeNa/{serial}/control"
         self.wire.publish(topic, json.dumps({"command": command, **fields}))
 

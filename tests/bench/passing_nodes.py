@@ -96,7 +96,7 @@ class PassingRobots(InstantRobots):
         super().__init__(hall.port, tuple(map(_start_of, range(hall.robots))))
 
     def begin(self) -> None:
-        """Give each robot its first order."""
+        """Create the first order of each robot."""
         for serial in self._serials:
             self._next_order(serial)
 

@@ -30,7 +30,7 @@ receivers:
     webhook_configs:
       - url: http://127.0.0.1:{port}/
 """
-"""Each alert is sent by itself, at once, and only once."""
+"""Each alert is sent alone, immediately, and once."""
 
 Labels = frozenset[tuple[str, str]]
 
