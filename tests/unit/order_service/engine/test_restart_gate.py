@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
+
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.driving import RestartGate
 from nena_shared.plant import PlantModel, Vehicle
 from support.clocks import ManualClock
 from support.operations import calls_of
-from support.scripted_fleet import ScriptedFleet, make_context
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_context, make_engine, sent
 
 PLANT = PlantModel(name="two", vehicles=(Vehicle(name="V1"), Vehicle(name="V2")))
 
@@ -15,7 +19,7 @@ PLANT = PlantModel(name="two", vehicles=(Vehicle(name="V1"), Vehicle(name="V2"))
 def make(fleet: ScriptedFleet, clock: ManualClock, *remembered: str) -> RestartGate:
     context = make_context(PLANT, clock=clock, settings=EngineSettings(restart_patience=20.0))
     context.connect(fleet)
-    gate = RestartGate(context)
+    gate = RestartGate(context, lambda: None)
     gate.begin(tuple(vehicle for vehicle in context.registry if vehicle.name in remembered))
     return gate
 
@@ -86,10 +90,30 @@ def test_waiting_costs_the_same_however_many_robots_have_reported() -> None:
         fleet = ScriptedFleet(dict.fromkeys(names, "A"), mute={names[-1]})
         context = make_context(plant, settings=EngineSettings(restart_patience=20.0))
         context.connect(fleet)
-        gate = RestartGate(context)
+        gate = RestartGate(context, lambda: None)
         gate.begin(tuple(context.registry))
         assert not opened(gate)
         calls.append(calls_of(lambda gate=gate: opened(gate)))  # type: ignore[misc]
         fleet.mute.clear()
         assert opened(gate)
     assert calls[0] == calls[1]
+
+
+async def test_an_order_is_sent_as_soon_as_the_gate_opens() -> None:
+    plant = PlantModel(
+        name="one path",
+        points=(point("A"), point("B", 2000)),
+        paths=(path("A B"),),
+        vehicles=(Vehicle(name="V1"),),
+    )
+    fleet = ScriptedFleet({"V1": "A"}, unknown=True)
+    engine = await make_engine(plant, MemoryStore(), fleet)
+    engine.create(request("B"), "T")
+    assert sent(fleet) == []
+
+    fleet.unknown = False
+    checks = asyncio.create_task(engine.run())
+    for _ in range(10):  # turns of the event loop, far fewer than until the next check by the clock
+        await asyncio.sleep(0)
+    checks.cancel()
+    assert sent(fleet) == [("V1", "T-0")]

@@ -58,8 +58,10 @@ class RestartGate:
     that are offline keep the resources that they held.
     """
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, on_open: Callable[[], None]) -> None:
+        """``on_open`` is called once, when the gate opens: time alone may open it, without an event."""
         self._context = context
+        self._on_open = on_open
         self._timeout = context.settings.restart_patience
         self._until = context.clock.monotonic() + self._timeout
         self._remembered: dict[str, FleetVehicle] = {}
@@ -80,6 +82,8 @@ class RestartGate:
             self._open = late or (not self._any_missing() and fleet.all_known())
             if self._open and (missing := self._missing()):
                 log.warning("robots without a state keep their resources", vehicles=missing)
+            if self._open:
+                self._on_open()
         return self._open
 
     @property

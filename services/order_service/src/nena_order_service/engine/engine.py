@@ -279,7 +279,8 @@ class Engine:
         self.settings = context.settings
         self.store = store
         self.sequences = Sequences(context)
-        self._gate = RestartGate(context)
+        self._look_due = asyncio.Event()
+        self._gate = RestartGate(context, self._look_due.set)
         self._positions = Positions(context)
         self.peripherals = Peripherals(context)
         pauses = Pauses(context, self.peripherals)
@@ -305,7 +306,6 @@ class Engine:
             timeout=self.settings.commit_timeout,
         )
         self._asked_for_state: set[RobotKey] = set()
-        self._look_due = asyncio.Event()
 
     def prepare(self) -> None:
         """Build the routing graphs; call it before :meth:`start`, in any thread."""
