@@ -14,7 +14,7 @@ from bench.event_loop import LONGEST_HOLD_MS, loop_probe
 from bench.figures import at_least, within
 from bench.grid import grid
 from bench.grid import start_of as on_grid
-from bench.lanes import Hall, lanes, order_of, robot, start_of
+from bench.lanes import Hall, lanes, order_of, start_of
 from bench.rates import Hosts, closed_loop
 from bench.retained import unlike_rest
 from bench.robots import BaseRobots, InstantRobots
@@ -101,7 +101,8 @@ def _closed(hall: Hall, waiting: int, orders: int) -> dict[str, Any]:
     robots = BaseRobots(hall.port, tuple(map(on_grid, range(hall.robots))))
     hall.wait_for_robots()
     with loop_probe(hall.url) as probe:
-        found = closed_loop(hall, waiting=waiting, warm_up=max(hall.robots, orders // 10), orders=orders)
+        warm_up = max(hall.robots, orders // 10)
+        found = closed_loop(hall, robots, waiting=waiting, warm_up=warm_up, orders=orders)
         loop = probe.figures()
     sent = Counter(order for _, order, _ in robots.taken())
     robots.close()  # so that the statuses come to rest
@@ -117,8 +118,6 @@ def _given(hall: Hall) -> dict[str, Any]:
     robots = InstantRobots(hall.port, tuple(map(start_of, range(hall.robots))))
     hall.wait_for_robots()
     bare = _bare_messages(hall)
-    for number in range(hall.robots):
-        robots.say_state(robot(number))  # or it would count as silent by now
     pass_time(SETTLE_SECONDS)
     with loop_probe(hall.url) as probe:
         before, begin = hall.cpu(), time.perf_counter()

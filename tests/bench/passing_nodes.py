@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import threading
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -91,7 +90,6 @@ class PassingRobots(InstantRobots):
         self._at: dict[str, int] = {}
         """Index of the node of its order at which each robot is."""
         self._turns = dict.fromkeys(self._serials, 0)
-        self._lock = threading.Lock()
         self.passed = 0
         super().__init__(hall.port, tuple(map(_start_of, range(hall.robots))))
 

@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 from bench.grid import Lot
 from bench.lanes import Hall
+from bench.robots import InstantRobots
 from bench.wire import Wire
 
 HOSTS = 8
@@ -51,15 +52,25 @@ class Hosts:
             self._address.hostname or "", self._address.port, timeout=WAIT_SECONDS
         )
         while (body := self._bodies.get()) is not None:
-            connection.request(
-                "POST", "/v1/transportOrders", json.dumps(body).encode(), {"Content-Type": "application/json"}
-            )
-            answer = connection.getresponse()
-            text = answer.read()
+            answer, text = _answered(connection, json.dumps(body).encode())
             if answer.status != http.client.CREATED:
                 self.refused.append(text.decode())
             self._bodies.task_done()
         connection.close()
+
+
+def _answered(connection: http.client.HTTPConnection, body: bytes) -> tuple[http.client.HTTPResponse, bytes]:
+    """Send an order; connect again if the server has closed the idle connection."""
+    for last in (False, True):
+        try:
+            connection.request("POST", "/v1/transportOrders", body, {"Content-Type": "application/json"})
+            answer = connection.getresponse()
+            return answer, answer.read()
+        except ConnectionError:
+            connection.close()
+            if last:
+                raise
+    raise AssertionError
 
 
 class Ends:
@@ -84,15 +95,19 @@ class Ends:
             self._ended.put(topic)
 
 
-def closed_loop(hall: Hall, *, waiting: int, warm_up: int, orders: int) -> dict[str, float]:
+def closed_loop(
+    hall: Hall, robots: InstantRobots, *, waiting: int, warm_up: int, orders: int
+) -> dict[str, float]:
     """Measure the ends of ``orders``, after ``warm_up`` ends, while ``waiting`` orders wait.
 
-    All robots of the hall always have an order. Waiting orders are created before the measurement.
+    All robots of the hall always have an order. The robots stand while the waiting orders are created.
     """
     ends, hosts, lot = Ends(hall.port), Hosts(hall.url), Lot()
+    robots.hold()
     for _ in range(waiting + hall.robots):
         hosts.create(lot.order())
     hosts.wait_answered()
+    robots.go_on()
     for _ in range(warm_up):
         ends.next()
         hosts.create(lot.order())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,6 +23,8 @@ from support.fleet_examples import factsheet, position, state
 SCHEME = TopicScheme("uagv")
 WAY_LENGTH = 20
 """Nodes."""
+STATE_INTERVAL = 25.0
+"""Seconds between the states of a robot at rest; VDA 5050 requires one each 30 s."""
 WAITING = ActionStatus.WAITING
 
 
@@ -37,20 +40,40 @@ class Start:
 
 
 class InstantRobots:
-    """Robots that drive and act in no time."""
+    """Robots that drive and act in no time, and repeat their states as VDA 5050 requires."""
 
     def __init__(self, port: int, starts: tuple[Start, ...], manufacturer: str = "NeNa") -> None:
         self.orders: queue.SimpleQueue[tuple[str, str, float]] = queue.SimpleQueue()
         """(serial number, orderId, moment of arrival) of each order as it comes."""
         self._manufacturer = manufacturer
         self._states = {start.serial_number: self._first_state(start) for start in starts}
-        self._wire = Wire(port, "bench-robots", (SCHEME.for_all(Topic.ORDER),), self._on_order)
+        self._held: list[tuple[str, bytes, float]] | None = None
+        """Orders that have come since :meth:`hold`."""
+        self._lock = threading.RLock()
+        self._closed = threading.Event()
+        self._wire = Wire(port, "bench-robots", (SCHEME.for_all(Topic.ORDER),), self._arrived)
         for serial in self._states:
             self._say_hello(serial)
+        self._repeating = threading.Thread(target=self._repeat_states, name="bench states")
+        self._repeating.start()
 
     def close(self) -> None:
         """Disconnect."""
+        self._closed.set()
+        self._repeating.join()
         self._wire.close()
+
+    def hold(self) -> None:
+        """Accept the next orders, but stay where they begin, so that others have to wait."""
+        with self._lock:
+            self._held = []
+
+    def go_on(self) -> None:
+        """Drive again, first for the orders accepted meanwhile."""
+        with self._lock:
+            held, self._held = self._held or [], None
+            for each in held:
+                self._on_order(*each)
 
     def taken(self, wait: float = 0.0) -> list[tuple[str, str, float]]:
         """Return the orders that have come since the last call; wait up to ``wait`` s for the first one."""
@@ -62,11 +85,29 @@ class InstantRobots:
 
     def say_state(self, serial: str) -> None:
         """Publish the robot's state."""
-        before = self._states[serial]
-        self._states[serial] = before.model_copy(
-            update={"header_id": before.header_id + 1, "timestamp": datetime.now(UTC)}
-        )
-        self._publish(serial, Topic.STATE, self._states[serial])
+        with self._lock:
+            before = self._states[serial]
+            self._states[serial] = before.model_copy(
+                update={"header_id": before.header_id + 1, "timestamp": datetime.now(UTC)}
+            )
+            self._publish(serial, Topic.STATE, self._states[serial])
+
+    def _repeat_states(self) -> None:
+        while True:
+            for serial in self._states:
+                if self._closed.wait(STATE_INTERVAL / len(self._states)):
+                    return
+                self.say_state(serial)
+
+    def _arrived(self, topic: str, payload: bytes, moment: float) -> None:
+        with self._lock:
+            if self._held is None:
+                self._on_order(topic, payload, moment)
+            else:
+                self._held.append((topic, payload, moment))
+                serial = topic.split("/")[-2]
+                self._states[serial] = at_node(self._states[serial], CODEC.decode(Order, payload), 0)
+                self.say_state(serial)
 
     def _on_order(self, topic: str, payload: bytes, moment: float) -> None:
         serial = topic.split("/")[-2]

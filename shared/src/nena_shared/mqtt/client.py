@@ -40,8 +40,8 @@ from nena_shared.tasks import set_within
 
 log = get_logger(__name__)
 
-READ_AT_ONCE = 10
-"""Maximum packets read in one iteration of the event loop."""
+READ_AT_ONCE = 4
+"""Maximum packets read in one iteration of the event loop; the order service takes milliseconds for each."""
 
 WRITE_AT_ONCE = 16
 """Maximum chunks written in one iteration of the event loop."""
