@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import threading
 
 import pytest
@@ -71,6 +72,19 @@ async def test_uploaded_model_is_activated_and_kept(settings: OrderServiceSettin
         with pytest.raises(StoreNotReadyError, match=CHANGING):
             before.engine.create(request("South 2"), "T-2")
     assert await taken_up(settings, store) == without("South 3")
+    store.close()
+
+
+async def test_a_replaced_model_is_no_longer_excluded_from_collection(
+    settings: OrderServiceSettings,
+) -> None:
+    store = Store(open_database(settings.store.location()))
+    async with Supervisor() as supervisor:
+        runner = runner_of(settings, store, supervisor)
+        await runner.begin()
+        gc.freeze()  # as the program does
+        await runner.change_plant(without("South 3"))
+        assert gc.get_freeze_count() == 0
     store.close()
 
 

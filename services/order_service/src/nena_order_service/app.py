@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
@@ -158,6 +159,7 @@ async def _begin_and_serve(
     try:
         begun = await has_begun(begin(), supervisor, stop, waits=lambda: not store.ready, show=show)
         if begun:
+            gc.freeze()  # the plant model and its routes stay: each full garbage collection would scan them
             server.show(runner.service.app)
             server.open(supervisor)
             await supervisor.wait(stop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
@@ -434,6 +435,7 @@ class ServiceRunner:
         if asked.check_only:
             return
         old.engine.close(CHANGING)  # nothing else has run since the check above
+        gc.unfreeze()  # or the old plant model would stay in memory
         await self._end(old)
         await self._keep(model, asked.record)
         service.changes.count = old.changes.count
