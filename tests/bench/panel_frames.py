@@ -17,7 +17,7 @@ from bench.wire import Wire
 from nena_demo.plants import sample_plant_path
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.plant.opentcs_xml import read
-from support.frames import busy_clock, busy_seconds, frames_per_second
+from support.frames import busy_clock, busy_seconds, frames_per_second, intervals_while_dragged
 from support.waiting import awaited
 
 ROBOTS = 200
@@ -31,7 +31,7 @@ _ROBOTS_SHOWN = "(wanted) => document.querySelector('nena-fleet-map').store?.rob
 
 
 async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
-    """Return the frames per second: map moved, map at rest, and those of an empty page, the yardstick.
+    """Return the frames per second: map moved, dragged, at rest, and those of an empty page, the yardstick.
 
     Other work on the machine slows all of them down; ``moved_per_busy_second`` counts the frames per second
     of the page's own processor time instead.
@@ -57,6 +57,7 @@ async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
         figures: Figures = {
             "moved": moved,
             "moved_per_busy_second": round(moved * seconds / busy, 1),
+            "dragged_p5": await _slow_frames(page, seconds),
             "at_rest": await _frames(page, seconds, move=False),
             "empty_page": yardstick,
         }
@@ -71,6 +72,12 @@ async def _frames(page: Page, seconds: float, *, move: bool) -> float:
     """Return the median of some runs."""
     runs = [await frames_per_second(page, seconds / RUNS, move=move) for _ in range(RUNS)]
     return round(sorted(runs)[RUNS // 2], 1)
+
+
+async def _slow_frames(page: Page, seconds: float) -> float:
+    """Return the frames per second of the slowest twentieth of the frames while the mouse drags the map."""
+    intervals = await intervals_while_dragged(page, seconds)
+    return round(1 / intervals[int(0.95 * len(intervals))], 1)
 
 
 async def _send(wire: Wire) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import time
+from itertools import pairwise
+from math import sin
+
 from playwright.async_api import CDPSession, Page
 
 _FRAMES = """({ seconds, move }) => new Promise((done) => {
@@ -73,6 +77,19 @@ _COUNT_CALLS = """() => {
 """Counts each call of a canvas from now on."""
 
 
+_NOTE_FRAMES = """() => {
+  window.frameTimes = [];
+  const next = (now) => window.frameTimes.push(now) && requestAnimationFrame(next);
+  requestAnimationFrame(next);
+}"""
+"""Notes the time of each frame from now on, ms."""
+
+_NEXT_FRAME = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+SWING = 100.0
+"""How far the mouse drags the map to each side, px."""
+
+
 async def frames_per_second(page: Page, seconds: float, *, move: bool) -> float:
     """Return the frames per second; with ``move`` the panel's map moves, so that nothing is cached."""
     counted: float = await page.evaluate(_FRAMES, {"seconds": seconds, "move": move})
@@ -114,3 +131,40 @@ async def calls_per_frame(page: Page, frames: int = 20) -> float:
     drawn: int = await page.evaluate(_DRAW, frames)
     after: int = await page.evaluate("window.canvasCalls")
     return (after - before) / drawn
+
+
+async def intervals_while_dragged(page: Page, seconds: float) -> list[float]:
+    """Drag the panel's map with the mouse; return the times between two frames, shortest first, seconds."""
+    x, y = await _press_in_the_middle(page)
+    await page.evaluate(_NOTE_FRAMES)
+    began = time.monotonic()
+    moves = 0
+    while time.monotonic() - began < seconds:
+        moves += 1
+        await page.mouse.move(x + SWING * sin(moves / 15), y + SWING * sin(moves / 20))
+    times: list[float] = await page.evaluate("window.frameTimes")
+    await page.mouse.up()
+    return sorted((after - before) / 1e3 for before, after in pairwise(times))
+
+
+async def calls_per_dragged_frame(page: Page, frames: int = 20) -> float:
+    """Return how often a frame calls the canvas while the mouse drags the map, after the first one."""
+    x, y = await _press_in_the_middle(page)
+    await page.mouse.move(x + SWING, y)
+    await page.evaluate(_NEXT_FRAME)
+    before: int = await page.evaluate("window.canvasCalls")
+    for each in range(frames):
+        await page.mouse.move(x + SWING - 2 * each, y + each)
+        await page.evaluate(_NEXT_FRAME)
+    after: int = await page.evaluate("window.canvasCalls")
+    await page.mouse.up()
+    return (after - before) / frames
+
+
+async def _press_in_the_middle(page: Page) -> tuple[float, float]:
+    box = await page.locator("nena-fleet-map canvas").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    await page.mouse.move(x, y)
+    await page.mouse.down()
+    return x, y

@@ -20,13 +20,16 @@ from support.fleet_examples import ROBOT, connection, factsheet, position, state
 from support.frames import (
     busy_clock,
     busy_seconds,
+    calls_per_dragged_frame,
     calls_per_frame,
     frames_per_second,
+    intervals_while_dragged,
     seconds_for_a_frame,
     seconds_for_the_yardstick,
 )
 from support.panel import COLOUR_NEAR, LABELS, Hall, becomes, opened, picture, seconds_now
 from support.pausing import time_passes
+from support.plants import grid_plant
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -35,6 +38,9 @@ ROBOTS = 200
 FRAMES_WANTED = 30
 CALLS_OF_A_ROBOT = 36
 """Of the canvas in a frame, for shape, heading, route, goal, label and battery; measured: 33.6."""
+CALLS_OF_A_DRAG = 3
+"""In a frame in which the mouse drags the map: only the picture moves."""
+DRAGGED_FRAMES_WANTED = 50
 RUNS, BEGUN_WITHIN = 5, 200.0
 """Measurements, until one is within the limit; none begins after so many seconds."""
 YARDSTICK_SECONDS = 0.13
@@ -228,6 +234,7 @@ async def test_drawing_a_robot_takes_few_calls(hall: Hall, browser: Browser) -> 
                     send_driving(hall, each, number=1)
                 await expect(page.get_by_role("tab", name="Robots")).to_have_text(f"Robots ({robots})")
                 calls.append(await calls_per_frame(page))
+            assert 0 < await calls_per_dragged_frame(page) <= CALLS_OF_A_DRAG
     of_a_robot = (calls[1] - calls[0]) / (ROBOTS - 20)
     assert 0 < of_a_robot <= CALLS_OF_A_ROBOT, calls
 
@@ -257,6 +264,28 @@ async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, br
                     break
             else:
                 pytest.fail(f"shares of a core for {FRAMES_WANTED} frames a second, and limits: {runs}")
+        sending.cancel()
+        with suppress(asyncio.CancelledError):
+            await sending
+
+
+@pytest.mark.long
+async def test_a_hall_of_two_hundred_robots_is_dragged_smoothly(hall: Hall, browser: Browser) -> None:
+    """Measure the times between frames during a drag: median and the slowest twentieth."""
+    async with hall.connected():
+        hall.peer.publish(hall.fleet.plant_model, grid_plant(20, 15).to_json(), retain=True)
+        sending = asyncio.create_task(many_robots(hall), name="many robots")
+        async with opened(browser, hall.url) as page:
+            await expect(page.get_by_role("tab", name="Robots")).to_have_text(f"Robots ({ROBOTS})")
+            runs = list[tuple[float, float]]()
+            while len(runs) < RUNS:  # the computer's other work changes
+                intervals = await intervals_while_dragged(page, 2 * SECONDS)
+                slow = intervals[int(0.95 * len(intervals))]
+                runs.append((1 / intervals[len(intervals) // 2], 1 / slow))
+                if min(runs[-1]) >= DRAGGED_FRAMES_WANTED:
+                    break
+            else:
+                pytest.fail(f"frames per second, median and 5th percentile: {runs}")
         sending.cancel()
         with suppress(asyncio.CancelledError):
             await sending

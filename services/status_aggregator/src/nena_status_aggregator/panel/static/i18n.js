@@ -46,18 +46,22 @@ export function t(key, values = {}) {
   return text.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "");
 }
 
+const plurals = new Intl.PluralRules(language);
+
 /** Return a text in the plural form for `count`, which is also one of its values. */
 export function plural(key, count, values = {}) {
-  const form = new Intl.PluralRules(language).select(count);
+  const form = plurals.select(count);
   return t(`${key}.${form}`, { count, ...values });
 }
 
+const numbers = new Map(); // formats by count of decimals: making one takes longer than a hundred uses of it
+
 /** Format a number with a fixed count of decimals. */
 export function number(value, decimals = 0) {
-  return value.toLocaleString(locale(), {
-    minimumFractionDigits: decimals,
-    maximumFractionDigits: decimals,
-  });
+  if (!numbers.has(decimals)) {
+    numbers.set(decimals, new Intl.NumberFormat(locale(), { minimumFractionDigits: decimals, maximumFractionDigits: decimals }));
+  }
+  return numbers.get(decimals).format(value);
 }
 
 /** Format a time of day; `moment` is ISO 8601 or milliseconds. */

@@ -2,6 +2,7 @@
 
 import { button, element, emptyBox, icon, setAttribute, setText } from "./dom.js";
 import { t } from "./i18n.js";
+import { inNextFrame } from "./pace.js";
 import { lists } from "./router.js";
 
 const TICK = 1000;
@@ -90,7 +91,7 @@ export class LiveTable extends HTMLElement {
   #later() {
     if (this.#pending) return;
     this.#pending = true;
-    requestAnimationFrame(() => {
+    inNextFrame(() => {
       this.#pending = false;
       this.refresh(this.#inHand);
     });

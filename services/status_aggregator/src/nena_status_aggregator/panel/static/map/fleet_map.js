@@ -2,6 +2,7 @@
 
 import { element, emptyBox, icon, setAttribute, setText } from "../dom.js";
 import { number, t } from "../i18n.js";
+import { inNextFrame, setDragged } from "../pace.js";
 import { Grids } from "./grids.js";
 import { Painter, readColours } from "./painter.js";
 import { drawPlan, extent, placeAt } from "./plan_painter.js";
@@ -63,6 +64,7 @@ class MapLayers extends HTMLElement {
 customElements.define("nena-map-layers", MapLayers);
 
 const REACH = 18;
+const MARGIN = 240; // px painted beyond the edges while the map is dragged
 const SCALE_LENGTHS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200];
 
 class FleetMap extends HTMLElement {
@@ -70,7 +72,7 @@ class FleetMap extends HTMLElement {
   #plan = null;
   #fitted = false;
   #pending = false;
-  #places = [];
+  #moved = false;
   #grids = new Grids();
   #traffic = new TrafficPlan();
   #waiting = new WaitingTimes();
@@ -203,7 +205,8 @@ class FleetMap extends HTMLElement {
     this.heat = element("div", { class: "hint heat" });
     this.heat.hidden = true;
     this.gestures = new Gestures(this.canvas, this.view, {
-      moved: (byHand) => (byHand ? this.follow(false) : this.#draw()),
+      moved: (byHand) => this.#move(byHand),
+      rested: () => this.#move(false),
       picked: (x, y) => this.#pick(x, y),
       hovered: (place) => this.#read(place),
       fit: () => this.fit(),
@@ -284,11 +287,30 @@ class FleetMap extends HTMLElement {
   }
 
   #pick(x, y) {
-    const near = ({ at }) => Math.hypot(at[0] - x, at[1] - y);
-    const found = this.#places.filter((each) => near(each) < REACH).sort((a, b) => near(a) - near(b))[0];
-    if (found) return this.dispatchEvent(new CustomEvent("select", { detail: found.robot.id }));
+    const found = this.#robotAt(x, y);
+    if (found) return this.dispatchEvent(new CustomEvent("select", { detail: found.id }));
     const place = this.#plan && placeAt(this.#plan, this.view, [x, y]);
     if (place) this.dispatchEvent(new CustomEvent("selectplace", { detail: place }));
+  }
+
+  // The robot at a place of the screen.
+  #robotAt(x, y) {
+    const places = this.#robots().map((robot) => ({ robot, at: this.view.toScreen(robot.position.x, robot.position.y) }));
+    const near = ({ at }) => Math.hypot(at[0] - x, at[1] - y);
+    return places.filter((each) => near(each) < REACH).sort((a, b) => near(a) - near(b))[0]?.robot;
+  }
+
+  // While the map is dragged, only the picture moves.
+  #move(byHand) {
+    if (byHand && this.following) this.follow(false);
+    if (this.#moved) return;
+    this.#moved = true;
+    requestAnimationFrame(() => {
+      this.#moved = false;
+      const { dragged } = this.gestures;
+      setDragged(dragged);
+      if (!dragged || !this.painter.shift(this.view)) this.#paint();
+    });
   }
 
   #resize() {
@@ -310,7 +332,7 @@ class FleetMap extends HTMLElement {
   #draw() {
     if (this.#pending) return;
     this.#pending = true;
-    requestAnimationFrame(() => {
+    inNextFrame(() => {
       this.#pending = false;
       this.#paint();
     });
@@ -329,8 +351,8 @@ class FleetMap extends HTMLElement {
     const areas = [...stopped, this.area].filter(Boolean);
     const [waiting, zones] = [this.#waiting.shares, this.#zones.list];
     const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, place, colours, layers, pose, traffic, jams, areas, waiting, zones };
-    const { places, labels } = this.painter.paint(this.view, scene);
-    [this.#places, this.labels] = [places, labels];
+    if (this.gestures.dragged) return this.painter.paintBeyond(this.view, scene, MARGIN);
+    this.labels = this.painter.paint(this.view, scene);
     this.#drawScale();
   }
 

@@ -64,7 +64,10 @@ export function readColours(host) {
   return colours;
 }
 
-/** Paints on a canvas. The plan is cached as two images, without and with labels, and repainted only when it changes. */
+/**
+ * Paints on a canvas. The plan is cached as two images, without and with labels, and repainted only when it changes. While
+ * the map is dragged, everything is one image that reaches beyond the canvas.
+ */
 export class Painter {
   #canvas;
   #context;
@@ -72,6 +75,8 @@ export class Painter {
   #sheet = document.createElement("canvas");
   #painted = [];
   #labels = [];
+  #whole = document.createElement("canvas");
+  #reach = null; // the viewport of this image
 
   constructor(canvas) {
     this.#canvas = canvas;
@@ -80,21 +85,53 @@ export class Painter {
 
   /**
    * Paint everything. `scene`: {plan, grids, robots, selected, place, colours, layers, pose, traffic, jams, areas, waiting, zones}; `place`: name of a marked place or path;
-   * `jams`: robots that wait behind a vehicle, by its name; `waiting`: waiting times by place. Returns `{places, labels}`: the screen positions of the robots, `[{robot, at}]`, and the
-   * labels, `[{text, box}]`.
+   * `jams`: robots that wait behind a vehicle, by its name; `waiting`: waiting times by place. Returns the labels, `[{text, box}]`.
    */
   paint(view, scene) {
-    const context = this.#context;
+    this.#reach = null;
+    return this.#paint(this.#canvas, view, scene);
+  }
+
+  /** Paint everything, and `margin` pixels beyond the edges, for `shift`. */
+  paintBeyond(view, scene, margin) {
+    if (!this.#shows(view)) {
+      this.#reach = view.enlarged(margin);
+      const { width, height } = this.#reach;
+      Object.assign(this.#whole, { width: Math.ceil(width * devicePixelRatio), height: Math.ceil(height * devicePixelRatio) });
+    }
+    this.#paint(this.#whole, this.#reach, scene);
+    this.shift(view);
+  }
+
+  /** Show what `paintBeyond` has painted at another place; returns false if the view reaches beyond it. */
+  shift(view) {
+    if (!this.#shows(view)) return false;
+    const { width, height } = this.#canvas;
+    const [left, top] = [this.#reach.x - view.x, this.#reach.y - view.y].map((each) => Math.round(each * devicePixelRatio));
+    this.#context.setTransform(1, 0, 0, 1, 0, 0);
+    this.#context.clearRect(0, 0, width, height);
+    this.#context.drawImage(this.#whole, left, top, width, height, 0, 0, width, height);
+    return true;
+  }
+
+  #shows(view) {
+    if (this.#reach?.scale !== view.scale) return false;
+    const [left, top] = [this.#reach.x - view.x, this.#reach.y - view.y];
+    return left >= 0 && top >= 0 && left + view.width <= this.#reach.width && top + view.height <= this.#reach.height;
+  }
+
+  #paint(canvas, view, scene) {
+    const context = canvas.getContext("2d");
     context.setTransform(1, 0, 0, 1, 0, 0);
-    context.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
+    context.clearRect(0, 0, canvas.width, canvas.height);
     const planned = Boolean(scene.plan || scene.grids.length);
-    if (planned) context.drawImage(this.#planPicture(view, scene), 0, 0);
+    if (planned) context.drawImage(this.#planPicture(canvas, view, scene), 0, 0);
     const places = scene.robots.map((robot) => ({ robot, at: view.toScreen(robot.position.x, robot.position.y) }));
     const inView = places.filter(({ at }) => inSight(view, at));
     const labels = planned ? this.#labels : [];
     const names = labelRobots(context, view, inView, scene, labels.map(({ box }) => box));
     const covered = new Set(labels.filter(({ box }) => names.taken.some((each) => overlap(each, box))));
-    for (const { box } of covered) this.#uncover(box);
+    for (const { box } of covered) this.#uncover(canvas, box);
     const shown = [...names.placed, ...labels.filter((each) => !covered.has(each))];
     context.scale(devicePixelRatio, devicePixelRatio);
     for (const area of scene.areas) paintArea(context, view, area, scene.colours.blocked);
@@ -103,22 +140,22 @@ export class Painter {
     paintRobots(context, view, places.filter(({ robot, at }) => robot.order?.active || inSight(view, at)), scene);
     names.paint(scene.colours);
     if (scene.pose) paintPose(context, view.toScreen(scene.pose.x, scene.pose.y), scene.pose.theta, scene.colours.accent);
-    return { places, labels: shown };
+    return shown;
   }
 
   // Paint the plan without labels over the label in a box.
-  #uncover(box) {
+  #uncover(canvas, box) {
     const [left, top] = box.slice(0, 2).map((each) => Math.max(0, Math.floor((each - 1) * devicePixelRatio)));
-    const right = Math.min(this.#canvas.width, Math.ceil((box[2] + 1) * devicePixelRatio));
-    const bottom = Math.min(this.#canvas.height, Math.ceil((box[3] + 1) * devicePixelRatio));
+    const right = Math.min(canvas.width, Math.ceil((box[2] + 1) * devicePixelRatio));
+    const bottom = Math.min(canvas.height, Math.ceil((box[3] + 1) * devicePixelRatio));
     if (right <= left || bottom <= top) return;
     const area = [left, top, right - left, bottom - top];
-    this.#context.clearRect(...area);
-    this.#context.drawImage(this.#bare, ...area, ...area);
+    const context = canvas.getContext("2d");
+    context.clearRect(...area);
+    context.drawImage(this.#bare, ...area, ...area);
   }
 
-  #planPicture(view, scene) {
-    const { width, height } = this.#canvas;
+  #planPicture({ width, height }, view, scene) {
     const wanted = [view.x, view.y, view.scale, width, height, scene.plan, scene.colours, scene.layers, scene.waiting, scene.zones];
     wanted.push(...scene.grids.flatMap(({ grid, image }) => [grid, image]));
     if (wanted.length !== this.#painted.length || wanted.some((each, at) => each !== this.#painted[at])) {

@@ -29,6 +29,12 @@ export class Viewport {
     return [(px - this.x) / this.scale, (this.y - py) / this.scale];
   }
 
+  /** Return the viewport that shows `margin` pixels more at each edge. */
+  enlarged(margin) {
+    const { scale, x, y, width, height } = this;
+    return Object.assign(new Viewport(), { scale, x: x + margin, y: y + margin, width: width + 2 * margin, height: height + 2 * margin });
+  }
+
   pan(dx, dy) {
     this.x += dx;
     this.y += dy;
@@ -71,8 +77,8 @@ const CLICK = 4;
 const DRAG = 12;
 
 /**
- * Moves a viewport. Calls `host`: `moved(byHand)` after a change, `picked(x, y)` on a click or tap, `hovered([x, y])`
- * in metres or with null, and `fit()` for the key 0.
+ * Moves a viewport. Calls `host`: `moved(byHand)` after a change, `rested()` at the end of a drag, `picked(x, y)` on a click
+ * or tap, `hovered([x, y])` in metres or with null, and `fit()` for the key 0.
  */
 export class Gestures {
   #pointers = new Map();
@@ -84,6 +90,11 @@ export class Gestures {
     this.host = host;
     for (const [name, handler] of Object.entries(this.#handlers())) canvas.addEventListener(name, handler);
     this.canvas = canvas;
+  }
+
+  /** Whether the map is being dragged by one pointer. */
+  get dragged() {
+    return this.#pointers.size === 1 && this.#travel >= CLICK;
   }
 
   /** Zoom by one step. */
@@ -138,7 +149,7 @@ export class Gestures {
       pointerdown: (event) => this.#down(event),
       pointermove: (event) => this.#move(event),
       pointerup: (event) => this.#up(event),
-      pointercancel: (event) => this.#pointers.delete(event.pointerId),
+      pointercancel: (event) => this.#lift(event),
       pointerleave: () => this.host.hovered(null),
     };
   }
@@ -152,7 +163,7 @@ export class Gestures {
 
   #move(event) {
     const here = [event.offsetX, event.offsetY];
-    this.host.hovered(this.view.toPlane(...here));
+    if (!this.dragged) this.host.hovered(this.view.toPlane(...here)); // a drag takes the place along
     if (this.#picking?.from) return this.#take(event);
     const before = this.#pointers.get(event.pointerId);
     if (!before) return;
@@ -169,8 +180,13 @@ export class Gestures {
     this.view.zoom(apart(here) / Math.max(1, apart(before)), (here[0] + other[0]) / 2, (here[1] + other[1]) / 2);
   }
 
-  #up(event) {
+  #lift(event) {
     this.#pointers.delete(event.pointerId);
+    if (!this.#pointers.size && this.#travel >= CLICK) this.host.rested();
+  }
+
+  #up(event) {
+    this.#lift(event);
     if (this.#picking?.from) {
       this.#take(event);
       this.#endPicking();
