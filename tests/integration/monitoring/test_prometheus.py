@@ -63,6 +63,13 @@ def test_rules_record_and_alert_as_they_should(file: Path) -> None:
     promtool("test", "rules", str(file))
 
 
+def test_every_recording_rule_has_a_test() -> None:
+    rules = (CONFIGURATION / "rules" / "recording.yml").read_text(encoding="utf-8")
+    tests = "".join(file.read_text(encoding="utf-8") for file in (CONFIGURATION / "tests").glob("*.yml"))
+    checked = set(re.findall(r"expr: .*?(nena:[\w:]+).*exp_samples: \[\{", tests))
+    assert set(re.findall(r"- record: (\S+)", rules)) == checked
+
+
 def test_every_alert_has_a_test_and_says_what_to_do() -> None:
     rules = (CONFIGURATION / "rules" / "alerts.yml").read_text(encoding="utf-8")
     tests = "".join(file.read_text(encoding="utf-8") for file in (CONFIGURATION / "tests").glob("*.yml"))
