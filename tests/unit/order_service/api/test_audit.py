@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from dataclasses import replace
 from datetime import timedelta
@@ -11,7 +13,7 @@ from unittest.mock import MagicMock
 import httpx
 import pytest
 
-from nena_order_service.api import audit
+from nena_order_service.api import audit, audit_csv
 from nena_order_service.api.audit import masked
 from nena_order_service.api.operations import _METHODS, Call, HostOperations
 from nena_order_service.fleet.robot import LinkStatus
@@ -217,8 +219,27 @@ async def test_rows_fit_into_the_chain(client: httpx.AsyncClient) -> None:
     assert (found, checking.rows) == ([], 6)
 
 
-async def test_unknown_filter_is_refused(client: httpx.AsyncClient) -> None:
-    assert (await client.get("/v1/audit", params={"usr": "ann"})).status_code == 400
+@pytest.mark.parametrize("path", ["/v1/audit", "/v1/audit.csv"])
+async def test_unknown_filter_is_refused(client: httpx.AsyncClient, path: str) -> None:
+    assert (await client.get(path, params={"usr": "ann"})).status_code == 400
+
+
+async def test_trail_is_exported_as_csv(client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(audit_csv, "PAGE", 2)
+    for number in range(5):
+        await client.post("/v1/transportOrders", json={**ORDER, "name": f"T-{number}"})
+    await client.post("/v1/transportOrders/none/withdrawal", headers={"User-Agent": "=1+1"})
+    await row(client, 6)
+    answer = await client.get("/v1/audit.csv")
+    assert answer.headers["content-type"] == "text/csv; charset=utf-8"
+    found = [*csv.DictReader(io.StringIO(answer.text))]
+    listed = (await client.get("/v1/audit")).json()["entries"]
+    assert [each["sequence"] for each in found] == [str(each["sequence"]) for each in listed]
+    assert set(found[0]) == set(listed[0])
+    filters = {"result": "REFUSED", "oldestFirst": True}
+    (refused,) = csv.DictReader(io.StringIO((await client.get("/v1/audit.csv", params=filters)).text))
+    assert refused["object"] == "none"
+    assert refused["client"] == "'=1+1"  # no spreadsheet executes it
 
 
 async def test_old_rows_are_deleted(

@@ -26,6 +26,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_order_service.api import problems
 from nena_order_service.api.audit import ChangingRequest, OpenRequest, Trail, masked, origin_of
+from nena_order_service.api.audit_csv import FILTERS, audit_csv
 from nena_order_service.api.documentation import DOCS, FILES, REDOC, describe_login, documentation
 from nena_order_service.api.encoding import EncodedPage, encode
 from nena_order_service.api.events import EventKind, EventStream, Interest
@@ -149,6 +150,11 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     problems.install(app)
     for each in OPERATIONS:
         _add_route(app.router, each, operations.handlers[each.name])
+    app.include_router(
+        audit_csv(operations.trail),
+        dependencies=[_known_query(*FILTERS)],
+        responses=_refusals((Refusal.NOT_SAVED,)),
+    )
     app.include_router(_events(stream))
     app.include_router(plant_model_router(service.plant_json, service.change_plant, operations.trail))
     app.include_router(_probes(service))

@@ -14,8 +14,8 @@ from io import StringIO
 from sqlalchemy.exc import SQLAlchemyError
 
 from nena_shared.clock import Clock
+from nena_shared.csv_cells import harmless
 from nena_status_aggregator.history import database, report_queries
-from nena_status_aggregator.history.cells import harmless
 from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter
 from nena_status_aggregator.history.report import Report
 from nena_status_aggregator.history.writer import HistoryWriter

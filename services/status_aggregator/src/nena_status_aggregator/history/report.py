@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from typing_extensions import TypedDict
 
-from nena_status_aggregator.history.cells import harmless
+from nena_shared.csv_cells import harmless
 
 HOUR = 3_600_000
 """ms."""
