@@ -165,6 +165,7 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
             await page.goto(linked)  # with its time range
             await expect(events).to_have_count(1)
             await expect(page.get_by_label("Time range")).to_have_value("given")
+            await a_typed_time_range_is_loaded_and_linked(page)
             await shown.get_by_label("Robot").select_option("")
             await shown.get_by_label("Severity").select_option("")
             await shown.get_by_label("Kind").select_option("transportOrder")
@@ -179,6 +180,30 @@ async def test_events_are_filtered_grouped_and_linked(hall: Hall, browser: Brows
             await picture(page, "history-by-order")
             await the_list_says_what_it_leaves_out(page, hall)
         await events_are_in_the_language_of_the_panel(browser, hall)
+
+
+async def a_typed_time_range_is_loaded_and_linked(page: Page) -> None:
+    events = page.locator("nena-history-page section > .history > li")
+    now = await page.evaluate("Date.now()")
+    field_time = "(ms) => new Date(ms - new Date(ms).getTimezoneOffset() * 60000).toISOString().slice(0, 16)"
+    hour_ago, in_an_hour = [await page.evaluate(field_time, now + hours * 3_600_000) for hours in (-1, 1)]
+    await page.get_by_label("From", exact=True).fill(hour_ago)
+    await expect(events).to_have_count(1)
+    await page.get_by_label("To", exact=True).fill(hour_ago)
+    await expect(page.get_by_text("The start must be before the end.")).to_be_visible()
+    await page.get_by_label("To", exact=True).fill("")
+    await expect(page.get_by_text("Enter both times")).to_be_visible()
+    await page.get_by_label("To", exact=True).fill(in_an_hour)
+    await expect(page.get_by_label("Time range")).to_have_value("given")
+    await expect(events).to_have_count(1)
+    linked = page.url
+    await page.goto("about:blank")
+    await page.goto(linked)
+    await expect(page.get_by_label("From", exact=True)).to_have_value(hour_ago)
+    await expect(page.get_by_label("To", exact=True)).to_have_value(in_an_hour)
+    await expect(events).to_have_count(1)
+    await page.get_by_label("Time range").select_option("hour")
+    await expect(page.get_by_label("To", exact=True)).not_to_have_value(in_an_hour)
 
 
 async def events_are_in_the_language_of_the_panel(browser: Browser, hall: Hall) -> None:

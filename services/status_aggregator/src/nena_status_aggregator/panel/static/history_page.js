@@ -2,7 +2,7 @@
 
 import { button, element, field, refill, refillSelect, select, setAttribute, setText, verbatim } from "./dom.js";
 import { details } from "./event_texts.js";
-import { byName, dateAndTime, number, plural, t } from "./i18n.js";
+import { byName, dateAndTime, fieldTime, number, plural, t } from "./i18n.js";
 import { backLink, parameters, setParameters } from "./router.js";
 
 const PAGE = 1000;
@@ -145,10 +145,10 @@ class HistoryPage extends HTMLElement {
     this.#replay(null);
     if (view === null) return this.replaceChildren();
     const linked = parameters();
-    this.given = rangeOf(linked.get("from"), linked.get("to"));
-    const ranges = Object.keys(RANGES).map((name) => [name, t(`history.${name}`)]);
-    const given = this.given ? [["given", t("history.given", { from: dateAndTime(this.given.since), to: dateAndTime(this.given.until) })]] : [];
-    this.range = select([...given, ...ranges], { name: "range" });
+    const ranges = [...Object.keys(RANGES), "given"].map((name) => [name, t(`history.${name}`)]);
+    this.range = select(ranges, { name: "range" });
+    this.from = element("input", { type: "datetime-local" });
+    this.to = element("input", { type: "datetime-local" });
     this.filters = this.#filters(linked);
     this.speed = select(SPEEDS.map((each) => [each, t("history.speed", { factor: each })]), { name: "speed" });
     this.slider = element("input", { type: "range", step: 100, "aria-label": t("history.time"), class: "slider" });
@@ -160,11 +160,13 @@ class HistoryPage extends HTMLElement {
     this.list = element("ol", { class: "history" });
     this.cut = element("p", { class: "hint" });
     this.opened = new Set();
-    this.range.addEventListener("change", () => this.#load());
+    this.range.addEventListener("change", () => this.#choose());
+    for (const input of [this.from, this.to]) input.addEventListener("change", () => this.#loadTyped());
     this.slider.addEventListener("input", () => this.#moved());
     const heading = element("h2", { tabindex: -1 }, t("history.title"));
     const head = element("header", { class: "head" }, backLink(), heading);
-    const choices = element("div", { class: "fields" }, field(t("history.range"), this.range), field(t("history.speedLabel"), this.speed), this.play, this.clock);
+    const times = Object.entries({ range: this.range, from: this.from, to: this.to, speedLabel: this.speed });
+    const choices = element("div", { class: "fields" }, ...times.map(([name, control]) => field(t(`history.${name}`), control)), this.play, this.clock);
     const controls = element("section", {}, choices, this.slider, this.marks, this.note);
     const narrowing = element("div", { class: "fields" }, ...Object.entries(this.filters).map(([name, control]) => field(t(`history.by.${name}`), control)));
     narrowing.addEventListener("input", () => this.#narrow());
@@ -172,7 +174,26 @@ class HistoryPage extends HTMLElement {
     const listed = element("section", {}, element("h3", {}, t("history.events")), narrowing, this.files, this.cut, this.list);
     this.replaceChildren(head, controls, listed);
     heading.focus({ preventScroll: true });
-    return this.#load();
+    const given = rangeOf(linked.get("from"), linked.get("to"));
+    if (!given) return this.#choose();
+    this.range.value = "given";
+    return this.#load(given);
+  }
+
+  // Load the last minutes or hours, or what is typed.
+  #choose() {
+    const now = this.fleet.store.now();
+    const seconds = RANGES[this.range.value];
+    return seconds ? this.#load({ since: now - seconds * 1000, until: now }) : this.#loadTyped();
+  }
+
+  // A time range that is incomplete or inverted is not loaded: what was loaded before stays.
+  #loadTyped() {
+    this.range.value = "given";
+    const range = rangeOf(this.from.value, this.to.value);
+    if (range) return this.#load(range);
+    this.#stop();
+    return setText(this.note, t(this.from.value && this.to.value ? "reports.inverted" : "reports.incomplete"));
   }
 
   #filters(linked) {
@@ -237,12 +258,12 @@ class HistoryPage extends HTMLElement {
     );
   }
 
-  async #load() {
+  async #load(range) {
     this.#stop();
     const load = (this.#loads += 1);
     setText(this.note, t("history.loading"));
-    const now = this.fleet.store.now();
-    const range = this.range.value === "given" ? this.given : { since: now - RANGES[this.range.value] * 1000, until: now };
+    this.from.value = fieldTime(range.since);
+    this.to.value = fieldTime(range.until);
     this.loaded = range;
     const found = await loadHistory(range);
     if (load !== this.#loads) return;
