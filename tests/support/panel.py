@@ -146,6 +146,7 @@ async def opened(
     dark: bool = False,
     language: str = "en-GB",
     timezone: str | None = None,
+    touch: bool = False,
     expected: tuple[str, ...] = (),
 ) -> AsyncIterator[Page]:
     """Open the page; errors of the browser fail the test, except ``expected`` ones."""
@@ -155,6 +156,7 @@ async def opened(
         color_scheme="dark" if dark else "light",
         locale=language,
         timezone_id=timezone,
+        has_touch=touch,
     )
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))

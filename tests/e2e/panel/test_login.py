@@ -93,6 +93,10 @@ async def test_viewer_has_read_only_access(site: Site, browser: Browser) -> None
         await page.locator("tr[data-robot='ACME/r1']").get_by_role("link").click()
         await expect(page.get_by_role("heading", name="Why is it not moving?")).to_be_visible()
         await expect(page.get_by_role("button", name="Pause")).to_be_hidden()
+        await page.locator("nena-fleet-map canvas").focus()
+        await page.keyboard.press("Shift+F10")
+        await expect(page.locator("nena-map-menu")).to_be_hidden()
+        assert await page.locator("nena-map-menu").text_content() == ""
         await expect(page.get_by_role("button", name="Stop all")).to_have_count(0)
         await expect(page.get_by_role("link", name="New order")).to_be_hidden()
         await expect(page.get_by_role("link", name="Audit trail")).to_be_hidden()

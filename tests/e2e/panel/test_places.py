@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
+import httpx
 import pytest
 from playwright.async_api import Browser, Page, expect
 
-from support.broker import Broker
+from support.broker import Broker, free_port
 from support.order_service_fleet import order_in
 from support.panel import COLOUR_NEAR, Hall, becomes, findings, opened, picture
 from support.panel_site import site
@@ -18,13 +20,13 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 MAP = "document.querySelector('nena-fleet-map')"
 
 
-async def click_on(page: Page, x: float, y: float) -> None:
+async def click_on(page: Page, x: float, y: float, button: Literal["left", "right"] = "left") -> None:
     """Click a place of the plane on the map."""
     await becomes(
         page, f"{MAP}.canvas?.getAttribute('aria-label')", None, lambda label: "points" in (label or "")
     )
     px, py = await page.evaluate(f"{MAP}.view.toScreen({x}, {y})")
-    await page.locator("nena-fleet-map canvas").click(position={"x": px, "y": py})
+    await page.locator("nena-fleet-map canvas").click(position={"x": px, "y": py}, button=button)
 
 
 async def test_a_path_is_locked_and_a_robot_sent_from_the_map(
@@ -84,3 +86,78 @@ async def test_tiny_map_draws_nothing_and_has_a_full_screen_button(hall: Hall, b
             await becomes(page, full, None, lambda found: found == "map")
             await page.get_by_role("button", name="Full screen").click()
             await becomes(page, full, None, lambda found: found == "")
+
+
+async def test_the_maps_menu_begins_commands_of_robots_and_places(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with site(broker, interface_name, tmp_path, browser) as (page, orders):
+        menu = page.get_by_role("menu")
+        await click_on(page, 6, 2, button="right")
+        await expect(menu.get_by_role("menuitem", name="Details")).to_be_focused()
+        assert await findings(page) == []
+        await page.keyboard.press("Escape")
+        await expect(menu).to_be_hidden()
+        await expect(page.locator("nena-fleet-map canvas")).to_be_focused()
+        assert await page.evaluate("location.hash") in ("", "#/")  # a right click selects nothing
+        await click_on(page, 6, 2, button="right")
+        await menu.get_by_role("menuitem", name="Lock", exact=True).click()
+        await expect(page.locator("nena-place-page .chip")).to_have_text("Path, locked")
+        await page.locator("nena-fleet-map canvas").focus()
+        await page.keyboard.press("Shift+F10")  # of the selected path
+        await page.keyboard.press("ArrowDown")
+        await expect(menu.get_by_role("menuitem", name="Unlock")).to_be_focused()
+        await page.keyboard.press("Enter")
+        await page.get_by_role("button", name="Unlock now").click()
+        await expect(page.locator("nena-place-page .chip")).to_have_text("Path")
+        await click_on(page, 3, 7, button="right")
+        await menu.get_by_role("menuitem", name="Send a robot here").click()
+        await expect(
+            page.get_by_role("form", name="Send a robot here").get_by_label("Vehicle")
+        ).to_be_focused()
+        await a_robots_level_is_set(page, orders)
+
+
+async def a_robots_level_is_set(page: Page, orders: httpx.AsyncClient) -> None:
+    x, y = await page.evaluate(f"(({{ x, y }}) => [x, y])([...{MAP}.store.robots.values()][0].position)")
+    menu = page.get_by_role("menu", name="Commands for Robot-01")
+    await click_on(page, x, y, button="right")
+    in_use = menu.get_by_role("menuitemradio", name="In use: gets orders")
+    await expect(in_use).to_be_checked()
+    assert await findings(page) == []
+    await picture(page, "map-menu")
+    await menu.get_by_role("menuitemradio", name="Shown only").click()
+    form = page.get_by_role("form", name="Integration level")
+    await expect(form.locator("select")).to_have_value("TO_BE_NOTICED")
+    await form.get_by_label("Robot-01 is not in the way of other robots").check()
+    await form.get_by_role("button", name="Set level").click()
+    await expect(form).to_contain_text("Shown only")
+
+    async def level() -> str:
+        found: str = (await orders.get("/v1/vehicles/Robot-01")).json()["integrationLevel"]
+        return found
+
+    await awaited(level, lambda found: found == "TO_BE_NOTICED", seconds=PATIENCE, what="the level is set")
+
+
+async def test_a_long_press_opens_the_maps_menu(hall: Hall, browser: Browser) -> None:
+    async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
+        hall.publish_plant()
+        async with opened(browser, hall.url, touch=True, expected=("502",)) as page:
+            await becomes(
+                page,
+                f"{MAP}.canvas?.getAttribute('aria-label')",
+                None,
+                lambda label: "points" in (label or ""),
+            )
+            box = await page.locator("nena-fleet-map canvas").bounding_box()
+            assert box is not None
+            x, y = await page.evaluate(f"{MAP}.view.toScreen(3, 7)")
+            session = await page.context.new_cdp_session(page)
+            finger = [{"x": box["x"] + x, "y": box["y"] + y}]
+            await session.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": finger})
+            menu = page.get_by_role("menu", name="Commands for Middle 1")
+            await expect(menu).to_be_visible()
+            await session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+            await menu.get_by_role("menuitem", name="Details").tap()
+            await expect(page.locator("nena-place-page h2")).to_have_text("Middle 1")

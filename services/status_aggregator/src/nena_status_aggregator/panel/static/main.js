@@ -49,7 +49,7 @@ part("link-banner").show(store, link);
 part("stops").show(store, session, noCommands);
 part("stop-commands").show(part("stops"), noCommands);
 part("user-menu").show(session);
-map.show(store, plant, enabled);
+map.show(fleet);
 for (const view of Object.values(views)) view.show(fleet);
 
 // A click on the map does not close a form with input that was not sent yet.
@@ -58,6 +58,15 @@ function go(...view) {
   if (form) form.scrollIntoView({ block: "nearest" });
   else location.hash = address(...view);
 }
+
+// A command of the map's menu begins on the page of the robot or place, once it is shown.
+let wanted = null;
+map.addEventListener("command", ({ detail: { view, id, name, value } }) => {
+  const target = address(view, id);
+  if (location.hash === target && name) return views[view].begin(name, value);
+  wanted = name && { target, begin: () => views[view].begin(name, value) };
+  go(view, id);
+});
 
 map.addEventListener("select", (event) => go("robots", event.detail));
 map.addEventListener("selectplace", (event) => go("places", event.detail));
@@ -83,6 +92,8 @@ followView(([name, id]) => {
   if (!view) for (const table of Object.values(tables)) table.refresh(); // once the page no longer takes their room
   map.select(chosen === "robots" ? id : null);
   map.selectPlace(chosen === "places" ? id : null);
+  if (wanted?.target === location.hash) wanted.begin();
+  wanted = null;
   if (begun && view) view.scrollIntoView({ block: "nearest" });
   begun = true;
 });

@@ -33,6 +33,12 @@ class PlacePage extends HTMLElement {
     this.heading.focus({ preventScroll: true });
   }
 
+  /** Begin a command: `lock`, `lockBoth`, `unlock` or `send`. */
+  begin(name) {
+    if (name === "send") this.commands.querySelector("select")?.focus();
+    else this[name]?.click(); // disabled if it has no effect
+  }
+
   #build() {
     const found = this.fleet.plant.find(this.#name);
     this.heading = verbatim("h2", this.#name, { tabindex: -1 });

@@ -52,19 +52,22 @@ function offPathsHint(pose, plant, robot) {
   return hint;
 }
 
-const LEVELS = ["TO_BE_UTILIZED", "TO_BE_RESPECTED", "TO_BE_NOTICED", "TO_BE_IGNORED"];
+/** The integration levels, as in the API. */
+export const LEVELS = ["TO_BE_UTILIZED", "TO_BE_RESPECTED", "TO_BE_NOTICED", "TO_BE_IGNORED"];
 const UNSEEN = ["TO_BE_NOTICED", "TO_BE_IGNORED"]; // other robots do not avoid it
 
-async function levelForm(vehicle) {
+async function levelForm(vehicle, suggested) {
   const known = await ask("vehicles", vehicle).catch(() => null);
   const level = select([["", t("form.choose")], ...LEVELS.map((each) => [each, t(`integration.${each}`)])], { name: "level", required: true });
-  level.value = known?.integrationLevel ?? "";
+  level.value = suggested ?? known?.integrationLevel ?? "";
   const details = element("div");
-  level.addEventListener("change", () => {
+  const choose = () => {
     const sure = element("input", { type: "checkbox", name: "sure", required: true });
     const effect = element("p", { class: "effect" }, t("integration.effect", { name: vehicle }));
     details.replaceChildren(...(UNSEEN.includes(level.value) ? [effect, field(t("integration.sure", { name: vehicle }), sure)] : []));
-  });
+  };
+  level.addEventListener("change", choose);
+  if (suggested) choose();
   return commandForm({
     label: t("integration.title"),
     submit: t("integration.send"),
@@ -225,6 +228,7 @@ function confirmation({ label, effect, submit, send }) {
 
 class RobotCommands extends HTMLElement {
   #open = null;
+  #openers = new Map(); // by the key of the text
 
   /** Show the commands of one robot; `noCommands`: key of the reason why they are not available. */
   show({ store, plant, noCommands }, robotId) {
@@ -246,7 +250,7 @@ class RobotCommands extends HTMLElement {
       this.resume,
       this.cancel,
       this.#opener("command.action", () => actionForm(this.#vehicle, this.#robot)),
-      this.#opener("command.level", () => levelForm(this.#vehicle)),
+      this.#opener("command.level", (level) => levelForm(this.#vehicle, level)),
     ];
     this.driverOn = this.#direct("driverOn", () => this.#act("nena:startRosSession", "driverOn"));
     this.driverOff = this.#opener("command.driverOff", () => this.#driverOffForm());
@@ -260,6 +264,13 @@ class RobotCommands extends HTMLElement {
     this.bar = element("div", { class: "actions" }, ...this.buttons);
     this.replaceChildren(this.bar, this.note, this.result, this.place);
     this.update();
+  }
+
+  /** Open the form of a command; `value`: what to suggest in it. */
+  begin(key, value) {
+    const { opener, make } = this.#openers.get(key);
+    this.#open = null;
+    return this.#toggle(opener, () => make(value));
   }
 
   /** Update the buttons after a change of the robot. */
@@ -313,6 +324,7 @@ class RobotCommands extends HTMLElement {
 
   #opener(key, make) {
     const made = button(t(key), () => this.#toggle(made, make), { "aria-expanded": "false" });
+    this.#openers.set(key, { opener: made, make });
     return made;
   }
 

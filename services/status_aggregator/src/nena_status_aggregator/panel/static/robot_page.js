@@ -30,6 +30,11 @@ class RobotPage extends HTMLElement {
     else this.replaceChildren();
   }
 
+  /** Begin a command: `name` is its text's key, `value` what to suggest. */
+  begin(name, value) {
+    return this.commands.begin(name, value);
+  }
+
   #build() {
     this.heading = verbatim("h2", "", { tabindex: -1 });
     this.chip = element("span", { class: "chip" });

@@ -3,6 +3,7 @@
 import { element, emptyBox, icon, setAttribute, setText } from "../dom.js";
 import { number, t } from "../i18n.js";
 import { inNextFrame, setDragged } from "../pace.js";
+import "./context_menu.js";
 import { Grids } from "./grids.js";
 import { Painter, readColours } from "./painter.js";
 import { drawPlan, extent, placeAt } from "./plan_painter.js";
@@ -78,9 +79,11 @@ class FleetMap extends HTMLElement {
   #waiting = new WaitingTimes();
   #zones = new Zones();
 
-  /** `enabled`: whether requests to the order service are possible. */
-  show(store, plant, enabled) {
+  /** Attach to `fleet`: {store, plant, enabled, noCommands}. */
+  show({ store, plant, enabled, noCommands }) {
     this.store = store;
+    this.plant = plant;
+    this.noCommands = noCommands;
     this.#build();
     this.#traffic.addEventListener("change", () => this.#draw());
     this.#traffic.follow(() => enabled && this.layers.chosen.traffic && !this.replayed);
@@ -208,6 +211,7 @@ class FleetMap extends HTMLElement {
       moved: (byHand) => this.#move(byHand),
       rested: () => this.#move(false),
       picked: (x, y) => this.#pick(x, y),
+      menu: (at) => this.#openMenu(at),
       hovered: (place) => this.#read(place),
       fit: () => this.fit(),
     });
@@ -222,7 +226,8 @@ class FleetMap extends HTMLElement {
     });
     const legend = element("div", { class: "legend" }, this.bar, this.readout);
     const notes = element("div", { class: "notes" }, this.past, this.heat, this.hint, this.note);
-    this.replaceChildren(this.canvas, notes, this.#tools(this.gestures), legend);
+    this.menu = element("nena-map-menu");
+    this.replaceChildren(this.canvas, notes, this.#tools(this.gestures), legend, this.menu);
   }
 
   #tools(gestures) {
@@ -291,6 +296,19 @@ class FleetMap extends HTMLElement {
     if (found) return this.dispatchEvent(new CustomEvent("select", { detail: found.id }));
     const place = this.#plan && placeAt(this.#plan, this.view, [x, y]);
     if (place) this.dispatchEvent(new CustomEvent("selectplace", { detail: place }));
+  }
+
+  // Open the menu of what is at a place of the screen, or of what is selected if that is null; false if nothing is there.
+  #openMenu(at) {
+    if (this.noCommands || this.replayed) return false;
+    const robot = at ? this.#robotAt(...at) : this.store.robots.get(this.selected);
+    const name = at ? this.#plan && placeAt(this.#plan, this.view, at) : this.place;
+    const found = !robot && name && this.plant.find(name);
+    if (!robot && !found) return false;
+    const middle = at ?? [this.view.width / 2, this.view.height / 2];
+    if (robot) this.menu.openForRobot(robot, middle, this.canvas);
+    else this.menu.openForPlace(found, middle, this.canvas);
+    return true;
   }
 
   // The robot at a place of the screen.

@@ -75,15 +75,18 @@ const ZOOM = 1.25;
 const STEP = 60;
 const CLICK = 4;
 const DRAG = 12;
+const LONG_PRESS = 500; // ms
 
 /**
  * Moves a viewport. Calls `host`: `moved(byHand)` after a change, `rested()` at the end of a drag, `picked(x, y)` on a click
- * or tap, `hovered([x, y])` in metres or with null, and `fit()` for the key 0.
+ * or tap, `menu([x, y])` on a right click or long press, `menu(null)` by the keyboard, `hovered([x, y])` in metres or with null,
+ * and `fit()` for the key 0.
  */
 export class Gestures {
   #pointers = new Map();
   #travel = 0;
   #picking = null;
+  #press = null; // the timer of a long press
 
   constructor(canvas, view, host) {
     this.view = view;
@@ -151,14 +154,31 @@ export class Gestures {
       pointerup: (event) => this.#up(event),
       pointercancel: (event) => this.#lift(event),
       pointerleave: () => this.host.hovered(null),
+      contextmenu: (event) => this.#menu(event),
     };
   }
 
+  // A long press also sends this event in some browsers, and some keyboards do.
+  #menu(event) {
+    const placed = event.button === 2 || Boolean(event.pointerType); // a keyboard has none
+    if (this.#picking || this.host.menu(placed ? [event.offsetX, event.offsetY] : null)) event.preventDefault();
+  }
+
   #down(event) {
+    if (event.button) return; // not the main one
+    clearTimeout(this.#press);
+    const here = [event.offsetX, event.offsetY];
+    if (event.pointerType === "touch" && !this.#picking && !this.#pointers.size) this.#press = setTimeout(() => this.#pressed(here), LONG_PRESS);
     this.canvas.setPointerCapture(event.pointerId);
     if (this.#picking) this.#picking.from ??= [event.offsetX, event.offsetY];
     this.#pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
     this.#travel = 0;
+  }
+
+  // The finger that is lifted afterwards picks nothing.
+  #pressed(here) {
+    this.#travel = CLICK;
+    this.host.menu(here);
   }
 
   #move(event) {
@@ -172,6 +192,7 @@ export class Gestures {
     if (other) this.#pinch(before, here, other);
     else this.view.pan(here[0] - before[0], here[1] - before[1]);
     this.#travel += Math.hypot(here[0] - before[0], here[1] - before[1]);
+    if (this.#travel >= CLICK) clearTimeout(this.#press);
     this.host.moved(this.#travel >= CLICK);
   }
 
@@ -181,11 +202,13 @@ export class Gestures {
   }
 
   #lift(event) {
+    clearTimeout(this.#press);
     this.#pointers.delete(event.pointerId);
     if (!this.#pointers.size && this.#travel >= CLICK) this.host.rested();
   }
 
   #up(event) {
+    if (event.button) return;
     this.#lift(event);
     if (this.#picking?.from) {
       this.#take(event);
@@ -196,6 +219,7 @@ export class Gestures {
   #key(event) {
     const moves = { ArrowLeft: [STEP, 0], ArrowRight: [-STEP, 0], ArrowUp: [0, STEP], ArrowDown: [0, -STEP] };
     if (event.key === "Escape" && this.#picking) this.#endPicking();
+    else if (event.key === "ContextMenu" || (event.key === "F10" && event.shiftKey)) this.host.menu(null);
     else if (event.key === "0") this.host.fit();
     else if (event.key === "+" || event.key === "=") this.step(1);
     else if (event.key === "-") this.step(-1);

@@ -141,6 +141,8 @@ export const TEXTS = {
   "map.fullScreen": "Vollbild",
   "map.layers": "Ebenen",
   "map.empty.title": "Noch kein Anlagenmodell",
+  "map.menu": "Befehle für {name}",
+  "map.menu.page": "Details",
   "map.empty.text":
     "Der Auftragsdienst veröffentlicht das Anlagenmodell. Starten Sie ihn mit einem Modell, am selben MQTT-Broker und mit demselben Topic-Präfix. Roboter erscheinen, sobald sie eine Position melden.",
   "map.pick": "Klicken Sie auf eine Position in der Karte und ziehen Sie, um die Ausrichtung festzulegen. Esc bricht ab.",

@@ -141,6 +141,8 @@ export const TEXTS = {
   "map.fullScreen": "Full screen",
   "map.layers": "Layers",
   "map.empty.title": "No plant model yet",
+  "map.menu": "Commands for {name}",
+  "map.menu.page": "Details",
   "map.empty.text":
     "The order service publishes the plant model. Start it with one, on the same MQTT broker and topic prefix. Robots appear once they report a position.",
   "map.pick": "Click a position on the map and drag to set the heading. Press Esc to cancel.",

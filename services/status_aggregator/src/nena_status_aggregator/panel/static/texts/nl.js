@@ -141,6 +141,8 @@ export const TEXTS = {
   "map.fullScreen": "Volledig scherm",
   "map.layers": "Lagen",
   "map.empty.title": "Nog geen installatiemodel",
+  "map.menu": "Opdrachten voor {name}",
+  "map.menu.page": "Details",
   "map.empty.text":
     "De orderservice publiceert het installatiemodel. Start die met een model, op dezelfde MQTT-broker en met hetzelfde topicprefix. Robots verschijnen zodra ze een positie melden.",
   "map.pick": "Klik op een positie op de kaart en sleep om de richting te bepalen. Druk op Esc om te annuleren.",
