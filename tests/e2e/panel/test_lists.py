@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
 from playwright.async_api import Browser, Page, Route, expect
 
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import Hold, TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.broker import free_port
 from support.fleet_examples import connection, position, power, state, vehicle_status
@@ -342,3 +343,33 @@ async def test_phone_shows_robots_that_need_attention_then_the_search(
             await page.get_by_role("tab", name="Map" if language == "en-GB" else "Karte").click()
             await expect(page.locator("nena-fleet-map canvas")).to_be_in_viewport()
             await expect(page.locator("tr[data-robot]").first).to_be_hidden()
+
+
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [
+        ("en-GB", ("Vehicle-1 drives to Goods in.", "Waits for a free vehicle.", "Held by Anna")),
+        ("de-DE", ("Goods in: Load (unterwegs)", "Wartet auf ein Fahrzeug.", "von Anna seit")),
+        ("nl-NL", ("Goods in: Load (onderweg)", "Wacht op een voertuig.", "door Anna sinds")),
+    ],
+)
+async def test_status_of_an_order_is_in_the_language_of_the_panel(
+    hall: Hall, browser: Browser, language: str, words: tuple[str, str, str]
+) -> None:
+    async with hall.connected():
+        hall.publish_order(1, TransportOrderState.BEING_PROCESSED, "TO-1")
+        waits: dict[str, Any] = {
+            "reason": "Waits for a free vehicle.",
+            "processing_vehicle": None,
+            "current_drive_order_index": -1,
+        }
+        hall.publish_order(1, TransportOrderState.DISPATCHABLE, "TO-2", **waits)
+        hold = Hold(by="Anna", reason="Ware fehlt", since=datetime.now(UTC))
+        held = {**waits, "reason": "Held by Anna: Ware fehlt", "held": hold}
+        hall.publish_order(1, TransportOrderState.DISPATCHABLE, "TO-3", **held)
+        async with opened(browser, f"{hall.url}#/?tab=orders", language=language) as page:
+            for number, each in enumerate(words, start=1):
+                await expect(page.locator(f"tr[data-order='TO-{number}']")).to_contain_text(each)
+            if language != "en-GB":
+                await expect(page.locator("tr[data-order='TO-1'] [lang=en]")).to_have_text("")
+                await expect(page.locator("tr[data-order='TO-2'] [lang=en]")).to_have_text(waits["reason"])

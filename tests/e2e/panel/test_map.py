@@ -170,6 +170,24 @@ async def test_factsheet_footprint_is_drawn(hall: Hall, browser: Browser) -> Non
             assert await near(page, 12, 4, "idle") == 0
 
 
+async def test_load_and_low_battery_are_shown_at_the_robot(hall: Hall, browser: Browser) -> None:
+    power = {"state_of_charge": 12.0, "charging": False}
+    corner = 0.4  # m from the robot's centre, right and below
+    async with hall.connected():
+        hall.publish_plant()
+        hall.send(Topic.STATE, state(at=seconds_now(), mobile_robot_position=position(6, 4.5)))
+        async with opened(browser, hall.url) as page:
+            await becomes(page, LABELS, None, lambda labels: "r1" in labels)
+            assert await near(page, 6 + corner, 4.5 - corner, "location") < 5
+            here = {"mobile_robot_position": position(6, 4.5), "loads": ({"load_id": "L1"},)}
+            hall.send(Topic.STATE, state(2, at=seconds_now(), power_supply=power, **here))
+            await becomes(page, COLOUR_NEAR, [6 + corner, 4.5 - corner, "location"], lambda found: found > 20)
+            await becomes(page, LABELS, None, lambda labels: "r1 (12 %)" in labels)
+            hall.send(Topic.STATE, state(3, at=seconds_now(), mobile_robot_position=position(6, 4.5)))
+            await becomes(page, COLOUR_NEAR, [6 + corner, 4.5 - corner, "location"], lambda found: found < 5)
+            await becomes(page, LABELS, None, lambda labels: "r1" in labels)
+
+
 async def test_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, browser: Browser) -> None:
     async with hall.connected():
         hall.publish_plant()

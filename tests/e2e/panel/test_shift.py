@@ -259,6 +259,7 @@ async def an_area_is_stopped_and_released(screen: Screen, orders: httpx.AsyncCli
     await form.get_by_role("button", name=say("stops.area.send")).click()
     banner = page.locator("nena-stops .stop")
     await expect(banner).to_contain_text("oil on the floor")
+    await expect(banner).to_contain_text(say("stops.area.none"))
     (stop,) = (await orders.get("/v1/stops")).json()["stops"]
     assert (stop["by"], stop["area"]["xMax"]) == ("Anna", 9)
     await screen.check("area")

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from nena_order_service.orders.transport_order import EventCode
+from nena_shared.fleet_api.audit import AuditResult
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel
@@ -19,6 +21,7 @@ from nena_shared.vda5050.zone_set import ZoneType
 from nena_status_aggregator.api.app import PANEL
 from nena_status_aggregator.fleet.condition import TEXTS, URGENT, Condition, SessionState
 from nena_status_aggregator.fleet.events import Code
+from nena_status_aggregator.history.report import FailureKind
 
 LANGUAGES = ("en", "nl", "de")
 SCRIPTS = sorted(path for path in PANEL.rglob("*.js") if "texts" not in path.parts)
@@ -112,6 +115,10 @@ def test_every_code_has_a_text() -> None:
     wanted |= {f"urgent.{each}" for each in URGENT}
     wanted |= {f"zone.{each}" for each in ZoneType}
     wanted |= {f"integration.{each}" for each in IntegrationLevel}
+    wanted |= {f"event.{each}" for each in EventCode}
+    wanted |= {f"audit.{each}" for each in AuditResult}
+    wanted |= {f"reports.kind.{each}" for each in FailureKind}
+    wanted |= {f"reports.cause.{each}" for each in TEXTS if each.startswith("wait")}
     assert wanted - KEYS == set()
 
 

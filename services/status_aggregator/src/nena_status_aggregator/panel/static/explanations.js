@@ -100,6 +100,21 @@ export function causesOfRobot(robot, fleet) {
   return [...causesOfStaleData(fleet), ...chain(robot, fleet, new Set())];
 }
 
+/**
+ * Return what an order does or waits for, `{text, foreign}`: `foreign` is the order service's English reason. In other
+ * languages it is left out where the order's robot or destination says the same.
+ */
+export function statusOfOrder(order, store) {
+  if (chosenLanguage() === "en") return { text: "", foreign: order.reason };
+  if (order.held && !order.final) return { text: t("order.heldBy", { by: order.held.by, time: timeOfDay(order.held.since) }), foreign: order.held.reason };
+  if (order.final) return { text: "", foreign: order.state === "FINISHED" ? "" : order.reason };
+  const robot = order.processingVehicle && store.robotOfVehicle(order.processingVehicle);
+  if (robot && saysThatItWaits(robot)) return { text: reasonOf(robot), foreign: "" };
+  const current = order.destinations[order.currentDestination];
+  if (order.state === "BEING_PROCESSED" && current) return { text: `${t("destination", current)} (${t(`drive.${current.state}`)})`, foreign: "" };
+  return { text: t(`why.order.${order.state}`), foreign: order.reason };
+}
+
 /** Return the causes for an order's status. */
 export function causesOfOrder(order, fleet) {
   const causes = causesOfStaleData(fleet);

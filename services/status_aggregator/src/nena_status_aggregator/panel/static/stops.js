@@ -157,7 +157,8 @@ class Stops extends HTMLElement {
   #fill(row, stop) {
     setText(row.title, t(stop.area ? "stops.area.paused" : "stops.all.paused", { by: stop.by, time: timeOfDay(stop.since) }));
     setText(row.reason, stop.reason);
-    setText(row.count, t("stops.count", { paused: number(stop.paused), count: number(stop.vehicles) }));
+    const none = t(stop.area ? "stops.area.none" : "stops.all.none");
+    setText(row.count, stop.vehicles ? t("stops.count", { paused: number(stop.paused), count: number(stop.vehicles) }) : none);
     row.others.hidden = !stop.notPaused.length;
     refill(row.others, stop.notPaused, () => [
       element("strong", {}, t("stops.notPaused")),

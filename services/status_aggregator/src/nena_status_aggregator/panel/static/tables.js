@@ -1,7 +1,7 @@
 // The live tables of robots and transport orders.
 
 import { element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
-import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf } from "./explanations.js";
+import { conditionText, filterOf, isOfOrderService, orderOf, reasonOf, statusOfOrder } from "./explanations.js";
 import { shownState } from "./fleet.js";
 import { age, byName, dateAndTime, number, plural, t } from "./i18n.js";
 import { LiveTable, cell, filterChip, matches } from "./live_table.js";
@@ -248,6 +248,7 @@ class OrderTable extends LiveTable {
     const parts = {
       created: element("span", { class: "detail" }),
       chip: element("span", { class: "chip" }),
+      doing: element("span", { class: "reason of-orders" }),
       reason: foreign("span", "", { class: "reason of-orders" }),
       unconfirmed: element("span", { class: "reason" }),
       vehicle: element("span", { class: "nowrap" }),
@@ -261,7 +262,7 @@ class OrderTable extends LiveTable {
       "tr",
       { "data-order": id },
       cell("orders.name", verbatim("a", id, { class: "name", title: id, href: address("orders", id) }), parts.created),
-      cell("orders.state", parts.chip, parts.reason, parts.unconfirmed),
+      cell("orders.state", parts.chip, parts.doing, parts.reason, parts.unconfirmed),
       cell("orders.vehicle", parts.vehicle),
       cell("orders.destinations", parts.destinations),
       cell("orders.progress", parts.progress.box),
@@ -269,7 +270,7 @@ class OrderTable extends LiveTable {
       cell("orders.priority", parts.priority),
       cell("orders.deadline", parts.deadline),
     );
-    return { row, update: (order, now) => updateOrderRow(parts, row, order, now) };
+    return { row, update: (order, now) => updateOrderRow(parts, row, order, now, this.store) };
   }
 }
 
@@ -280,12 +281,14 @@ const SHOWN = {
   finished: (order) => order.state === "FINISHED",
 };
 
-function updateOrderRow(parts, row, order, now) {
+function updateOrderRow(parts, row, order, now, store) {
   row.classList.toggle("final", order.final);
   setText(parts.created, t("orders.created", { age: age((now - Date.parse(order.created)) / 1000) }));
   setText(parts.chip, t(`state.${shownState(order)}`));
   setAttribute(parts.chip, "data-state", shownState(order));
-  setText(parts.reason, order.confirmed ? order.reason : "");
+  const { text, foreign: words } = statusOfOrder(order, store);
+  setText(parts.doing, order.confirmed ? text : "");
+  setText(parts.reason, order.confirmed ? words : "");
   setText(parts.unconfirmed, order.confirmed ? "" : t("orders.unconfirmed"));
   setText(parts.vehicle, vehicle(order));
   setAttribute(parts.vehicle, "translate", order.processingVehicle ? "no" : null);
