@@ -179,7 +179,7 @@ async def test_load_and_low_battery_are_shown_at_the_robot(hall: Hall, browser: 
         async with opened(browser, hall.url) as page:
             await becomes(page, LABELS, None, lambda labels: "r1" in labels)
             assert await near(page, 6 + corner, 4.5 - corner, "location") < 5
-            here = {"mobile_robot_position": position(6, 4.5), "loads": ({"load_id": "L1"},)}
+            here: dict[str, Any] = {"mobile_robot_position": position(6, 4.5), "loads": ({"load_id": "L1"},)}
             hall.send(Topic.STATE, state(2, at=seconds_now(), power_supply=power, **here))
             await becomes(page, COLOUR_NEAR, [6 + corner, 4.5 - corner, "location"], lambda found: found > 20)
             await becomes(page, LABELS, None, lambda labels: "r1 (12 %)" in labels)

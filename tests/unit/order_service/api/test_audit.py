@@ -236,7 +236,7 @@ async def test_trail_is_exported_as_csv(client: httpx.AsyncClient, monkeypatch: 
     listed = (await client.get("/v1/audit")).json()["entries"]
     assert [each["sequence"] for each in found] == [str(each["sequence"]) for each in listed]
     assert set(found[0]) == set(listed[0])
-    filters = {"result": "REFUSED", "oldestFirst": True}
+    filters: dict[str, str | bool] = {"result": "REFUSED", "oldestFirst": True}
     (refused,) = csv.DictReader(io.StringIO((await client.get("/v1/audit.csv", params=filters)).text))
     assert refused["object"] == "none"
     assert refused["client"] == "'=1+1"  # no spreadsheet executes it
