@@ -187,7 +187,9 @@ async def a_typed_time_range_is_loaded_and_linked(page: Page) -> None:
     now = await page.evaluate("Date.now()")
     field_time = "(ms) => new Date(ms - new Date(ms).getTimezoneOffset() * 60000).toISOString().slice(0, 16)"
     hour_ago, in_an_hour = [await page.evaluate(field_time, now + hours * 3_600_000) for hours in (-1, 1)]
-    await page.get_by_label("From", exact=True).fill(hour_ago)
+    async with page.expect_response("**/api/v1/history?*"):
+        await page.get_by_label("From", exact=True).fill(hour_ago)
+    await expect(page.get_by_text("Loading …")).to_be_hidden()
     await expect(events).to_have_count(1)
     await page.get_by_label("To", exact=True).fill(hour_ago)
     await expect(page.get_by_text("The start must be before the end.")).to_be_visible()

@@ -122,6 +122,7 @@ function fits(entry, { robot, order, kind, level }) {
 const RANGES = { minutes10: 600, hour: 3600, hours8: 28_800, day: 86_400 };
 const SPEEDS = [1, 10, 60];
 const FRAME = 100; // ms
+const MINUTE = 60_000; // ms
 const LISTED = 60;
 const MARKS = 300; // on the slider
 
@@ -263,7 +264,7 @@ class HistoryPage extends HTMLElement {
     const load = (this.#loads += 1);
     setText(this.note, t("history.loading"));
     this.from.value = fieldTime(range.since);
-    this.to.value = fieldTime(range.until);
+    this.to.value = fieldTime(range.until + MINUTE - 1); // the latest events stay in the range if only its start is changed
     this.loaded = range;
     const found = await loadHistory(range);
     if (load !== this.#loads) return;
