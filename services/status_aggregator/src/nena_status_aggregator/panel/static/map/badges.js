@@ -11,7 +11,11 @@ const drawn = new Map();
 /** Return the picture of a load. */
 export function loadBadge(colour, paper) {
   const key = `load ${colour} ${paper} ${devicePixelRatio}`;
-  if (!drawn.has(key)) drawn.set(key, draw("■", colour, paper, paper));
+  if (!drawn.has(key)) {
+    const picture = draw("", colour, paper, paper);
+    picture.getContext("2d").fillRect(4.5, 4.5, 5, 5); // the sign ■ fills the circle in some fonts
+    drawn.set(key, picture);
+  }
   return drawn.get(key);
 }
 
