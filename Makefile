@@ -168,8 +168,8 @@ colcon-test: $(STAMP) broker ## build the edge agent as a ROS package with colco
 smoke: $(STAMP) action-types broker ## the demo unattended: two robots, two orders, a check of the final state
 	$(BIN)/nena-demo smoke
 
-demo: $(STAMP) action-types broker ## start everything on this machine, run the main job, and keep it running until Ctrl-C
-	$(BIN)/nena-demo run
+demo: $(STAMP) action-types broker ## a hall with a guided tour on this machine, until q or Ctrl-C (ROBOTS=50 for more robots)
+	$(BIN)/nena-demo run $(if $(ROBOTS),--robots $(ROBOTS))
 
 bench: $(STAMP) action-types broker ## measure latencies, CPU per message and memory; writes bench.json (ENTRIES="edge_agent ..." for some)
 	PYTHONPATH=tests $(BIN)/python -m bench.run --output bench.json $(if $(ENTRIES),--entries $(ENTRIES))

@@ -1,1 +1,1 @@
-"""NeNa demo: starts the whole stack on one machine and runs the main job."""
+"""NeNa demo: starts the whole stack on one machine, for a guided tour or a smoke test."""

@@ -14,11 +14,14 @@ from nena_demo.host import JobFailedError, RefusedError
 from nena_demo.processes import AMQTT_NOTICE, ChildFailedError, mosquitto_path
 from nena_demo.session import DemoSession, ProgressPrinter
 from nena_demo.stack import NotReadyError, Options
+from nena_demo.tour import run_tour
 from nena_shared import log
 from nena_shared.settings import LogSettings, ShowVersion
 from nena_shared.tasks import end, stop_on_signals
 
 EXIT_STOPPED = 130
+SMOKE_TIME_FACTOR = 5.0
+MOST_ROBOTS = 200
 STOP_TIMEOUT = 20.0
 """Timeout for an orderly stop, seconds."""
 
@@ -58,21 +61,23 @@ async def _until_stopped(arguments: argparse.Namespace, folder: Path, progress: 
 
 
 async def _work(arguments: argparse.Namespace, folder: Path, progress: ProgressPrinter) -> int:
+    smoke = arguments.command == "smoke"
     options = Options(
         broker=arguments.broker,
-        time_factor=arguments.time_factor,
+        time_factor=arguments.time_factor or (SMOKE_TIME_FACTOR if smoke else 1.0),
         domain_id=arguments.domain_id,
         separate_domains=arguments.separate_domains,
         panel_port=arguments.panel_port,
         rest_port=arguments.rest_port,
+        robots=arguments.robots,
     )
+    if not smoke:
+        await run_tour(folder, options, progress, sys.stdin.fileno())
+        return 0
     async with DemoSession(folder, options, progress) as session:
         await session.do_main_job()
-        if arguments.command == "smoke":
-            await session.check_end_state()
-            progress.line("smoke run passed")
-            return 0
-        await session.run_endlessly()
+        await session.check_end_state()
+        progress.line("smoke run passed")
         return 0
 
 
@@ -82,16 +87,24 @@ def _keep_logs(folder: Path, target: Path | None, progress: ProgressPrinter) -> 
         progress.line(f"logs kept in {target}")
 
 
+def _number_of_robots(text: str) -> int:
+    if not (text.isdecimal() and 1 <= int(text) <= MOST_ROBOTS):
+        message = f"'{text}' is no number from 1 to {MOST_ROBOTS}"
+        raise argparse.ArgumentTypeError(message)
+    return int(text)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="nena-demo",
-        description="Starts NeNa on this machine with two simulated Nav2 robots and runs the main job.",
+        description="Starts NeNa on this machine with simulated robots that carry out transport orders.",
     )
     parser.add_argument("-V", "--version", action=ShowVersion, program=parser.prog)
     parser.add_argument(
         "command",
         choices=("run", "smoke"),
-        help="run: continue until Ctrl-C, with the control panel; smoke: check the result and stop",
+        help="run: a hall with a guided tour, until q or Ctrl-C; smoke: two robots carry out two orders; "
+        "check the result and stop",
     )
     parser.add_argument(
         "--broker",
@@ -100,7 +113,13 @@ def _parser() -> argparse.ArgumentParser:
         help="MQTT broker to start (default: Mosquitto if installed, else amqtt)",
     )
     parser.add_argument(
-        "--time-factor", type=float, default=5.0, help="speed-up of the simulated robots (default 5)"
+        "--time-factor", type=float, help="speed-up of the ROS robots (default: run 1, smoke 5)"
+    )
+    parser.add_argument(
+        "--robots",
+        type=_number_of_robots,
+        default=Options().robots,
+        help=f"run: loopback robots, 1 to {MOST_ROBOTS} (default 10); ROS installations add two ROS robots",
     )
     parser.add_argument(
         "--domain-id",

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import httpx
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from nena_shared.fleet_api.epoch import EpochFilter
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
     Destination,
+    TransportOrderBatch,
+    TransportOrderBatchAnswer,
     TransportOrderRequest,
     TransportOrderState,
     TransportOrderStatus,
@@ -63,6 +65,19 @@ class Host:
         if answer.is_error:
             raise RefusedError(answer.text)
         return TransportOrderStatus.model_validate_json(answer.content)
+
+    async def create_many(self, requests: Sequence[TransportOrderRequest]) -> set[str]:
+        """Create orders over REST; return the names of those that were accepted.
+
+        Raises:
+            httpx.HTTPError: the order service does not answer, or refuses all of them.
+
+        """
+        batch = TransportOrderBatch(transport_orders=tuple(requests))
+        answer = await self.rest.post("/v1/transportOrders/batch", content=_body(batch), headers=_JSON)
+        answer.raise_for_status()
+        results = TransportOrderBatchAnswer.model_validate_json(answer.content).results
+        return {each.transport_order.name for each in results if each.transport_order}
 
     async def create_by_mqtt(self, request: TransportOrderRequest) -> TransportOrderStatus:
         """Create an order over MQTT and wait for the answer; ``request`` needs an idempotency key.
@@ -127,7 +142,7 @@ class Host:
 _JSON = {"Content-Type": "application/json"}
 
 
-def _body(request: TransportOrderRequest) -> bytes:
+def _body(request: BaseModel) -> bytes:
     return request.model_dump_json(by_alias=True, exclude_none=True).encode()
 
 
@@ -139,10 +154,10 @@ class JobFailedError(Exception):
     """An order stalled or failed; the message names it and its last known state."""
 
 
-def transport(load_at: str, unload_at: str) -> TransportOrderRequest:
+def transport(load_at: str, unload_at: str, name: str | None = None) -> TransportOrderRequest:
     """Return a request to carry a load from one location to another."""
     return TransportOrderRequest(
-        name="Transport-" + uuid.uuid4().hex[:8],
+        name=name or "Transport-" + uuid.uuid4().hex[:8],
         idempotency_key=uuid.uuid4().hex,
         type="Transport",
         destinations=(

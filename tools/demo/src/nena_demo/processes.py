@@ -9,7 +9,8 @@ import shutil
 import signal
 import socket
 import sys
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -19,6 +20,15 @@ STOP_SECONDS = 8.0
 """Time for a child to end before it is killed, seconds."""
 
 TAIL_LINES = 12
+
+LOOK_EVERY = 0.5
+"""Interval between two looks at all children, seconds."""
+
+SOON_SECONDS = 10.0
+"""A child that ends within this time of its start, seconds, is not fit to run."""
+
+QUICK_ENDS = 3
+"""Number of such ends in a row after which it is given up."""
 
 
 class ChildFailedError(Exception):
@@ -36,6 +46,13 @@ class Child:
     name: str
     process: asyncio.subprocess.Process
     log: Path
+    command: Sequence[str] = ()
+    environment: Mapping[str, str] | None = None
+    wanted: bool = True
+    """Whether it is to be started again if it ends."""
+    quick_ends: int = 0
+    """How often in a row it has ended soon after its start."""
+    started: float = field(default_factory=time.monotonic)
 
     def tail(self) -> str:
         """Return the last lines of its log."""
@@ -80,19 +97,41 @@ class Processes:
     ) -> Child:
         """Start ``command``; its output goes to a log file with its name."""
         log = self.folder / f"{name}.log"
-        with log.open("wb") as output:
-            process = await asyncio.create_subprocess_exec(
-                *_dies_with_us(),
-                *command,
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=output,
-                stderr=asyncio.subprocess.STDOUT,
-                env={**os.environ, **(environment or {})},
-                start_new_session=True,  # Ctrl-C reaches only the demo, which then ends its children in order
-            )
-        child = Child(name, process, log)
+        log.unlink(missing_ok=True)
+        child = Child(name, await _spawn(command, environment, log), log, command, environment)
         self.children.append(child)
         return child
+
+    async def restart(self, child: Child) -> None:
+        """Start a child that has ended again; its output is appended to its log."""
+        child.process = await _spawn(child.command, child.environment, child.log)
+        child.wanted, child.started = True, time.monotonic()
+
+    async def stop(self, child: Child) -> None:
+        """End a child, which :meth:`keep_running` then leaves alone."""
+        child.wanted = False
+        await self._stop(child)
+
+    async def keep_running(self, tell: Callable[[str], None]) -> None:
+        """Start every child again that ends, and ``tell`` of it, until cancelled.
+
+        Raises:
+            ChildFailedError: a child ends again and again, each time soon after its start.
+
+        """
+        while True:
+            for child in self.children:
+                if child.wanted and child.process.returncode is not None:
+                    await self._bring_back(child, tell)
+            await asyncio.sleep(LOOK_EVERY)
+
+    async def _bring_back(self, child: Child, tell: Callable[[str], None]) -> None:
+        soon = time.monotonic() - child.started < SOON_SECONDS
+        child.quick_ends = child.quick_ends + 1 if soon else 0
+        if child.quick_ends > QUICK_ENDS:
+            child.check()
+        tell(f"{child.name} {_how_it_ended(child.process.returncode)}; it is started again")
+        await self.restart(child)
 
     def check(self) -> None:
         """Raise ChildFailedError if any child has ended.
@@ -114,6 +153,25 @@ class Processes:
         except TimeoutError:
             child.process.kill()
             await child.process.wait()
+
+
+async def _spawn(
+    command: Sequence[str], environment: Mapping[str, str] | None, log: Path
+) -> asyncio.subprocess.Process:
+    with log.open("ab") as output:
+        return await asyncio.create_subprocess_exec(
+            *_dies_with_us(),
+            *command,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=output,
+            stderr=asyncio.subprocess.STDOUT,
+            env={**os.environ, **(environment or {})},
+            start_new_session=True,  # Ctrl-C reaches only the demo, which then ends its children in order
+        )
+
+
+def _how_it_ended(status: int | None) -> str:
+    return "was killed" if status == -signal.SIGKILL else f"has ended with status {status}"
 
 
 def console_script(name: str) -> str:

@@ -6,8 +6,6 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Awaitable, Iterator, Mapping, Sequence
-from functools import partial
-from itertools import cycle
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TextIO
@@ -16,7 +14,7 @@ import httpx
 from prometheus_client.parser import text_string_to_metric_families
 
 from nena_demo import host, stack
-from nena_demo.host import Host, JobFailedError, transport
+from nena_demo.host import Host, JobFailedError
 from nena_demo.processes import Processes
 from nena_demo.stack import DemoRobot, Options, Stack
 from nena_shared.tasks import end
@@ -78,17 +76,8 @@ class ProgressPrinter:
         self.line(f"{kind:7} {name:22} {state:18} {reason}")
 
 
-PAUSE_SECONDS = 2.0
-
 AGGREGATOR_SECONDS = 15.0
 """Maximum delay of the aggregator behind the order service, seconds."""
-
-ROUND_TRIP = (
-    ("Goods in", "Storage"),
-    ("Storage", "Goods out"),
-    ("Goods in", "Packing"),
-    ("Packing", "Goods out"),
-)
 
 
 class DemoSession:
@@ -156,18 +145,6 @@ class DemoSession:
         if problems:
             raise JobFailedError("the aggregator shows a different state: " + "; ".join(problems))
         self._progress.line("fleet state and metrics are correct")
-
-    async def run_endlessly(self) -> None:
-        """Create one order after another until cancelled."""
-        self._progress.line(f"orders continue; open {self._stack.panel_url}/, stop with Ctrl-C")
-        for load_at, unload_at in cycle(ROUND_TRIP):
-            order = await self._host.create_by_rest(transport(load_at, unload_at))
-            ended = partial(self._ended, order.name)
-            await self._watched(self._host.wait_for(ended, host.ORDERS_SECONDS))
-            await asyncio.sleep(PAUSE_SECONDS)
-
-    def _ended(self, name: str) -> bool:
-        return name in self._host.orders and self._host.orders[name].state.final
 
     async def _watched(self, work: Awaitable[object]) -> None:
         """Run ``work`` while monitoring the processes."""

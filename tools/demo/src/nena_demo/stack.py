@@ -32,7 +32,7 @@ class NotReadyError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class DemoRobot:
-    """A robot of the demo: its initial pose in the plant (m, rad) and its ROS namespace."""
+    """A ROS robot of the demo: its initial pose in the plant (m, rad) and its ROS namespace."""
 
     serial_number: str
     namespace: str
@@ -59,10 +59,27 @@ class Options:
     """Whether the second robot uses the next ROS domain instead of sharing the first one's."""
     panel_port: int = 0
     rest_port: int = 0
+    robots: int = 10
+    """Number of loopback robots of the guided tour."""
 
-    def domain_of(self, robot: DemoRobot) -> int:
-        """Return the ROS domain of a robot."""
-        return self.domain_id + (ROBOTS.index(robot) if self.separate_domains else 0)
+    def domain_of(self, index: int) -> int:
+        """Return the ROS domain of a robot, counted from 0."""
+        return self.domain_id + (index if self.separate_domains else 0)
+
+
+@dataclass(frozen=True, slots=True)
+class RosFleet:
+    """The ROS robots of a hall, and the map on which they are."""
+
+    robots: tuple[DemoRobot, ...]
+    map_id: str
+    corners: tuple[float, float, float, float]
+    """Smallest and largest x, smallest and largest y of the map, m."""
+    speed: float = 1.0
+    """m/s"""
+
+
+SAMPLE_FLEET = RosFleet(ROBOTS, MAP_ID, (-1.0, 25.0, -1.0, 15.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +101,8 @@ async def start(processes: Processes, options: Options) -> Stack:
 
     """
     stack = await start_services(processes, options)
-    await start_robots(processes, options, environment(processes.folder, stack.mqtt.port))
+    variables = environment(processes.folder, stack.mqtt.port)
+    await start_robots(processes, options, variables, SAMPLE_FLEET)
     return stack
 
 
@@ -120,20 +138,25 @@ async def start_services(processes: Processes, options: Options) -> Stack:
         f"http://127.0.0.1:{rest_port}",
         f"http://127.0.0.1:{panel_port}",
     )
-    await _wait_until_ready(stack)
+    await wait_until_ready(processes, stack.rest_url, stack.panel_url)
     return stack
 
 
-async def start_robots(processes: Processes, options: Options, variables: Mapping[str, str]) -> None:
+async def start_robots(
+    processes: Processes, options: Options, variables: Mapping[str, str], fleet: RosFleet
+) -> None:
     """Start the simulator and an edge agent for each of its robots."""
     simulator = processes.folder / "robot-simulator.toml"
-    simulator.write_text(_simulator_file(options), encoding="utf-8")
+    simulator.write_text(_simulator_file(options, fleet), encoding="utf-8")
     command = [console_script("nena-robot-simulator"), "--config", str(simulator)]
     await processes.start("robot-simulator", command, environment=variables)
-    for robot in ROBOTS:
+    for index, robot in enumerate(fleet.robots):
         name = f"edge-agent-{robot.serial_number}"
         configuration = processes.folder / f"{name}.toml"
-        configuration.write_text(_agent_file(robot, processes.folder, options), encoding="utf-8")
+        domain_id = options.domain_of(index)
+        configuration.write_text(
+            _agent_file(robot, fleet.map_id, processes.folder, domain_id), encoding="utf-8"
+        )
         command = [console_script("nena-edge-agent"), "--config", str(configuration)]
         await processes.start(name, command, environment=variables)
 
@@ -148,46 +171,48 @@ def environment(folder: Path, broker_port: int) -> dict[str, str]:
     }
 
 
-def _simulator_file(options: Options) -> str:
+def _simulator_file(options: Options, fleet: RosFleet) -> str:
     robots = "".join(
         f"""
 [[robots]]
 name = "{robot.serial_number}"
 namespace = "{robot.namespace}"
-domain_id = {options.domain_of(robot)}
+domain_id = {options.domain_of(index)}
 start = {{ x = {robot.x}, y = {robot.y}, yaw = {robot.theta} }}
+drive = {{ speed = {fleet.speed} }}
 """
-        for robot in ROBOTS
+        for index, robot in enumerate(fleet.robots)
     )
+    left, right, bottom, top = fleet.corners
     return f"""\
 time_factor = {options.time_factor}
-map = {{ min_x = -1.0, min_y = -1.0, max_x = 25.0, max_y = 15.0 }}
+map = {{ min_x = {left}, min_y = {bottom}, max_x = {right}, max_y = {top} }}
 {robots}"""
 
 
-def _agent_file(robot: DemoRobot, folder: Path, options: Options) -> str:
+def _agent_file(robot: DemoRobot, map_id: str, folder: Path, domain_id: int) -> str:
     return f"""\
 manufacturer = "NeNa"
 serial_number = "{robot.serial_number}"
-map_id = "{MAP_ID}"
+map_id = "{map_id}"
 driver = "nav2"
 journal = {{ folder = "{folder / "journal"}" }}
 drive = {{ strategy = "pass_through", deviation_xy = 0.5 }}
 
 [ros]
 namespace = "{robot.namespace}"
-domain_id = {options.domain_of(robot)}
+domain_id = {domain_id}
 """
 
 
-async def _wait_until_ready(stack: Stack) -> None:
+async def wait_until_ready(processes: Processes, *urls: str) -> None:
     """Poll /readyz of each HTTP service until it is ready; raise if a child has ended."""
     loop = asyncio.get_running_loop()
     end = loop.time() + READY_SECONDS
     async with httpx.AsyncClient(timeout=5.0) as client:
-        for url in (stack.rest_url, stack.panel_url):
+        for url in urls:
             while not await _is_ready(client, url):
-                stack.processes.check()
+                processes.check()
                 if loop.time() > end:
                     raise NotReadyError(url)
                 await asyncio.sleep(0.1)

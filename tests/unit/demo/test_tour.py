@@ -1,0 +1,189 @@
+"""The steps of the guided tour, without a hall."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from nena_demo import processes as processes_module
+from nena_demo.hall_stack import HallStack
+from nena_demo.host import Host
+from nena_demo.plants.hall import BLOCKED_AISLE, make_hall
+from nena_demo.processes import Child, Processes
+from nena_demo.session import ProgressPrinter
+from nena_demo.tour import Tour
+from nena_shared.mqtt import Outbound
+from nena_shared.settings import MqttSettings
+from support.fleet_examples import vehicle_status
+
+SLEEPS = (sys.executable, "-c", "import signal; signal.pause()")
+
+
+@dataclass
+class Scene:
+    """A tour over processes that only sleep, and what it sends."""
+
+    tour: Tour
+    running: HallStack
+    output: io.StringIO
+    requests: list[tuple[str, Any]] = field(default_factory=list)
+    commands: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
+    down: bool = False
+
+    def answer(self, request: httpx.Request) -> httpx.Response:
+        if self.down:
+            raise httpx.ConnectError("refused")
+        self.requests.append((request.url.path, json.loads(request.content)))
+        return httpx.Response(200, json={})
+
+    def published(self, message: Outbound) -> None:
+        self.commands.append((message.topic, json.loads(message.payload)))
+
+    def vehicle(self, name: str, **fields: Any) -> None:
+        status = vehicle_status(**{"name": name, "current_position": "North 1", **fields})
+        self.tour.host.vehicles[name] = status
+        self.tour.changed("vehicle", name, f"{status.connection} {status.state}", status.reason)
+
+    @property
+    def lines(self) -> list[str]:
+        return [line.split("] ", 1)[1] for line in self.output.getvalue().splitlines()]
+
+
+@pytest.fixture
+async def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Scene]:
+    output = io.StringIO()
+    async with Processes(tmp_path) as processes:
+        service = await processes.start("order-service", SLEEPS)
+        agent = await processes.start("edge-agent-AMR-2", SLEEPS)
+        hall = make_hall(("AMR-1", "AMR-2"))
+        running = HallStack(
+            hall, MqttSettings(), "http://nena.test", "http://panel.test", service, agent,
+            agent_robot="AMR-2", loopback=("AMR-1", "AMR-2"),
+        )  # fmt: skip
+        host = Host(running.mqtt, running.rest_url, lambda *_: None)
+        made = Scene(Tour(processes, running, ProgressPrinter(output), host), running, output)
+        host.rest = httpx.AsyncClient(base_url=running.rest_url, transport=httpx.MockTransport(made.answer))
+        monkeypatch.setattr(host.link, "publish", made.published)
+        yield made
+
+
+async def test_aisle_is_blocked_and_opened_again(scene: Scene) -> None:
+    await scene.tour.press("b")
+    await scene.tour.press("b")
+
+    path = f"/v1/paths/{BLOCKED_AISLE}/lock"
+    assert scene.requests == [(path, {"locked": True}), (path, {"locked": False})]
+
+
+async def test_failed_step_can_be_repeated(scene: Scene) -> None:
+    scene.down = True
+    await scene.tour.press("b")
+    assert "press o to start it" in scene.lines[-1]
+
+    scene.down = False
+    await scene.tour.press("b")
+
+    assert [body for _, body in scene.requests] == [{"locked": True}]
+
+
+async def test_order_service_stops_and_starts_again(scene: Scene) -> None:
+    await scene.tour.press("o")
+    assert is_running(scene.running.order_service) == (False, False)
+
+    await scene.tour.press("o")
+    assert is_running(scene.running.order_service) == (True, True)
+
+
+def is_running(child: Child) -> tuple[bool, bool]:
+    """Return whether a process runs, and whether it is wanted to."""
+    return child.process.returncode is None, child.wanted
+
+
+async def test_agent_is_killed_and_remains_wanted(scene: Scene) -> None:
+    await scene.tour.press("k")
+    await scene.tour.press("k")  # it is not started again yet: nothing to kill
+
+    assert scene.running.agent.process.returncode == -9
+    assert scene.running.agent.wanted
+    assert scene.lines == ["killing the agent of AMR-2 (SIGKILL)"]
+
+
+async def test_emergency_stop_is_pressed_at_a_driving_robot_and_released_there(scene: Scene) -> None:
+    scene.vehicle("AMR-1", state="IDLE")
+    scene.vehicle("AMR-2", state="EXECUTING")
+    await scene.tour.press("e")
+    scene.vehicle("AMR-1", state="EXECUTING")
+    await scene.tour.press("e")
+
+    topic = "uagv/loopback/NeNa/AMR-2/control"
+    assert scene.commands == [
+        (topic, {"command": "emergencyStop", "stop": "MANUAL"}),
+        (topic, {"command": "acknowledgeEmergencyStop"}),
+    ]
+
+
+async def test_other_keys_list_the_steps(scene: Scene) -> None:
+    await scene.tour.press("x")
+    await scene.tour.press("r")
+
+    assert [line.split()[0] for line in scene.lines[1:-1]] == [*"bkoepr", "q"]
+    assert scene.lines[-1] == "replay: open http://panel.test/#/history and press Play"
+
+
+async def test_lost_and_returned_robots_are_reported_but_not_those_of_a_new_order_service(
+    scene: Scene,
+) -> None:
+    for connection in ("UNKNOWN", "ONLINE", "UNKNOWN", "ONLINE"):
+        scene.vehicle("AMR-2", connection=connection, reason="")
+    assert scene.lines == []
+
+    scene.vehicle("AMR-2", connection="CONNECTION_BROKEN", reason="has lost its connection")
+    scene.vehicle("AMR-2", connection="ONLINE", transport_order="T-1")
+
+    assert scene.lines == [
+        "AMR-2 is CONNECTION_BROKEN: has lost its connection",
+        "AMR-2 is back, and goes on with T-1",
+    ]
+
+
+async def test_status_counts_robots_and_orders(scene: Scene) -> None:
+    scene.vehicle("AMR-1", state="IDLE")
+    scene.vehicle("AMR-2", connection="CONNECTION_BROKEN")
+    scene.tour.feed.open |= {"good", "bad", "open"}
+    scene.tour.changed("order", "good", "FINISHED", "")
+    scene.tour.changed("order", "bad", "FAILED", "no route")
+
+    assert scene.lines[-1] == "order bad FAILED: no route"
+    assert scene.tour.status() == (
+        "robots: 1 connection broken, 1 idle | orders: 1 finished, 1 failed, 1 open"
+    )
+
+
+async def test_batteries_range_from_nearly_empty_to_full(scene: Scene) -> None:
+    scene.tour.spread_charges()
+
+    assert [command["stateOfCharge"] for _, command in scene.commands] == [24, 100]
+
+
+async def test_ended_process_is_started_again_and_the_user_told(tmp_path: Path) -> None:
+    told: list[str] = []
+    script = f"import pathlib; path = pathlib.Path({str(tmp_path / 'count')!r}); path.open('a').write('x')"
+    async with Processes(tmp_path) as processes:
+        child = await processes.start("quick", (sys.executable, "-c", script))
+        with pytest.raises(processes_module.ChildFailedError, match="quick ended with status 0"):
+            await processes.keep_running(told.append)
+        stopped = await processes.start("stopped", SLEEPS)
+        await processes.stop(stopped)
+
+    assert told == ["quick has ended with status 0; it is started again"] * processes_module.QUICK_ENDS
+    assert len((tmp_path / "count").read_text()) == processes_module.QUICK_ENDS + 1
+    assert child.quick_ends == processes_module.QUICK_ENDS + 1
+    assert not stopped.wanted

@@ -1,0 +1,249 @@
+"""The hall of the guided tour: one-way roads and aisles, as large as its robots need.
+
+```
+ parking     |    |    |    |
+ North   <---+----+----+----+---     goods in at the first aisle, goods out at the last one,
+         |   ^    |    ^    ...      storage in between; aisles lead up and down in turn
+ Middle  +---+-->-[Gate]--->+--->
+         v   |    v    |    ...
+ South   ----+----+----+----+-->
+ parking     |    |    |    |  chargers
+```
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import pi
+from typing import Final
+
+from nena_shared.plant import property_keys as keys
+from nena_shared.plant.model import (
+    RECHARGE_OPERATION,
+    EnergyThresholds,
+    Link,
+    Location,
+    LocationType,
+    PlantModel,
+    Vehicle,
+)
+from nena_shared.plant.track import (
+    BoundingBox,
+    ExecutionTrigger,
+    Path,
+    PeripheralOperation,
+    Point,
+    PointType,
+)
+
+MAP_ID: Final = "demo-hall"
+MANUFACTURER: Final = "NeNa"
+GATE: Final = "Gate"
+"""The door in the middle road."""
+BLOCKED_AISLE: Final = "Middle 3 --- Middle 4"
+"""The path that the tour blocks; every station stays reachable without it."""
+
+LOAD, UNLOAD = "Load cargo", "Unload cargo"
+SPEED_MM_S, SPUR_SPEED_MM_S = 2000, 1000
+AISLE_SPACING, HEIGHT, SPUR = 6, 16, 2
+"""m"""
+FEWEST_AISLES = 6
+ROBOTS_PER_CHARGER = 6
+VEHICLE_BOX = BoundingBox(length_mm=700, width_mm=500, height_mm=400)
+POINT_BOX = BoundingBox(length_mm=1200, width_mm=900, height_mm=2000)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a robot starts, m and rad."""
+
+    x: float
+    y: float
+    theta: float
+
+
+@dataclass(frozen=True, slots=True)
+class Hall:
+    """The plant model, and the start of each of its vehicles, in their order."""
+
+    plant: PlantModel
+    starts: tuple[Place, ...]
+
+    @property
+    def width(self) -> float:
+        """Return the largest x of the hall, m."""
+        return max(each.x_m for each in self.plant.points)
+
+    def locations(self, prefix: str) -> tuple[str, ...]:
+        """Return the names of the locations that begin with ``prefix``."""
+        return tuple(each.name for each in self.plant.locations if each.name.startswith(prefix))
+
+
+def make_hall(serial_numbers: tuple[str, ...]) -> Hall:
+    """Return a hall with these vehicles, each at a parking position of its own."""
+    sketch = _Sketch(_aisles(len(serial_numbers)))
+    sketch.draw_roads()
+    sketch.draw_aisles()
+    sketch.draw_stations()
+    sketch.draw_edge(chargers=_chargers(len(serial_numbers)))
+    plant = PlantModel(
+        name="Demo hall",
+        points=tuple(sketch.points),
+        paths=tuple(sketch.paths),
+        location_types=(
+            LocationType(name="Transfer station", allowed_operations=(LOAD, UNLOAD)),
+            LocationType(name="Charger", allowed_operations=(RECHARGE_OPERATION,)),
+            LocationType(name="Door", allowed_peripheral_operations=("open", "close")),
+        ),
+        locations=tuple(sketch.locations),
+        vehicles=tuple(_vehicle(each) for each in serial_numbers),
+    )
+    return Hall(plant, tuple(sketch.parking[: len(serial_numbers)]))
+
+
+def _chargers(robots: int) -> int:
+    return max(2, robots // ROBOTS_PER_CHARGER)
+
+
+def _aisles(robots: int) -> int:
+    """Return the smallest even number of aisles that has a parking position for each robot."""
+    aisles = FEWEST_AISLES
+    while 2 * (2 * aisles - 1) - _chargers(robots) < robots:
+        aisles += 2
+    return aisles
+
+
+def _vehicle(serial_number: str) -> Vehicle:
+    return Vehicle(
+        name=serial_number,
+        bounding_box=VEHICLE_BOX,
+        energy_thresholds=EnergyThresholds(
+            critical=25, good=60, sufficiently_recharged=70, fully_recharged=95
+        ),
+        max_velocity_mm_s=SPEED_MM_S,
+        max_reverse_velocity_mm_s=SPUR_SPEED_MM_S,
+        properties={
+            keys.VDA5050_MANUFACTURER: MANUFACTURER,
+            keys.VDA5050_SERIAL_NUMBER: serial_number,
+            keys.VDA5050_MAP_ID: MAP_ID,
+            keys.VDA5050_VERSION: "2.1.0",
+            keys.VDA5050_DEVIATION_XY: "0.5",
+        },
+    )
+
+
+@dataclass
+class _Sketch:
+    """A hall in the making."""
+
+    aisles: int
+    points: list[Point] = field(default_factory=list)
+    paths: list[Path] = field(default_factory=list)
+    locations: list[Location] = field(default_factory=list)
+    parking: list[Place] = field(default_factory=list)
+
+    def draw_roads(self) -> None:
+        """Draw three roads with a point every 3 m; each second one is on an aisle."""
+        for road, y, forward in (("South", 0, True), ("Middle", HEIGHT // 2, True), ("North", HEIGHT, False)):
+            names = [self._point(f"{road} {n + 1}", n * AISLE_SPACING // 2, y) for n in self._along()]
+            self._line(names if forward else names[::-1])
+
+    def draw_aisles(self) -> None:
+        """Draw the aisles: the first leads down, the second up, and so on."""
+        for aisle in range(self.aisles):
+            x, crossing = aisle * AISLE_SPACING, 2 * aisle + 1
+            below = self._point(f"Aisle {aisle + 1} south", x, HEIGHT // 4)
+            above = self._point(f"Aisle {aisle + 1} north", x, HEIGHT * 3 // 4)
+            upwards = [f"South {crossing}", below, f"Middle {crossing}", above, f"North {crossing}"]
+            self._line(upwards if aisle % 2 else upwards[::-1])
+
+    def draw_stations(self) -> None:
+        """Draw goods in on both sides of the first aisle, goods out at the last one, storage elsewhere."""
+        for aisle in range(self.aisles):
+            at_end = aisle in (0, self.aisles - 1)
+            kind = ("Goods in" if aisle == 0 else "Goods out") if at_end else "Storage"
+            for half, y in (("south", HEIGHT // 4), ("north", HEIGHT * 3 // 4)):
+                for side in (SPUR, -SPUR) if at_end else (SPUR,):
+                    number = sum(each.name.startswith(kind) for each in self.locations) + 1
+                    x = aisle * AISLE_SPACING + side
+                    stand = self._spur(f"{kind} {number} stand", x, y, f"Aisle {aisle + 1} {half}")
+                    self._locate(f"{kind} {number}", "Transfer station", stand)
+
+    def draw_edge(self, *, chargers: int) -> None:
+        """Draw parking positions along the north and south roads, and chargers at the end of the latter."""
+        for road, y in (("North", HEIGHT + SPUR), ("South", -SPUR)):
+            for n in self._along():
+                x, mouth = n * AISLE_SPACING // 2, f"{road} {n + 1}"
+                if road == "South" and n >= 2 * self.aisles - 1 - chargers:
+                    number = n - (2 * self.aisles - 1 - chargers) + 1
+                    stand = self._spur(f"Charger {number} stand", x, y, mouth)
+                    self._locate(f"Charger {number}", "Charger", stand)
+                else:
+                    self._spur(f"Parking {len(self.parking) + 1}", x, y, mouth, PointType.PARK_POSITION)
+                    self.parking.append(Place(x, y, pi / 2 if y < 0 else -pi / 2))
+        self.locations.append(
+            Location(name=GATE, type="Door", x_mm=self._gate * 3000 - 1500, y_mm=HEIGHT * 500)
+        )
+
+    @property
+    def _gate(self) -> int:
+        """The number of the point of the middle road before the gate, at the middle aisle."""
+        return 2 * (self.aisles // 2) - 1
+
+    def _along(self) -> range:
+        return range(2 * self.aisles - 1)
+
+    def _point(self, name: str, x: int, y: int, kind: PointType = PointType.HALT_POSITION) -> str:
+        """Add a point at a position in m."""
+        self.points.append(
+            Point(name=name, x_mm=x * 1000, y_mm=y * 1000, type=kind, max_vehicle_bounding_box=POINT_BOX)
+        )
+        return name
+
+    def _line(self, names: list[str]) -> None:
+        for source, destination in pairwise(names):
+            self._path(source, destination, SPEED_MM_S)
+
+    def _spur(self, name: str, x: int, y: int, mouth: str, kind: PointType = PointType.HALT_POSITION) -> str:
+        """Add a point beside a road, with a path there and back."""
+        self._point(name, x, y, kind)
+        self._path(mouth, name, SPUR_SPEED_MM_S)
+        self._path(name, mouth, SPUR_SPEED_MM_S)
+        return name
+
+    def _path(self, source: str, destination: str, speed: int) -> None:
+        one, other = (self._position(each) for each in (source, destination))
+        self.paths.append(
+            Path(
+                name=f"{source} --- {destination}",
+                source=source,
+                destination=destination,
+                length_mm=abs(one[0] - other[0]) + abs(one[1] - other[1]),
+                max_velocity_mm_s=speed,
+                max_reverse_velocity_mm_s=0,
+                peripheral_operations=self._operations(source, destination),
+            )
+        )
+
+    def _operations(self, source: str, destination: str) -> tuple[PeripheralOperation, ...]:
+        """Return the door's operations: opened before the path through it, closed behind the next one."""
+        gate = self._gate
+        if (source, destination) == (f"Middle {gate}", f"Middle {gate + 1}"):
+            return (_operation("open", ExecutionTrigger.AFTER_ALLOCATION, required=True),)
+        if (source, destination) == (f"Middle {gate + 1}", f"Middle {gate + 2}"):
+            return (_operation("close", ExecutionTrigger.AFTER_MOVEMENT, required=False),)
+        return ()
+
+    def _position(self, name: str) -> tuple[int, int]:
+        return next((each.x_mm, each.y_mm) for each in reversed(self.points) if each.name == name)
+
+    def _locate(self, name: str, kind: str, stand: str) -> None:
+        x, y = self._position(stand)
+        self.locations.append(Location(name=name, type=kind, x_mm=x, y_mm=y, links=(Link(point=stand),)))
+
+
+def _operation(name: str, trigger: ExecutionTrigger, *, required: bool) -> PeripheralOperation:
+    return PeripheralOperation(
+        name=name, location=GATE, execution_trigger=trigger, completion_required=required
+    )
