@@ -17,7 +17,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralJobState,
 )
 from nena_shared.plant import Location, LocationType, PeripheralOperation, PlantModel, Vehicle
-from nena_shared.plant.track import ExecutionTrigger
+from nena_shared.plant_terms import ExecutionTrigger
 from support.clocks import ManualClock
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, status_of

@@ -22,7 +22,7 @@ from nena_shared.fleet_api.transport_order import (
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 from nena_shared.plant.model import PlantModel
 from nena_shared.plant.opentcs_xml import read
-from nena_shared.plant.track import ExecutionTrigger
+from nena_shared.plant_terms import ExecutionTrigger
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import State

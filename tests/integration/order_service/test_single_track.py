@@ -13,7 +13,7 @@ from random import Random
 import pytest
 
 from nena_shared.plant import Link, Location, LocationType, Path, PlantModel, Point, Vehicle
-from nena_shared.plant.track import PointType
+from nena_shared.plant_terms import PointType
 from support.order_service_fleet import Fleet, every_order_ended, vehicle_idle
 from support.traffic.conversation import Conversation
 

@@ -28,7 +28,7 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType, VehicleStatus
 from nena_shared.plant import PlantModel
-from nena_shared.plant.track import PointType
+from nena_shared.plant_terms import PointType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from support.order_service import request

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from nena_shared.plant import Link, Location, LocationType, PlantModel
-from nena_shared.plant.track import BoundingBox, PointType
+from nena_shared.plant.track import BoundingBox
+from nena_shared.plant_terms import PointType
 
 
 def with_docks(plant: PlantModel) -> PlantModel:

@@ -9,7 +9,8 @@ from random import Random
 
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import Block, Vehicle
-from nena_shared.plant.track import Path, Point, PointType
+from nena_shared.plant.track import Path, Point
+from nena_shared.plant_terms import PointType
 
 
 @dataclass

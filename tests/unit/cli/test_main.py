@@ -47,25 +47,49 @@ def test_a_command_imports_nothing_of_the_others() -> None:
     others = ("nena_conversations", "nena_cli.plants", "nena_shared.mqtt", "nena_shared.plant.lif")
     of_httpx_main = ("click", "pygments.lexers")
     of_pretty_help = ("typer.rich_utils", "rich.markdown", "markdown_it")
-    unneeded = (*others, *of_httpx_main, *of_pretty_help, "structlog", "yaml")
+    of_plant_models = ("nena_shared.plant", "nena_shared.plant.model")
+    unneeded = (*others, *of_httpx_main, *of_pretty_help, *of_plant_models, "asyncio", "structlog", "yaml")
     command = ["vehicles", "list", "--url", "http://127.0.0.1:9"]
     assert imported_by(command, ("httpx", "pydantic", *unneeded)) == {"httpx", "pydantic"}
 
 
+def test_a_command_without_an_answer_builds_no_model() -> None:
+    complete = "[each.__name__ for each in below(CamelCase) if each.__pydantic_complete__]"
+    found = found_at_end(["vehicles", "list", "--url", "http://127.0.0.1:9"], complete)
+    assert found == {"AcceptableOrderType"}  # a default of vehicles
+
+
 def imported_by(arguments: list[str], modules: tuple[str, ...]) -> set[str]:
-    """Run a command in a process of its own; return which of these modules it has imported at its end."""
-    look = (
-        "import atexit, sys\n"
-        f"atexit.register(lambda: print('imported', *(set({modules!r}) & set(sys.modules))))\n"
-        f"sys.argv = ['nena', *{arguments!r}]\n"
-        "from nena_cli.__main__ import app\n"
-        "app()"
-    )
+    """Return which of these modules a command has imported at its end."""
+    return found_at_end(arguments, f"set({modules!r}) & set(sys.modules)")
+
+
+AT_END = """
+import atexit, sys
+sys.argv = ["nena", *{arguments!r}]
+def below(model):
+    return {{model}}.union(*map(below, model.__subclasses__()))
+def report():
+    if "pydantic" in sys.modules:
+        from nena_shared.fleet_api.base import CamelCase
+    print("found", *({names}))
+atexit.register(report)
+from nena_cli.__main__ import app
+app()
+"""
+
+
+def found_at_end(arguments: list[str], names: str) -> set[str]:
+    """Run a command in a process of its own; return the value of the expression ``names`` at its end."""
     done = subprocess.run(
-        [sys.executable, "-c", look], capture_output=True, text=True, check=False, timeout=60
+        [sys.executable, "-c", AT_END.format(arguments=arguments, names=names)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
     )
     marker, *found = done.stdout.splitlines()[-1].split()
-    assert marker == "imported", done.stderr
+    assert marker == "found", done.stderr
     return set(found)
 
 

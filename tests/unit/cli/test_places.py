@@ -13,7 +13,7 @@ from nena_cli import places
 from nena_client import Client
 from nena_shared.fleet_api.operations import Operation
 from nena_shared.fleet_api.places import LocationLink, LocationPage, LocationStatus, PointPage, PointStatus
-from nena_shared.plant.track import PointType
+from nena_shared.plant_terms import PointType
 
 POINT = PointStatus(
     name="Dock 1",

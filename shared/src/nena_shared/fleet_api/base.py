@@ -32,6 +32,7 @@ class CamelCase(BaseModel):
         validate_by_name=True,
         validate_by_alias=True,
         allow_inf_nan=False,
+        defer_build=True,  # nena needs few of all models
     )
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from nena_shared.fleet_api.base import CamelCase, Moment, ObjectName, OrderName, Request, Resource
-from nena_shared.plant.track import ExecutionTrigger
+from nena_shared.plant_terms import ExecutionTrigger
 
 ReservationToken = Annotated[str, Field(min_length=1, max_length=200)]
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from nena_shared.fleet_api.base import ObjectName, PageSize, Resource
-from nena_shared.plant.track import PointType
+from nena_shared.plant_terms import PointType
 
 
 class PointsQuery(Resource):

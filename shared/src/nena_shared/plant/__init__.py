@@ -24,7 +24,6 @@ from nena_shared.plant.track import (
     ConnectionType,
     DirectedEdge,
     Envelope,
-    ExecutionTrigger,
     LabelLayout,
     LayoutPoint,
     Orientation,
@@ -33,8 +32,8 @@ from nena_shared.plant.track import (
     PeripheralOperation,
     PlantVertex,
     Point,
-    PointType,
 )
+from nena_shared.plant_terms import ExecutionTrigger, PointType
 
 __all__ = [
     "BACKWARD_SUFFIX",

@@ -11,7 +11,8 @@ from nena_shared.plant import property_keys as keys
 from nena_shared.plant.errors import ObjectKind, PlantProblem
 from nena_shared.plant.geometry import parse_transform
 from nena_shared.plant.model import NO_OPERATION, RECHARGE_OPERATION, PlantModel, transform_texts
-from nena_shared.plant.track import BACKWARD_SUFFIX, PointType
+from nena_shared.plant.track import BACKWARD_SUFFIX
+from nena_shared.plant_terms import PointType
 
 LONGEST_NAME: Final = 200
 """Maximum length of a name in requests, characters; objects with longer names cannot be addressed."""

@@ -10,13 +10,14 @@ from pydantic_core import from_json
 
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
 from nena_shared.plant.model import PlantModel
+from nena_shared.plant_terms import MAX_BYTES
 
 
 @dataclass(frozen=True, slots=True)
 class JsonLimits:
     """Limits of a JSON text."""
 
-    size_bytes: int = 64 * 1024 * 1024
+    size_bytes: int = MAX_BYTES
     values: int = 8_000_000
     """Counted before parsing: characters that start or separate values, also inside strings."""
 

@@ -11,6 +11,7 @@ from pydantic.alias_generators import to_camel
 
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.geometry import normalized
+from nena_shared.plant_terms import ExecutionTrigger, PointType
 
 
 class PlantRecord(BaseModel):
@@ -22,6 +23,7 @@ class PlantRecord(BaseModel):
         populate_by_name=True,
         extra="ignore",
         allow_inf_nan=False,
+        defer_build=True,
     )
 
 
@@ -266,13 +268,6 @@ class VehicleTypeOnPath(PlantRecord):
         return self.orientation_type is PathOrientationType.TANGENTIAL and cos(orientation) < 0
 
 
-class PointType(StrEnum):
-    """What a vehicle may do at a point."""
-
-    HALT_POSITION = "HALT_POSITION"
-    PARK_POSITION = "PARK_POSITION"
-
-
 class Point(PlantRecord):
     """A point of the plant; `orientation_deg` None: any heading."""
 
@@ -330,19 +325,6 @@ class Orientation(StrEnum):
 
     FORWARD = "FORWARD"
     BACKWARD = "BACKWARD"
-
-
-class ExecutionTrigger(StrEnum):
-    """When a peripheral operation starts. openTCS's files only have AFTER_ALLOCATION and AFTER_MOVEMENT."""
-
-    IMMEDIATE = "IMMEDIATE"
-    """When the vehicle's route is granted."""
-    BEFORE_ALLOCATION = "BEFORE_ALLOCATION"
-    """When the path is to be allocated next."""
-    AFTER_ALLOCATION = "AFTER_ALLOCATION"
-    """When the path is allocated, before it is released to the robot."""
-    AFTER_MOVEMENT = "AFTER_MOVEMENT"
-    """When the robot has reached the end of the path."""
 
 
 class ConnectionType(StrEnum):

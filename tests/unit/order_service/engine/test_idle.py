@@ -14,7 +14,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.vehicles.parking import BARRED
 from nena_shared.fleet_api.transport_order import TransportOrderState as S
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
-from nena_shared.plant.track import PointType
+from nena_shared.plant_terms import PointType
 from support.clocks import ManualClock
 from support.fleet_examples import power
 from support.order_service import request

@@ -18,7 +18,7 @@ from nena_shared.fleet_api.peripherals import (
 from nena_shared.fleet_api.traffic import WaitCause
 from nena_shared.fleet_api.transport_order import FailureMeasure, FailureStep, TransportOrderState
 from nena_shared.plant import Location, Path, PlantModel
-from nena_shared.plant.track import ExecutionTrigger
+from nena_shared.plant_terms import ExecutionTrigger
 from nena_shared.vda5050.state import MobileRobotPosition
 from support.doors import base, hall, operation, started
 from support.order_service import request

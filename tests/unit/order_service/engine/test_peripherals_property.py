@@ -17,7 +17,7 @@ from nena_shared.fleet_api.peripherals import (
 )
 from nena_shared.fleet_api.transport_order import FailureMeasure, FailureStep, TransportOrderState
 from nena_shared.plant import Location, LocationType, PlantModel, Vehicle
-from nena_shared.plant.track import ExecutionTrigger
+from nena_shared.plant_terms import ExecutionTrigger
 from support.doors import Site, operation, started
 from support.order_service import request
 from support.plants import path, point

@@ -21,7 +21,8 @@ from nena_order_service.traffic.resources import (
 )
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import Block, BlockType
-from nena_shared.plant.track import BoundingBox, ExecutionTrigger, PeripheralOperation
+from nena_shared.plant.track import BoundingBox, PeripheralOperation
+from nena_shared.plant_terms import ExecutionTrigger
 from support.plants import path, plant, point
 
 

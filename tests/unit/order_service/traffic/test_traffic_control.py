@@ -16,7 +16,8 @@ from nena_order_service.traffic.scheduler import UnknownOccupantError
 from nena_order_service.traffic.traffic_control import RouteGrant
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import Block, BlockType
-from nena_shared.plant.track import Point, PointType
+from nena_shared.plant.track import Point
+from nena_shared.plant_terms import PointType
 from support.plants import path, plant
 from support.traffic.scenes import Scene
 

@@ -20,7 +20,7 @@ from nena_shared.plant.property_keys import (
     PARKING_POSITION_PRIORITY,
     PREFERRED_PARKING_POSITION,
 )
-from nena_shared.plant.track import PointType
+from nena_shared.plant_terms import PointType
 from support.plants import point
 
 PARK = PointType.PARK_POSITION

@@ -6,6 +6,7 @@ import gc
 
 gc.disable()  # nothing that modules create is garbage: the search for it took a quarter of their loading time
 
+import os
 import sys
 from dataclasses import dataclass
 from functools import cache
@@ -23,6 +24,8 @@ from nena_cli.options import PLAIN, group
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
+# Pydantic would look for plug-ins in the files of every installed distribution.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 # httpx also imports its own command line, with click and pygments, which takes longer than the rest of it.
 sys.modules.setdefault("httpx._main", ModuleType("httpx._main"))
 

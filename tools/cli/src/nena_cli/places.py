@@ -11,7 +11,7 @@ from nena_cli.options import group
 from nena_cli.service import Service, location_names, of_service, point_names, vehicle_names
 from nena_client.exchange import Query
 from nena_shared.fleet_api.operations import LIST_LOCATIONS, LIST_POINTS, SHOW_LOCATION, SHOW_POINT
-from nena_shared.plant.track import PointType
+from nena_shared.plant_terms import PointType
 
 points = group()
 locations = group()

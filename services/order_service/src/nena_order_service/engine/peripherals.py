@@ -40,7 +40,7 @@ from nena_shared.fleet_api.peripherals import (
 )
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.log import get_logger
-from nena_shared.plant.track import ExecutionTrigger
+from nena_shared.plant_terms import ExecutionTrigger
 
 log = get_logger(__name__)
 

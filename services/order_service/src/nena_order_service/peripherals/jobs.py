@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 from pydantic import BaseModel, ConfigDict
 
 from nena_shared.fleet_api.peripherals import DeviceRequest, PeripheralJobState, PeripheralJobStatus
-from nena_shared.plant.track import ExecutionTrigger
+from nena_shared.plant_terms import ExecutionTrigger
 
 
 class JobKey(NamedTuple):

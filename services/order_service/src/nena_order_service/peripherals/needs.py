@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from nena_order_service.peripherals.jobs import JobKey
 from nena_shared.fleet_api.peripherals import StepOperation
 from nena_shared.plant import BACKWARD_SUFFIX, PeripheralOperation, PlantModel
-from nena_shared.plant.track import ExecutionTrigger
+from nena_shared.plant_terms import ExecutionTrigger
 
 T = ExecutionTrigger
 

@@ -11,7 +11,7 @@ from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.resources import Resources, ResourceSet, conflict
 from nena_order_service.traffic.scheduler import Scheduler, SearchLimit, WaitReason
 from nena_shared.plant import PlantModel
-from nena_shared.plant.track import PointType
+from nena_shared.plant_terms import PointType
 
 CANDIDATES_TRIED = 8
 """Maximum number of free points tried for a vehicle that makes room; the nearest ones are the best."""

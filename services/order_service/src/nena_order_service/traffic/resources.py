@@ -13,7 +13,8 @@ from nena_order_service.routing.graph import Step
 from nena_shared.plant import DirectedEdge, PlantModel, Point
 from nena_shared.plant.geometry import Box, PlanarIndex
 from nena_shared.plant.model import Block, BlockType
-from nena_shared.plant.track import BoundingBox, ExecutionTrigger
+from nena_shared.plant.track import BoundingBox
+from nena_shared.plant_terms import ExecutionTrigger
 
 BLOCK_ENTRY_DIRECTION: Final = "tcs:blockEntryDirection"
 """Path property: direction in which a vehicle enters a block on this path. Default: that of the edge."""

@@ -16,7 +16,7 @@ from nena_shared.plant.property_keys import (
     PREFERRED_RECHARGE_LOCATION,
     VDA5050_RECHARGE_OPERATION,
 )
-from nena_shared.plant.track import PointType
+from nena_shared.plant_terms import PointType
 
 WAYS_TRIED = 8
 """Maximum number of positions whose routes are computed for a vehicle; farther ones are hardly better."""

@@ -24,7 +24,7 @@ from nena_shared.fleet_api.places import (
 )
 from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetList, ZoneSetStatus
 from nena_shared.fleet_api.refusals import Refusal
-from nena_shared.plant.exchange import JSON_LIMITS
+from nena_shared.plant_terms import MAX_BYTES
 
 _ZONE_SET_CHANGE: Final = (Refusal.UNKNOWN_ZONE_SET, Refusal.NOT_SAVED)
 
@@ -166,7 +166,7 @@ CHANGE_PLANT = Operation(
     PLANT_MODEL,
     PlantModelChange,
     Role.ADMIN,
-    max_body=JSON_LIMITS.size_bytes,
+    max_body=MAX_BYTES,
     refusals=(Refusal.INVALID_PLANT, Refusal.PLANT_IN_USE, Refusal.NOT_SAVED),
 )
 """The body is a file in one of several formats, so this route is written by hand."""

@@ -15,12 +15,12 @@ from nena_shared.plant.track import (
     ConnectionType,
     Path,
     PlantBlockingType,
-    PointType,
     RequirementType,
     RotationAllowed,
     VehicleTypeAtPoint,
     VehicleTypeOnPath,
 )
+from nena_shared.plant_terms import PointType
 
 _Use = VehicleTypeAtPoint | VehicleTypeOnPath
 _SAME_LENGTH_MM: Final = 1.0

@@ -38,7 +38,6 @@ from nena_shared.plant.track import (
     BoundingBox,
     ConnectionType,
     Envelope,
-    ExecutionTrigger,
     LabelLayout,
     LayoutPoint,
     Path,
@@ -46,8 +45,8 @@ from nena_shared.plant.track import (
     PeripheralOperation,
     PlantVertex,
     Point,
-    PointType,
 )
+from nena_shared.plant_terms import ExecutionTrigger, PointType
 
 
 def read(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> ImportReport:

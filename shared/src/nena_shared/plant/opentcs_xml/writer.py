@@ -19,7 +19,8 @@ from nena_shared.plant.model import (
     Vehicle,
     VisualLayout,
 )
-from nena_shared.plant.track import BoundingBox, Envelope, ExecutionTrigger, Path, Point
+from nena_shared.plant.track import BoundingBox, Envelope, Path, Point
+from nena_shared.plant_terms import ExecutionTrigger
 
 Value = str | bool | float | None
 

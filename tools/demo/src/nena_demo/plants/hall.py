@@ -28,14 +28,8 @@ from nena_shared.plant.model import (
     PlantModel,
     Vehicle,
 )
-from nena_shared.plant.track import (
-    BoundingBox,
-    ExecutionTrigger,
-    Path,
-    PeripheralOperation,
-    Point,
-    PointType,
-)
+from nena_shared.plant.track import BoundingBox, Path, PeripheralOperation, Point
+from nena_shared.plant_terms import ExecutionTrigger, PointType
 
 MAP_ID: Final = "demo-hall"
 MANUFACTURER: Final = "NeNa"
