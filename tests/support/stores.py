@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sqlite3
+import sys
 from contextlib import closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from alembic import command
 from alembic.config import Config
@@ -14,18 +16,34 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
 from nena_order_service.store.database import Changes
 from nena_order_service.store.migrations import FIRST
-from nena_order_service.store.schema import is_shared, make_engine
+from nena_order_service.store.schema import is_shared, make_engine, open_database
 
-FIRST_STORE = Path(__file__).parents[1] / "fixtures" / "stores" / "version_1.sql"
+STORES = Path(__file__).parents[1] / "fixtures" / "stores"
+FIRST_STORE = STORES / "version_1.sql"
 FIRST_TABLES = ("transport_orders", "history", "missions")
 
 
-def first_store(url: str) -> Path:
-    """Put the store of a first release, killed during work, at a SQLite URL; return the file."""
+def first_store(url: str, content: Path = FIRST_STORE) -> Path:
+    """Put the store of a first release, killed during work, at a SQLite URL; return the file.
+
+    ``content`` is that store, or the same orders in the tables of a later release.
+    """
     file = Path(url.removeprefix("sqlite:///"))
     with closing(sqlite3.connect(file)) as store:
-        store.executescript(FIRST_STORE.read_text(encoding="utf-8"))
+        store.executescript(content.read_text(encoding="utf-8"))
     return file
+
+
+def freeze(release: str) -> Path:
+    """Write the first release's orders in the tables of this release into the fixtures; return the file."""
+    target = STORES / f"{release}.sql"
+    with TemporaryDirectory() as folder:
+        url = f"sqlite:///{folder}/orders.db"
+        file = first_store(url)
+        open_database(url).dispose()
+        with closing(sqlite3.connect(file)) as store:
+            target.write_text("\n".join(store.iterdump()) + "\n", encoding="utf-8")
+    return target
 
 
 def first_tables(url: str) -> None:
@@ -67,3 +85,7 @@ def changes(*versions: tuple[TransportOrder, TransportOrder | None]) -> Changes:
     for order, before in versions:
         made.put_order(order, before)
     return made
+
+
+if __name__ == "__main__":
+    freeze(sys.argv[1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -70,3 +71,14 @@ def test_the_picture_shows_where_waiting_is_longest() -> None:
     assert lines[-1][0].text == f"{path}: 4.0"
     (circle,) = [each for each in picture if each.tag.endswith("circle")]
     assert circle[0].text == f"{point}: 2.0"
+
+
+def test_version_is_shown() -> None:
+    shown = CliRunner().invoke(app, ["--version"]).stdout
+    assert shown == f"nena-simulate {version('nena-simulate')}\n"
+
+
+def test_help_is_plain_and_fits_a_terminal_of_80_columns() -> None:
+    shown = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "80"}).stdout
+    assert max(map(len, shown.splitlines())) <= 80
+    assert "─" not in shown

@@ -38,7 +38,7 @@ from nena_order_service.store.schema import (
     unusable,
 )
 from support.order_service import NOW, dispatchable_order
-from support.stores import changes, first_store, first_tables, make_newer
+from support.stores import STORES, changes, first_store, first_tables, make_newer
 
 
 def test_sqlite_is_durable(sqlite_url: str) -> None:
@@ -138,8 +138,9 @@ def test_only_a_store_of_another_release_needs_alembic(url: str, monkeypatch: py
         open_database(url)
 
 
-def test_upgrading_the_first_releases_store_keeps_its_content(sqlite_url: str) -> None:
-    first_store(sqlite_url)
+@pytest.mark.parametrize("release", [pytest.param(each, id=each.stem) for each in sorted(STORES.iterdir())])
+def test_upgrading_the_store_of_each_release_keeps_its_content(sqlite_url: str, release: Path) -> None:
+    first_store(sqlite_url, release)
     engine = open_database(sqlite_url)
     assert {order.name: order.state.value for order in read_orders(engine, OrderFilter())} == {
         "done-1": "FINISHED",

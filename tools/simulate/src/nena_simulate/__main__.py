@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated
@@ -20,7 +21,14 @@ from nena_simulate.report import Figures, Report
 from nena_simulate.simulation import simulate_all
 from nena_simulate.site import Case, Disturbances
 
-app = typer.Typer(add_completion=False)
+PROGRAM = "nena-simulate"
+app = typer.Typer(add_completion=False, rich_markup_mode=None)  # plain help, as that of nena
+
+
+def _print_version(wanted: bool) -> None:  # noqa: FBT001 - the callback of an option
+    if wanted:
+        typer.echo(f"{PROGRAM} {version(PROGRAM)}")
+        raise typer.Exit
 
 
 def _sizes(text: str) -> list[int]:
@@ -66,6 +74,12 @@ Loss = Annotated[float, typer.Option(help="Share of messages that are lost.", mi
 JsonFile = Annotated[Path | None, typer.Option(help="File for the report as JSON.")]
 MarkdownFile = Annotated[Path | None, typer.Option(help="File for the tables as Markdown.")]
 PictureFolder = Annotated[Path | None, typer.Option(help="Folder for a heat map (SVG) per fleet size.")]
+ShowVersion = Annotated[
+    bool,
+    typer.Option(
+        "--version", "-V", callback=_print_version, is_eager=True, help="Show the version and exit."
+    ),
+]
 Jobs = Annotated[int, typer.Option(help="Fleet sizes and parts simulated in parallel.", min=1)]
 Parts = Annotated[
     int, typer.Option(help="Parts into which the hours are split, each with its own seed and warm-up.", min=1)
@@ -92,6 +106,7 @@ def simulate(
     heat_maps: PictureFolder = None,
     jobs: Jobs = 2,
     parts: Parts = 1,
+    version: ShowVersion = False,  # noqa: ARG001 - its callback has printed it
 ) -> None:
     """Simulate a plant with the real order service and robots that only exist here, in accelerated time."""
     begun = perf_counter()

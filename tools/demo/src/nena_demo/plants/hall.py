@@ -43,6 +43,8 @@ SPEED_MM_S, SPUR_SPEED_MM_S = 2000, 1000
 AISLE_SPACING, HEIGHT, SPUR = 6, 16, 2
 """m"""
 FEWEST_AISLES = 6
+AISLES_PER_DOCK = 6
+"""One in so many aisles is for goods in, and one for goods out."""
 ROBOTS_PER_CHARGER = 6
 VEHICLE_BOX = BoundingBox(length_mm=700, width_mm=500, height_mm=400)
 POINT_BOX = BoundingBox(length_mm=1200, width_mm=900, height_mm=2000)
@@ -153,10 +155,11 @@ class _Sketch:
             self._line(upwards if aisle % 2 else upwards[::-1])
 
     def draw_stations(self) -> None:
-        """Draw goods in on both sides of the first aisle, goods out at the last one, storage elsewhere."""
+        """Draw goods in on both sides of the first aisles, goods out at the last ones, storage between."""
+        ends = self.aisles // AISLES_PER_DOCK
         for aisle in range(self.aisles):
-            at_end = aisle in (0, self.aisles - 1)
-            kind = ("Goods in" if aisle == 0 else "Goods out") if at_end else "Storage"
+            at_end = not ends <= aisle < self.aisles - ends
+            kind = ("Goods in" if aisle < ends else "Goods out") if at_end else "Storage"
             for half, y in (("south", HEIGHT // 4), ("north", HEIGHT * 3 // 4)):
                 for side in (SPUR, -SPUR) if at_end else (SPUR,):
                     number = sum(each.name.startswith(kind) for each in self.locations) + 1
