@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 from typer.testing import CliRunner
@@ -13,8 +13,10 @@ from typer.testing import CliRunner
 from nena_cli import orders, zones
 from nena_cli.options import Format
 from nena_cli.tables import vehicles_table
-from nena_client import Client, Event
+from nena_client import Client, Event, RefusedError
+from nena_shared.fleet_api.operations import SHOW_VEHICLE, Operation
 from nena_shared.fleet_api.requests import TransportOrderPage
+from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
 
@@ -77,3 +79,25 @@ def test_orders_are_listed_by_local_time_of_creation(monkeypatch: pytest.MonkeyP
     since, until = (datetime.fromisoformat(queries[0][name]) for name in ("since", "until"))
     assert since == datetime.fromisoformat("2026-01-01T08:00").astimezone()
     assert until == datetime.fromisoformat("2026-01-02T00:00").astimezone()
+
+
+def test_options_of_the_order_are_refused_beside_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "order.json"
+    file.write_text('{"destinations": [{"locationName": "Storage"}]}')
+    command = ["create", "--file", str(file), "--key", "k", "--after", "T-1", "--type", "Transport"]
+    done = CliRunner().invoke(orders.app, command, env={"COLUMNS": "250"})
+    assert done.exit_code == 2
+    assert "set --type, --after, --key there instead" in done.output
+
+
+def test_watching_orders_of_an_unknown_vehicle_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    unknown = Problem(title="Not Found", status=404, detail="Unknown vehicle 'V9'.")
+
+    def call(_: Client, operation: Operation[Any], name: str = "", **_more: Any) -> NoReturn:
+        assert (operation, name) == (SHOW_VEHICLE, "V9")
+        raise RefusedError(unknown)
+
+    monkeypatch.setattr(Client, "call", call)
+    done = CliRunner().invoke(orders.app, ["watch", "--vehicle", "V9"])
+    assert done.exit_code == 1
+    assert "Unknown vehicle 'V9'" in done.stderr

@@ -112,6 +112,17 @@ def test_order_may_come_from_a_file(asked: list[tuple[str, str, Any]], tmp_path:
     assert (asked[0][2]["transportOrder"], asked[0][2]["enabled"]) == (TEMPLATE, False)
 
 
+def test_options_of_the_order_are_refused_beside_a_file(
+    asked: list[tuple[str, str, Any]], tmp_path: Path
+) -> None:
+    file = tmp_path / "order.json"
+    file.write_text(json.dumps(TEMPLATE))
+    command = ["put", "milk-run", "30 6 * * *", "--file", str(file), "--priority", "5", "--vehicle", "V1"]
+    result = CliRunner().invoke(schedules.app, command, env={"COLUMNS": "250"})
+    assert (result.exit_code, asked) == (2, [])
+    assert "set --vehicle, --priority there instead" in result.output
+
+
 @pytest.mark.parametrize("more", [[], ["Storage", "--file", "order.json"]])
 def test_order_comes_from_stops_or_a_file(
     asked: list[tuple[str, str, Any]], more: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

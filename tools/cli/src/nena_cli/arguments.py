@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from pydantic import ValidationError
@@ -14,6 +15,7 @@ from nena_shared.fleet_api.transport_order import (
     Destination,
     FailureStep,
     Property,
+    TransportOrderRequest,
 )
 from nena_shared.vda5050.malformed import problems_of
 
@@ -82,6 +84,28 @@ def parse_measure(text: str) -> FailureStep:
     except ValidationError as error:
         message = f"Invalid measure {text!r}: {'; '.join(problems_of(error))}"
         raise typer.BadParameter(message) from error
+
+
+OPTION_NAMES: Final = {
+    "intended_vehicle": "--vehicle",
+    "dependencies": "--after",
+    "wrapping_sequence": "--sequence",
+    "properties": "--property",
+    "idempotency_key": "--key",
+}
+"""Options of fields of an order, where they have another name."""
+
+
+def refuse_beside_file(fields: Mapping[str, object]) -> None:
+    """Raise typer.BadParameter if an option sets a field of an order that a file contains."""
+    given = [
+        OPTION_NAMES.get(name, f"--{name.replace('_', '-')}")
+        for name, value in fields.items()
+        if value != TransportOrderRequest.model_fields[name].get_default(call_default_factory=True)
+    ]
+    if given:
+        message = f"--file contains the whole order: set {', '.join(given)} there instead"
+        raise typer.BadParameter(message)
 
 
 Stops = Annotated[

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from nena_cli import arguments as option
 from nena_cli import tables
-from nena_cli.arguments import parse_measure, parse_property, parse_stop
+from nena_cli.arguments import parse_measure, parse_property, parse_stop, refuse_beside_file
 from nena_cli.options import Format, group
 from nena_cli.order_files import read_orders
 from nena_cli.output import REFUSED, echo, fail, print_objects
@@ -251,6 +251,8 @@ def watch_(
         if name is not None:
             _watch_one(service, connection, name)
             return
+        if vehicle is not None:
+            connection.call(SHOW_VEHICLE, vehicle)  # an unknown one is an error
         query = {"kind": "transportOrder", **({"vehicle": vehicle} if vehicle else {})}
         for _ in watch(connection, _board(), query, service.output):
             pass
@@ -322,6 +324,8 @@ def _request(file: typer.FileBinaryRead | None, **fields: object) -> TransportOr
     if (file is None) == (not fields["destinations"]):
         message = "Specify stops or --file"
         raise typer.BadParameter(message)
+    if file:
+        refuse_beside_file({name: value for name, value in fields.items() if name != "destinations"})
     try:
         if file:
             return TransportOrderRequest.model_validate_json(file.read(), by_alias=True, by_name=False)

@@ -8,11 +8,12 @@ from typing import Annotated
 
 import typer
 from pydantic import JsonValue
+from pydantic.alias_generators import to_camel
 from pydantic_core import from_json
 
 from nena_cli import arguments as option
 from nena_cli import tables
-from nena_cli.arguments import parse_stop
+from nena_cli.arguments import parse_stop, refuse_beside_file
 from nena_cli.options import group
 from nena_cli.output import fail
 from nena_cli.service import Service, of_service
@@ -81,7 +82,7 @@ def put(
     timeout: option.Timeout = None,
 ) -> None:
     """Create a schedule, or replace its definition."""
-    given = {"intendedVehicle": vehicle, "priority": priority, "type": kind, "timeout": timeout}
+    given = {"intended_vehicle": vehicle, "priority": priority, "type": kind, "timeout": timeout}
     body: dict[str, JsonValue] = {
         "transportOrder": _template(stops or (), file, given),
         "cron": cron,
@@ -133,7 +134,9 @@ def _template(
         places: list[JsonValue] = [
             parse_stop(each).model_dump(by_alias=True, exclude_unset=True) for each in stops
         ]
-        return {"destinations": places, **{name: value for name, value in given.items() if value is not None}}
+        fields = {to_camel(name): value for name, value in given.items() if value is not None}
+        return {"destinations": places, **fields}
+    refuse_beside_file(given)
     try:
         order: JsonValue = from_json(file.read(), allow_inf_nan=False)
     except ValueError as error:
