@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import httpx
 import psutil
@@ -76,71 +78,79 @@ def test_signal_ends_every_process_and_removes_every_file(
     assert list(tmp_path.iterdir()) == []
 
 
+@dataclass
+class Viewer:
+    """A person who watches a demo and presses keys."""
+
+    demo: subprocess.Popen[str]
+    lines: list[str] = field(default_factory=list)
+    rest: str = ""
+    """URL of the order service."""
+
+    def read_until(self, text: str) -> str:
+        assert self.demo.stdout
+        for line in self.demo.stdout:
+            self.lines.append(line)
+            if text in line:
+                return line
+        raise AssertionError("".join(self.lines))
+
+    def press(self, key: str, text: str) -> str:
+        assert self.demo.stdin
+        self.demo.stdin.write(key)
+        self.demo.stdin.flush()
+        return self.read_until(text)
+
+    def get(self, path: str) -> Any:
+        return httpx.get(f"{self.rest}/v1/{path}").json()
+
+    def locked(self) -> int:
+        return sum(path["locked"] for path in self.get("paths")["paths"])
+
+    def is_stopped(self, vehicle: str) -> bool:
+        return "mergency" in self.get(f"vehicles/{vehicle}")["reason"]
+
+    def service_is_ready(self) -> bool:
+        try:
+            return httpx.get(f"{self.rest}/readyz").is_success
+        except httpx.HTTPError:
+            return False
+
+
 def test_guided_tour_does_what_each_key_says_and_the_hall_works_on(
     running_demo: subprocess.Popen[str], tmp_path: Path
 ) -> None:
-    lines: list[str] = []
-
-    def read_until(text: str) -> str:
-        assert running_demo.stdout
-        for line in running_demo.stdout:
-            lines.append(line)
-            if text in line:
-                return line
-        raise AssertionError("".join(lines))
-
-    def press(keys: str, text: str) -> str:
-        assert running_demo.stdin
-        running_demo.stdin.write(keys)
-        running_demo.stdin.flush()
-        return read_until(text)
-
-    rest = read_until("order service at").split(" at ")[1].strip().removesuffix("/docs")
-
-    def locked() -> int:
-        return sum(path["locked"] for path in httpx.get(f"{rest}/v1/paths").json()["paths"])
-
-    read_until("q  stop everything")
-    assert not any("OFFLINE" in line or "navigationNotAvailable" in line for line in lines)
-    press("b", "blocked:")
-    assert locked() == 1
-    press("k", "AMR-3 is back")
-    stopped = press("e", "emergency stop of").split()[6]
-    wait_until(lambda: "mergency" in vehicle(rest, stopped)["reason"], what="the emergency stop shows")
-    press("e", "released")
-    wait_until(lambda: "mergency" not in vehicle(rest, stopped)["reason"], what="its end shows")
-    press("o", "order service stopped")
+    viewer = Viewer(running_demo)
+    viewer.rest = viewer.read_until("order service at").split(" at ")[1].strip().removesuffix("/docs")
+    viewer.read_until("q  stop everything")
+    assert not any("OFFLINE" in line or "navigationNotAvailable" in line for line in viewer.lines)
+    viewer.press("b", "blocked:")
+    assert viewer.locked() == 1
+    viewer.press("k", "AMR-3 is back")
+    stopped = viewer.press("e", "emergency stop of").split()[6]
+    wait_until(lambda: viewer.is_stopped(stopped), what="the emergency stop shows")
+    viewer.press("e", "released")
+    wait_until(lambda: not viewer.is_stopped(stopped), what="its end shows")
+    viewer.press("o", "order service stopped")
     with pytest.raises(httpx.ConnectError):
-        locked()
-    press("o", "order service is started again")
-    wait_until(lambda: ready(rest), what="the order service is back")
-    assert locked() == 1
-    press("b", "open again")
-    assert locked() == 0
-    robots = len(httpx.get(f"{rest}/v1/vehicles").json()["vehicles"])
-    assert f"load peak: {3 * robots} orders" in press("p", "load peak")
-    press("r", "#/history")
-    while " 0 finished" in read_until(" finished, 0 failed"):
+        viewer.locked()
+    viewer.press("o", "order service is started again")
+    wait_until(viewer.service_is_ready, what="the order service is back")
+    assert viewer.locked() == 1
+    viewer.press("b", "open again")
+    assert viewer.locked() == 0
+    robots = len(viewer.get("vehicles")["vehicles"])
+    assert f"load peak: {3 * robots} orders" in viewer.press("p", "load peak")
+    viewer.press("r", "#/history")
+    while " 0 finished" in viewer.read_until(" finished, 0 failed"):
         continue
     children = psutil.Process(running_demo.pid).children(recursive=True)
-    press("q", "stopping everything")
+    viewer.press("q", "stopping everything")
 
     assert running_demo.wait(PATIENCE) == 0
-    assert not any("FAILED" in line for line in lines)
+    assert not any("FAILED" in line for line in viewer.lines)
     wait_until(lambda: not any(_lives(child) for child in children), what="end of all children")
     assert list(tmp_path.iterdir()) == []
-
-
-def vehicle(rest: str, name: str) -> dict[str, str]:
-    status: dict[str, str] = httpx.get(f"{rest}/v1/vehicles/{name}").json()
-    return status
-
-
-def ready(rest: str) -> bool:
-    try:
-        return httpx.get(f"{rest}/readyz").is_success
-    except httpx.HTTPError:
-        return False
 
 
 def test_children_end_when_the_demo_is_killed(running_demo: subprocess.Popen[str]) -> None:

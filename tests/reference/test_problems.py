@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from nena_shared.fleet_api.refusals import MalformedRequest, Refusal
+from nena_status_aggregator.api.problem_types import Rejection
 from reference.problems import DOCUMENT, document
 
 
@@ -12,5 +13,5 @@ def test_document_is_up_to_date() -> None:
 
 
 def test_each_type_is_described() -> None:
-    for each in (*MalformedRequest, *Refusal):
+    for each in (*MalformedRequest, *Refusal, *Rejection):
         assert f"| `{each.uri}` | {int(each.status)} |" in document()

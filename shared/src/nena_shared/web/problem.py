@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from html import escape
 from http import HTTPStatus
 from types import MappingProxyType
 from typing import Any
 
 from fastapi import FastAPI
 from pydantic.json_schema import models_json_schema
-from starlette.responses import Response
+from starlette.responses import HTMLResponse, Response
 
+from nena_shared.fleet_api.refusals import ProblemType
 from nena_shared.fleet_api.transport_order import Problem
 
 MEDIA_TYPE = "application/problem+json"
@@ -31,9 +33,25 @@ def refusal(
     detail: str,
     headers: Mapping[str, str] | None = None,
     errors: tuple[str, ...] = (),
+    *,
+    kind: ProblemType | None = None,
 ) -> Response:
-    """Return an error response; ``detail`` explains what to do."""
-    return answer(Problem(title=status.phrase, status=status, detail=detail, errors=errors), headers)
+    """Return an error response; ``detail`` explains what to do. Without a kind, the status says all."""
+    problem = Problem(title=status.phrase, status=status, detail=detail, errors=errors)
+    if kind is not None:
+        problem = problem.model_copy(update={"type": kind.uri})
+    return answer(problem, headers)
+
+
+def problem_page(kind: ProblemType, api: str) -> HTMLResponse:
+    """Return a page about a type of problem; ``api`` is the path of the API's description."""
+    return HTMLResponse(
+        '<!doctype html>\n<html lang="en"><meta charset="utf-8">'
+        f"<title>{escape(kind.meaning)}</title><h1>{escape(kind.meaning)}</h1>"
+        f"<p>HTTP status {int(kind.status)}, {kind.status.phrase}. Problem type <code>{kind.uri}</code>.</p>"
+        f"<h2>What to do</h2><p>{escape(kind.remedy.replace('`', ''))}</p>"
+        f'<p><a href="..{api}">REST API</a></p></html>\n'
+    )
 
 
 REFERENCES = "#/components/schemas/{model}"

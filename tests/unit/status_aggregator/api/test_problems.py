@@ -6,6 +6,7 @@ import httpx
 import pytest
 
 from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.api.problem_types import DESCRIBED, Rejection
 from nena_status_aggregator.api.problems import ProblemError, as_json, found
 
 
@@ -45,17 +46,45 @@ async def test_internal_error_is_a_problem_without_details(
 
 
 def test_found_value_is_returned_even_if_empty() -> None:
-    assert found([], "nothing") == []
-    assert found(0, "nothing") == 0
+    assert found([], Rejection.NO_MAP, "nothing") == []
+    assert found(0, Rejection.NO_MAP, "nothing") == 0
 
 
 def test_missing_resource_is_a_problem_with_advice() -> None:
     with pytest.raises(ProblemError, match="Start one") as caught:
-        found(None, "Start one.")
-    assert caught.value.status == 404
+        found(None, Rejection.NO_MAP, "Start one.")
+    assert caught.value.kind is Rejection.NO_MAP
 
 
 def test_views_are_serialised_unchanged() -> None:
     answer = as_json({"stateAge": None, "robots": ("ä",)})
     assert answer.headers["content-type"] == "application/json"
     assert json.loads(bytes(answer.body)) == {"stateAge": None, "robots": ["ä"]}
+
+
+@pytest.mark.parametrize(
+    ("path", "kind"),
+    [
+        ("/api/v1/plant", "no-plant-model"),
+        ("/api/v1/robots/ACME/none", "unknown-robot"),
+        ("/api/v1/nothing", "unknown-resource"),
+        ("/api/v1/events?after=" + "x" * 101, "invalid-request"),
+        ("/api/v1/control/v1/vehicles", "commands-disabled"),
+        ("/readyz", "not-ready"),
+    ],
+)
+async def test_problem_has_a_stable_type_with_a_page(client: httpx.AsyncClient, path: str, kind: str) -> None:
+    answer = await client.get(path)
+    assert answer.json()["type"] == f"/problems/{kind}"
+    assert answer.status_code == DESCRIBED[answer.json()["type"]].status
+
+    page = await client.get(answer.json()["type"])
+    assert page.status_code == 200
+    assert DESCRIBED[answer.json()["type"]].meaning in page.text
+
+
+async def test_pages_also_describe_the_problems_that_the_order_service_answers(
+    client: httpx.AsyncClient,
+) -> None:
+    assert "Unknown transport order." in (await client.get("/problems/unknown-order")).text
+    assert (await client.get("/problems/none")).status_code == 404

@@ -6,7 +6,6 @@ contain nothing of the site and need no login. The description needs one: the pa
 
 from __future__ import annotations
 
-from html import escape
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ from starlette.responses import HTMLResponse, Response
 from starlette.routing import Mount
 from starlette.staticfiles import StaticFiles
 
-from nena_shared.fleet_api.refusals import PROBLEMS, TYPES, ProblemType
+from nena_shared.fleet_api.refusals import PROBLEMS, TYPES
+from nena_shared.web.problem import problem_page
 
 DOCS, REDOC = "/docs", "/redoc"
 FILES = f"{DOCS}/files"
@@ -81,19 +81,9 @@ def documentation() -> APIRouter:
         found = TYPES.get(f"{PROBLEMS}/{kind}")
         if found is None:
             raise HTTPException(HTTPStatus.NOT_FOUND)
-        return HTMLResponse(_problem_page(found))
+        return problem_page(found, DOCS)
 
     return router
-
-
-def _problem_page(kind: ProblemType) -> str:
-    return (
-        '<!doctype html>\n<html lang="en"><meta charset="utf-8">'
-        f"<title>{escape(kind.meaning)}</title><h1>{escape(kind.meaning)}</h1>"
-        f"<p>HTTP status {int(kind.status)}, {kind.status.phrase}. Problem type <code>{kind.uri}</code>.</p>"
-        f"<h2>What to do</h2><p>{escape(kind.remedy.replace('`', ''))}</p>"
-        f'<p><a href="..{DOCS}">REST API</a></p></html>\n'
-    )
 
 
 def _page(script: str, show: str) -> Response:

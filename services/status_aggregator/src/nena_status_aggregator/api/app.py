@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from http import HTTPStatus
 from importlib.metadata import version
 from pathlib import Path
 
@@ -26,12 +25,14 @@ from nena_status_aggregator.api import (
     fleet,
     history,
     oidc,
+    problem_types,
     problems,
     recordings,
     reports,
     session,
 )
 from nena_status_aggregator.api.oidc import sign_in_of
+from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.api.session import make_rule
 from nena_status_aggregator.metrics.exposition import DISTRIBUTION, Exposition
@@ -85,12 +86,12 @@ def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRou
             detail = (
                 "Not connected to the MQTT broker. Check that it is running, and --mqtt.host and --mqtt.port."
             )
-            raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+            raise ProblemError(Rejection.NOT_READY, detail)
         if refused := aggregator.link.mqtt.state.refused:
             detail = (
                 f"The MQTT broker refused the subscription to {', '.join(refused)}; check its access list."
             )
-            raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+            raise ProblemError(Rejection.NOT_READY, detail)
         return {"status": "ready"}
 
     @router.get(METRICS, response_class=PlainTextResponse)
@@ -152,6 +153,7 @@ def make_app(
     app.include_router(reports.make_router(aggregator.history, aggregator.clock))
     app.include_router(control.make_router(order_service or OrderServiceSettings()))
     app.include_router(events.make_router(aggregator.events))
+    app.include_router(problem_types.make_router())
     app.include_router(make_health_router(aggregator, Exposition(aggregator)))
     describe_problems(app)
     app.mount("/", PanelFiles(directory=PANEL, html=True), name="panel")

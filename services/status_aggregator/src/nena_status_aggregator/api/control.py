@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 import ssl
-from http import HTTPStatus
 from typing import Annotated
 from urllib.parse import SplitResult, unquote, urlsplit
 
@@ -19,6 +18,7 @@ from typing_extensions import TypedDict
 
 from nena_shared.log import get_logger
 from nena_shared.web.access import token_of
+from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.settings import OrderServiceSettings
 
@@ -59,7 +59,7 @@ class OrderServiceClient:
             log.warning("order service not reachable", method=method, path=path, reason=reason)
             detail = f"No answer from the order service ({reason}). Check that it is running and that "
             detail += "--order_service.url is correct. Check the order list before retrying."
-            raise ProblemError(HTTPStatus.BAD_GATEWAY, detail) from error
+            raise ProblemError(Rejection.ORDER_SERVICE_UNREACHABLE, detail) from error
         if method != "GET":
             log.info("command forwarded", method=method, path=path, status=answer.status_code)
         return Response(answer.content, answer.status_code, media_type=answer.headers.get("content-type"))
@@ -100,7 +100,7 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
         """Forward a request to the order service's `/v1`; see its API."""
         if client is None:
             detail = "Commands are disabled. Set --order_service.url, e.g. to http://127.0.0.1:55200."
-            raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+            raise ProblemError(Rejection.COMMANDS_DISABLED, detail)
         path = resource_of(request)
         body = await _body(request) if request.method in ("POST", "PUT") else None
         token = token_of(request.headers, cookies=True)
@@ -122,11 +122,13 @@ def check_origin(request: Request, trusted_hosts: tuple[str, ...]) -> None:
     host = request.headers.get("host", "")
     if _parts(f"//{host}").hostname not in trusted_hosts:
         detail = f"{host!r} is not a trusted host name of this service; see --order_service.trusted_hosts."
-        raise ProblemError(HTTPStatus.FORBIDDEN, detail)
+        raise ProblemError(Rejection.UNTRUSTED_PAGE, detail)
     origin = request.headers.get("origin")
     site = request.headers.get("sec-fetch-site", "same-origin")
     if (origin is not None and _parts(origin).netloc != host) or site not in ("same-origin", "none"):
-        raise ProblemError(HTTPStatus.FORBIDDEN, "Commands are accepted from this service's own page only.")
+        raise ProblemError(
+            Rejection.UNTRUSTED_PAGE, "Commands are accepted from this service's own page only."
+        )
 
 
 def _parts(address: str) -> SplitResult:
@@ -150,18 +152,18 @@ def resource_of(request: Request) -> str:
     allowed = CHANGES if request.method == "PUT" else RESOURCES
     if dots or not allowed.fullmatch(path):
         detail = f"No command at {request.url.path}; see /api/v1/openapi.json."
-        raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+        raise ProblemError(Rejection.UNKNOWN_COMMAND, detail)
     return path
 
 
 async def _body(request: Request) -> bytes:
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
         detail = "Send commands as JSON, with Content-Type: application/json."
-        raise ProblemError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, detail)
+        raise ProblemError(Rejection.COMMAND_NOT_JSON, detail)
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
         if len(body) > BODY_LIMIT:
             detail = f"Command exceeds {BODY_LIMIT} bytes."
-            raise ProblemError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)
+            raise ProblemError(Rejection.COMMAND_TOO_LONG, detail)
     return bytes(body)

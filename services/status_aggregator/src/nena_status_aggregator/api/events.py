@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import AsyncGenerator, Awaitable, Callable
-from http import HTTPStatus
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Query
 from starlette.responses import StreamingResponse
 
+from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.web.server_sent_events import HEADERS, EventRing
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.settings import EventSettings
@@ -112,7 +112,7 @@ def make_router(stream: EventStream) -> APIRouter:
         """
         if stream.full:
             detail = "Too many event stream clients. Increase --events.clients or try again later."
-            raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+            raise ProblemError(Refusal.TOO_MANY_CLIENTS, detail)
         return StreamingResponse(
             stream.follow(last_event_id or after), media_type="text/event-stream", headers=HEADERS
         )

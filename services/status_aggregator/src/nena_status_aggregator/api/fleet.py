@@ -9,6 +9,7 @@ from nena_shared.clock import iso
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.encoding import encode, encode_list
+from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import as_json, found
 from nena_status_aggregator.fleet.view_builder import view_known_actions
 from nena_status_aggregator.fleet.views import (
@@ -48,14 +49,16 @@ def make_robots_router(aggregator: Aggregator) -> APIRouter:
         aggregator.publish_changes()
         view = model.robot_view(RobotKey(manufacturer, serial))
         missing = f"Unknown robot {manufacturer}/{serial}; /api/v1/fleet lists all known robots."
-        return as_json(with_age(aggregator, found(view, missing)))
+        return as_json(with_age(aggregator, found(view, Rejection.UNKNOWN_ROBOT, missing)))
 
     @router.get("/actions", responses={200: {"model": list[KnownActionView]}})
     async def actions(manufacturer: str, serial: str) -> Response:
         """Return the actions of a robot's factsheet, with their parameters."""
         known = model.robots.get(RobotKey(manufacturer, serial))
         missing = f"No factsheet received from {manufacturer}/{serial}; request it with factsheetRequest."
-        return as_json(view_known_actions(found(known.factsheet if known else None, missing)))
+        return as_json(
+            view_known_actions(found(known.factsheet if known else None, Rejection.NO_FACTSHEET, missing))
+        )
 
     @router.get("/map", response_class=Response)
     async def robot_map(manufacturer: str, serial: str) -> Response:
@@ -64,7 +67,7 @@ def make_robots_router(aggregator: Aggregator) -> APIRouter:
         missing = (
             f"No map received from {manufacturer}/{serial}; NeNa's edge agent publishes the map of its Nav2."
         )
-        image = found(known.map if known else None, missing).png
+        image = found(known.map if known else None, Rejection.NO_MAP, missing).png
         return Response(image, media_type="image/png", headers={"cache-control": "no-cache"})
 
     return router
@@ -122,6 +125,8 @@ def make_router(aggregator: Aggregator) -> APIRouter:
         missing = (
             "No plant model received. Start the order service with one, on the same broker and topic prefix."
         )
-        return Response(found(model.plant, missing).to_json(), media_type="application/json")
+        return Response(
+            found(model.plant, Rejection.NO_PLANT_MODEL, missing).to_json(), media_type="application/json"
+        )
 
     return router

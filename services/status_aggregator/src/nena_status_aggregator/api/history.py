@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from datetime import datetime
-from http import HTTPStatus
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query
@@ -13,6 +12,7 @@ from starlette.responses import StreamingResponse
 from typing_extensions import TypedDict
 
 from nena_shared.clock import in_utc
+from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.fleet.events import Code
 from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter
@@ -101,14 +101,14 @@ def kept(history: History | None) -> History:
     """Return the history; raise a 404 problem if it is disabled."""
     if history is None:
         detail = "The history is disabled. Set --history.url, e.g. to sqlite:///nena-history.db."
-        raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+        raise ProblemError(Rejection.HISTORY_DISABLED, detail)
     return history
 
 
 def away() -> ProblemError:
     """Return the problem that the database is unavailable."""
     detail = "History database unavailable; see the log of the status aggregator. Try again later."
-    return ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+    return ProblemError(Rejection.HISTORY_UNAVAILABLE, detail)
 
 
 async def _file(

@@ -25,6 +25,7 @@ from nena_shared.log import get_logger
 from nena_shared.rate_limit import RateLimit
 from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.settings import protected_url
+from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.api.session import SIGN_IN, TOKEN_LIMIT, keep
 from nena_status_aggregator.settings import PanelOidcSettings
@@ -265,7 +266,7 @@ def _add_steps(router: APIRouter, sign_in: SignIn, clock: Clock) -> None:
         asker = request.client.host if request.client else "unknown"
         if limit.wait(asker, clock.monotonic()):
             raise ProblemError(
-                HTTPStatus.TOO_MANY_REQUESTS, "Too many sign-in requests. Try again in a moment."
+                Rejection.TOO_MANY_SIGN_INS, "Too many sign-in requests. Try again in a moment."
             )
 
     @router.get("/start")

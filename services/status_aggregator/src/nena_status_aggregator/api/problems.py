@@ -11,6 +11,7 @@ from pydantic_core import to_json
 from starlette.exceptions import HTTPException
 
 from nena_shared.findings import FINDINGS_SHOWN, in_words
+from nena_shared.fleet_api.refusals import MalformedRequest, ProblemType
 from nena_shared.log import get_logger
 from nena_shared.web.problem import refusal
 
@@ -20,9 +21,9 @@ log = get_logger(__name__)
 class ProblemError(Exception):
     """A request failed; ``detail`` explains why and what to do."""
 
-    def __init__(self, status: HTTPStatus, detail: str) -> None:
+    def __init__(self, kind: ProblemType, detail: str) -> None:
         super().__init__(detail)
-        self.status = status
+        self.kind = kind
         self.detail = detail
 
 
@@ -30,22 +31,25 @@ def install(app: FastAPI) -> None:
     """Make ``app`` answer every error with problem details."""
 
     async def on_problem(_request: Request, error: ProblemError) -> Response:
-        return refusal(error.status, error.detail)
+        return refusal(error.kind.status, error.detail, kind=error.kind)
 
     async def on_http_error(request: Request, error: HTTPException) -> Response:
-        detail = str(error.detail)
-        if error.status_code == HTTPStatus.NOT_FOUND:
+        status, kind, detail = HTTPStatus(error.status_code), None, str(error.detail)
+        if status is HTTPStatus.NOT_FOUND:
+            kind = MalformedRequest.UNKNOWN_RESOURCE
             detail = f"No resource at {request.url.path}; see /api/v1/openapi.json."
-        return refusal(HTTPStatus(error.status_code), detail, error.headers)
+        return refusal(status, detail, error.headers, kind=kind)
 
     async def on_invalid(_request: Request, error: RequestValidationError) -> Response:
         errors = tuple(in_words(error.errors(), whole="request", most=FINDINGS_SHOWN))
-        return refusal(HTTPStatus.UNPROCESSABLE_ENTITY, "Invalid request; see errors.", errors=errors)
+        kind = MalformedRequest.INVALID_REQUEST
+        return refusal(kind.status, "Invalid request; see errors.", errors=errors, kind=kind)
 
     async def on_failure(request: Request, error: Exception) -> Response:
         log.error("request failed", path=request.url.path, exc_info=error)
         detail = "Internal error; see the log of the status aggregator."
-        return refusal(HTTPStatus.INTERNAL_SERVER_ERROR, detail)
+        kind = MalformedRequest.INTERNAL_ERROR
+        return refusal(kind.status, detail, kind=kind)
 
     app.exception_handler(ProblemError)(on_problem)
     app.exception_handler(HTTPException)(on_http_error)
@@ -56,10 +60,10 @@ def install(app: FastAPI) -> None:
 T = TypeVar("T")
 
 
-def found(thing: T | None, detail: str) -> T:
-    """Return ``thing``; raise a 404 problem with ``detail`` if it is None."""
+def found(thing: T | None, kind: ProblemType, detail: str) -> T:
+    """Return ``thing``; raise a problem of this kind with ``detail`` if it is None."""
     if thing is None:
-        raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+        raise ProblemError(kind, detail)
     return thing
 
 

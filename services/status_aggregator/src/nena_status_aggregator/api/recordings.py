@@ -12,6 +12,7 @@ from typing_extensions import TypedDict
 
 from nena_shared.clock import iso
 from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import found
 from nena_status_aggregator.recordings.store import RecordingStore
 
@@ -38,7 +39,7 @@ def make_router(store: RecordingStore | None) -> APIRouter:
         ] = None,
     ) -> list[RecordingView]:
         """Return the recordings of all robots or of one, newest first."""
-        stored = await asyncio.to_thread(found(store, DISABLED).recordings)
+        stored = await asyncio.to_thread(found(store, Rejection.RECORDINGS_DISABLED, DISABLED).recordings)
         return [
             {
                 "robot": str(each.robot),
@@ -54,10 +55,14 @@ def make_router(store: RecordingStore | None) -> APIRouter:
     async def recording(manufacturer: str, serial: str, name: str) -> FileResponse:
         """Return a file: MCAP, which Foxglove opens, or the text of a log report."""
         robot = RobotKey(manufacturer, serial)
-        path = await asyncio.to_thread(found(store, DISABLED).find, robot, name)
+        path = await asyncio.to_thread(
+            found(store, Rejection.RECORDINGS_DISABLED, DISABLED).find, robot, name
+        )
         missing = f"No recording {name} of {robot}; /api/v1/recordings lists all. The oldest are removed."
         is_text = name.endswith(".log")
         media_type = "text/plain; charset=utf-8" if is_text else "application/octet-stream"
-        return FileResponse(found(path, missing), media_type=media_type, filename=name)
+        return FileResponse(
+            found(path, Rejection.UNKNOWN_RECORDING, missing), media_type=media_type, filename=name
+        )
 
     return router

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
-from http import HTTPStatus
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query
@@ -11,6 +10,7 @@ from starlette.responses import Response
 
 from nena_shared.clock import Clock, iso
 from nena_status_aggregator.api.history import Moment, away, kept
+from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError, as_json
 from nena_status_aggregator.history.history import History, HistoryUnavailableError, TooManyReportsError
 from nena_status_aggregator.history.report import Report, report_csv
@@ -59,10 +59,10 @@ async def _computed(history: History | None, chosen: tuple[datetime, datetime]) 
         raise away() from error
     except TooManyEntriesError as error:
         detail = f"The range has more than {ENTRIES_LIMIT} entries; request a shorter range."
-        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, detail) from error
+        raise ProblemError(Rejection.TOO_MANY_ENTRIES, detail) from error
     except TooManyReportsError as error:
         detail = "Too many reports are being computed; try again later."
-        raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
+        raise ProblemError(Rejection.TOO_MANY_REPORTS, detail) from error
 
 
 def _range(since: datetime | None, until: datetime | None, now: datetime) -> tuple[datetime, datetime]:
@@ -76,14 +76,14 @@ def _range(since: datetime | None, until: datetime | None, now: datetime) -> tup
     try:
         begin = since or end - DEFAULT_RANGE
     except OverflowError as error:
-        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, f"until ({iso(end)}) is too early.") from error
+        raise ProblemError(Rejection.INVALID_RANGE, f"until ({iso(end)}) is too early.") from error
     if until is not None and begin >= until:
         detail = f"since ({iso(begin)}) must be before until ({iso(until)})."
-        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, detail)
+        raise ProblemError(Rejection.INVALID_RANGE, detail)
     if begin >= end:
         detail = f"since ({iso(begin)}) must be before the current time ({iso(now)})."
-        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, detail)
+        raise ProblemError(Rejection.INVALID_RANGE, detail)
     if end - begin > LONGEST_RANGE:
         detail = f"The range from {iso(begin)} to {iso(end)} is longer than {LONGEST_RANGE.days} days."
-        raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, detail)
+        raise ProblemError(Rejection.INVALID_RANGE, detail)
     return begin, end

@@ -15,6 +15,7 @@ from nena_shared.fleet_api.base import Role
 from nena_shared.web.access import COOKIE, KnownUser, RoleNeeded, token_of
 from nena_shared.web.metrics import METRICS
 from nena_shared.web.settings import HttpSettings
+from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError
 
 API = "/api/"
@@ -66,7 +67,7 @@ def make_router() -> APIRouter:
         token = token_of(request.headers, cookies=True)
         if len(token) > TOKEN_LIMIT:
             detail = f"Token of {len(token)} characters is too long for a cookie; the limit is {TOKEN_LIMIT}."
-            raise ProblemError(HTTPStatus.BAD_REQUEST, detail)
+            raise ProblemError(Rejection.TOKEN_TOO_LONG, detail)
         keep(response, token, secure=request.url.scheme == "https")
         return _of(request)
 
