@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from nena_cli.narrow import is_too_wide, print_narrow
 from nena_cli.options import Format
 
 M = TypeVar("M", bound=BaseModel)
@@ -67,10 +68,15 @@ def print_object(output: Format, body: BaseModel) -> None:
 
 
 def print_table(what: Table, *, wide: bool = False) -> None:
-    """Print a table; into a pipe its rows with tabs between the values, unless it is ``wide``."""
+    """Print a table; into a pipe its rows with tabs between the values, unless it is ``wide``.
+
+    In a terminal that is too narrow for it, long values go below their row.
+    """
     console = Console()
     if wide:
         Console(width=UNLIMITED).print(what, soft_wrap=True)
+    elif console.is_terminal and is_too_wide(what, console.width):
+        print_narrow(console, what)
     elif console.is_terminal:
         console.print(what)
     else:

@@ -1,0 +1,68 @@
+"""Tables in a terminal of 80 columns."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from nena_cli import output, tables
+from nena_cli.narrow import is_too_wide, print_narrow
+from support.fleet_examples import order_status, vehicle_status
+
+REASON = "vehicle AMR-1 travels to destination 2 of 2, but it waits for AMR-5, which passes 'Middle 5' first"
+
+
+def shown(table: Table, width: int = 80) -> list[str]:
+    console = Console(width=width, file=io.StringIO(), force_terminal=True, color_system=None)
+    print_narrow(console, table)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue().splitlines()
+
+
+def test_names_stay_whole_and_reasons_go_below_their_row() -> None:
+    vehicles = [
+        vehicle_status(name=name, transport_order="Transport-c0b7-12", reason=REASON)
+        for name in ("AMR-1", "AMR-10")
+    ]
+    lines = shown(tables.vehicles_table(vehicles))
+
+    assert max(map(len, lines)) <= 80
+    assert [line.split()[0] for line in lines if not line.startswith(" ")] == ["vehicle", "AMR-1", "AMR-10"]
+    assert " ".join("\n".join(lines).split()).count(f"reason: {REASON}") == 2
+    assert "…" not in "".join(lines)
+
+
+def test_orders_fit_with_all_their_values() -> None:
+    lines = shown(tables.orders_table([order_status("Transport-c0b7-12")]))
+
+    assert max(map(len, lines)) <= 80
+    assert lines[1].startswith("Transport-c0b7-12  BEING_PROCESSED")
+    assert "  destinations: Goods in: Load > Packing: Unload" in lines
+
+
+def test_empty_values_take_no_line_and_a_name_is_never_broken() -> None:
+    table = Table("name", "why", title="Things")
+    table.add_row("n" * 30, Text(""))
+    table.add_row("m", "two words here")
+
+    assert shown(table, 20) == ["Things", "name", "n" * 30, "m", "  why: two words", "  here"]
+
+
+def test_a_table_that_fits_keeps_its_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    table = Table("name", "why")
+    table.add_row("T-1", "because")
+    assert not is_too_wide(table, 21)
+    assert is_too_wide(table, 16)
+    assert not is_too_wide(Table.grid(), 1)
+
+    file = io.StringIO()
+    for width in (40, 15):
+        console = Console(width=width, file=file, force_terminal=True, color_system=None)
+        monkeypatch.setattr(output, "Console", lambda given=console: given)
+        output.print_table(table)
+    assert file.getvalue().count("┃ name") == 1
+    assert file.getvalue().endswith("name  why\nT-1   because\n")

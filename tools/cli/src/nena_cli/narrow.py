@@ -1,0 +1,69 @@
+"""Tables that are wider than the terminal: long values go below their row, so that names stay whole."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rich.cells import cell_len
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+GAP: Final = 2
+"""Columns between two values, and before a value below its row."""
+FRAME: Final = 3
+"""Columns that a framed table needs for each of its columns."""
+
+
+def is_too_wide(table: Table, width: int) -> bool:
+    """Return whether a table with a header would have to break its values to fit."""
+    return table.show_header and sum(_widths(table)) + FRAME * len(table.columns) + 1 > width
+
+
+def print_narrow(console: Console, table: Table) -> None:
+    """Print a table without a frame; its widest columns, but never the first, below each row."""
+    widths = _widths(table)
+    below: set[int] = set()
+    while _total(widths, below) > console.width and len(below) < len(widths) - 1:
+        below.add(max(set(range(1, len(widths))) - below, key=widths.__getitem__))
+    beside = [each for each in range(len(widths)) if each not in below]
+    if table.title:
+        console.print(Text(str(table.title), style="italic"))
+    _print_row(
+        console, [Text(str(table.columns[each].header), style="bold") for each in beside], widths, beside
+    )
+    for row in zip(*(column.cells for column in table.columns), strict=True):
+        cells = [each.copy() if isinstance(each, Text) else Text(str(each)) for each in row]
+        _print_row(console, [cells[each] for each in beside], widths, beside)
+        for each in sorted(below):
+            if cells[each].plain:
+                name = Text(f"{table.columns[each].header}: ", style="dim")
+                for line in name.append_text(cells[each]).wrap(console, console.width - GAP):
+                    line.rstrip()
+                    console.print(Text(" " * GAP).append_text(line), soft_wrap=True)
+
+
+def _total(widths: list[int], below: set[int]) -> int:
+    beside = [width for each, width in enumerate(widths) if each not in below]
+    return sum(beside) + GAP * (len(beside) - 1)
+
+
+def _widths(table: Table) -> list[int]:
+    """Return the width of each column if no value is broken."""
+    return [
+        max(map(cell_len, (str(column.header), *(line for cell in column.cells for line in _lines(cell)))))
+        for column in table.columns
+    ]
+
+
+def _lines(cell: object) -> list[str]:
+    return (cell.plain if isinstance(cell, Text) else str(cell)).splitlines()
+
+
+def _print_row(console: Console, cells: list[Text], widths: list[int], columns: list[int]) -> None:
+    line = Text()
+    for cell, column in zip(cells, columns, strict=True):
+        line.append_text(cell)
+        line.append(" " * (widths[column] - cell.cell_len + GAP))
+    line.rstrip()
+    console.print(line, soft_wrap=True)
