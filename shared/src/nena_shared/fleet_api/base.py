@@ -9,6 +9,7 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
 from pydantic.alias_generators import to_camel
 
+from nena_shared import model_building
 from nena_shared.clock import in_utc, iso
 
 
@@ -32,7 +33,7 @@ class CamelCase(BaseModel):
         validate_by_name=True,
         validate_by_alias=True,
         allow_inf_nan=False,
-        defer_build=True,  # nena needs few of all models
+        defer_build=model_building.deferred,
     )
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Final
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.alias_generators import to_camel
 
+from nena_shared import model_building
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.geometry import normalized
 from nena_shared.plant_terms import ExecutionTrigger, PointType
@@ -23,7 +24,7 @@ class PlantRecord(BaseModel):
         populate_by_name=True,
         extra="ignore",
         allow_inf_nan=False,
-        defer_build=True,
+        defer_build=model_building.deferred,
     )
 
 

@@ -69,7 +69,7 @@ def test_views_are_serialised_unchanged() -> None:
         ("/api/v1/robots/ACME/none", "unknown-robot"),
         ("/api/v1/nothing", "unknown-resource"),
         ("/api/v1/events?after=" + "x" * 101, "invalid-request"),
-        ("/api/v1/control/v1/vehicles", "commands-disabled"),
+        ("/api/v1/control/vehicles", "untrusted-page"),
         ("/readyz", "not-ready"),
     ],
 )

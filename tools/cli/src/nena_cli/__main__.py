@@ -44,6 +44,9 @@ class Command:
 
     def load(self) -> Any:  # noqa: ANN401 - Typer's own copy of click has no public types
         """Import the module and return the command."""
+        from nena_shared import model_building  # noqa: PLC0415 - help needs nothing of it
+
+        model_building.deferred = True
         found = getattr(import_module(self.module), self.name)
         gc.freeze()
         gc.enable()  # for commands that run for days, such as watch
