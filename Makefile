@@ -99,12 +99,13 @@ docs: $(VENV)/docs/.set-up ## build the docs as a site with search into build/do
 	NO_MKDOCS_2_WARNING=1 $(VENV)/docs/bin/mkdocs build --strict # not --quiet, which hides warnings from --strict
 	@echo "To read it: python -m http.server --directory build/docs --bind 127.0.0.1 8000"
 
-reference: $(STAMP) ## regenerate docs/configuration.md, docs/metrics.md, docs/compatibility.md, docs/opentcs-web-api.md and docs/problems.md
+reference: $(STAMP) ## regenerate docs/configuration.md, docs/metrics.md, docs/compatibility.md, docs/opentcs-web-api.md, docs/problems.md and docs/mqtt-api.md
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 	PYTHONPATH=tests $(BIN)/python -m reference.metrics
 	PYTHONPATH=tests $(BIN)/python -m reference.compatibility
 	PYTHONPATH=tests $(BIN)/python -m reference.opentcs_web_api
 	PYTHONPATH=tests $(BIN)/python -m reference.problems
+	PYTHONPATH=tests $(BIN)/python -m reference.mqtt_api
 
 soak: soak-site soak-pauses soak-nemesis soak-cores ## soak-site, soak-pauses, soak-nemesis, then soak-cores
 
