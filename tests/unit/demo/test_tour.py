@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import json
 import sys
@@ -14,8 +15,9 @@ import httpx
 import pytest
 
 from nena_demo import processes as processes_module
+from nena_demo import tour as tour_module
 from nena_demo.hall_stack import HallStack
-from nena_demo.host import Host
+from nena_demo.host import Host, JobFailedError
 from nena_demo.plants.hall import BLOCKED_AISLE, make_hall
 from nena_demo.processes import Child, Processes
 from nena_demo.session import ProgressPrinter
@@ -171,6 +173,20 @@ async def test_batteries_range_from_nearly_empty_to_full(scene: Scene) -> None:
     scene.tour.spread_charges()
 
     assert [command["stateOfCharge"] for _, command in scene.commands] == [24, 100]
+
+
+async def test_hall_whose_robots_do_not_come_is_reported(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def too_late(*_: object) -> None:
+        raise TimeoutError
+
+    scene.vehicle("AMR-1", connection="UNKNOWN", reason="never connected")
+    monkeypatch.setattr(scene.tour.host, "wait_for", too_late)
+    with pytest.raises(JobFailedError, match=r"not all robots became ready .*AMR-1: UNKNOWN never connected"):
+        await tour_module.guide(
+            scene.tour, scene.running, ProgressPrinter(scene.output), asyncio.Queue[str]()
+        )
 
 
 async def test_ended_process_is_started_again_and_the_user_told(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from nena_demo.stack import Options
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
 from nena_shared.mqtt import Outbound
-from nena_shared.tasks import end
+from nena_shared.tasks import Supervisor, end
 
 QUIT: Final = "q"
 NOT_KNOWN: Final = "UNKNOWN"
@@ -211,7 +211,7 @@ async def run_tour(folder: Path, options: Options, progress: ProgressPrinter, so
             for name, work in (
                 ("host link", tour.host.link.run()),
                 ("processes", processes.keep_running(progress.line)),
-                ("tour", _guide(tour, running, progress, keys)),
+                ("tour", guide(tour, running, progress, keys)),
             )
         ]
         cleanup.push_async_callback(end, *tasks)
@@ -221,23 +221,21 @@ async def run_tour(folder: Path, options: Options, progress: ProgressPrinter, so
         progress.line("stopping everything")
 
 
-async def _guide(tour: Tour, running: HallStack, progress: ProgressPrinter, keys: asyncio.Queue[str]) -> None:
+async def guide(tour: Tour, running: HallStack, progress: ProgressPrinter, keys: asyncio.Queue[str]) -> None:
     """Start the orders, and follow the keys until q."""
-    async with asyncio.TaskGroup() as group:
+    async with Supervisor() as supervisor:
         await _wait_until(tour.host, lambda: any(map(_is_ready, tour.host.vehicles.values())))
         tour.spread_charges()
-        feed = group.create_task(tour.feed.run(), name="orders")
+        supervisor.start("orders", tour.feed.run(), vital=False)
         robots = len(running.hall.starts)
         await _wait_until(tour.host, lambda: sum(map(_is_ready, tour.host.vehicles.values())) == robots)
         progress.line(f"all {robots} robots are ready")
         progress.line(f"control panel at {running.panel_url}/")
         progress.line(f"order service at {running.rest_url}/docs")
         tour.introduce()
-        reports = group.create_task(_report(tour, progress), name="status")
+        supervisor.start("status", _report(tour, progress), vital=False)
         while (key := await keys.get()) != QUIT:
             await tour.press(key)
-        feed.cancel()
-        reports.cancel()
 
 
 async def _report(tour: Tour, progress: ProgressPrinter) -> None:
