@@ -111,18 +111,27 @@ class PeripheralList(Resource):
 
 
 class PeripheralJobsQuery(Request):
-    """Filter for peripheral jobs."""
+    """Filter and page of peripheral jobs."""
 
     location: ObjectName | None = None
     vehicle: ObjectName | None = None
     transport_order: OrderName | None = None
     state: Annotated[tuple[PeripheralJobState, ...], Field(max_length=4)] | None = None
+    since: Moment | None = None
+    """Only jobs created at this time or later."""
+    until: Moment | None = None
+    """Only jobs created before this time."""
+    limit: Annotated[int, Field(ge=1, le=10_000)] = 10_000
+    after: ObjectName | None = None
+    """Value of ``next`` of the previous page."""
 
 
 class PeripheralJobList(Resource):
-    """The unfinished peripheral jobs and the last ended ones, newest first."""
+    """A page of the unfinished peripheral jobs and the last ended ones, newest first."""
 
     peripheral_jobs: tuple[PeripheralJobStatus, ...]
+    next: str | None = None
+    """Value of ``after`` for the next page; None: this is the last one."""
 
 
 class DeviceRequest(Resource):

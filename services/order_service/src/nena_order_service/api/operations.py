@@ -362,7 +362,12 @@ class HostOperations:
 
     @_does(table.LIST_JOBS)
     async def _list_jobs(self, call: Call[PeripheralJobsQuery]) -> Reply:
-        return Reply(PeripheralJobList(peripheral_jobs=self._peripherals.jobs(call.request)))
+        query = call.request
+        found = self._peripherals.jobs(query)
+        page = found[: query.limit]
+        return Reply(
+            PeripheralJobList(peripheral_jobs=page, next=page[-1].name if len(found) > query.limit else None)
+        )
 
     @_does(table.SHOW_JOB)
     async def _show_job(self, call: Call[None]) -> Reply:

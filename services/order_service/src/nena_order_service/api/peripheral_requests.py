@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import dropwhile, islice
+
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.peripherals import JOB_PREFIX
 from nena_order_service.errors import (
@@ -40,10 +42,15 @@ class PeripheralRequests:
         return self._peripherals.status(location)
 
     def jobs(self, query: PeripheralJobsQuery) -> tuple[PeripheralJobStatus, ...]:
-        """Return the jobs that fit the query, the newest first."""
-        return tuple(
-            self._peripherals.job_status(job) for job in self._jobs.all_visible() if _fits(job, query)
-        )
+        """Return the jobs that fit the query, the newest first; one more than its limit if there are more.
+
+        Without the job that ``after`` names, because it is too old by now, the page is empty.
+        """
+        jobs = iter(self._jobs.all_visible())
+        if query.after is not None:
+            jobs = islice(dropwhile(lambda job: job.status.name != query.after, jobs), 1, None)
+        fitting = (job for job in jobs if _fits(job, query))
+        return tuple(map(self._peripherals.job_status, islice(fitting, query.limit + 1)))
 
     def job(self, name: str) -> PeripheralJobStatus:
         """Return a job; raises UnknownPeripheralJobError."""
@@ -106,4 +113,6 @@ def _fits(job: PeripheralJob, query: PeripheralJobsQuery) -> bool:
         and query.vehicle in (None, status.related_vehicle)
         and query.transport_order in (None, status.related_transport_order)
         and (query.state is None or status.state in query.state)
+        and (query.since is None or status.created >= query.since)
+        and (query.until is None or status.created < query.until)
     )
