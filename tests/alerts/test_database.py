@@ -131,6 +131,23 @@ async def test_standby_and_no_leader(tmp_path: Path, own_postgres: Postgres) -> 
         await watch.finds(no_leader(site, own_postgres), {"NenaNoLeader": 1}, severity="critical")
 
 
+@asynccontextmanager
+async def database_killed(site: PairedSite, postgres: Postgres) -> AsyncIterator[None]:
+    """Kill the database, and start it again at the end; end with a leader and a standby."""
+    postgres.stop()
+    yield
+    postgres.start()
+    await site.complete()
+
+
+async def test_killed_database(tmp_path: Path, own_postgres: Postgres) -> None:
+    site = PairedSite(tmp_path, Layout(loopback=2, singles=1, store_url=own_postgres.url))
+    async with watched(site) as watch:
+        await watch.finds(
+            database_killed(site, own_postgres), {"NenaStoreNotWritten": 2}, severity="critical"
+        )
+
+
 async def test_hanging_database(tmp_path: Path, own_postgres: Postgres) -> None:
     site = PairedSite(tmp_path, Layout(loopback=2, singles=1, store_url=own_postgres.url))
     async with watched(site) as watch:

@@ -17,6 +17,7 @@ from faults.site import Layout
 from support.order_service_fleet import order_in
 from support.pausing import time_passes
 from support.shifted_clock import ShiftedClock
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.long, pytest.mark.timeout(1200)]
 
@@ -24,7 +25,10 @@ ABSENT = "single-2"
 """A vehicle of the plant model that never connects."""
 QUEUE = ("loop-2", "loop-3", "loop-4", "loop-5")
 """More robots than `jam.robots`."""
+SHORT_QUEUE = QUEUE[:2]
+"""No more robots than `jam.robots`."""
 LONG_WAIT = timedelta(minutes=31)
+LONG_QUEUE_TIME = timedelta(minutes=16)
 PACE = 0.5
 """Seconds between messages."""
 
@@ -60,6 +64,25 @@ async def queue_behind_stopped_robot(
     site.control("loop-1", "acknowledgeEmergencyStop")
     for each in robots:
         await order_in(site.orders, f"{name}-{each}", "FINISHED")
+
+
+@asynccontextmanager
+async def long_wait_in_a_short_queue(site: WatchedSite, clock: ShiftedClock) -> AsyncIterator[None]:
+    """Let two robots wait behind a stopped one, and a quarter of an hour pass."""
+    async with queue_behind_stopped_robot(site, SHORT_QUEUE, "wait"):
+        for each in SHORT_QUEUE:
+            await vehicle_waits(site, each)
+        clock.jump_to(LONG_QUEUE_TIME)
+        yield
+
+
+async def vehicle_waits(site: WatchedSite, name: str) -> None:
+    """Wait until a vehicle waits for another one."""
+
+    async def wait() -> object:
+        return (await site.orders.get(f"/v1/vehicles/{name}")).json()["wait"]
+
+    await awaited(wait, bool, seconds=PATIENCE, what=f"{name} waits")
 
 
 @asynccontextmanager
@@ -118,6 +141,16 @@ async def test_jam_has_one_alert_that_names_its_head(tmp_path: Path) -> None:
         jam = queue_behind_stopped_robot(site, QUEUE, "jam")
         alerts = await watch.finds(jam, {"NenaRobotStands": 1, "NenaJam": 1})
         assert [each["head"] for each in alerts if each["alertname"] == "NenaJam"] == ["loop-1"]
+
+
+async def test_robots_that_wait_long_without_a_jam(tmp_path: Path) -> None:
+    clock = ShiftedClock(tmp_path)
+    layout = Layout(singles=1, robots_in=clock.environment, services_in=clock.environment)
+    site = WatchedSite(tmp_path, layout)
+    async with watched(site) as watch:
+        await watch.finds(
+            long_wait_in_a_short_queue(site, clock), {"NenaRobotStands": 1, "NenaRobotsWaitLong": 1}
+        )
 
 
 async def test_messages_that_break_the_standard(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -10,9 +11,15 @@ from typing import Any
 
 import pytest
 
-from alerts.watched import SINGLE, WatchedSite, watched
+from alerts.watched import SINGLE, Watch, WatchedSite, watched
 from faults.site import SHORT_KEEP_ALIVE, Layout
+from nena_shared.tasks import end
 from support.network import Line, line
+from support.pausing import time_passes
+from support.prometheus import eventually
+
+STOLEN, LEFT = 1.5, 1.0
+"""Seconds without and with CPU."""
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.long, pytest.mark.timeout(1200)]
 
@@ -65,6 +72,43 @@ async def test_killed_and_suspended_programs(tmp_path: Path) -> None:
         )
         await watch.finds(suspended(site, "order-service"), {"NenaOrderServiceDown": 1})
         await watch.finds(broker_killed(site), {"NenaBrokerLinkLost": 2})
+
+
+@asynccontextmanager
+async def slowed_down(site: WatchedSite, name: str) -> AsyncIterator[None]:
+    """Let a program get no CPU for more than a second, again and again."""
+    process = site.programs[name].process
+
+    async def pulse() -> None:
+        while True:
+            process.send_signal(signal.SIGSTOP)
+            await time_passes(STOLEN)
+            process.send_signal(signal.SIGCONT)
+            await time_passes(LEFT)
+
+    pulsing = asyncio.create_task(pulse())
+    try:
+        yield
+    finally:
+        await end(pulsing)
+        process.send_signal(signal.SIGCONT)
+
+
+async def test_slow_program(tmp_path: Path) -> None:
+    site = WatchedSite(tmp_path, Layout(loopback=2, singles=1))
+    async with watched(site, unhurried="none") as watch:
+        await calm(watch)
+        await watch.finds(
+            slowed_down(site, "order-service"),
+            {"NenaProgramSlow": 1},
+            job="nena-order-service",
+        )
+
+
+async def calm(watch: Watch) -> None:
+    """Wait until no program remembers a delay from its start."""
+    calm = "count(nena_event_loop_lag_seconds > 1) or vector(0)"
+    await eventually(lambda: watch.prometheus.query(f"({calm}) == 0"), calm)
 
 
 class RemoteSite(WatchedSite):

@@ -17,7 +17,7 @@ from faults.site import Layout, Site
 from support.alertmanager import Alertmanager, Labels, Notice
 from support.broker import free_port
 from support.programs import Program
-from support.prometheus import Prometheus, eventually
+from support.prometheus import UNHURRIED, Prometheus, eventually
 from support.reference import PROJECT
 from support.waiting import PATIENCE, awaited
 
@@ -190,13 +190,20 @@ class Watch:
 
 
 @asynccontextmanager
-async def watched(site: WatchedSite) -> AsyncIterator[Watch]:
-    """Start a site, and what watches it; all programs respond when the block begins."""
+async def watched(site: WatchedSite, *, unhurried: str = UNHURRIED) -> AsyncIterator[Watch]:
+    """Start a site, and what watches it; all programs respond when the block begins.
+
+    ``unhurried``: the alert that keeps its duration.
+    """
     try:
         await site.start()
         with Alertmanager(site.folder) as alertmanager:
             async with Prometheus(
-                site.folder, site.aggregator_address, alertmanager=alertmanager.address, **site.targets()
+                site.folder,
+                site.aggregator_address,
+                alertmanager=alertmanager.address,
+                unhurried=unhurried,
+                **site.targets(),
             ) as prometheus:
                 watch = Watch(prometheus, alertmanager)
                 all_up = "count(up == 1) == count(up)"

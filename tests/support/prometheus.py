@@ -35,7 +35,7 @@ LONGEST_FOR = 8
 UNITS = {"s": 1, "m": 60, "h": 3600}
 DURATION = re.compile(r"(?P<before>\bfor: |\[|\boffset )(?P<number>\d+)(?P<unit>[smh])")
 UNHURRIED = "NenaProgramSlow"
-"""Its metric covers the last minute, so that a shorter `for` finds single hiccups."""
+"""Its metric covers the last minute: a shorter `for` finds single hiccups, so only its own test uses one."""
 
 
 async def eventually(ask: Callable[[], Awaitable[T]], what: str) -> T:
@@ -51,14 +51,15 @@ def program(name: str) -> str:
     return path
 
 
-def hurried(rules: str) -> str:
+def hurried(rules: str, unhurried: str = UNHURRIED) -> str:
     """Return rules that find a fault within seconds, with the same expressions.
 
     ``for`` is at most :data:`LONGEST_FOR`, and windows have a second for each minute, so that alerts also end
     within seconds. As before, no window is longer than the ``for`` of a rule that relies on that.
     """
     groups = re.split(r"(?m)^(?=      - (?:alert|record): )", rules)
-    return "".join(each if f"alert: {UNHURRIED}" in each else DURATION.sub(_hurry, each) for each in groups)
+    kept = f"alert: {unhurried}\n"
+    return "".join(each if kept in each else DURATION.sub(_hurry, each) for each in groups)
 
 
 def _hurry(found: re.Match[str]) -> str:
@@ -97,10 +98,11 @@ class Prometheus:
         order_services: Sequence[str] = (),
         agents: Sequence[str] = (),
         alertmanager: str = "",
+        unhurried: str = UNHURRIED,
     ) -> None:
         """Start with these targets (host and port), and its files in ``folder``.
 
-        With an ``alertmanager`` the rules are :func:`hurried`.
+        With an ``alertmanager`` the rules are :func:`hurried`, except that of ``unhurried``.
         """
         text = (CONFIGURATION / "prometheus.yml").read_text(encoding="utf-8").replace("15s", "1s")
         text = text.replace('"127.0.0.1:8080"', _listed(aggregators))
@@ -110,7 +112,7 @@ class Prometheus:
             text = _uncommented(text, "- job_name: nena-edge-agent", agents)
         if alertmanager:
             text = _uncommented(text, "alerting:", (alertmanager,))
-            rules = _hurried_rules(folder)
+            rules = _hurried_rules(folder, unhurried)
         text = text.replace("rules/*.yml", f"{rules}/*.yml")
         (folder / "prometheus.yml").write_text(text, encoding="utf-8")
         port = free_port()
@@ -169,9 +171,9 @@ def _uncommented(text: str, first: str, targets: Sequence[str]) -> str:
     return f"{before}{block}{_listed(targets)}]{rest}"
 
 
-def _hurried_rules(folder: Path) -> Path:
+def _hurried_rules(folder: Path, unhurried: str) -> Path:
     made = folder / "rules"
     made.mkdir()
     for file in (CONFIGURATION / "rules").glob("*.yml"):
-        (made / file.name).write_text(hurried(file.read_text(encoding="utf-8")), encoding="utf-8")
+        (made / file.name).write_text(hurried(file.read_text(encoding="utf-8"), unhurried), encoding="utf-8")
     return made
