@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import io
 import json
+import random
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from mcap.reader import make_reader
 
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
+from nena_shared.black_box.transfer import CHUNK_SIZE
 from nena_shared.settings import LogSettings
+from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, MqttPeer
 from support.edge_agent import (
     MANUFACTURER,
     QUICK,
     SERIAL,
+    AgentProcess,
     FleetControl,
     agent_settings,
     running_agent,
@@ -26,7 +31,7 @@ from support.edge_agent import (
 )
 from support.robot_core import action, order
 from support.served_aggregator import Served, serving
-from support.waiting import PATIENCE, awaited
+from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
@@ -123,3 +128,58 @@ async def test_requested_recordings_and_log_reports_arrive_also_at_a_late_aggreg
             assert by_topic(await content(served, await arrived(served, "-request.mcap")))
             report = await content(served, await arrived(served, ".log"))
     assert report.startswith(b"log report: it hums\n")
+
+
+BIG = "20260102T030405.678Z-error.mcap"
+CHUNKS = 12
+RATE = 100_000
+"""Bytes per second: a chunk takes a third of a second."""
+
+
+def received_bytes(folder: Path) -> int:
+    """Return how much of an unfinished file the aggregator has."""
+    return sum(each.stat().st_size for each in folder.rglob("*.part"))
+
+
+async def at_least(folder: Path, chunks: int) -> None:
+    """Wait until the aggregator has so many chunks, and not yet all."""
+    await until(lambda: received_bytes(folder) >= chunks * CHUNK_SIZE)
+    assert received_bytes(folder) < CHUNKS * CHUNK_SIZE
+
+
+async def test_a_transfer_survives_the_death_of_either_side(
+    broker: Broker, interface_name: str, tmp_path: Path
+) -> None:
+    content = random.Random(1).randbytes(CHUNKS * CHUNK_SIZE)
+    outgoing, received = tmp_path / "outgoing", tmp_path / "received"
+    waiting = outgoing / f"{MANUFACTURER}%2F{SERIAL}" / BIG
+    waiting.parent.mkdir(parents=True)
+    waiting.write_bytes(content)
+    topics = ("--interface_name", interface_name, "--topic_prefix", f"{interface_name}/nena")
+    options = (
+        *("--mqtt.port", str(broker.port), "--mqtt.reconnect_max", "0.2", "--history.url", "none", *topics),
+        *("--http.port", "0", "--recordings.folder", str(received)),
+    )
+    sender = ("--upload.enabled", "--upload.folder", str(outgoing), "--upload.rate", str(RATE))
+    with AgentProcess(broker, interface_name, tmp_path / "journal", *sender) as agent:
+        with AggregatorProcess(*options) as first:
+            await at_least(received, 2)
+            agent.kill()
+            agent.restart()
+            await at_least(received, 4)
+            first.process.kill()
+        before = received_bytes(received)
+        with AggregatorProcess(*options) as second:
+            async with httpx.AsyncClient(base_url=await second.url()) as client:
+
+                async def listed() -> Any:
+                    return (await client.get("/api/v1/recordings")).json()
+
+                (found,) = await awaited(listed, bool, seconds=PATIENCE, what="the whole file")
+                path = f"/api/v1/recordings/{ROBOT}/{BIG}"
+                assert (await client.get(path)).content == content
+            await until((waiting.parent / "sent" / BIG).is_file)
+            assert [each.name for each in received.rglob("*") if each.is_file()] == [BIG]
+            assert len(second.events("recording received")) == 1
+    assert (found["robot"], found["size"]) == (ROBOT, len(content))
+    assert before >= 4 * CHUNK_SIZE

@@ -75,6 +75,7 @@ BODIES: dict[str, dict[str, Any]] = {
     "completeOrderSequence": {"orderSequence": "S-1", "version": 1},
     "summary": {},
     "trafficPlan": {},
+    "fetchRecording": {},
     "points": {"limit": 5, "after": "A", "vehicle": "V-1"},
     "point": {"point": "A"},
     "locations": {"limit": 5, "type": "shelf", "operation": "Load"},

@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 from nena_cli import recordings
 from nena_client import Client
 from nena_shared.fleet_api.operations import Operation
+from nena_shared.fleet_api.recordings import RecordingAnswer
 from nena_shared.fleet_api.requests import InstantActionAnswer
 from nena_shared.vda5050.action import ActionStatus
 
@@ -96,3 +97,18 @@ def test_a_recording_is_requested_by_an_instant_action(monkeypatch: pytest.Monke
     assert result.exit_code == 0, result.output
     assert NAME in result.output
     assert asked == [("instantAction", "Robot-01", {"actionType": "nena:fetchRecording", "parameters": []})]
+
+
+def test_without_a_vehicle_the_order_service_records(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def call(_: Client, operation: Operation[Any]) -> RecordingAnswer:
+        asked.append(operation.name)
+        return RecordingAnswer(robot="nena/order-service", name=NAME, sent=True)
+
+    monkeypatch.setattr(Client, "call", call)
+    result = run("request")
+
+    assert result.exit_code == 0, result.output
+    assert result.output.split("\t") == ["nena/order-service", NAME, "yes\n"]
+    assert asked == ["fetchRecording"]

@@ -21,8 +21,8 @@ from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
 from nena_edge_agent.actions.settings import AnyOperation
 from nena_edge_agent.agent import Equipment, RobotAgent
-from nena_edge_agent.black_box.action import FetchRecording
-from nena_edge_agent.black_box.ros_topics import RosTopicRecorder
+from nena_edge_agent.black_box.box import FetchRecording
+from nena_edge_agent.black_box.ros import RosTopicRecorder
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
@@ -36,6 +36,7 @@ from nena_edge_agent.nav2.offers import LOAD_MAP, NO_OFFERS, interface, nav2_off
 from nena_edge_agent.nav2_maps import map_store
 from nena_edge_agent.recorder import RobotRecorder, make_recorder
 from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.black_box.counts import RecordingCounts
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
@@ -92,7 +93,8 @@ async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> Non
         for recorder in recorders.values():
             recorder.start(supervisor)
         if settings.metrics.port:
-            _serve_metrics(settings, agents, clock, supervisor, traces)
+            recordings = [each.counts for each in recorders.values() if each.counts]
+            _serve_metrics(settings, agents, clock, supervisor, traces=traces, recordings=recordings)
         if settings.driver == "loopback" and settings.loopback.control:
             topics = topics_for(settings.version, settings.interface_name)
             api = ControlApi(settings.mqtt, topics.interface_name, controls)
@@ -116,7 +118,9 @@ def _serve_metrics(
     agents: Mapping[RobotKey, RobotAgent],
     clock: Clock,
     supervisor: Supervisor,
+    *,
     traces: Exporting | None = None,
+    recordings: Sequence[RecordingCounts] = (),
 ) -> None:
     """Serve the metrics of all robots.
 
@@ -132,7 +136,7 @@ def _serve_metrics(
     journal = settings.journal.folder.expanduser() if settings.journal.enabled else None
     supervisor.start("loop lag", lag.run())
     certificates = Certificates(mqtt=settings.mqtt.tls.certificate)
-    program = Program(agents, clock, lag, journal, certificates, traces)
+    program = Program(agents, clock, lag, journal, certificates, traces, recordings)
     server = MetricsServer(settings.metrics, program)
     supervisor.start("metrics", forever("metrics", server.run, pause=METRICS_PAUSE), vital=False)
 

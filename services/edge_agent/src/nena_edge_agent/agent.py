@@ -14,7 +14,7 @@ from structlog.contextvars import bind_contextvars
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import ActionRunner
-from nena_edge_agent.black_box.box import BlackBox
+from nena_edge_agent.black_box.box import RobotBlackBox
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
@@ -126,7 +126,7 @@ class Equipment:
     offers: Nav2Offers = NO_OFFERS
     export: Export | None = None
     """Takes the spans of traces; None: no traces."""
-    black_box: BlackBox | None = None
+    black_box: RobotBlackBox | None = None
 
 
 @dataclass(frozen=True, slots=True)

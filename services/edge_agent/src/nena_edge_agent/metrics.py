@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -16,11 +16,21 @@ from typing import Any, Final
 from nena_edge_agent.agent import AgentSnapshot, RobotAgent
 from nena_edge_agent.driver.port import DriveFailure, SessionState
 from nena_edge_agent.settings import MetricsSettings
+from nena_shared.black_box.counts import RecordingCounts
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
-from nena_shared.metrics import Exposition, Metric, MetricKind, Section, certificate_metric, counter, gauge
+from nena_shared.metrics import (
+    Exposition,
+    Metric,
+    MetricKind,
+    Section,
+    certificate_metric,
+    counter,
+    gauge,
+    recording_metrics,
+)
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
 from nena_shared.tracing import SPANS_HELP, Exporting
@@ -50,6 +60,8 @@ class Program:
     """The folder of the journal."""
     certificates: Certificates = field(default_factory=Certificates)
     traces: Exporting | None = None
+    recordings: Sequence[RecordingCounts] = ()
+    """Of each robot that makes any."""
     snapshots: Mapping[RobotKey, AgentSnapshot] = field(default_factory=dict)
     disk_free: float | None = None
     """Bytes left for the journal."""
@@ -110,6 +122,10 @@ def _pose_age(program: Program, snapshot: AgentSnapshot) -> float | None:
 
 def _journal_works(program: Program, snapshot: AgentSnapshot) -> bool | None:
     return None if program.journal is None else not snapshot.journal_problem
+
+
+def _recordings(program: Program) -> RecordingCounts | None:
+    return RecordingCounts.total(program.recordings) if program.recordings else None
 
 
 def _link(read: Callable[[LinkState], float]) -> Read:
@@ -223,6 +239,7 @@ DISK: Final[Section[Program]] = Section(
         counter(
             "nena_trace_spans_total", SPANS_HELP, lambda s: s.traces.outcomes if s.traces else None, "outcome"
         ),
+        *recording_metrics(_recordings),
     ),
 )
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import quote
 
 from nena_edge_agent.actions.builtin import Send
-from nena_edge_agent.black_box.box import BlackBox, Outgoing, RecordedLink, check_library
+from nena_edge_agent.black_box.box import RecordedLink, RobotBlackBox
 from nena_edge_agent.journal import Journal
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.black_box.folder import OutgoingFolder
-from nena_shared.black_box.uploader import Uploader, UploadTopics
+from nena_shared.black_box.box import outgoing_of
+from nena_shared.black_box.counts import RecordingCounts
+from nena_shared.black_box.uploader import Uploader
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import LinkHooks, MqttLink
-from nena_shared.settings import ConfigurationError, MqttSettings
+from nena_shared.settings import MqttSettings
 from nena_shared.tasks import Supervisor, forever
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import topics_for
@@ -27,10 +27,12 @@ class RobotRecorder:
     """What records one robot and sends its files; both may be off."""
 
     robot: RobotKey
-    box: BlackBox | None
+    box: RobotBlackBox | None
     uploader: Uploader | None
     send: Send | None
     """Sends a log report; None: it stays on the robot."""
+    counts: RecordingCounts | None
+    """What happened to its files; None: it makes none."""
     vda_topics: str
     """Prefix of the robot's VDA 5050 topics."""
 
@@ -65,21 +67,11 @@ def make_recorder(settings: EdgeAgentSettings, robot: RobotKey, clock: Clock) ->
     Raises:
         ConfigurationError: the extra ``blackbox`` is not installed, or there is no home directory.
     """
-    outgoing = settings.upload
-    try:
-        place = outgoing.folder.expanduser() / quote(str(robot), safe=" :").replace(".", "%2E")
-    except RuntimeError as error:
-        raise ConfigurationError([f"upload.folder: {error}"]) from error
-    folder = OutgoingFolder(place, keep=outgoing.keep, keep_bytes=outgoing.keep_bytes)
-    uploader = None
-    if outgoing.enabled:
-        fleet = FleetTopics(settings.topic_prefix)
-        topics = UploadTopics(fleet.recording_chunks(robot), fleet.recording_answers(robot))
-        uploader = Uploader(folder, topics, rate=outgoing.rate)
-    files = Outgoing(folder, uploader)
-    box = None
-    if settings.black_box.enabled:
-        check_library()
-        box = BlackBox(robot, settings.black_box, files, clock)
+    outgoing = outgoing_of(settings.upload, robot, FleetTopics(settings.topic_prefix))
+    recorded = settings.black_box
+    box = RobotBlackBox(robot, recorded, outgoing, clock) if recorded.enabled else None
     vda = topics_for(settings.version, settings.interface_name).of(robot, Topic.STATE)
-    return RobotRecorder(robot, box, uploader, files.add if uploader else None, vda.removesuffix(Topic.STATE))
+    uploader = outgoing.uploader
+    send = outgoing.add if uploader else None
+    counts = outgoing.counts if box or uploader else None
+    return RobotRecorder(robot, box, uploader, send, counts, vda.removesuffix(Topic.STATE))

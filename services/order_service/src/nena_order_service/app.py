@@ -7,17 +7,18 @@ import gc
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
-from nena_order_service.api.metrics import DISTRIBUTION
+from nena_order_service.api.decisions import make_black_box
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
 from nena_order_service.fleet.leader import LeaderElection
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import OrderService, ServiceRunner, build
-from nena_order_service.settings import OrderServiceSettings
+from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.lead import Lead
 from nena_order_service.store.leadership import begin_epoch, store_id
 from nena_order_service.store.schema import is_shared, open_database
 from nena_order_service.store.store import Store
+from nena_shared.clock import SystemClock
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Term, always
 from nena_shared.plant import PlantModel
@@ -182,6 +183,8 @@ def _runner(
     answers: Mapping[int, int],
     traces: Exporting | None,
 ) -> ServiceRunner:
+    black_box = make_black_box(settings, SystemClock())
+
     def make(model: PlantModel) -> OrderService:
         return build(
             settings,
@@ -193,6 +196,7 @@ def _runner(
             elected=election.won,
             answers=answers,
             traces=traces,
+            black_box=black_box,
         )
 
     runner = ServiceRunner(plant, store, supervisor, make=make)

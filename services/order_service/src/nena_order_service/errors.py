@@ -334,3 +334,21 @@ class TooManySchedulesError(RefusedError):
 
     def __init__(self, limit: int) -> None:
         super().__init__(f"There are {limit} schedules already. Delete one of them first.")
+
+
+class NoBlackBoxError(RefusedError):
+    """The black box is disabled, so nothing has been recorded."""
+
+    refusal = Refusal.NO_BLACK_BOX
+
+    def __init__(self) -> None:
+        super().__init__("The order service records nothing. Set black_box.enabled, and restart it.")
+
+
+class RecordingNotWrittenError(RefusedError):
+    """The disk did not take a recording."""
+
+    refusal = Refusal.RECORDING_NOT_WRITTEN
+
+    def __init__(self, error: OSError) -> None:
+        super().__init__(f"The recording was not written: {error}. Check the disk and upload.folder.")

@@ -21,6 +21,7 @@ from nena_order_service.api import opentcs
 from nena_order_service.api.asyncapi import document
 from nena_order_service.api.audit import Trail, record_current, recorder
 from nena_order_service.api.audit_states import ObjectStates
+from nena_order_service.api.decisions import DecisionRecorder, RecordingRequests
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.api.metrics import SECTIONS, Monitored
@@ -49,10 +50,11 @@ from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.plant_file import PlantFile
 from nena_order_service.routing.graph import evaluators
 from nena_order_service.routing.router import RouteFinder, Router
-from nena_order_service.settings import AuditSettings, OrderServiceSettings
+from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
+from nena_shared.black_box.box import BlackBox
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
@@ -63,7 +65,7 @@ from nena_shared.metrics import Exposition
 from nena_shared.mqtt import LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.settings import ConfigurationError
-from nena_shared.tasks import Supervisor, end
+from nena_shared.tasks import Supervisor, end, forever
 from nena_shared.tracing import Exporting
 from nena_shared.vda5050.topics import TopicScheme
 
@@ -92,6 +94,7 @@ class OrderService:
     changes: ChangeLog
     hosts: HostServices
     loop_lag: LoopLag
+    black_box: BlackBox | None = None
     elected: asyncio.Event | None = None
     """Set once this order service leads the fleet; nothing is sent before. None: no election."""
 
@@ -114,12 +117,20 @@ class OrderService:
         start("schedules", self._once_elected(self.hosts.schedules.run))
         start("audit trail", self.hosts.trail.run(), vital=False)
         start("retained sweep", self.sweep.run(), vital=False)
+        if self.black_box:
+            self._start_black_box(self.black_box, start)
         for each in self.hosts.webhooks.hooks:
             start(
                 f"web hook {each.settings.name}",
                 self._once_elected(partial(self.hosts.webhooks.run, each)),
                 vital=False,
             )
+
+    def _start_black_box(self, box: BlackBox, start: Callable[..., asyncio.Task[None]]) -> None:
+        start("black box", forever("black box", box.run), vital=False)
+        if uploader := box.outgoing.uploader:
+            uploader.attach(self.mqtt)
+            start("recordings", forever("recordings", uploader.run), vital=False)
 
     async def _once_elected(self, work: Callable[[], Awaitable[None]]) -> None:
         if self.elected:
@@ -150,26 +161,26 @@ def build(
     elected: asyncio.Event | None = None,
     answers: Mapping[int, int] = MappingProxyType({}),  # HTTP answers by status, for the metrics
     traces: Exporting | None = None,
+    black_box: BlackBox | None = None,
 ) -> OrderService:
     """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
     Raises:
         ConfigurationError: the plant model names an unsupported version.
     """
-    clock = SystemClock()
-    engine = make_engine(settings, plant, store, clock)
+    engine = make_engine(settings, plant, store, clock := SystemClock())
     client_id, topics = _client_id(settings, epoch), FleetTopics(settings.topic_prefix)
     beat = _make_heartbeat(engine, topics, epoch=epoch)
     hooks = LinkHooks(beat.will, lambda: chain(publisher.greeting(), devices.greeting()))
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
     devices = PeripheralLink(mqtt, topics, engine)
-    hosts = _make_host_services(engine, fleet, Webhooks.of(settings.webhooks, store, clock), settings.audit)
+    hosts = _make_host_services(settings, engine, fleet, black_box)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream, changes, lag = EventStream(engine, settings.events), ChangeLog(plant, clock), LoopLag(clock)
     _listen(engine, publisher, stream, changes, hosts.webhooks)
-    _trace(traces, engine, fleet)
+    _follow(engine, fleet, traces, black_box)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     operations = HostOperations(hosts)
     api = MqttApi(mqtt, topics, operations, MqttLimits(settings.hosts, clock), max_body=settings.max_body)
@@ -186,9 +197,9 @@ def build(
         mounted={prefix: opentcs.make_app(hosts, operations, engine, changes, change)} if prefix else {},
     )
     app = make_app(operations, stream, service)
-    return OrderService(
-        engine, fleet, publisher, beat, sweep, mqtt, app, api, stream, changes, hosts, lag, elected
-    )
+    made = OrderService(engine, fleet, publisher, beat, sweep, mqtt, app, api, stream, changes, hosts, lag)
+    made.elected, made.black_box = elected, black_box
+    return made
 
 
 def _make_heartbeat(engine: Engine, topics: FleetTopics, *, epoch: int) -> Heartbeat:
@@ -214,12 +225,15 @@ def _listen(
     engine.unit_of_work.peripheral_listeners += [publisher, changes]
 
 
-def _trace(traces: Exporting | None, engine: Engine, fleet: FleetLink) -> None:
-    """Trace orders if ``traces`` exports them."""
+def _follow(engine: Engine, fleet: FleetLink, traces: Exporting | None, box: BlackBox | None) -> None:
+    """Trace orders if ``traces`` exports them, and record decisions if there is a black box."""
+    followers: list[OrderTracer | DecisionRecorder] = []
     if traces:
-        tracer = OrderTracer(engine.state.orders.named, engine.clock, traces)
-        engine.unit_of_work.listeners.append(tracer)
-        fleet.listeners.append(tracer)
+        followers.append(OrderTracer(engine.state.orders.named, engine.clock, traces))
+    if box:
+        followers.append(DecisionRecorder(box, engine.clock, fleet.view))
+    engine.unit_of_work.listeners += followers
+    fleet.listeners += followers
 
 
 def make_fleet(
@@ -237,7 +251,7 @@ def make_fleet(
 
 
 def _make_host_services(
-    engine: Engine, fleet: FleetLink, webhooks: Webhooks, audit: AuditSettings
+    settings: OrderServiceSettings, engine: Engine, fleet: FleetLink, black_box: BlackBox | None
 ) -> HostServices:
     zones, schedules = ZoneSets(engine, fleet.send_zone_set), Schedules(engine)
     states = ObjectStates(engine, zones, schedules)
@@ -251,8 +265,9 @@ def _make_host_services(
         StopRequests(engine),
         PlaceRequests(engine),
         schedules,
-        Trail(engine.store, engine.clock, states, kept_days=audit.kept_days),
-        webhooks,
+        Trail(engine.store, engine.clock, states, kept_days=settings.audit.kept_days),
+        RecordingRequests(black_box),
+        Webhooks.of(settings.webhooks, engine.store, engine.clock),
     )
 
 

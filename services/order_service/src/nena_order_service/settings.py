@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import AfterValidator, Field, HttpUrl, SecretStr
 
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.routing.graph import CostKey
+from nena_shared.black_box.settings import OutgoingSettings, RingSettings
 from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderState
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.tracing import TracingSettings
 from nena_shared.web.settings import HttpSettings
+
+DISTRIBUTION: Final = "nena-order-service"
 
 
 def _not_our_own(path: str) -> str:
@@ -150,6 +153,13 @@ class OrderServiceSettings(ServiceSettings):
     hosts: HostSettings = Field(default_factory=HostSettings, description="Limits of hosts over MQTT.")
     tracing: TracingSettings = Field(
         default_factory=TracingSettings, description="Traces of orders; needs the extra `tracing`."
+    )
+    black_box: RingSettings = Field(
+        default_factory=RingSettings, description="Decisions of the last minutes; needs the extra `blackbox`."
+    )
+    upload: OutgoingSettings = Field(
+        default_factory=OutgoingSettings,
+        description="Files of the black box, and their transfer to the status aggregator.",
     )
     interface_name: TopicPrefix = Field(
         "uagv", description="Interface name (topic prefix) of robots with VDA 5050 2.x."

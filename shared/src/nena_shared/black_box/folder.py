@@ -85,13 +85,6 @@ class OutgoingFolder:
         """Return the files that have not been transferred, oldest first."""
         return [each for each in files_in(self._folder) if FILE_NAME.fullmatch(each.path.name)]
 
-    def find(self, name: str) -> Path | None:
-        """Return the path of a file, None if there is none of that name."""
-        if not FILE_NAME.fullmatch(name):
-            return None
-        places = (self._folder / name, self._folder / SENT / name)
-        return next((each for each in places if each.is_file()), None)
-
     def mark_sent(self, name: str) -> None:
         """Move a file to those that have been transferred.
 
@@ -102,14 +95,3 @@ class OutgoingFolder:
         sent.mkdir(exist_ok=True)
         with suppress(FileNotFoundError):  # removed for a newer one meanwhile
             (self._folder / name).replace(sent / name)
-
-    def send_again(self, name: str) -> bool:
-        """Make a file wait for its transfer again; return whether it exists.
-
-        Raises:
-            OSError: the disk fails.
-        """
-        path = self.find(name)
-        if path is not None:
-            path.replace(self._folder / name)
-        return path is not None

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from mcap.writer import CompressionType, Writer
+from pydantic import BaseModel
 
 from nena_shared.black_box.ring import Channel, Entry
 from nena_shared.clock import in_utc
@@ -37,6 +38,8 @@ _LOG_FORM: Final = {
 _LEVELS: Final = {"debug": 1, "info": 2, "warning": 3, "error": 4, "critical": 5}
 _UNKNOWN_LEVEL: Final = 0
 _ANY_OBJECT: Final = b'{"type":"object"}'
+NOTHING: Final[tuple[object, ...]] = (None, "", (), [])
+"""Values of fields that are left out of documents."""
 _CHUNK_SIZE: Final = 512 * 1024
 _SECOND: Final = 1_000_000_000
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
@@ -94,13 +97,29 @@ def _write_entries(writer: Writer, recording: Recording, ros_schema: Callable[[s
             encoding = "cdr" if channel.schema else "json"
             channels[channel] = writer.register_channel(channel.topic, encoding, schemas[channel.schema])
         time = recording.nanoseconds(entry.at)
-        payload = entry.payload if channel.schema or channel.own else _readable(entry.payload)
-        writer.add_message(channels[channel], log_time=time, publish_time=time, data=payload, sequence=number)
+        data = encoded(entry)
+        writer.add_message(channels[channel], log_time=time, publish_time=time, data=data, sequence=number)
 
 
 def _schema(writer: Writer, name: str, ros_schema: Callable[[str], bytes]) -> int:
     form = (name, "ros2msg", ros_schema(name)) if name else ("json", "jsonschema", _ANY_OBJECT)
     return int(writer.register_schema(*form))
+
+
+def encoded(entry: Entry) -> bytes:
+    """Return the payload of an entry as the file contains it."""
+    payload, channel = entry.payload, entry.channel
+    if isinstance(payload, bytes):
+        return payload if channel.schema or channel.own else _readable(payload)
+    found = {key: value for key, value in payload.items() if value not in NOTHING}
+    return json.dumps(found, ensure_ascii=False, default=_dumped).encode()
+
+
+def _dumped(value: object) -> object:
+    """Return a model within a document as it is on the wire."""
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json", by_alias=True, exclude_none=True)
+    return str(value)
 
 
 def _readable(payload: bytes) -> bytes:

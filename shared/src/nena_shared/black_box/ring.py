@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from threading import Lock
 from typing import Final, NamedTuple
 
 ENTRY_OVERHEAD: Final = 200
 """Memory of an entry besides its payload, bytes."""
+DOCUMENT_SIZE: Final = 400
+"""Estimated memory of a payload that is not encoded yet, bytes."""
 LARGEST_SHARE: Final = 4
 """An entry may take at most a quarter of the ring, so that a large map does not replace all messages."""
 
@@ -24,13 +27,23 @@ class Channel:
     """Whether this program has made the payloads, so that they are valid."""
 
 
+Payload = bytes | Mapping[str, object]
+"""Bytes, or a document that is encoded as JSON in the file; it must not change."""
+
+
 class Entry(NamedTuple):
     """A recorded payload."""
 
     at: float
     """Time of recording, monotonic, s."""
     channel: Channel
-    payload: bytes
+    payload: Payload
+
+    @property
+    def cost(self) -> int:
+        """Return the memory of the entry, bytes."""
+        payload = self.payload
+        return ENTRY_OVERHEAD + (len(payload) if isinstance(payload, bytes) else DOCUMENT_SIZE)
 
 
 class Ring:
@@ -56,16 +69,18 @@ class Ring:
         """Return the memory of all entries, bytes."""
         return self._size
 
-    def add(self, channel: Channel, payload: bytes, now: float) -> None:
+    def add(self, channel: Channel, payload: Payload, now: float) -> None:
         """Add a payload at ``now`` (monotonic, s)."""
-        cost = len(payload) + ENTRY_OVERHEAD
+        entry = Entry(now, channel, payload)
+        cost = entry.cost
         with self._lock:
             if cost * LARGEST_SHARE > self._limit:
                 self.too_large += 1
                 return
-            self._entries.append(Entry(now, channel, payload))
+            self._entries.append(entry)
             self._size += cost
-            self._trim(now)
+            if self._size > self._limit or self._entries[0].at < now - self._seconds:
+                self._trim(now)
 
     def entries(self, now: float) -> list[Entry]:
         """Return the entries that are not too old at ``now``, oldest first."""
@@ -77,5 +92,5 @@ class Ring:
         entries, oldest = self._entries, now - self._seconds
         while entries and (self._size > self._limit or entries[0].at < oldest):
             removed = entries.popleft()
-            self._size -= len(removed.payload) + ENTRY_OVERHEAD
+            self._size -= removed.cost
             self.displaced += removed.at >= oldest

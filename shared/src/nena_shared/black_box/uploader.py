@@ -10,6 +10,7 @@ from typing import Final, Protocol
 
 from pydantic import ValidationError
 
+from nena_shared.black_box.counts import RecordingCounts
 from nena_shared.black_box.folder import OutgoingFolder
 from nena_shared.black_box.transfer import CHUNK_SIZE, Answer, Transfer, Verdict
 from nena_shared.log import get_logger
@@ -55,8 +56,16 @@ class Uploader:
     Chunks that the link cannot send are dropped, and sent again after a timeout.
     """
 
-    def __init__(self, folder: OutgoingFolder, topics: UploadTopics, *, rate: int) -> None:
+    def __init__(
+        self,
+        folder: OutgoingFolder,
+        topics: UploadTopics,
+        *,
+        rate: int,
+        counts: RecordingCounts | None = None,
+    ) -> None:
         """Create the uploader; ``rate`` is the maximum rate, bytes per second."""
+        self._counts = counts or RecordingCounts()
         self._folder = folder
         self._topics = topics
         self._rate = rate
@@ -71,15 +80,19 @@ class Uploader:
         link.subscribe(self._topics.answers, self._take, needed=False)
 
     def wake(self) -> None:
-        """Look for new files; call this in the event loop."""
+        """Send a new file; call this in the event loop."""
+        self._counts.waiting += 1
         self._added.set()
 
     async def run(self) -> None:
         """Send files until cancelled."""
         while True:
             self._added.clear()
-            for each in await asyncio.to_thread(self._folder.waiting):
+            files = await asyncio.to_thread(self._folder.waiting)
+            self._counts.waiting = len(files)
+            for each in files:
                 await self._send(each.path)
+                self._counts.waiting -= 1
             await self._added.wait()
 
     async def _send(self, path: Path) -> None:
@@ -97,8 +110,11 @@ class Uploader:
             self._transfer = None
         end = transfer.end
         if end and end.verdict is Verdict.REFUSED:
+            self._counts.outcomes["refused"] += 1
             log.warning("recording refused by the status aggregator", name=path.name, reason=end.reason)
         else:
+            self._counts.outcomes["sent"] += 1
+            self._counts.sent_bytes += transfer.size
             log.info("recording sent", name=path.name, size=transfer.size)
 
     async def _send_chunks(self, path: Path, transfer: Transfer) -> None:

@@ -213,6 +213,16 @@ class Refusal(ProblemType):
         "The event stream has too many clients.",
         "Try again later, or raise the setting `events.clients`.",
     )
+    NO_BLACK_BOX = (
+        HTTPStatus.CONFLICT,
+        "The order service has no black box.",
+        "Set `black_box.enabled`, and restart the order service.",
+    )
+    RECORDING_NOT_WRITTEN = (
+        HTTPStatus.SERVICE_UNAVAILABLE,
+        "The recording could not be written.",
+        "Check the disk of the order service, and `upload.folder`.",
+    )
     NOT_SAVED = (
         HTTPStatus.SERVICE_UNAVAILABLE,
         "The database is unavailable; nothing was saved.",

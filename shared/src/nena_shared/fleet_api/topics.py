@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 from urllib.parse import unquote
 
 from nena_shared.vda5050.topics import RobotKey
+
+ORDER_SERVICE: Final = RobotKey("nena", "order-service")
+"""Under this key, the order service sends its recordings as robots do."""
 
 
 class PeripheralTopic(StrEnum):
@@ -134,7 +138,10 @@ class FleetTopics:
         return self.robot_map(RobotKey("+", "+"))
 
     def recording_chunks(self, robot: RobotKey) -> str:
-        """Return the topic of a robot's recordings, as :class:`Chunk`; not part of VDA 5050."""
+        """Return the topic of a robot's recordings, as :class:`Chunk`; not part of VDA 5050.
+
+        Those of the order service have the key :data:`ORDER_SERVICE`.
+        """
         return f"{self.prefix}/robots/{robot}/recordings/chunk"
 
     def recording_answers(self, robot: RobotKey) -> str:

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from nena_edge_agent.black_box import box as module
-from nena_edge_agent.black_box.action import FetchRecording
-from nena_edge_agent.black_box.box import BlackBox, Outgoing, check_library
+from nena_edge_agent.black_box.box import FetchRecording, RobotBlackBox
 from nena_edge_agent.black_box.settings import BlackBoxSettings
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared import log
+from nena_shared.black_box import box as module
+from nena_shared.black_box.box import Outgoing
 from nena_shared.black_box.folder import OutgoingFolder
 from nena_shared.clock import SystemClock
 from nena_shared.settings import ConfigurationError, LogSettings
@@ -28,10 +28,10 @@ ROBOT = RobotKey("ACME", "1")
 TOPIC = "uagv/v2/ACME/1/state"
 
 
-def make_box(folder: Path) -> BlackBox:
-    settings = BlackBoxSettings(enabled=True, delay=0.0)
+def make_box(folder: Path, interval: float = 60.0) -> RobotBlackBox:
+    settings = BlackBoxSettings(enabled=True, delay=0.0, interval=interval)
     outgoing = Outgoing(OutgoingFolder(folder, keep=5, keep_bytes=10**6), None)
-    return BlackBox(ROBOT, settings, outgoing, SystemClock())
+    return RobotBlackBox(ROBOT, settings, outgoing, SystemClock())
 
 
 def topics(path: Path) -> dict[str, list[bytes]]:
@@ -64,7 +64,7 @@ async def test_a_failed_drive_is_written_with_messages_journal_and_log(tmp_path:
     assert any(b"wheel slips" in each for each in found["/nena/log"])
 
 
-async def requested(box: BlackBox) -> ActionReport:
+async def requested(box: RobotBlackBox) -> ActionReport:
     reports: list[ActionReport] = []
     FetchRecording(box).start(action("a", "NONE", "nena:fetchRecording"), (), reports.append)
     return await until(lambda: next((each for each in reports if each.status.ended), None))
@@ -91,9 +91,8 @@ async def test_a_failing_disk_does_not_end_the_black_box(tmp_path: Path) -> None
     log.configure(LogSettings())
     place = tmp_path / "recordings"
     place.write_text("a file")
-    box = make_box(place)
+    box = make_box(place, interval=0.0)
     failed, robot = DriveFailed(1, DriveFailure.ABORTED, "no path"), Bench().core.robot
-    box._triggers._interval = 0.0
     task = asyncio.create_task(box.run())
     box.note(failed, (), robot)
     await until(lambda: any("recording not written" in each for each in log.recent_lines()))
@@ -103,8 +102,9 @@ async def test_a_failing_disk_does_not_end_the_black_box(tmp_path: Path) -> None
     task.cancel()
 
 
-def test_without_the_library_the_program_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    check_library()
+def test_without_the_library_the_program_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(module, "find_spec", lambda _: None)
     with pytest.raises(ConfigurationError, match=r"nena-edge-agent\[blackbox\]"):
-        check_library()
+        make_box(tmp_path)

@@ -17,9 +17,9 @@ def an_error(level: ErrorLevel, kind: str = "broken") -> ErrorEntry:
     return ErrorEntry(error_type=kind, error_level=level)
 
 
-def reasons(*events: Event, interval: float = 0.0) -> list[Reason | None]:
-    triggers = Triggers(interval)
-    return [triggers.note(each, (), float(second)) for second, each in enumerate(events)]
+def reasons(*events: Event) -> list[Reason | None]:
+    triggers = Triggers()
+    return [triggers.note(each, ()) for each in events]
 
 
 def test_a_failed_drive_starts_a_recording() -> None:
@@ -36,19 +36,13 @@ def test_an_emergency_stop_starts_one_when_it_begins() -> None:
 
 
 def test_serious_errors_start_one_when_they_appear() -> None:
-    triggers = Triggers(0.0)
+    triggers = Triggers()
     warning, fatal = an_error(ErrorLevel.WARNING), an_error(ErrorLevel.FATAL, "motor")
     critical = an_error(ErrorLevel.CRITICAL, "lift")
 
-    assert triggers.note(QUIET, (warning,), 0.0) is None
-    assert triggers.note(QUIET, (warning, fatal), 1.0) is Reason.ERROR
-    assert triggers.note(QUIET, (warning, fatal), 2.0) is None
-    assert triggers.note(QUIET, (fatal, critical), 3.0) is Reason.ERROR
-    assert triggers.note(QUIET, (), 4.0) is None
-    assert triggers.note(QUIET, (fatal,), 5.0) is Reason.ERROR
-
-
-def test_repeated_failures_start_one_in_each_interval() -> None:
-    found = reasons(*[FAILED] * 25, interval=10.0)
-
-    assert [second for second, each in enumerate(found) if each] == [0, 10, 20]
+    assert triggers.note(QUIET, (warning,)) is None
+    assert triggers.note(QUIET, (warning, fatal)) is Reason.ERROR
+    assert triggers.note(QUIET, (warning, fatal)) is None
+    assert triggers.note(QUIET, (fatal, critical)) is Reason.ERROR
+    assert triggers.note(QUIET, ()) is None
+    assert triggers.note(QUIET, (fatal,)) is Reason.ERROR

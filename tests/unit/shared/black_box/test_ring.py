@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.black_box.ring import ENTRY_OVERHEAD, Channel, Ring
+from nena_shared.black_box.ring import DOCUMENT_SIZE, ENTRY_OVERHEAD, Channel, Ring
 
 STATE = Channel("uagv/v2/ACME/1/state")
 
@@ -25,7 +25,7 @@ def test_without_room_the_oldest_goes_and_is_counted() -> None:
     for number in range(8):
         ring.add(STATE, b"%010d" % number, 0.0)
 
-    assert [int(each.payload) for each in ring.entries(0.0)] == [3, 4, 5, 6, 7]
+    assert [each.payload for each in ring.entries(0.0)] == [b"%010d" % number for number in range(3, 8)]
     assert ring.displaced == 3
 
 
@@ -54,3 +54,12 @@ def test_size_and_age_never_exceed_their_limits(added: list[tuple[int, float]]) 
         kept = ring.entries(now)
         assert ring.size == sum(len(each.payload) + ENTRY_OVERHEAD for each in kept) <= 8000
         assert all(each.at >= now - 20.0 for each in kept)
+
+
+def test_documents_count_with_an_estimate() -> None:
+    ring = Ring(seconds=60.0, limit=10 * (DOCUMENT_SIZE + ENTRY_OVERHEAD))
+    for number in range(15):
+        ring.add(Channel("a"), {"number": number}, 0.0)
+
+    assert [each.payload for each in ring.entries(0.0)] == [{"number": number} for number in range(5, 15)]
+    assert (ring.displaced, ring.size) == (5, 10 * (DOCUMENT_SIZE + ENTRY_OVERHEAD))

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from nena_shared.black_box import uploader as module
+from nena_shared.black_box.counts import RecordingCounts
 from nena_shared.black_box.folder import OutgoingFolder
 from nena_shared.black_box.transfer import CHUNK_SIZE, Answer, Chunk, Verdict, read_chunk
 from nena_shared.black_box.uploader import Uploader, UploadTopics
@@ -88,7 +89,7 @@ async def running(folder: OutgoingFolder, link: FakeLink) -> AsyncIterator[Uploa
 
 
 async def sent(folder: OutgoingFolder, name: str = NAME) -> None:
-    await until(lambda: (path := folder.find(name)) and path.parent.name == "sent")
+    await until((folder._folder / "sent" / name).is_file)
 
 
 @pytest.mark.parametrize("lost", [0, 3])
@@ -157,3 +158,25 @@ async def test_unreadable_answers_are_ignored(folder: OutgoingFolder) -> None:
             link.answer(payload)
         link.reply = receiver
         await sent(folder)
+
+
+async def test_files_are_counted_by_what_happens_to_them(folder: OutgoingFolder) -> None:
+    link, counts = FakeLink(lambda _: None), RecordingCounts()
+    uploader = Uploader(folder, TOPICS, rate=10**9, counts=counts)
+    uploader.attach(link)
+    task = asyncio.create_task(uploader.run())
+    await until(lambda: link.chunks)
+    folder.add("002.mcap", partial(Path.write_bytes, data=b"second"))
+    uploader.wake()
+    assert counts.waiting == 2
+
+    link.reply = Storing()
+    await sent(folder)
+    link.reply = lambda chunk: Answer(name=chunk.header.name, verdict=Verdict.REFUSED)
+    await sent(folder, "002.mcap")
+    await until(lambda: not counts.waiting)
+    task.cancel()
+    assert counts.outcomes == {"written": 0, "not_written": 0, "sent": 1, "refused": 1}
+    assert counts.sent_bytes == len(CONTENT)
+    total = RecordingCounts.total([counts, counts])
+    assert (total.outcomes["sent"], total.sent_bytes) == (2, 2 * len(CONTENT))

@@ -1,4 +1,4 @@
-"""``nena recordings``: what robots recorded before failures, at the status aggregator."""
+"""``nena recordings``: recordings of robots and of the order service, at the status aggregator."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from nena_cli.output import REFUSED, fail
 from nena_cli.service import Service, of_service, vehicle_names
 from nena_cli.tables import printable
 from nena_cli.vehicles import act
-from nena_shared.vda5050.own_actions import FETCH_RECORDING
+from nena_shared.fleet_api.operations import FETCH_RECORDING
+from nena_shared.fleet_api.recordings import RecordingAnswer
+from nena_shared.vda5050 import own_actions
 
 app = group()
 
@@ -98,10 +100,29 @@ def get(
 @of_service
 def request(
     service: Service,
-    name: Annotated[str, typer.Argument(help="Name of the vehicle.", autocompletion=vehicle_names)],
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="Name of the vehicle. Unset: the order service.",
+            autocompletion=vehicle_names,
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
-    """Make a robot write its last minutes to a file and send it; the result is the file's name."""
-    act(service, name, FETCH_RECORDING, {})
+    """Make a robot or the order service write its last minutes to a file and send it; print its name."""
+    if name:
+        act(service, name, own_actions.FETCH_RECORDING, {})
+        return
+    with service.connected() as connection:
+        answer = connection.call(FETCH_RECORDING)
+    service.print_one(answer, requested_table(answer))
+
+
+def requested_table(found: RecordingAnswer) -> Table:
+    """Return the table of a requested recording."""
+    table = Table("robot", "name", "sent")
+    table.add_row(Text(found.robot), Text(found.name), Text("yes" if found.sent else "no"))
+    return table
 
 
 def recordings_table(found: Sequence[RecordingRow]) -> Table:

@@ -1,53 +1,42 @@
-"""The black box of one robot: records its messages and journal, and writes files on failures or requests."""
+"""The black box of a robot: records its messages and journal, and writes files on failures or requests."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from datetime import timedelta
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import partial
-from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
+from typing import Final
 
-from nena_edge_agent.black_box.ros_schema import ros_schema
+from nena_edge_agent.actions.plugin import BackgroundAction, Report, RunningAction, WorkFailedError
+from nena_edge_agent.black_box.ros import ros_schema
 from nena_edge_agent.black_box.settings import BlackBoxSettings
-from nena_edge_agent.black_box.triggers import Reason, Triggers
+from nena_edge_agent.black_box.triggers import Triggers
 from nena_edge_agent.journal import Journal
 from nena_edge_agent.protocol import events
+from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.protocol.robot_state import RobotState
-from nena_shared.black_box.folder import OutgoingFolder, name_of
-from nena_shared.black_box.ring import Channel, Ring
-from nena_shared.black_box.uploader import Uploader
-from nena_shared.clock import Clock, iso
-from nena_shared.log import get_logger, recent_lines
+from nena_shared.black_box.box import REQUEST, BlackBox, Outgoing, Source
+from nena_shared.black_box.ring import Channel
+from nena_shared.clock import Clock
 from nena_shared.mqtt import Handler, Inbound, LinkHooks, MqttLink, Outbound
-from nena_shared.settings import ConfigurationError, MqttSettings
+from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.own_actions import FETCH_RECORDING
+from nena_shared.vda5050.state import Load
 from nena_shared.vda5050.topics import RobotKey
 
-log = get_logger(__name__)
-
-DISTRIBUTION = "nena-edge-agent"
-JOURNAL = Channel("/nena/journal")
-
-
-def check_library() -> None:
-    """Check that files can be written.
-
-    Raises:
-        ConfigurationError: the extra ``blackbox`` is not installed.
-    """
-    if find_spec("mcap") is None:
-        message = f"black_box.enabled: mcap is missing; install the extra {DISTRIBUTION}[blackbox]"
-        raise ConfigurationError([message])
+DISTRIBUTION: Final = "nena-edge-agent"
+JOURNAL: Final = Channel("/nena/journal")
 
 
 class RecordedLink(MqttLink):
     """A link whose VDA 5050 messages, those below ``prefix``, are recorded."""
 
     def __init__(
-        self, settings: MqttSettings, *, client_id: str, hooks: LinkHooks, box: BlackBox, prefix: str
+        self, settings: MqttSettings, *, client_id: str, hooks: LinkHooks, box: RobotBlackBox, prefix: str
     ) -> None:
         self._box = box
         self._prefix = prefix
@@ -79,43 +68,21 @@ class RecordedLink(MqttLink):
         handler(message)
 
 
-@dataclass(frozen=True, slots=True)
-class Outgoing:
-    """Where a robot's files go."""
-
-    folder: OutgoingFolder
-    uploader: Uploader | None
-    """Sends them to the status aggregator; None: they stay on the robot."""
-
-    async def add(self, name: str, write: Callable[[Path], object]) -> None:
-        """Write a file in a thread, and let it be sent.
-
-        Raises:
-            OSError: the disk fails.
-        """
-        await asyncio.to_thread(self.folder.add, name, write)
-        if self.uploader:
-            self.uploader.wake()
-
-
-class BlackBox:
+class RobotBlackBox(BlackBox):
     """Records one robot, also over restarts of its agent within the program."""
 
     def __init__(self, robot: RobotKey, settings: BlackBoxSettings, outgoing: Outgoing, clock: Clock) -> None:
-        self._robot = robot
-        self._settings = settings
-        self._outgoing = outgoing
-        self._clock = clock
-        self._channels: dict[tuple[str, bool], Channel] = {}
-        self._triggers = Triggers(settings.interval)
-        self._due: asyncio.Queue[Reason] = asyncio.Queue()
-        self.ring = Ring(seconds=settings.seconds, limit=settings.memory)
+        super().__init__(Source(robot, DISTRIBUTION, ros_schema), settings, outgoing, clock)
+        self._sent: dict[str, Channel] = {}
+        self._received: dict[str, Channel] = {}
+        self._triggers = Triggers()
 
     def record(self, topic: str, payload: bytes, *, own: bool = True) -> None:
         """Record a message of VDA 5050; ``own``: the agent has made it."""
-        channel = self._channels.get((topic, own))
+        channels = self._sent if own else self._received
+        channel = channels.get(topic)
         if channel is None:
-            channel = self._channels[topic, own] = Channel(topic, own=own)
+            channel = channels[topic] = Channel(topic, own=own)
         self.ring.add(channel, payload, self._clock.monotonic())
 
     def make_journal(self, folder: Path, robot: RobotKey) -> Journal:
@@ -127,44 +94,31 @@ class BlackBox:
 
     def note(self, event: events.Event, _: Iterable[events.Effect], robot: RobotState) -> None:
         """Handle an event of the robot: a failure starts a recording."""
-        reason = self._triggers.note(event, robot.errors.entries, self._clock.monotonic())
-        if reason:
-            self._due.put_nowait(reason)
+        if reason := self._triggers.note(event, robot.errors.entries):
+            self.fail(reason)
 
-    async def run(self) -> None:
-        """Write a file after each failure, until cancelled."""
-        while True:
-            reason = await self._due.get()
-            await asyncio.sleep(self._settings.delay)
-            try:
-                await self.write(reason)
-            except OSError as error:
-                log.warning("recording not written", robot=str(self._robot), reason=str(error))
 
-    async def write(self, reason: Reason) -> str:
-        """Write what is in memory, in a thread; return the file's name.
+class FetchRecording:
+    """Writes a recording; the file's name is the action's result."""
 
-        Raises:
-            OSError: the disk fails.
-        """
-        from nena_shared.black_box.mcap_file import Recording, write_mcap  # noqa: PLC0415 - an extra
+    declaration = ActionDeclaration(
+        FETCH_RECORDING,
+        scopes=(ActionScope.INSTANT,),
+        restartable=True,
+        description="Writes the robot's last minutes to a file, and sends it to the status aggregator.",
+    )
 
-        now, utc = self._clock.monotonic(), self._clock.now()
-        since = iso(utc - timedelta(seconds=self._settings.seconds))
-        recording = Recording(
-            self.ring.entries(now),
-            [each for each in recent_lines() if each > since],
-            now,
-            utc,
-            {
-                "source": str(self._robot),
-                "reason": reason,
-                "program": f"{DISTRIBUTION} {version(DISTRIBUTION)}",
-                "entries left out because of their size": str(self.ring.too_large),
-                "entries removed early because of the memory limit": str(self.ring.displaced),
-            },
-        )
-        name = name_of(utc, reason)
-        await self._outgoing.add(name, partial(write_mcap, recording=recording, ros_schema=ros_schema))
-        log.info("recording written", robot=str(self._robot), name=name, entries=len(recording.entries))
-        return name
+    def __init__(self, box: RobotBlackBox) -> None:
+        self._box = box
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        """Write the file in the background; it is sent after the action has ended."""
+        return BackgroundAction(action.action_id, partial(self._work, action), report)
+
+    async def _work(self, action: Action) -> ActionReport:
+        try:
+            name = await self._box.write(REQUEST)
+        except OSError as error:
+            message = f"the recording was not written: {error}; check the disk and upload.folder"
+            raise WorkFailedError(message) from error
+        return ActionReport(action.action_id, ActionStatus.FINISHED, name)

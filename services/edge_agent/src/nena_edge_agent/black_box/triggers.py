@@ -19,28 +19,17 @@ class Reason(StrEnum):
     DRIVE_FAILED = "drive-failed"
     EMERGENCY_STOP = "emergency-stop"
     ERROR = "error"
-    REQUEST = "request"
-    LOG_REPORT = "log-report"
 
 
 class Triggers:
-    """Finds failures, at most one in each interval: a robot that fails repeatedly must not fill its disk."""
+    """Finds failures when they begin."""
 
-    def __init__(self, interval: float) -> None:
-        self._interval = interval
-        self._last: float | None = None
+    def __init__(self) -> None:
         self._stopped = False
         self._errors: tuple[ErrorEntry, ...] = ()
 
-    def note(self, event: events.Event, errors: tuple[ErrorEntry, ...], now: float) -> Reason | None:
+    def note(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> Reason | None:
         """Handle an event and the robot's active errors after it; return why to record, if at all."""
-        reason = self._reason(event, errors)
-        if reason is None or (self._last is not None and now - self._last < self._interval):
-            return None
-        self._last = now
-        return reason
-
-    def _reason(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> Reason | None:
         found = self._new_error(errors)
         match event:
             case DriveFailed():

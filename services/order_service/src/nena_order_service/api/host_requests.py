@@ -11,6 +11,7 @@ from math import hypot
 
 from nena_order_service import errors
 from nena_order_service.api.audit import Trail
+from nena_order_service.api.decisions import RecordingRequests
 from nena_order_service.api.peripheral_requests import PeripheralRequests
 from nena_order_service.api.place_requests import PlaceRequests
 from nena_order_service.api.stop_requests import StopRequests
@@ -677,6 +678,7 @@ class HostServices:
     places: PlaceRequests
     schedules: Schedules
     trail: Trail
+    recordings: RecordingRequests
     webhooks: Webhooks = field(default_factory=lambda: Webhooks(()))
 
     async def load(self) -> None:

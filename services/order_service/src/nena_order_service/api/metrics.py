@@ -20,6 +20,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.peripherals.devices import Verdict
+from nena_order_service.settings import DISTRIBUTION
 from nena_order_service.store.store import Store
 from nena_shared.certificates import Certificates
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
@@ -35,11 +36,10 @@ from nena_shared.metrics import (
     gauge,
     histogram,
     link_metrics,
+    recording_metrics,
 )
 from nena_shared.mqtt import MqttLink
 from nena_shared.tracing import SPANS_HELP, Exporting
-
-DISTRIBUTION = "nena-order-service"
 
 
 class Running(Protocol):
@@ -461,6 +461,7 @@ WORK: Final[Section[Monitored]] = Section(
         counter(
             "nena_trace_spans_total", SPANS_HELP, lambda s: s.traces.outcomes if s.traces else None, "outcome"
         ),
+        *recording_metrics(lambda s: s.hosts.recordings.counts),
     ),
 )
 

@@ -106,6 +106,7 @@ class HostOperations:
         self._places = hosts.places
         self._schedules = hosts.schedules
         self._webhooks = hosts.webhooks
+        self._recordings = hosts.recordings
         self.trail = hosts.trail
         self.handlers: Mapping[str, Handler] = {
             each.name: self._recorded(each, getattr(self, _METHODS[each.name])) for each in table.OPERATIONS
@@ -396,6 +397,10 @@ class HostOperations:
     @_does(table.LIST_AUDIT)
     async def _list_audit(self, call: Call[AuditQuery]) -> Reply:
         return Reply(await self.trail.page(call.request))
+
+    @_does(table.FETCH_RECORDING)
+    async def _fetch_recording(self, _: Call[None]) -> Reply:
+        return Reply(await self._recordings.fetch())
 
     def _parameters(self, vehicle: str, asked: bodies.InstantActionRequest) -> tuple[ActionParameter, ...]:
         """Return the action's parameters; a pose is converted to the frame of the vehicle's map."""

@@ -67,7 +67,7 @@ class OrderServiceClient:
 
 PREFIX = "/api/v1/control"
 RESOURCES = re.compile(
-    r"(transportOrders|vehicles|paths|stops|schedules)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan|audit|zoneSets"
+    r"(transportOrders|vehicles|paths|stops|schedules)(/[^/]+(/[A-Za-z]+)?)?|traffic/plan|audit|zoneSets|recordings"
 )
 """Paths of forwarded queries and commands: the resources that the panel uses."""
 CHANGES = re.compile(r"paths/[^/]+/lock|vehicles/[^/]+/integrationLevel|schedules/[^/]+/enabled")

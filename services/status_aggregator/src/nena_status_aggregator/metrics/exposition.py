@@ -292,6 +292,18 @@ PROGRAM: Final[Section[Aggregator]] = Section(
             "Snapshots sent to new clients and to clients that fell behind.",
             lambda s: s.events.snapshots,
         ),
+        counter(
+            "nena_recordings_received_total",
+            "Recordings of robots and of the order service: `stored`, or `refused` because of size, name or "
+            "checksum. Absent if `recordings.enabled` is false.",
+            lambda s: s.receiver.received if s.receiver else None,
+            "outcome",
+        ),
+        counter(
+            "nena_recordings_received_bytes_total",
+            "Size of the stored recordings.",
+            lambda s: s.receiver.received_bytes if s.receiver else None,
+        ),
         gauge(
             "nena_history_waiting",
             "Events waiting to be written to the history.",

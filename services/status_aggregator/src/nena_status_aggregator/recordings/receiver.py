@@ -32,6 +32,10 @@ class RecordingReceiver:
         self._waiting: dict[RobotKey, bytes] = {}
         self._filled = asyncio.Event()
         self._failing = False
+        self.received = {"stored": 0, "refused": 0}
+        """Number of files by outcome, since the start."""
+        self.received_bytes = 0
+        """Size of the stored ones."""
 
     def attach(self, link: MqttLink) -> None:
         """Receive on ``link``, and answer on it."""
@@ -74,8 +78,11 @@ class RecordingReceiver:
             return
         self._failing = False
         if answer.verdict is Verdict.COMPLETE and chunk.header.offset + len(chunk.data) == chunk.header.size:
+            self.received["stored"] += 1
+            self.received_bytes += chunk.header.size
             log.info("recording received", robot=str(robot), name=answer.name, size=chunk.header.size)
         elif answer.verdict is Verdict.REFUSED:
+            self.received["refused"] += 1
             log.warning("recording refused", robot=str(robot), name=answer.name, reason=answer.reason)
         if self._link:
             topic = self._topics.recording_answers(robot)

@@ -21,6 +21,7 @@ from nena_shared.fleet_api.operations import (
 )
 from nena_shared.fleet_api.operations.fleet import (
     END_STOP,
+    FETCH_RECORDING,
     LIST_AUDIT,
     LIST_STOPS,
     LIST_WEBHOOKS,
@@ -116,6 +117,7 @@ __all__ = [
     "ENABLE_SCHEDULE",
     "ENABLE_ZONE_SET",
     "END_STOP",
+    "FETCH_RECORDING",
     "HOLD",
     "INSTANT_ACTION",
     "INTEGRATION_LEVEL",

@@ -1,4 +1,4 @@
-"""Operations on the fleet as a whole: stops, summary, traffic plan, web hooks, audit trail."""
+"""Operations on the fleet as a whole: stops, summary, traffic plan, web hooks, audit trail, recordings."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from nena_shared.fleet_api.audit import AuditPage, AuditQuery
 from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.operations.operation import (
     AUDIT,
+    RECORDINGS,
     STOPS,
     SUMMARY,
     TRAFFIC_PLAN,
     WEBHOOKS,
     Operation,
 )
+from nena_shared.fleet_api.recordings import RecordingAnswer
 from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.stops import StopEndRequest, StopList, StopRequest, StopStatus
 from nena_shared.fleet_api.traffic import TrafficPlan
@@ -96,6 +98,17 @@ LIST_AUDIT = Operation(
     refusals=(Refusal.NOT_SAVED,),
 )
 
+FETCH_RECORDING = Operation(
+    "fetchRecording",
+    "Write the decisions of the last minutes to a file, and send it to the status aggregator.",
+    "POST",
+    RECORDINGS,
+    RecordingAnswer,
+    Role.OPERATOR,
+    result="recording",
+    refusals=(Refusal.NO_BLACK_BOX, Refusal.RECORDING_NOT_WRITTEN),
+)
+
 OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     LIST_STOPS,
     STOP,
@@ -104,4 +117,5 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     SHOW_TRAFFIC_PLAN,
     LIST_WEBHOOKS,
     LIST_AUDIT,
+    FETCH_RECORDING,
 )

@@ -30,6 +30,7 @@ SUMMARY: Final = "/v1/summary"
 TRAFFIC_PLAN: Final = "/v1/traffic/plan"
 WEBHOOKS: Final = "/v1/webhooks"
 AUDIT: Final = "/v1/audit"
+RECORDINGS: Final = "/v1/recordings"
 
 TAGS: Final = {
     ORDERS: "transport orders",
@@ -49,6 +50,7 @@ TAGS: Final = {
     TRAFFIC_PLAN: "traffic",
     WEBHOOKS: "web hooks",
     AUDIT: "audit trail",
+    RECORDINGS: "recordings",
 }
 
 MADE_BEFORE: Final = {HTTPStatus.OK: "Already created with this key."}

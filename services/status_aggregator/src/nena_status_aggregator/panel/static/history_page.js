@@ -3,6 +3,7 @@
 import { button, element, field, refill, refillSelect, select, setAttribute, setText, verbatim } from "./dom.js";
 import { details } from "./event_texts.js";
 import { byName, dateAndTime, fieldTime, number, plural, t } from "./i18n.js";
+import { ORDER_SERVICE } from "./recordings.js";
 import { backLink, parameters, setParameters } from "./router.js";
 
 const PAGE = 1000;
@@ -173,7 +174,9 @@ class HistoryPage extends HTMLElement {
     narrowing.addEventListener("input", () => this.#narrow());
     // The list grows while a replay plays: links above it stay where they are.
     const listed = element("section", {}, element("h3", {}, t("history.events")), narrowing, this.files, this.cut, this.list);
-    this.replaceChildren(head, controls, listed);
+    const recordings = element("nena-recordings").show(this.fleet, ORDER_SERVICE);
+    const recorded = element("section", {}, element("h3", {}, t("history.recordings")), recordings);
+    this.replaceChildren(head, controls, recorded, listed);
     heading.focus({ preventScroll: true });
     const given = rangeOf(linked.get("from"), linked.get("to"));
     if (!given) return this.#choose();

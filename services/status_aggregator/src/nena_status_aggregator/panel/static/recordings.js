@@ -1,4 +1,4 @@
-// Recordings of a robot: the files of its black box and its log reports, and the button that requests a new one.
+// Recordings: the files of a black box and log reports, and the button that requests a new one.
 
 import { command } from "./api.js";
 import { button, element, refill, setText } from "./dom.js";
@@ -6,12 +6,19 @@ import { outcome, run } from "./forms.js";
 import { dateAndTime, number, t } from "./i18n.js";
 
 const FETCH = "nena:fetchRecording";
+
+/** Under this key, the order service sends its recordings as robots do. */
+export const ORDER_SERVICE = "nena/order-service";
+
 const KIB = 1024;
 const LOOK_MS = 2000;
 const LOOKS = 60;
 
 class Recordings extends HTMLElement {
-  /** Show the recordings of a robot; the button only if it has a black box and commands are available. */
+  /**
+   * Show the recordings of a robot, or of ORDER_SERVICE. The button is shown only if commands are available; for a
+   * robot, only if it has a black box.
+   */
   show({ store, noCommands }, robotId) {
     this.store = store;
     this.robotId = robotId;
@@ -22,6 +29,7 @@ class Recordings extends HTMLElement {
     this.replaceChildren(this.list, this.note, element("div", { class: "actions" }, this.fetchButton), this.result);
     this.#load();
     if (!noCommands) this.#offer();
+    return this;
   }
 
   // Load the list; returns the names of the files.
@@ -29,11 +37,20 @@ class Recordings extends HTMLElement {
     const answer = await fetch(`api/v1/recordings?robot=${encodeURIComponent(this.robotId)}`).catch(() => null);
     const files = answer?.ok ? await answer.json() : [];
     refill(this.list, files, () => files.map(entry));
-    setText(this.note, files.length ? "" : t(answer?.ok ? "robot.noRecordings" : "robot.recordingsFailed"));
+    const none = this.#ofOrderService ? "history.noRecordings" : "robot.noRecordings";
+    setText(this.note, files.length ? "" : t(answer?.ok ? none : "robot.recordingsFailed"));
     return files.map((each) => each.name);
   }
 
+  get #ofOrderService() {
+    return this.robotId === ORDER_SERVICE;
+  }
+
   async #offer() {
+    if (this.#ofOrderService) {
+      this.fetchButton.hidden = false;
+      return;
+    }
     const robot = this.store.robots.get(this.robotId);
     if (!robot?.body) return; // no factsheet received
     const path = [robot.manufacturer, robot.serialNumber].map(encodeURIComponent).join("/");
@@ -45,6 +62,10 @@ class Recordings extends HTMLElement {
   async #request() {
     let name;
     const done = await run(this.fetchButton, this.result, async () => {
+      if (this.#ofOrderService) {
+        ({ name } = await command(["recordings"], {}));
+        return ["done.recording", { name: t("history.orderService") }, name];
+      }
       const vehicle = this.store.robots.get(this.robotId)?.vehicle?.name;
       const answer = await command(["vehicles", vehicle, "instantActions"], { actionType: FETCH });
       name = answer.result;

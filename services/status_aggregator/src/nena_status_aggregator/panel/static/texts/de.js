@@ -665,6 +665,9 @@ export const TEXTS = {
   "schedules.resumed": "{name} fortgesetzt",
 
   "history.title": "Verlauf",
+  "history.recordings": "Aufzeichnungen des Auftragsdienstes",
+  "history.noRecordings": "Keine Aufzeichnungen. Siehe black_box und upload in den Einstellungen des Auftragsdienstes.",
+  "history.orderService": "Auftragsdienst",
   "history.range": "Zeitraum",
   "history.minutes10": "Letzte 10 Minuten",
   "history.hour": "Letzte Stunde",

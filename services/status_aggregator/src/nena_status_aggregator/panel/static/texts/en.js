@@ -665,6 +665,9 @@ export const TEXTS = {
   "schedules.resumed": "{name} resumed",
 
   "history.title": "History",
+  "history.recordings": "Recordings of the order service",
+  "history.noRecordings": "No recordings. See black_box and upload in the settings of the order service.",
+  "history.orderService": "the order service",
   "history.range": "Time range",
   "history.minutes10": "Last 10 minutes",
   "history.hour": "Last hour",

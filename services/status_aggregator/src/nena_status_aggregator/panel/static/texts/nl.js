@@ -665,6 +665,9 @@ export const TEXTS = {
   "schedules.resumed": "{name} hervat",
 
   "history.title": "Geschiedenis",
+  "history.recordings": "Opnamen van de orderservice",
+  "history.noRecordings": "Geen opnamen. Zie black_box en upload in de instellingen van de orderservice.",
+  "history.orderService": "de orderservice",
   "history.range": "Periode",
   "history.minutes10": "Afgelopen 10 minuten",
   "history.hour": "Afgelopen uur",

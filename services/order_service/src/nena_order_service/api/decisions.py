@@ -1,0 +1,252 @@
+"""The black box of the order service: its decisions of the last minutes, with their reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Final
+
+from nena_order_service.errors import NoBlackBoxError, RecordingNotWrittenError
+from nena_order_service.fleet import outputs
+from nena_order_service.fleet.robot import RobotView
+from nena_order_service.orders.transport_order import EventCode
+from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
+from nena_shared.black_box.box import REQUEST, BlackBox, Source, outgoing_of
+from nena_shared.black_box.counts import RecordingCounts
+from nena_shared.black_box.ring import Channel
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.recordings import RecordingAnswer
+from nena_shared.fleet_api.topics import ORDER_SERVICE, FleetTopics
+from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.vda5050.state import EmergencyStop
+from nena_shared.vda5050.topics import RobotKey, Topic
+
+ORDERS: Final = Channel("/nena/orders")
+DISPATCH: Final = Channel("/nena/dispatch")
+ROUTING: Final = Channel("/nena/routing")
+TRAFFIC: Final = Channel("/nena/traffic")
+WITHDRAWAL: Final = Channel("/nena/withdrawal")
+DELIVERY: Final = Channel("/nena/delivery")
+CHANNELS: Final[Mapping[str, Channel]] = {
+    EventCode.DISPATCHING_DEFERRED: DISPATCH,
+    EventCode.ASSIGNED_TO_VEHICLE: DISPATCH,
+    EventCode.REASSIGNED: DISPATCH,
+    EventCode.INTENDED_VEHICLE_CHANGED: DISPATCH,
+    EventCode.REROUTED: ROUTING,
+    EventCode.REPLANNED: ROUTING,
+    EventCode.WITHDRAWAL_REQUESTED: WITHDRAWAL,
+}
+"""Topics of events of orders; all others belong to :data:`ORDERS`."""
+
+NODE_ID: Final = attrgetter("node_id")
+RELEASED: Final = attrgetter("released")
+
+ORDER_FAILED: Final = "order-failed"
+EMERGENCY_STOP: Final = "emergency-stop"
+STOP: Final = "stop"
+"""Reasons of recordings, besides :data:`REQUEST`."""
+
+
+def make_black_box(settings: OrderServiceSettings, clock: Clock) -> BlackBox | None:
+    """Return the black box; None if it is disabled.
+
+    Raises:
+        ConfigurationError: the extra ``blackbox`` is not installed, or there is no home directory.
+    """
+    if not settings.black_box.enabled:
+        return None
+    outgoing = outgoing_of(settings.upload, ORDER_SERVICE, FleetTopics(settings.topic_prefix))
+    return BlackBox(Source(ORDER_SERVICE, DISTRIBUTION), settings.black_box, outgoing, clock)
+
+
+class RecordingRequests:
+    """Writes recordings on request."""
+
+    def __init__(self, box: BlackBox | None) -> None:
+        self._box = box
+
+    @property
+    def counts(self) -> RecordingCounts | None:
+        """What happened to the recordings; None without a black box."""
+        return self._box.outgoing.counts if self._box else None
+
+    async def fetch(self) -> RecordingAnswer:
+        """Write the decisions of the last minutes to a file.
+
+        Raises:
+            NoBlackBoxError: it is disabled.
+            RecordingNotWrittenError: the disk fails.
+        """
+        if self._box is None:
+            raise NoBlackBoxError
+        try:
+            name = await self._box.write(REQUEST)
+        except OSError as error:
+            raise RecordingNotWrittenError(error) from error
+        return RecordingAnswer(
+            robot=str(ORDER_SERVICE), name=name, sent=self._box.outgoing.uploader is not None
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _RecordedOrder:
+    """What was last recorded of an order."""
+
+    status: TransportOrderStatus
+    route: tuple[str, ...] | None
+
+    def new_entries(self, history: tuple[HistoryEntry, ...]) -> tuple[HistoryEntry, ...]:
+        """Return the entries since then; a deferral may have replaced the last one."""
+        before = self.status.history
+        unchanged = bool(before) and history[len(before) - 1] is before[-1]
+        return history[len(before) if unchanged else max(len(before) - 1, 0) :]
+
+
+class DecisionRecorder:
+    """Listens to the engine and to fleet control; a failed order or a stop starts a recording."""
+
+    def __init__(self, box: BlackBox, clock: Clock, view: Callable[[RobotKey], RobotView]) -> None:
+        """Record into ``box``; ``view`` returns what is known about a robot."""
+        self._box = box
+        self._clock = clock
+        self._view = view
+        self._since = clock.now()
+        self._orders: dict[str, _RecordedOrder] = {}
+        """Unfinished orders."""
+        self._vehicles: dict[str, VehicleStatus] = {}
+        self._stopped: set[RobotKey] = set()
+        """Robots with an active emergency stop."""
+
+    # Changes of the engine
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Record what has happened to an order, and its new route."""
+        last = self._orders.pop(status.name, None)
+        entries = (
+            last.new_entries(status.history)
+            if last
+            else tuple(each for each in status.history if each.timestamp >= self._since)
+        )
+        about: dict[str, object] = {
+            "order": status.name,
+            "state": status.state,
+            "vehicle": status.processing_vehicle,
+        }
+        for entry in entries:
+            about |= {"event": entry.event_code, "explanation": entry.supplements}
+            self._add(_channel_of(entry), about | {"reason": status.reason})
+        if not entries and last and last.status.reason != status.reason:
+            self._add(ORDERS, about | {"reason": status.reason})
+        route = self._record_route(status, last.route if last else None)
+        if not status.state.final:
+            self._orders[status.name] = _RecordedOrder(status, route)
+        elif _failed(status):
+            self._box.fail(ORDER_FAILED)
+
+    def sequence_changed(self, _: object) -> None:
+        """Do nothing: the orders of a sequence name it."""
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Record what a vehicle waits for, what stops it, and why it has no order."""
+        last = self._vehicles.get(status.name)
+        self._vehicles[status.name] = status
+        wait, stop = (last.wait, last.stop) if last else (None, None)
+        traffic = status.wait != wait or status.stop != stop
+        idle = not status.transport_order and (last is None or last.reason != status.reason)
+        if not (traffic or idle):
+            return
+        about = {"vehicle": status.name, "order": status.transport_order, "reason": status.reason}
+        if traffic:
+            self._add(TRAFFIC, about | {"wait": status.wait, "stop": status.stop})
+        if idle:
+            self._add(DISPATCH, about | {"connection": status.connection})
+        if status.stop and not stop:
+            self._box.fail(STOP)
+
+    # Events of fleet control
+
+    def begun(self, order_id: str, now: float, *, restored: bool) -> None:
+        """Do nothing: the order's messages are recorded when they are sent."""
+
+    def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:  # noqa: ARG002
+        """Record a VDA order that was sent, with the part that the vehicle holds, or instant actions."""
+        match output:
+            case outputs.PublishOrder(robot, order, update):
+                nodes, released = tuple(map(NODE_ID, order.nodes)), sum(map(RELEASED, order.nodes))
+                found: Mapping[str, object] = {
+                    "orderId": order.order_id,
+                    "orderUpdateId": update,
+                    "base": nodes[:released],
+                    "horizon": nodes[released:],
+                }
+            case outputs.PublishInstantActions(robot, actions):
+                found = {"actions": [each.action_type for each in actions]}
+            case _:
+                return
+        self._add(DELIVERY, {"robot": str(robot), "event": f"{topic}Sent", **found})
+
+    def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
+        """Record how a VDA order or an action went on; notice emergency stops."""
+        match event:
+            case outputs.RobotChanged(robot):
+                self._look_for_stop(robot)
+            case outputs.VdaOrderFailed(robot, order_id, reason, details):
+                failure = {"orderId": order_id, "reason": reason, "details": details, "kind": event.kind}
+                self._add_event(robot, "orderFailed", failure)
+            case outputs.VdaOrderAccepted(robot, order_id):
+                self._add_event(robot, "orderAccepted", {"orderId": order_id})
+            case outputs.VdaOrderFinished(robot, order_id):
+                self._add_event(robot, "orderFinished", {"orderId": order_id})
+            case outputs.VdaOrderCancelled(robot, order_id):
+                self._add_event(robot, "orderCancelled", {"orderId": order_id})
+            case outputs.InstantActionEnded(robot, action, status, reason):
+                found = {"actions": [action.action_type], "status": status, "reason": reason}
+                self._add_event(robot, "instantActionEnded", found)
+            case _:
+                pass
+
+    def _look_for_stop(self, robot: RobotKey) -> None:
+        state = self._view(robot).state
+        stop = state.safety_state.active_emergency_stop if state else EmergencyStop.NONE
+        if (stop is not EmergencyStop.NONE) is (robot in self._stopped):
+            return
+        self._stopped ^= {robot}
+        self._add(TRAFFIC, {"robot": str(robot), "emergencyStop": stop})
+        if robot in self._stopped:
+            self._box.fail(EMERGENCY_STOP)
+
+    def _record_route(
+        self, status: TransportOrderStatus, before: tuple[str, ...] | None
+    ) -> tuple[str, ...] | None:
+        """Record the route to the current destination if it is a new one; return it."""
+        index = status.current_drive_order_index
+        if index < 0:
+            return None
+        current = status.drive_orders[index]
+        if current.route and current.route != before and not status.state.final:
+            found = {"destination": index + 1, "route": current.route, "avoided": current.avoided}
+            self._add(ROUTING, {"order": status.name, "vehicle": status.processing_vehicle, **found})
+        return current.route
+
+    def _add_event(self, robot: RobotKey, event: str, found: Mapping[str, object]) -> None:
+        self._add(DELIVERY, {"robot": str(robot), "event": event, **found})
+
+    def _add(self, channel: Channel, decision: Mapping[str, object]) -> None:
+        """Record a decision; fields without a value are left out of the file."""
+        self._box.ring.add(channel, decision, self._clock.monotonic())
+
+
+def _channel_of(entry: HistoryEntry) -> Channel:
+    return CHANNELS.get(entry.event_code, ORDERS)
+
+
+def _failed(status: TransportOrderStatus) -> bool:
+    """Return whether an ended order has failed, and nobody has withdrawn it."""
+    if status.state is TransportOrderState.UNROUTABLE:
+        return True
+    withdrawn = any(each.event_code == EventCode.WITHDRAWAL_REQUESTED for each in status.history)
+    return (
+        status.state is TransportOrderState.FAILED and status.processing_vehicle is not None and not withdrawn
+    )

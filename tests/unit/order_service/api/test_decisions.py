@@ -1,0 +1,236 @@
+"""The order service's black box: decisions with their reasons, and what starts a recording."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nena_order_service.api.decisions import DecisionRecorder, RecordingRequests, make_black_box
+from nena_order_service.errors import NoBlackBoxError, RecordingNotWrittenError
+from nena_order_service.fleet import outputs
+from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
+from nena_order_service.fleet.vda_order import VdaOrder
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.settings import OrderServiceSettings
+from nena_shared.black_box.box import BlackBox
+from nena_shared.black_box.mcap_file import encoded
+from nena_shared.fleet_api.stops import VehicleStop
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
+from nena_shared.fleet_api.vehicle import VehicleState
+from nena_shared.vda5050.action import Action, BlockingType
+from nena_shared.vda5050.order import Edge, Node
+from nena_shared.vda5050.state import EmergencyStop, SafetyState
+from nena_shared.vda5050.topics import RobotKey, Topic
+from support.clocks import ManualClock
+from support.fleet_examples import state, vehicle_status
+from support.order_service import NOW, assigned_order, dispatchable_order
+
+ROBOT = RobotKey("ACME", "r1")
+VIEW = RobotView(
+    key=ROBOT,
+    link=LinkStatus.ONLINE,
+    vehicle_state=VehicleState.IDLE,
+    availability=Availability(can_take_order=True, reason=""),
+    state=state(),
+    state_at=None,
+    factsheet=None,
+    malformed=0,
+    order_id=None,
+    order_phase=None,
+    wait_reason="",
+)
+
+
+@dataclass
+class Recorded:
+    """A recorder, and what it has recorded."""
+
+    settings: OrderServiceSettings
+    clock: ManualClock = field(default_factory=lambda: ManualClock(start=NOW))
+    views: dict[RobotKey, RobotView] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Make the recorder."""
+        box = make_black_box(self.settings, self.clock)
+        assert box
+        self.box: BlackBox = box
+        self.recorder = DecisionRecorder(box, self.clock, self.views.__getitem__)
+
+    def order(self, *versions: TransportOrder) -> None:
+        for each in versions:
+            self.recorder.order_changed(each.status)
+
+    def decisions(self, topic: str = "") -> list[dict[str, Any]]:
+        """Return the decisions below a topic as a file contains them."""
+        entries = self.box.ring.entries(self.clock.monotonic())
+        own = [each for each in entries if each.channel.topic.startswith("/nena/" + topic)]
+        return [json.loads(encoded(each)) for each in own]
+
+    @property
+    def started(self) -> list[str]:
+        """Return why recordings have started."""
+        due, found = self.box._due, []
+        while not due.empty():
+            found.append(due.get_nowait())
+        return found
+
+
+@pytest.fixture
+def recorded(settings: OrderServiceSettings, tmp_path: Path) -> Recorded:
+    return Recorded(with_box(settings, tmp_path))
+
+
+def with_box(settings: OrderServiceSettings, folder: Path) -> OrderServiceSettings:
+    black_box = settings.black_box.model_copy(update={"enabled": True, "interval": 0.0})
+    upload = settings.upload.model_copy(update={"folder": folder / "recordings"})
+    return settings.model_copy(update={"black_box": black_box, "upload": upload})
+
+
+def test_dispatch_is_recorded_with_its_reasons_once(recorded: Recorded) -> None:
+    waits = dispatchable_order()
+    deferred = waits.deferred("all are busy", NOW)
+    again = deferred.deferred("V-1 is charging", NOW)
+    order = again.assigned("V-1", [("A", "B")], "it is near", NOW)
+    recorded.order(waits, deferred, again, order, order.rerouted(("A", "C", "B"), "a path is locked", NOW))
+
+    assert [each["explanation"] for each in recorded.decisions("dispatch")] == [
+        ["all are busy"],
+        ["V-1 is charging"],
+        ["V-1", "it is near"],
+    ]
+    assert recorded.decisions("routing") == [
+        {"order": "T-1", "vehicle": "V-1", "destination": 1, "route": ["A", "B"]},
+        {
+            "order": "T-1",
+            "state": "BEING_PROCESSED",
+            "vehicle": "V-1",
+            "event": "nena:rerouted",
+            "explanation": ["a path is locked"],
+            "reason": "vehicle V-1 travels to destination 1 of 1",
+        },
+        {"order": "T-1", "vehicle": "V-1", "destination": 1, "route": ["A", "C", "B"]},
+    ]
+
+
+def test_a_withdrawal_is_recorded_and_is_no_failure(recorded: Recorded) -> None:
+    withdrawn = assigned_order().withdrawn("the host has changed its mind", NOW)
+    recorded.order(assigned_order(), withdrawn, withdrawn.failed("withdrawn: released", NOW))
+
+    (decision,) = recorded.decisions("withdrawal")
+    assert (decision["order"], decision["explanation"]) == ("T-1", ["the host has changed its mind"])
+    assert recorded.started == []
+
+
+def test_a_failed_order_starts_a_recording(recorded: Recorded) -> None:
+    failed = assigned_order().failed("no path", NOW)
+    recorded.order(assigned_order(), failed)
+
+    assert recorded.decisions("orders")[-1]["reason"] == "no path"
+    assert recorded.started == ["order-failed"]
+
+
+def test_an_order_withdrawn_before_its_assignment_starts_none(recorded: Recorded) -> None:
+    recorded.order(dispatchable_order(), dispatchable_order().withdrawn("not needed", NOW))
+
+    assert recorded.started == []
+
+
+def test_waits_of_orders_are_recorded_without_an_event(recorded: Recorded) -> None:
+    order = assigned_order()
+    recorded.order(order, order.with_wait_reason("V-2 stands at B"))
+
+    assert "V-2 stands at B" in recorded.decisions("orders")[-1]["reason"]
+
+
+def test_events_from_before_the_start_are_left_out(recorded: Recorded) -> None:
+    recorded.clock.start = NOW + timedelta(minutes=1)
+    restarted = DecisionRecorder(recorded.box, recorded.clock, recorded.views.__getitem__)
+    order = assigned_order()
+    restarted.order_changed(order.status)
+    restarted.order_changed(order.adopted(recorded.clock.now()).status)
+
+    assert [each["event"] for each in recorded.decisions("orders")] == ["nena:adoptedAfterRestart"]
+    assert recorded.decisions("dispatch") == []
+
+
+def test_waits_and_stops_of_vehicles_are_traffic(recorded: Recorded) -> None:
+    wait = TrafficWait(vehicles=("V-2",), at="B", cause=WaitCause.STANDS, reason="V-2 stands at B")
+    stop = VehicleStop(name="S-1", by="Anna", reason="spill", area=False)
+    for changes in ({}, {"wait": wait}, {"wait": wait}, {"wait": wait, "stop": stop}, {}):
+        recorded.recorder.vehicle_changed(vehicle_status(**changes))
+
+    waiting, stopped, free = recorded.decisions("traffic")
+    assert waiting["wait"]["vehicles"] == ["V-2"]
+    assert stopped["stop"]["by"] == "Anna"
+    assert "wait" not in free
+    assert recorded.started == ["stop"]
+
+
+def test_reasons_of_idle_vehicles_are_dispatch(recorded: Recorded) -> None:
+    for reason in ("no order waits", "no order waits", "is charging"):
+        recorded.recorder.vehicle_changed(vehicle_status(transport_order=None, reason=reason))
+
+    assert [each["reason"] for each in recorded.decisions("dispatch")] == ["no order waits", "is charging"]
+
+
+def node(name: str, sequence: int, *, released: bool) -> Node:
+    return Node(node_id=name, sequence_id=sequence, released=released, actions=())
+
+
+def test_messages_to_robots_are_recorded_with_base_and_horizon(recorded: Recorded) -> None:
+    nodes = (node("A", 0, released=True), node("B", 2, released=False))
+    edge = Edge(edge_id="A-B", sequence_id=1, released=False, actions=())
+    order = VdaOrder(order_id="T-1-0", nodes=nodes, edges=(edge,))
+    pause = Action(action_type="startPause", action_id="p", blocking_type=BlockingType.HARD)
+    recorder = recorded.recorder
+    recorder.published(Topic.ORDER, outputs.PublishOrder(ROBOT, order, 3), 0.0)
+    recorder.published(Topic.INSTANT_ACTIONS, outputs.PublishInstantActions(ROBOT, (pause,)), 0.0)
+    recorder.happened(outputs.VdaOrderAccepted(ROBOT, "T-1-0"), 0.0)
+    recorder.happened(outputs.VdaOrderFailed(ROBOT, "T-1-0", "blocked", ("FATAL motor",)), 0.0)
+
+    sent, paused, accepted, failed = recorded.decisions("delivery")
+    assert sent == {
+        "robot": "ACME/r1",
+        "event": "orderSent",
+        "orderId": "T-1-0",
+        "orderUpdateId": 3,
+        "base": ["A"],
+        "horizon": ["B"],
+    }
+    assert (paused["event"], paused["actions"]) == ("instantActionsSent", ["startPause"])
+    assert accepted["event"] == "orderAccepted"
+    assert (failed["reason"], failed["details"]) == ("blocked", ["FATAL motor"])
+
+
+def test_an_emergency_stop_starts_a_recording_when_it_begins(recorded: Recorded) -> None:
+    safety = SafetyState(active_emergency_stop=EmergencyStop.MANUAL, field_violation=False)
+    stopped = replace(VIEW, state=state(safety_state=safety))
+    for view in (VIEW, stopped, stopped, VIEW, stopped):
+        recorded.views[ROBOT] = view
+        recorded.recorder.happened(outputs.RobotChanged(ROBOT), 0.0)
+
+    assert recorded.started == ["emergency-stop", "emergency-stop"]
+    assert [each["emergencyStop"] for each in recorded.decisions("traffic")] == ["MANUAL", "NONE", "MANUAL"]
+
+
+async def test_a_request_returns_the_file(recorded: Recorded, tmp_path: Path) -> None:
+    recorded.order(dispatchable_order())
+    answer = await RecordingRequests(recorded.box).fetch()
+
+    assert (answer.robot, answer.sent) == ("nena/order-service", False)
+    assert list((tmp_path / "recordings").rglob(answer.name))
+
+
+async def test_a_request_says_what_is_wrong(settings: OrderServiceSettings, tmp_path: Path) -> None:
+    assert make_black_box(settings, ManualClock()) is None
+    with pytest.raises(NoBlackBoxError, match=r"black_box\.enabled"):
+        await RecordingRequests(None).fetch()
+    (tmp_path / "recordings").write_text("no folder")
+    box = make_black_box(with_box(settings, tmp_path), ManualClock())
+    with pytest.raises(RecordingNotWrittenError, match=r"upload\.folder"):
+        await RecordingRequests(box).fetch()
