@@ -18,6 +18,8 @@ LOOK_EVERY = 1.0
 TIMEOUT = 300.0
 PAGE = 1000
 KINDS = ("vehicles", "transportOrders")
+UNPUBLISHED = ("epoch", "lastState", "precisePosition", "energyLevel")
+"""Fields that differ by design: a change of these alone is not published, and only MQTT has the epoch."""
 
 
 class RetainedStatuses:
@@ -57,9 +59,7 @@ class RetainedStatuses:
     def _told(self, topic: str, payload: bytes, _moment: float) -> None:
         with self._lock:
             if payload:
-                body = json.loads(payload)
-                del body["epoch"]
-                self._found[topic] = body
+                self._found[topic] = _published(json.loads(payload))
             else:
                 self._found.pop(topic, None)
 
@@ -72,6 +72,10 @@ def unlike_rest(hall: Hall) -> dict[str, int]:
     return {**differing, "all": sum(differing.values())}
 
 
+def _published(body: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in body.items() if name not in UNPUBLISHED}
+
+
 def _ended(order: dict[str, Any]) -> bool:
     return order["state"] in ("FINISHED", "FAILED", "UNROUTABLE")
 
@@ -82,7 +86,7 @@ def _listed(url: str, kind: str) -> dict[str, dict[str, Any]]:
     with httpx.Client(base_url=url, timeout=TIMEOUT) as client:
         while True:
             page = client.get(f"/v1/{kind}", params={"limit": PAGE, **after}).json()
-            found.update({each["name"]: each for each in page[kind]})
+            found.update({each["name"]: _published(each) for each in page[kind]})
             if not page.get("next"):
                 return found
             after = {"after": page["next"]}
