@@ -348,13 +348,13 @@ async def test_phone_shows_robots_that_need_attention_then_the_search(
 @pytest.mark.parametrize(
     ("language", "words"),
     [
-        ("en-GB", ("Vehicle-1 drives to Goods in.", "Waits for a free vehicle.", "Held by Anna")),
-        ("de-DE", ("Goods in: Load (unterwegs)", "Wartet auf ein Fahrzeug.", "von Anna seit")),
-        ("nl-NL", ("Goods in: Load (onderweg)", "Wacht op een voertuig.", "door Anna sinds")),
+        ("en-GB", ("Vehicle-1 drives to Goods in.", "Waits for a free vehicle.", "Held by Anna", "drives")),
+        ("de-DE", ("Goods in: Load (unterwegs)", "Wartet auf ein Fahrzeug.", "von Anna seit", "Pausiert.")),
+        ("nl-NL", ("Goods in: Load (onderweg)", "Wacht op een voertuig.", "door Anna sinds", "Gepauzeerd.")),
     ],
 )
 async def test_status_of_an_order_is_in_the_language_of_the_panel(
-    hall: Hall, browser: Browser, language: str, words: tuple[str, str, str]
+    hall: Hall, browser: Browser, language: str, words: tuple[str, str, str, str]
 ) -> None:
     async with hall.connected():
         hall.publish_order(1, TransportOrderState.BEING_PROCESSED, "TO-1")
@@ -367,6 +367,8 @@ async def test_status_of_an_order_is_in_the_language_of_the_panel(
         hold = Hold(by="Anna", reason="Ware fehlt", since=datetime.now(UTC))
         held = {**waits, "reason": "Held by Anna: Ware fehlt", "held": hold}
         hall.publish_order(1, TransportOrderState.DISPATCHABLE, "TO-3", **held)
+        robot(hall, 4, 80, paused=True)
+        hall.publish_order(1, TransportOrderState.BEING_PROCESSED, "TO-4", processing_vehicle="AMR-04")
         async with opened(browser, f"{hall.url}#/?tab=orders", language=language) as page:
             for number, each in enumerate(words, start=1):
                 await expect(page.locator(f"tr[data-order='TO-{number}']")).to_contain_text(each)

@@ -450,7 +450,6 @@ class ServiceRunner:
         if asked.check_only:
             return
         old.engine.close(CHANGING)  # nothing else has run since the check above
-        gc.unfreeze()  # or the old plant model would stay in memory
         await self._end(old)
         await self._keep(model, asked.record)
         service.changes.count = old.changes.count
@@ -462,6 +461,9 @@ class ServiceRunner:
             message = "the changed plant model cannot be activated: the store is unavailable"
             raise RuntimeError(message) from error
         self.show(service.app)
+        gc.unfreeze()
+        gc.collect()  # what was left of earlier plant models
+        gc.freeze()
         log.info("plant model changed", name=model.name, points=len(model.points))
 
     async def _end(self, service: OrderService) -> None:

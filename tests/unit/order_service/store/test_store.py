@@ -176,6 +176,27 @@ def delete(url: str) -> None:
     Path(url.removeprefix("sqlite:///")).unlink()
 
 
+async def test_nothing_more_is_published_once_the_file_is_deleted(
+    sqlite_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hosts are told that their requests are not saved, so no robot may get the orders."""
+    monkeypatch.setattr(store_module, "LOSS_SHOWN", 0.0)
+    store = Store(open_database(sqlite_url), InstanceLock.take(sqlite_url))
+    told: list[int] = []
+
+    def lose() -> None:
+        delete(sqlite_url)
+        asyncio.get_running_loop().call_soon(lambda: store.ready)  # as a request does
+
+    store.commit(change(dispatchable_order()), lose)
+    for number in range(2, 12):
+        store.commit(change(dispatchable_order(number=number)), lambda n=number: told.append(n))  # type: ignore[misc] # n is bound at once
+    with pytest.raises(StoreLostError, match="was deleted while in use"):
+        await asyncio.wait_for(store.run(), PATIENCE)
+    assert told == [2, 3, 4]
+    store.close()
+
+
 async def test_commits_to_a_deleted_file_are_not_published(
     sqlite_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

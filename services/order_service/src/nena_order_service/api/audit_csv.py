@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import io
 from collections.abc import AsyncIterator
@@ -19,6 +20,8 @@ PATH = "/v1/audit.csv"
 FILTERS = ("user", "operation", "object", "result", "since", "until", "oldestFirst")
 """Query parameters: those of the list, without its pages."""
 PAGE = 1000
+ROWS_AT_ONCE = 25
+"""Number of rows written before other tasks run; each takes up to half a millisecond."""
 
 COLUMNS = tuple(field.alias or name for name, field in AuditEntry.model_fields.items())
 
@@ -60,7 +63,9 @@ def audit_csv(trail: Trail) -> APIRouter:
 async def _rows(trail: Trail, wanted: AuditQuery, page: AuditPage) -> AsyncIterator[str]:
     yield _lines([COLUMNS])
     while True:
-        yield _lines([_cells(each) for each in page.entries])
+        for start in range(0, len(page.entries), ROWS_AT_ONCE):
+            yield _lines([_cells(each) for each in page.entries[start : start + ROWS_AT_ONCE]])
+            await asyncio.sleep(0)
         if page.next is None:
             return
         page = await trail.page(wanted.model_copy(update={"after": page.next}))

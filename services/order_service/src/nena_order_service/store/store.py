@@ -279,15 +279,20 @@ class Store:
             self._writing = False
 
     async def _publish_all(self, then: list[Callable[[], None]]) -> None:
-        """Publish committed units of work in order, and in parts; all of them even if cancelled meanwhile."""
+        """Publish committed units of work in order, and in parts; all of them even if cancelled meanwhile.
+
+        If the database file is lost meanwhile, the others are lost with it and are not published.
+        """
         waiting = iter(then)
         try:
             for number, each in enumerate(waiting, 1):
                 self._publish(each)
                 if number % PUBLISHED_AT_ONCE == 0:
                     await asyncio.sleep(0)
+                    if self._loss:
+                        break
         finally:
-            for each in waiting:
+            for each in () if self._loss else waiting:
                 self._publish(each)
 
     async def _write(self, changes: Changes) -> None:

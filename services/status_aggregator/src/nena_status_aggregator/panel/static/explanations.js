@@ -91,6 +91,7 @@ export function adviceForError(error) {
 const DEPTH = 6;
 const CANDIDATES = 8;
 const NEAR = 0.75; // m
+const STANDING = new Set(["OFFLINE", "BROKEN", "SILENT", "MANUAL", "ERROR", "BLOCKED"]); // with an order, which waits for a person
 
 /**
  * Return the causes for a robot, a list of `{text, advice, foreign, link}`: `foreign` is an English text of another
@@ -109,7 +110,7 @@ export function statusOfOrder(order, store) {
   if (order.held && !order.final) return { text: t("order.heldBy", { by: order.held.by, time: timeOfDay(order.held.since) }), foreign: order.held.reason };
   if (order.final) return { text: "", foreign: order.state === "FINISHED" ? "" : order.reason };
   const robot = order.processingVehicle && store.robotOfVehicle(order.processingVehicle);
-  if (robot && saysThatItWaits(robot)) return { text: reasonOf(robot), foreign: "" };
+  if (robot && (saysThatItWaits(robot) || STANDING.has(robot.condition))) return { text: reasonOf(robot), foreign: "" };
   const current = order.destinations[order.currentDestination];
   if (order.state === "BEING_PROCESSED" && current) return { text: `${t("destination", current)} (${t(`drive.${current.state}`)})`, foreign: "" };
   return { text: t(`why.order.${order.state}`), foreign: order.reason };

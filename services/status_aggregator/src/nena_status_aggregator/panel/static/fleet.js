@@ -123,6 +123,11 @@ export class PlantStore extends EventTarget {
     return null;
   }
 
+  /** Return the path in the opposite direction; undefined if there is none, or for a point or location. */
+  opposite({ source, destination }) {
+    return source && this.model.paths.find((path) => path.source === destination && path.destination === source);
+  }
+
   async #loadLocks() {
     if (!this.model || this.#asking || this.#store.orderService.up === false) return;
     this.#asking = true;

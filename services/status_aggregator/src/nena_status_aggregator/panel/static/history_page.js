@@ -124,6 +124,7 @@ const RANGES = { minutes10: 600, hour: 3600, hours8: 28_800, day: 86_400 };
 const SPEEDS = [1, 10, 60];
 const FRAME = 100; // ms
 const MINUTE = 60_000; // ms
+const EARLIEST = Date.UTC(2000);
 const LISTED = 60;
 const MARKS = 300; // on the slider
 
@@ -196,6 +197,7 @@ class HistoryPage extends HTMLElement {
     this.range.value = "given";
     const range = rangeOf(this.from.value, this.to.value);
     if (range) return this.#load(range);
+    this.#loads += 1; // one that is under way would replace the note
     this.#stop();
     return setText(this.note, t(this.from.value && this.to.value ? "reports.inverted" : "reports.incomplete"));
   }
@@ -355,9 +357,10 @@ function noteOn(found) {
 }
 
 // The time range in the address; null if it is missing or invalid.
+// A year that is still being typed, such as 0202, makes no range.
 function rangeOf(from, to) {
   const [since, until] = [Date.parse(from), Date.parse(to)];
-  return since < until ? { since, until } : null;
+  return since >= EARLIEST && since < until ? { since, until } : null;
 }
 
 function download(range, form, chosen) {

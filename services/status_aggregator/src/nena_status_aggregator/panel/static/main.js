@@ -62,10 +62,13 @@ function go(...view) {
 // A command of the map's menu begins on the page of the robot or place, once it is shown.
 let wanted = null;
 map.addEventListener("command", ({ detail: { view, id, name, value } }) => {
+  const form = unsentForm();
+  wanted = null;
+  if (form) return form.scrollIntoView({ block: "nearest" });
   const target = address(view, id);
   if (location.hash === target && name) return views[view].begin(name, value);
   wanted = name && { target, begin: () => views[view].begin(name, value) };
-  go(view, id);
+  location.hash = target;
 });
 
 map.addEventListener("select", (event) => go("robots", event.detail));

@@ -36,7 +36,7 @@ class PlacePage extends HTMLElement {
   /** Begin a command: `lock`, `lockBoth`, `unlock` or `send`. */
   begin(name) {
     if (name === "send") this.commands.querySelector("select")?.focus();
-    else this[name]?.click(); // disabled if it has no effect
+    else if (!this[name].hidden) this[name].click(); // disabled if it has no effect
   }
 
   #build() {
@@ -64,19 +64,15 @@ class PlacePage extends HTMLElement {
   #neighbours({ kind, thing }) {
     const { paths } = this.fleet.plant.model;
     if (kind === "location") return thing.links.map((link) => link.point);
-    if (kind === "path") return [thing.source, thing.destination, this.#opposite(thing)?.name].filter(Boolean);
+    if (kind === "path") return [thing.source, thing.destination, this.fleet.plant.opposite(thing)?.name].filter(Boolean);
     const names = paths.filter((path) => [path.source, path.destination].includes(thing.name)).map((path) => path.name);
     return names.sort(byName);
-  }
-
-  #opposite({ source, destination }) {
-    return this.fleet.plant.model.paths.find((path) => path.source === destination && path.destination === source);
   }
 
   // Locking and unlocking have separate buttons, so that a second click does not undo the first. Unlocking asks for confirmation.
   #lockCommands() {
     this.result = element("output", { class: "result", role: "status" });
-    const opposite = this.#opposite(this.fleet.plant.find(this.#name).thing)?.name;
+    const opposite = this.fleet.plant.opposite(this.fleet.plant.find(this.#name).thing)?.name;
     const [one, both] = [[this.#name], [this.#name, opposite].filter(Boolean)];
     this.lock = button(t("place.lock"), () => this.#lock(this.lock, one, true));
     this.lockBoth = button(t("place.lockBoth"), () => this.#lock(this.lockBoth, both, true));
@@ -171,7 +167,7 @@ class PlacePage extends HTMLElement {
     refill(this.holders, [rows, none], () => [rows.length ? element("ul", { class: "entries" }, ...rows.map(holder)) : element("p", { class: "hint" }, none)]);
     if (found.kind !== "path") return;
     const locked = this.#locked(this.#name);
-    const opposite = this.#opposite(found.thing)?.name;
+    const opposite = this.fleet.plant.opposite(found.thing)?.name;
     const other = opposite ? this.#locked(opposite) : locked;
     const stopped = this.#stopped(this.#name);
     const otherStopped = opposite ? this.#stopped(opposite) : stopped;

@@ -5,14 +5,22 @@ import { element, setAttribute } from "../dom.js";
 import { t } from "../i18n.js";
 import { LEVELS } from "../robot_commands.js";
 
+// What has an effect: a path that the stop of an area locks cannot be unlocked before the stop ends.
+function pathCommands(path, twoWay) {
+  if (path.stop) return [];
+  if (path.locked) return ["unlock"];
+  return twoWay ? ["lock", "lockBoth"] : ["lock"];
+}
+
 /**
- * Fires `command`, which bubbles, with `{view, id, name, value}`: the command to begin on the page of a robot or place. The
- * page confirms it and shows the result; `name` is null to show only the page.
+ * Fires `command`, which bubbles, with `{view, id, name, value}`: the command to begin on the page of a robot or place, which
+ * asks for what is missing and shows the result; `name` is null to show only the page.
  */
 class MapMenu extends HTMLElement {
   connectedCallback() {
     this.hidden = true;
     this.setAttribute("role", "menu");
+    this.addEventListener("contextmenu", (event) => event.preventDefault());
     this.addEventListener("keydown", (event) => this.#key(event));
     this.addEventListener("focusout", (event) => event.relatedTarget !== this.back && this.#closeFor(event.relatedTarget));
     document.addEventListener("pointerdown", (event) => this.#closeFor(event.target), { capture: true });
@@ -24,23 +32,24 @@ class MapMenu extends HTMLElement {
     const levels = LEVELS.map((level) => this.#item(t(`integration.${level}`), "robots", robot.id, "command.level", level));
     for (const each of levels) setAttribute(each, "role", "menuitemradio");
     const title = element("div", { class: "group", role: "presentation" }, t("integration.title"));
-    const commands = vehicle ? [this.#item(t("command.dispatch"), "robots", robot.id, "command.dispatch"), title, ...levels] : [];
+    const group = element("div", { role: "group", "aria-label": t("integration.title") }, title, ...levels);
+    const commands = vehicle ? [this.#item(t("command.dispatch"), "robots", robot.id, "command.dispatch"), group] : [];
     this.#open(robot.name, [this.#item(t("map.menu.page"), "robots", robot.id, null), ...commands], at, back);
     if (vehicle) this.#check(vehicle, levels);
   }
 
-  /** Open the menu of a place or path, as the plant store finds it. */
-  openForPlace({ kind, thing }, at, back) {
-    const commands = kind !== "path" ? ["send"] : thing.locked ? ["unlock"] : ["lock", "lockBoth"];
+  /** Open the menu of a place or path, as the plant store finds it; `twoWay`: a path has an opposite one. */
+  openForPlace({ kind, thing }, twoWay, at, back) {
+    const commands = kind === "path" ? pathCommands(thing, twoWay) : thing.links?.length === 0 ? [] : ["send"];
     const items = commands.map((name) => this.#item(t(`place.${name}`), "places", thing.name, name));
     this.#open(thing.name, [this.#item(t("map.menu.page"), "places", thing.name, null), ...items], at, back);
   }
 
   #open(name, items, [x, y], back) {
     this.back = back;
-    this.items = items.filter((each) => each.tagName === "BUTTON");
     this.setAttribute("aria-label", t("map.menu", { name }));
     this.replaceChildren(element("strong", { translate: "no", role: "presentation" }, name), ...items);
+    this.items = [...this.querySelectorAll("button")];
     this.hidden = false;
     const room = this.parentElement;
     this.style.left = `${Math.max(0, Math.min(x, room.clientWidth - this.offsetWidth))}px`;
@@ -50,9 +59,8 @@ class MapMenu extends HTMLElement {
 
   // Mark the current level once the order service has answered.
   async #check(vehicle, levels) {
-    for (const each of levels) setAttribute(each, "aria-checked", "false");
     const known = await ask("vehicles", vehicle).catch(() => null);
-    setAttribute(levels[LEVELS.indexOf(known?.integrationLevel)] ?? element("i"), "aria-checked", "true");
+    if (known) LEVELS.forEach((level, index) => setAttribute(levels[index], "aria-checked", String(level === known.integrationLevel)));
   }
 
   #item(text, view, id, name, value) {

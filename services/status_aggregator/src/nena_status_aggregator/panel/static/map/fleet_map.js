@@ -307,7 +307,7 @@ class FleetMap extends HTMLElement {
     if (!robot && !found) return false;
     const middle = at ?? [this.view.width / 2, this.view.height / 2];
     if (robot) this.menu.openForRobot(robot, middle, this.canvas);
-    else this.menu.openForPlace(found, middle, this.canvas);
+    else this.menu.openForPlace(found, Boolean(this.plant.opposite(found.thing)), middle, this.canvas);
     return true;
   }
 

@@ -153,6 +153,7 @@ export class Gestures {
       pointermove: (event) => this.#move(event),
       pointerup: (event) => this.#up(event),
       pointercancel: (event) => this.#lift(event),
+      lostpointercapture: (event) => this.#lift(event), // such as a canvas that is hidden during a drag
       pointerleave: () => this.host.hovered(null),
       contextmenu: (event) => this.#menu(event),
     };
@@ -160,6 +161,7 @@ export class Gestures {
 
   // A long press also sends this event in some browsers, and some keyboards do.
   #menu(event) {
+    if (this.dragged) return event.preventDefault();
     const placed = event.button === 2 || Boolean(event.pointerType); // a keyboard has none
     if (this.#picking || this.host.menu(placed ? [event.offsetX, event.offsetY] : null)) event.preventDefault();
   }
@@ -171,14 +173,13 @@ export class Gestures {
     if (event.pointerType === "touch" && !this.#picking && !this.#pointers.size) this.#press = setTimeout(() => this.#pressed(here), LONG_PRESS);
     this.canvas.setPointerCapture(event.pointerId);
     if (this.#picking) this.#picking.from ??= [event.offsetX, event.offsetY];
+    if (!this.#pointers.size) this.#travel = 0;
     this.#pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
-    this.#travel = 0;
   }
 
-  // The finger that is lifted afterwards picks nothing.
+  // The finger that opened a menu neither moves the map nor picks anything.
   #pressed(here) {
-    this.#travel = CLICK;
-    this.host.menu(here);
+    if (this.host.menu(here)) this.#pointers.clear();
   }
 
   #move(event) {
@@ -202,13 +203,13 @@ export class Gestures {
   }
 
   #lift(event) {
+    if (!this.#pointers.delete(event.pointerId)) return;
     clearTimeout(this.#press);
-    this.#pointers.delete(event.pointerId);
     if (!this.#pointers.size && this.#travel >= CLICK) this.host.rested();
   }
 
   #up(event) {
-    if (event.button) return;
+    if (!this.#pointers.has(event.pointerId)) return;
     this.#lift(event);
     if (this.#picking?.from) {
       this.#take(event);
