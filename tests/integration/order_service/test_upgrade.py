@@ -12,6 +12,7 @@ import pytest
 from nena_order_service.fleet.link import Outgoing
 from nena_order_service.fleet.outputs import PublishOrder
 from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.store.schema import is_shared
 from nena_shared.clock import SystemClock
 from nena_shared.program import EXIT_FAILED
 from nena_shared.vda5050.v2_1 import CODEC
@@ -26,7 +27,7 @@ from support.order_service_work import (
     start_robots,
     started,
 )
-from support.stores import FIRST_STORE, first_tables, make_newer
+from support.stores import FIRST_STORE, STORES, first_store, first_tables, make_newer
 from support.waiting import PATIENCE
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e, pytest.mark.timeout(900)]
@@ -84,7 +85,20 @@ async def test_orders_of_the_first_release_are_completed(fleet: Fleet, keeper: K
     start_robots(fleet, [AT_STORAGE, AT_SOUTH_3])
     if sent:
         await robot_takes_its_order(fleet, wire)
+    await every_order_is_completed(fleet, wire)
 
+
+@pytest.mark.parametrize("release", sorted(each.stem for each in STORES.glob("[0-9]*.sql")))
+async def test_orders_of_each_later_release_are_completed(fleet: Fleet, keeper: Keeper, release: str) -> None:
+    if is_shared(keeper.url):
+        pytest.skip("the frozen stores are SQLite files")
+    first_store(keeper.url, STORES / f"{release}.sql")
+    start_robots(fleet, [AT_STORAGE, AT_SOUTH_3])
+    await every_order_is_completed(fleet, fleet.peer())
+
+
+async def every_order_is_completed(fleet: Fleet, wire: MqttPeer) -> None:
+    """Start the current order service on the orders of the first release, with one more, and wait for all."""
     client = await started(fleet.order_service())
     assert await order(client, "new-6") == 201
 
