@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
 
@@ -51,6 +51,8 @@ def iso(moment: datetime) -> str:
 
 
 SAMPLES = 8
+RECENT = timedelta(minutes=1)
+"""Age, relative to the latest message, up to which differences count: a clock may have been set right since."""
 
 
 class ClockSkew:
@@ -59,16 +61,19 @@ class ClockSkew:
     Latency can only make the other clock look slow, so the largest recent difference is the best estimate.
     """
 
-    __slots__ = ("_differences",)
+    __slots__ = ("_arrivals",)
 
     def __init__(self) -> None:
-        self._differences: deque[float] = deque(maxlen=SAMPLES)
+        self._arrivals: deque[tuple[datetime, float]] = deque(maxlen=SAMPLES)
+        """Times of arrival, and differences in seconds."""
 
     def measure(self, sent: datetime, arrived: datetime) -> None:
         """Add the timestamp of a message and its time of arrival."""
-        self._differences.append((sent - arrived).total_seconds())
+        while self._arrivals and abs(arrived - self._arrivals[0][0]) > RECENT:
+            self._arrivals.popleft()
+        self._arrivals.append((arrived, (sent - arrived).total_seconds()))
 
     @property
     def seconds(self) -> float | None:
         """Other clock minus this computer's clock, s; None before the first message."""
-        return max(self._differences, default=None)
+        return max((difference for _, difference in self._arrivals), default=None)

@@ -103,3 +103,18 @@ def test_a_fast_clock_shows() -> None:
 
 def test_corrected_clock_is_recognised_after_some_messages() -> None:
     assert measured(60.0, *[0.0] * SAMPLES) == 0.0
+
+
+def test_corrected_clock_is_recognised_by_the_first_message_a_minute_later() -> None:
+    skew = ClockSkew()
+    skew.measure(START + timedelta(seconds=60), START)
+    later = START + timedelta(seconds=61)
+    skew.measure(later, later)
+    assert skew.seconds == 0.0
+
+
+def test_own_corrected_clock_is_recognised_by_the_next_message() -> None:
+    skew = ClockSkew()
+    skew.measure(START, START - timedelta(seconds=90))
+    skew.measure(START, START)
+    assert skew.seconds == 0.0
