@@ -52,7 +52,7 @@ def iso(moment: datetime) -> str:
 
 SAMPLES = 8
 RECENT = timedelta(minutes=1)
-"""Age, relative to the latest message, up to which differences count: a clock may have been set right since."""
+"""Age before the latest message up to which differences count: a clock may have been set right since."""
 
 
 class ClockSkew:

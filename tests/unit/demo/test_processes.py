@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import asyncio
 import sys
 from pathlib import Path
 
@@ -46,6 +47,19 @@ async def test_ended_child_is_reported_with_the_end_of_its_log(tmp_path: Path) -
 
         with pytest.raises(ChildFailedError, match=r"broken ended with status 3(.|\n)*no broker"):
             processes.check()
+
+
+async def test_killed_child_comes_back_however_often(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "LOOK_EVERY", 0.01)
+    async with Processes(tmp_path) as processes:
+        child = await processes.start("victim", SLEEPS)
+        keeper = asyncio.create_task(processes.keep_running(lambda _: None))
+        for _ in range(module.QUICK_ENDS + 3):
+            killed = child.process
+            await processes.kill(child)
+            await until(lambda killed=killed: child.process is not killed, what="it is back")  # type: ignore[misc]
+        assert not keeper.done()
+        keeper.cancel()
 
 
 async def test_variables_reach_the_child(tmp_path: Path) -> None:

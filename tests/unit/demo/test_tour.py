@@ -88,7 +88,7 @@ async def test_aisle_is_blocked_and_opened_again(scene: Scene) -> None:
 async def test_failed_step_can_be_repeated(scene: Scene) -> None:
     scene.down = True
     await scene.tour.press("b")
-    assert "press o to start it" in scene.lines[-1]
+    assert "the request to the order service failed" in scene.lines[-1]
 
     scene.down = False
     await scene.tour.press("b")

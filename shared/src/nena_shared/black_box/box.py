@@ -109,6 +109,8 @@ class BlackBox:
         self._clock = clock
         self._due: asyncio.Queue[str] = asyncio.Queue()
         self._last_failure: float | None = None
+        self._requested: asyncio.Task[str] | None = None
+        self._writing = asyncio.Lock()
         self.outgoing = outgoing
         self.ring = Ring(seconds=settings.seconds, limit=settings.memory)
 
@@ -126,18 +128,31 @@ class BlackBox:
         """Write a file after each failure, until cancelled."""
         while True:
             reason = await self._due.get()
-            await asyncio.sleep(self._settings.delay)
             try:
-                await self.write(reason)
+                await asyncio.sleep(self._settings.delay)
+                await self._write(reason)
+            except asyncio.CancelledError:
+                self._due.put_nowait(reason)  # as after a change of the plant model, which runs it again
+                raise
             except OSError as error:
                 log.warning("recording not written", robot=str(self._source.key), reason=str(error))
 
-    async def write(self, reason: str) -> str:
-        """Write what is in memory, in a thread; return the file's name.
+    async def request(self) -> str:
+        """Write what is in memory to a file; return its name. Requests that arrive meanwhile get this file.
 
         Raises:
             OSError: the disk fails.
         """
+        if self._requested is None or self._requested.done():
+            self._requested = asyncio.create_task(self._write(REQUEST), name="requested recording")
+        return await asyncio.shield(self._requested)
+
+    async def _write(self, reason: str) -> str:
+        """Write one file at a time, in a thread: each can take seconds of it."""
+        async with self._writing:
+            return await self._write_now(reason)
+
+    async def _write_now(self, reason: str) -> str:
         from nena_shared.black_box.mcap_file import Recording, write_mcap  # noqa: PLC0415 - an extra
 
         now, utc = self._clock.monotonic(), self._clock.now()

@@ -10,8 +10,10 @@ from typing import Final, NamedTuple
 
 ENTRY_OVERHEAD: Final = 200
 """Memory of an entry besides its payload, bytes."""
-DOCUMENT_SIZE: Final = 400
-"""Estimated memory of a payload that is not encoded yet, bytes."""
+DOCUMENT_SIZE: Final = 600
+"""Estimated memory of a payload that is not encoded yet, without the items of its sequences, bytes."""
+ITEM_SIZE: Final = 8
+"""Memory of an item of a sequence, bytes: the names of points exist anyway."""
 LARGEST_SHARE: Final = 4
 """An entry may take at most a quarter of the ring, so that a large map does not replace all messages."""
 
@@ -43,7 +45,10 @@ class Entry(NamedTuple):
     def cost(self) -> int:
         """Return the memory of the entry, bytes."""
         payload = self.payload
-        return ENTRY_OVERHEAD + (len(payload) if isinstance(payload, bytes) else DOCUMENT_SIZE)
+        if isinstance(payload, bytes):
+            return ENTRY_OVERHEAD + len(payload)
+        items = sum(len(each) for each in payload.values() if isinstance(each, tuple | list))
+        return ENTRY_OVERHEAD + DOCUMENT_SIZE + ITEM_SIZE * items
 
 
 class Ring:

@@ -46,13 +46,13 @@ class OutgoingSettings(SettingsGroup):
     )
     folder: Path = Field(
         Path("~/.local/state/nena/recordings"),
-        description="Folder of the files, with a subfolder for each robot.",
+        description="Folder of the files, with a subfolder for each sender.",
     )
     keep: int = Field(
         20,
         ge=1,
         le=1000,
-        description="Maximum number of files for each robot; beyond it, the oldest is removed.",
+        description="Maximum number of files of each sender; beyond it, the oldest is removed.",
     )
     keep_bytes: int = Field(
         200 * MEBIBYTE,

@@ -23,6 +23,8 @@ ANSWER_TIMEOUT: Final = 2.0
 """Time after which an unanswered chunk is sent again, seconds; doubled each time."""
 LONGEST_TIMEOUT: Final = 60.0
 """Maximum time between two tries, seconds: without a receiver, a chunk is sent each minute."""
+READ_AGAIN_AFTER: Final = 60.0
+"""Time after which a file that could not be read is tried again, seconds."""
 
 
 class UploadLink(Protocol):
@@ -51,9 +53,10 @@ class UploadTopics:
 
 
 class Uploader:
-    """Sends waiting files until each is stored or refused; a file that cannot be read is skipped.
+    """Sends waiting files until each is stored or refused.
 
-    Chunks that the link cannot send are dropped, and sent again after a timeout.
+    A file that cannot be read is tried again after the others. Chunks that the link cannot send are dropped,
+    and sent again after a timeout.
     """
 
     def __init__(
@@ -90,24 +93,28 @@ class Uploader:
             self._added.clear()
             files = await asyncio.to_thread(self._folder.waiting)
             self._counts.waiting = len(files)
-            for each in files:
-                await self._send(each.path)
-                self._counts.waiting -= 1
-            await self._added.wait()
+            sent = [await self._send(each.path) for each in files]
+            if all(sent):
+                await self._added.wait()
+            else:
+                await set_within(self._added, READ_AGAIN_AFTER)
 
-    async def _send(self, path: Path) -> None:
+    async def _send(self, path: Path) -> bool:
+        """Send a file; return False if it could not be read and still waits."""
         try:
             transfer = await asyncio.to_thread(_begin, path)
             await self._send_chunks(path, transfer)
             await asyncio.to_thread(self._folder.mark_sent, path.name)
         except FileNotFoundError:
             log.info("recording removed before it was sent", name=path.name)
-            return
+            self._counts.waiting -= 1
+            return True
         except (OSError, ValidationError) as error:
-            log.warning("recording not sent", name=path.name, reason=str(error))
-            return
+            log.warning("recording not sent; trying again later", name=path.name, reason=str(error))
+            return False
         finally:
             self._transfer = None
+        self._counts.waiting -= 1
         end = transfer.end
         if end and end.verdict is Verdict.REFUSED:
             self._counts.outcomes["refused"] += 1
@@ -116,6 +123,7 @@ class Uploader:
             self._counts.outcomes["sent"] += 1
             self._counts.sent_bytes += transfer.size
             log.info("recording sent", name=path.name, size=transfer.size)
+        return True
 
     async def _send_chunks(self, path: Path, transfer: Transfer) -> None:
         self._transfer = transfer

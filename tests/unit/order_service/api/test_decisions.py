@@ -218,6 +218,23 @@ def test_an_emergency_stop_starts_a_recording_when_it_begins(recorded: Recorded)
     assert [each["emergencyStop"] for each in recorded.decisions("traffic")] == ["MANUAL", "NONE", "MANUAL"]
 
 
+def test_stops_from_before_the_start_start_no_recording(recorded: Recorded) -> None:
+    """Otherwise, an order that fails in the next minute would start none."""
+    safety = SafetyState(active_emergency_stop=EmergencyStop.MANUAL, field_violation=False)
+    recorded.views[ROBOT] = replace(VIEW, state=state(safety_state=safety))
+    recorded.recorder.happened(outputs.RobotChanged(ROBOT), 0.0)
+    stop = VehicleStop(name="S-1", by="Anna", reason="spill", area=False)
+    recorded.recorder.vehicle_changed(vehicle_status(stop=stop))
+    assert recorded.started == []
+
+    recorded.order(assigned_order(), assigned_order().failed("no path", NOW))
+    assert recorded.started == ["order-failed"]
+
+
+def test_a_fault_of_the_recorder_does_not_reach_the_order(recorded: Recorded) -> None:
+    recorded.recorder.happened(outputs.RobotChanged(RobotKey("ACME", "unknown")), 0.0)
+
+
 async def test_a_request_returns_the_file(recorded: Recorded, tmp_path: Path) -> None:
     recorded.order(dispatchable_order())
     answer = await RecordingRequests(recorded.box).fetch()

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from datetime import timedelta
 
+import pytest
+
 from nena_order_service.api.peripheral_requests import PeripheralRequests
+from nena_order_service.errors import UnknownPeripheralJobError
 from nena_shared.fleet_api.peripherals import PeripheralJobRequest, PeripheralJobsQuery
 from nena_shared.plant import ExecutionTrigger
 from support.clocks import ManualClock
@@ -46,4 +49,5 @@ async def test_a_page_follows_the_job_that_the_previous_one_names() -> None:
 
     assert names(limit=2) == ["J-3", "J-2", "J-1"]  # one more: there is another page
     assert names(limit=2, after="J-2") == ["J-1", "J-0"]
-    assert names(after="J-9") == []
+    with pytest.raises(UnknownPeripheralJobError):
+        names(after="J-9")

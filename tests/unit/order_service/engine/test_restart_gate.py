@@ -10,6 +10,7 @@ from nena_shared.plant import PlantModel, Vehicle
 from support.clocks import ManualClock
 from support.operations import calls_of
 from support.order_service import request
+from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_context, make_engine, sent
 
@@ -114,6 +115,6 @@ async def test_an_order_is_sent_as_soon_as_the_gate_opens() -> None:
     fleet.unknown = False
     checks = asyncio.create_task(engine.run())
     for _ in range(10):  # turns of the event loop, far fewer than until the next check by the clock
-        await asyncio.sleep(0)
+        await turn_passes()
     checks.cancel()
     assert sent(fleet) == [("V1", "T-0")]

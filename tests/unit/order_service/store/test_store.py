@@ -71,7 +71,7 @@ async def test_units_committed_together_are_published_in_parts(make_store: Calla
     async def watch() -> None:
         while len(told) < 10:
             before = len(told)
-            await asyncio.sleep(0)
+            await turn_passes()
             at_once.append(len(told) - before)
 
     async with running(make_store()) as store:

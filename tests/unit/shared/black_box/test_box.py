@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,10 @@ from nena_shared.black_box.folder import OutgoingFolder
 from nena_shared.black_box.settings import OutgoingSettings, RingSettings
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.settings import ConfigurationError
+from nena_shared.tasks import end
 from nena_shared.vda5050.topics import RobotKey
 from support.clocks import ManualClock
+from support.pausing import turn_passes
 
 SOURCE = Source(RobotKey("ACME", "1"), "nena-shared")
 
@@ -40,13 +43,31 @@ async def test_files_are_counted(tmp_path: Path) -> None:
     place.write_text("no folder")
     box = make_box(place, ManualClock())
     with pytest.raises(OSError, match="recordings"):
-        await box.write("request")
+        await box.request()
     place.unlink()
-    name = await box.write("request")
+    name = await box.request()
 
     assert (place / name).exists()
     outcomes = box.outgoing.counts.outcomes
     assert (outcomes["written"], outcomes["not_written"]) == (1, 1)
+
+
+async def test_requests_that_arrive_meanwhile_get_the_same_file(tmp_path: Path) -> None:
+    box = make_box(tmp_path, ManualClock())
+    names = await asyncio.gather(*(box.request() for _ in range(6)))
+
+    assert len({*names}) == 1
+    assert box.outgoing.counts.outcomes["written"] == 1
+
+
+async def test_a_failure_is_written_even_if_the_black_box_is_started_again_meanwhile(tmp_path: Path) -> None:
+    box = make_box(tmp_path, ManualClock(), delay=5.0)
+    box.fail("error")
+    first = asyncio.create_task(box.run())
+    await turn_passes()
+    await end(first)
+
+    assert box._due.get_nowait() == "error"
 
 
 def test_each_source_has_a_folder_of_its_own(tmp_path: Path) -> None:

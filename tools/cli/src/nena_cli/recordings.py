@@ -110,7 +110,7 @@ def request(
     ] = None,
 ) -> None:
     """Make a robot or the order service write its last minutes to a file and send it; print its name."""
-    if name:
+    if name is not None:
         act(service, name, own_actions.FETCH_RECORDING, {})
         return
     with service.connected() as connection:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import termios
 import tty
 from collections.abc import Iterator
@@ -58,10 +59,14 @@ def _without_enter(source: int) -> Iterator[bool]:
         return
     before = termios.tcgetattr(source)
     tty.setcbreak(source)
+    # In the background, after Ctrl-Z and bg, they would stop the demo and leave its programs running.
+    handlers = {each: signal.signal(each, signal.SIG_IGN) for each in (signal.SIGTTIN, signal.SIGTTOU)}
     try:
         yield True
     finally:
         termios.tcsetattr(source, termios.TCSADRAIN, before)
+        for each, handler in handlers.items():
+            signal.signal(each, handler)
 
 
 def _in_foreground(terminal: int) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import getpass
+import math
 import os
 import shutil
 import signal
@@ -111,6 +112,13 @@ class Processes:
         """End a child, which :meth:`keep_running` then leaves alone."""
         child.wanted = False
         await self._stop(child)
+
+    async def kill(self, child: Child) -> None:
+        """Kill a child, which :meth:`keep_running` starts again; however often, that is no failure."""
+        if child.process.returncode is None:
+            child.started = -math.inf
+            child.process.kill()
+            await child.process.wait()
 
     async def keep_running(self, tell: Callable[[str], None]) -> None:
         """Start every child again that ends, and ``tell`` of it, until cancelled.

@@ -85,7 +85,8 @@ class Tour:
         try:
             await step.run()
         except httpx.HTTPError as error:
-            self._progress.line(f"{key}: the order service does not answer ({error}); press o to start it")
+            hint = "" if self._running.order_service.wanted else ". Press o to start it"
+            self._progress.line(f"{key}: the request to the order service failed ({error}){hint}")
 
     def changed(self, kind: str, name: str, state: str, reason: str) -> None:
         """Count orders, and print what went wrong or is well again."""
@@ -146,8 +147,7 @@ class Tour:
         robot, agent = self._running.agent_robot, self._running.agent
         if agent.process.returncode is None:
             self._progress.line(f"killing the agent of {robot} (SIGKILL)")
-            agent.process.kill()
-            await agent.process.wait()
+            await self._processes.kill(agent)
 
     async def _service(self) -> None:
         service = self._running.order_service
@@ -171,7 +171,9 @@ class Tour:
         self._progress.line(f"emergency stop of {self._stopped} pressed. Press e to release it")
 
     async def _peak(self) -> None:
-        self._progress.line(f"load peak: {await self.feed.peak()} orders created at once")
+        created = await self.feed.peak()
+        what = f"{created} orders created at once" if created else "the order service accepted none"
+        self._progress.line(f"load peak: {what}")
 
     async def _replay(self) -> None:
         self._progress.line(f"replay: open {self._running.panel_url}/#/history and press Play")

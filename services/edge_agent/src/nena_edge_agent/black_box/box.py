@@ -17,7 +17,7 @@ from nena_edge_agent.protocol import events
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.protocol.robot_state import RobotState
-from nena_shared.black_box.box import REQUEST, BlackBox, Outgoing, Source
+from nena_shared.black_box.box import BlackBox, Outgoing, Source
 from nena_shared.black_box.ring import Channel
 from nena_shared.clock import Clock
 from nena_shared.mqtt import Handler, Inbound, LinkHooks, MqttLink, Outbound
@@ -117,7 +117,7 @@ class FetchRecording:
 
     async def _work(self, action: Action) -> ActionReport:
         try:
-            name = await self._box.write(REQUEST)
+            name = await self._box.request()
         except OSError as error:
             message = f"the recording was not written: {error}; check the disk and upload.folder"
             raise WorkFailedError(message) from error

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final
 
+from nena_order_service.api.tracing import guarded
 from nena_order_service.errors import NoBlackBoxError, RecordingNotWrittenError
 from nena_order_service.fleet import outputs
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.orders.transport_order import EventCode
 from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
-from nena_shared.black_box.box import REQUEST, BlackBox, Source, outgoing_of
+from nena_shared.black_box.box import BlackBox, Source, outgoing_of
 from nena_shared.black_box.counts import RecordingCounts
 from nena_shared.black_box.ring import Channel
 from nena_shared.clock import Clock
@@ -40,13 +41,15 @@ CHANNELS: Final[Mapping[str, Channel]] = {
 }
 """Topics of events of orders; all others belong to :data:`ORDERS`."""
 
+NOT_RECORDED: Final = "a decision is missing in the black box"
+
 NODE_ID: Final = attrgetter("node_id")
 RELEASED: Final = attrgetter("released")
 
 ORDER_FAILED: Final = "order-failed"
 EMERGENCY_STOP: Final = "emergency-stop"
 STOP: Final = "stop"
-"""Reasons of recordings, besides :data:`REQUEST`."""
+"""Reasons of recordings, besides :data:`nena_shared.black_box.box.REQUEST`."""
 
 
 def make_black_box(settings: OrderServiceSettings, clock: Clock) -> BlackBox | None:
@@ -82,7 +85,7 @@ class RecordingRequests:
         if self._box is None:
             raise NoBlackBoxError
         try:
-            name = await self._box.write(REQUEST)
+            name = await self._box.request()
         except OSError as error:
             raise RecordingNotWrittenError(error) from error
         return RecordingAnswer(
@@ -116,11 +119,12 @@ class DecisionRecorder:
         self._orders: dict[str, _RecordedOrder] = {}
         """Unfinished orders."""
         self._vehicles: dict[str, VehicleStatus] = {}
-        self._stopped: set[RobotKey] = set()
-        """Robots with an active emergency stop."""
+        self._stopped: dict[RobotKey, bool] = {}
+        """Whether each robot has an active emergency stop."""
 
     # Changes of the engine
 
+    @guarded(NOT_RECORDED)
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Record what has happened to an order, and its new route."""
         last = self._orders.pop(status.name, None)
@@ -148,6 +152,7 @@ class DecisionRecorder:
     def sequence_changed(self, _: object) -> None:
         """Do nothing: the orders of a sequence name it."""
 
+    @guarded(NOT_RECORDED)
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Record what a vehicle waits for, what stops it, and why it has no order."""
         last = self._vehicles.get(status.name)
@@ -162,7 +167,9 @@ class DecisionRecorder:
             self._add(TRAFFIC, about | {"wait": status.wait, "stop": status.stop})
         if idle:
             self._add(DISPATCH, about | {"connection": status.connection})
-        if status.stop and not stop:
+        if (
+            status.stop and not stop and last
+        ):  # without an earlier status, the stop may be from before the start
             self._box.fail(STOP)
 
     # Events of fleet control
@@ -170,6 +177,7 @@ class DecisionRecorder:
     def begun(self, order_id: str, now: float, *, restored: bool) -> None:
         """Do nothing: the order's messages are recorded when they are sent."""
 
+    @guarded(NOT_RECORDED)
     def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:  # noqa: ARG002
         """Record a VDA order that was sent, with the part that the vehicle holds, or instant actions."""
         match output:
@@ -187,6 +195,7 @@ class DecisionRecorder:
                 return
         self._add(DELIVERY, {"robot": str(robot), "event": f"{topic}Sent", **found})
 
+    @guarded(NOT_RECORDED)
     def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
         """Record how a VDA order or an action went on; notice emergency stops."""
         match event:
@@ -209,12 +218,15 @@ class DecisionRecorder:
 
     def _look_for_stop(self, robot: RobotKey) -> None:
         state = self._view(robot).state
-        stop = state.safety_state.active_emergency_stop if state else EmergencyStop.NONE
-        if (stop is not EmergencyStop.NONE) is (robot in self._stopped):
+        if state is None:
             return
-        self._stopped ^= {robot}
+        stop = state.safety_state.active_emergency_stop
+        before, stopped = self._stopped.get(robot), stop is not EmergencyStop.NONE
+        self._stopped[robot] = stopped
+        if stopped is (before or False):
+            return
         self._add(TRAFFIC, {"robot": str(robot), "emergencyStop": stop})
-        if robot in self._stopped:
+        if stopped and before is not None:  # the first state may show a stop from before the start
             self._box.fail(EMERGENCY_STOP)
 
     def _record_route(

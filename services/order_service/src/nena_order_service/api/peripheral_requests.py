@@ -44,10 +44,13 @@ class PeripheralRequests:
     def jobs(self, query: PeripheralJobsQuery) -> tuple[PeripheralJobStatus, ...]:
         """Return the jobs that fit the query, the newest first; one more than its limit if there are more.
 
-        Without the job that ``after`` names, because it is too old by now, the page is empty.
+        Raises:
+            UnknownPeripheralJobError: there is no job with the name ``after``, or it is no longer in memory.
+
         """
         jobs = iter(self._jobs.all_visible())
         if query.after is not None:
+            self.job(query.after)
             jobs = islice(dropwhile(lambda job: job.status.name != query.after, jobs), 1, None)
         fitting = (job for job in jobs if _fits(job, query))
         return tuple(map(self._peripherals.job_status, islice(fitting, query.limit + 1)))

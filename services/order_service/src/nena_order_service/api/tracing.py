@@ -101,12 +101,15 @@ def _event_of(entry: HistoryEntry) -> SpanEvent:
 
 
 @contextmanager
-def _guarded() -> Iterator[None]:
-    """Log a fault of the tracer instead of passing it on to the work that it follows."""
+def guarded(message: str) -> Iterator[None]:
+    """Log ``message`` with a fault of a listener, instead of passing it on to the work that it follows."""
     try:
         yield
     except Exception:
-        log.exception("an order is not traced completely")
+        log.exception(message)
+
+
+NOT_TRACED = "an order is not traced completely"
 
 
 @dataclass(slots=True)
@@ -138,7 +141,7 @@ class OrderTracer:
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Export the creation of a new order, and the whole of an ended one."""
-        with _guarded():
+        with guarded(NOT_TRACED):
             if status.created >= self._since and status.name not in self._created:
                 self._created.add(status.name)
                 self._export(part_of_order("create order", status.name, status.created, self._clock.now()))
@@ -157,18 +160,18 @@ class OrderTracer:
 
     def begun(self, order_id: str, now: float, *, restored: bool) -> None:  # noqa: ARG002 - monotonic
         """Export the planning of a VDA order that is to be sent."""
-        with _guarded():
+        with guarded(NOT_TRACED):
             self._begin(order_id, restored=restored)
 
     def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:  # noqa: ARG002
         """Note that an order or an update was sent."""
-        with _guarded():
+        with guarded(NOT_TRACED):
             if isinstance(output, outputs.PublishOrder):
                 self._note_message(output)
 
     def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
         """Note an event of a VDA order; export its span once it has ended."""
-        with _guarded():
+        with guarded(NOT_TRACED):
             self._handle(event)
 
     def _begin(self, order_id: str, *, restored: bool) -> None:

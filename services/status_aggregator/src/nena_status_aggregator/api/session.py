@@ -12,6 +12,7 @@ from fastapi import APIRouter, Request, Response
 from typing_extensions import TypedDict
 
 from nena_shared.fleet_api.base import Role
+from nena_shared.fleet_api.topics import ORDER_SERVICE
 from nena_shared.web.access import COOKIE, KnownUser, RoleNeeded, token_of
 from nena_shared.web.metrics import METRICS
 from nena_shared.web.settings import HttpSettings
@@ -22,6 +23,10 @@ API = "/api/"
 SESSION = "/api/v1/session"
 SIGN_IN = f"{SESSION}/oidc"
 """OIDC sign-in, available without authentication."""
+
+
+DECISIONS = f"/api/v1/recordings/{ORDER_SERVICE}"
+"""Recordings of the order service: they name who commanded what, as its audit trail does."""
 
 
 def make_rule(settings: HttpSettings) -> RoleNeeded:
@@ -36,6 +41,8 @@ def make_rule(settings: HttpSettings) -> RoleNeeded:
             return None if method == "DELETE" else Role.VIEWER
         if path == SIGN_IN or path.startswith(f"{SIGN_IN}/"):
             return None
+        if path.startswith(f"{DECISIONS}/"):
+            return Role.ADMIN
         return Role.VIEWER if method in ("GET", "HEAD") else Role.OPERATOR
 
     return needed

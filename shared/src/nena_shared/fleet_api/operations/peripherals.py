@@ -46,6 +46,7 @@ LIST_JOBS = Operation(
     PeripheralJobList,
     Role.VIEWER,
     request=PeripheralJobsQuery,
+    refusals=(Refusal.UNKNOWN_JOB,),
     result="peripheral_jobs",
 )
 
