@@ -23,8 +23,11 @@ SAID_LATER = {
     "nena_agent_ros_session",
     "nena_trace_spans_total",
     "nena_certificate_expiry_timestamp_seconds",
+    "nena_recordings_total",
+    "nena_recordings_waiting",
+    "nena_recordings_sent_bytes_total",
 }
-"""Known after the first order, of robots with ROS only, with traces only, and with certificates only."""
+"""Known after the first order, or of robots with ROS, traces, certificates or a black box only."""
 
 
 @pytest.fixture

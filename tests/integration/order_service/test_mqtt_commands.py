@@ -158,6 +158,7 @@ async def devices_are_asked_for(host: Host) -> None:
     assert (await host.ask("peripheralJobs"))["peripheralJobs"]["peripheralJobs"] == []
     assert (await host.ask("peripheral", location="Door"))["status"] == 404
     assert (await host.ask("peripheralJob", peripheralJob="J"))["status"] == 404
+    assert (await host.ask("fetchRecording"))["status"] == 409, "the black box is off by default"
     assert (await host.ask("withdrawPeripheralJob", peripheralJob="J"))["status"] == 404
     made = await host.ask("createPeripheralJob", location="Door", operation="open", reservationToken="wms")
     assert made["status"] == 404
