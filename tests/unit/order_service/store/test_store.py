@@ -179,7 +179,7 @@ def delete(url: str) -> None:
 async def test_nothing_more_is_published_once_the_file_is_deleted(
     sqlite_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Hosts are told that their requests are not saved, so no robot may get the orders."""
+    """No robot may get an order whose host was told that it was not saved."""
     monkeypatch.setattr(store_module, "LOSS_SHOWN", 0.0)
     store = Store(open_database(sqlite_url), InstanceLock.take(sqlite_url))
     told: list[int] = []

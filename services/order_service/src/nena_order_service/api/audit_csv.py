@@ -29,7 +29,7 @@ Text = Annotated[str | None, Query(max_length=200)]
 
 
 def audit_csv(trail: Trail) -> APIRouter:
-    """Create the route of the file; whoever includes it refuses unknown filters."""
+    """Create the route of the CSV file; the caller must refuse unknown query parameters."""
     router = APIRouter(tags=["audit"])
 
     @router.get(PATH, operation_id="auditCsv", response_class=StreamingResponse)

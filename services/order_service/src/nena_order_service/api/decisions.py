@@ -255,7 +255,7 @@ def _channel_of(entry: HistoryEntry) -> Channel:
 
 
 def _failed(status: TransportOrderStatus) -> bool:
-    """Return whether an ended order has failed, and nobody has withdrawn it."""
+    """Return whether an ended order failed without being withdrawn."""
     if status.state is TransportOrderState.UNROUTABLE:
         return True
     withdrawn = any(each.event_code == EventCode.WITHDRAWAL_REQUESTED for each in status.history)
