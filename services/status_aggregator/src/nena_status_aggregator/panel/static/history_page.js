@@ -239,10 +239,14 @@ class HistoryPage extends HTMLElement {
     return { robot: robot.value, order: order.value.trim(), kind: kind.value, level: level.value, grouped: grouped.checked ? "1" : "" };
   }
 
-  // Keep the filters and the time range in the address, so that it can be shared.
-  #narrow() {
+  // Keep the filters and the time range in the address, so that it can be shared, also while the history loads.
+  #address() {
     const { since, until } = this.loaded;
     setParameters({ from: new Date(since).toISOString(), to: new Date(until).toISOString(), ...this.#chosen });
+  }
+
+  #narrow() {
+    this.#address();
     if (!this.#timeline) return;
     this.files.replaceChildren(...["csv", "jsonl"].map((form) => download(this.loaded, form, this.#chosen)));
     this.#mark();
@@ -271,6 +275,7 @@ class HistoryPage extends HTMLElement {
     this.from.value = fieldTime(range.since);
     this.to.value = fieldTime(range.until + MINUTE - 1); // the latest events stay in the range if only its start is changed
     this.loaded = range;
+    this.#address();
     const found = await loadHistory(range);
     if (load !== this.#loads) return;
     this.#timeline = found && new Timeline(found.entries, this.fleet.store);
