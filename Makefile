@@ -193,7 +193,7 @@ browser:
 define install
 { root=""; [ "$$(id -u)" = 0 ] || root="sudo -n"; \
   { command -v apt-get && { [ -z "$$root" ] || $$root true; } && $$root apt-get update -qq && \
-    DEBIAN_FRONTEND=noninteractive $$root apt-get install -y -qq --no-install-recommends $(1); } >/dev/null 2>&1 \
+    DEBIAN_FRONTEND=noninteractive $$root apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends $(1); } >/dev/null 2>&1 \
   || echo "$(1) is not on this machine and could not be installed; by hand: apt-get install $(1)" >&2; }
 endef
 

@@ -26,11 +26,13 @@ APART_M = 2
 ROBOT_MM = 800
 LOOK_EVERY = 0.5
 """Seconds; many robots are a long answer."""
+SHARE = 2500
+"""Robots of one edge agent, where there are loopback robots."""
 
 
 def robot(number: int) -> str:
-    """Name a robot: its serial number, and its vehicle."""
-    return f"lane-{number:04d}"
+    """Name a robot as a loopback fleet numbers it: its serial number, and its vehicle."""
+    return f"lane{number // SHARE}-{number % SHARE + 1}"
 
 
 def end_of(number: int, end: int) -> str:
@@ -107,6 +109,8 @@ class Hall:
     url: str
     pid: int
     robots: int
+    processes: Processes
+    """All programs of the hall, the broker first."""
 
     def wait_for_robots(self) -> None:
         """Wait until every robot can accept an order, or has one that was stored."""
@@ -151,5 +155,5 @@ async def serving(folder: Path, plant: PlantModel, robots: int, store_url: str =
         )
         url = f"http://127.0.0.1:{http_port}"
         await asyncio.to_thread(wait_until_ready, url)
-        yield Hall(port, url, child.process.pid, robots)
+        yield Hall(port, url, child.process.pid, robots, processes)
         processes.check()

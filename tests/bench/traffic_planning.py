@@ -23,7 +23,7 @@ from typing import Any
 
 from bench.traffic import Extent, case_of
 from bench.traffic_halls import HALLS, Hall, grid_point, large_hall
-from nena_order_service.__main__ import COLLECTED_EACH
+from nena_order_service.__main__ import GC_THRESHOLDS
 from nena_order_service.engine.engine import Timings, UnitOfWork
 from nena_shared import log
 from nena_shared.histogram import SHORT, Histogram
@@ -147,7 +147,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=2.0)
     arguments = parser.parse_args()
     log.configure(LogSettings(level="error"))
-    gc.set_threshold(COLLECTED_EACH)
+    gc.set_threshold(*GC_THRESHOLDS)
     gc.callbacks.append(COLLECTIONS)
     hall: Hall = large_hall() if arguments.robots >= LARGE else HALLS["aisles"]()
     case = case_of(hall, arguments.robots, Extent(minutes=arguments.minutes, warm_up=1.0))
