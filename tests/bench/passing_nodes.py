@@ -56,15 +56,17 @@ def _measured(hall: Hall, seconds: int) -> dict[str, Any]:
     hall.wait_for_robots()
     robots.begin()
     robots.drive(WARM_UP_SECONDS)
-    with bare_subscriber(hall.port) as bare, loop_probe(hall.url) as probe:
+    with bare_subscriber(hall.port) as bare:  # without the probe, whose requests cost CPU, too
         processes = {"order_service": hall.pid, "bare_subscriber": bare.pid}
         before, passed, begin = cpu_of_each(processes), robots.passed, time.perf_counter()
         robots.drive(seconds)
         pass_time(SETTLE_SECONDS)
         elapsed = time.perf_counter() - begin
         cpu = {name: after - before[name] for name, after in cpu_of_each(processes).items()}
-        loop = probe.figures()
     states, passed = seconds * hall.robots, robots.passed - passed
+    with loop_probe(hall.url) as probe:
+        robots.drive(seconds)
+        loop = probe.figures()
     cost = {name: round(each / states * 1e6, 1) for name, each in cpu.items()}
     hosts.close()
     robots.close()  # so that the statuses come to rest
