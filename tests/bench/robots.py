@@ -47,8 +47,8 @@ class InstantRobots:
         """(serial number, orderId, moment of arrival) of each order as it comes."""
         self._manufacturer = manufacturer
         self._states = {start.serial_number: self._first_state(start) for start in starts}
-        self._held: list[tuple[str, bytes, float]] | None = None
-        """Orders that have come since :meth:`hold`."""
+        self._held: dict[str, tuple[str, bytes, float]] | None = None
+        """By robot, its last order that has come since :meth:`hold`; others have ended where they began."""
         self._lock = threading.RLock()
         self._closed = threading.Event()
         self._wire = Wire(port, "bench-robots", (SCHEME.for_all(Topic.ORDER),), self._arrived)
@@ -66,13 +66,13 @@ class InstantRobots:
     def hold(self) -> None:
         """Accept the next orders, but stay where they begin, so that others have to wait."""
         with self._lock:
-            self._held = []
+            self._held = {}
 
     def go_on(self) -> None:
         """Drive again, first for the orders accepted meanwhile."""
         with self._lock:
-            held, self._held = self._held or [], None
-            for each in held:
+            held, self._held = self._held or {}, None
+            for each in held.values():
                 self._on_order(*each)
 
     def taken(self, wait: float = 0.0) -> list[tuple[str, str, float]]:
@@ -104,8 +104,8 @@ class InstantRobots:
             if self._held is None:
                 self._on_order(topic, payload, moment)
             else:
-                self._held.append((topic, payload, moment))
                 serial = topic.split("/")[-2]
+                self._held[serial] = (topic, payload, moment)
                 self._states[serial] = at_node(self._states[serial], CODEC.decode(Order, payload), 0)
                 self.say_state(serial)
 
