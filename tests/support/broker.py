@@ -224,7 +224,8 @@ class MqttPeer:
 
     def __exit__(self, *_: object) -> None:
         self._client.disconnect()
-        with contextlib.suppress(AttributeError):  # paho's: its thread may end between loop_stop's check and its join
+        # paho's thread may end between loop_stop's check and its join.
+        with contextlib.suppress(AttributeError):
             self._client.loop_stop()
 
     def publish(self, topic: str, payload: bytes | str, *, qos: int = 1, retain: bool = False) -> None:

@@ -18,7 +18,7 @@ gc.enable()
 GC_THRESHOLDS = (1_500, 10, 100)
 """An order creates thousands of objects that reference counting frees; with the default of 700, the garbage
 collector took a seventh of the CPU time of an order. With 10,000, it held the event loop for up to 130 ms at
-a time, because it counts objects less those that were freed meanwhile, so that many more were to be searched."""
+a time: it counts new objects less freed ones, and many of these are old, so it searched many more."""
 
 
 def main() -> int:

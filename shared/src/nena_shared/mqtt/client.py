@@ -10,6 +10,7 @@ paho sees them.
 from __future__ import annotations
 
 import asyncio
+import select
 import socket
 import ssl
 import struct
@@ -99,6 +100,15 @@ class _Stream:
         """Whether data is available that the socket does not report."""
         decrypted = self.sock.pending() if isinstance(self.sock, ssl.SSLSocket) else 0
         return self.reader.ready or bool(decrypted)
+
+    @property
+    def has_unread(self) -> bool:
+        """Whether any received data has not been read."""
+        if self.has_more:
+            return True
+        poll = select.poll()
+        poll.register(self.sock, select.POLLIN)
+        return bool(poll.poll(0))
 
     def add(self, data: bytes) -> None:
         """Queue bytes to be written."""
@@ -339,6 +349,12 @@ class Client:
         if sock := self.socket:
             with suppress(OSError):  # it is broken already
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+
+    @property
+    def has_unread(self) -> bool:
+        """Whether received messages wait to be read."""
+        stream = self._maker.stream
+        return stream is not None and not self._ended.done() and stream.has_unread
 
     def cut(self) -> None:
         """Break the connection without DISCONNECT, so that the broker publishes the last will."""

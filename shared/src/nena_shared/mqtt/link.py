@@ -242,6 +242,16 @@ class MqttLink:
             self._silence = seconds
             self._session.client.cut()
 
+    async def read_waiting(self, seconds: float) -> None:
+        """Wait up to ``seconds`` until all messages received so far are read.
+
+        Call it before a timeout is concluded from silence: the answer may be among them.
+        """
+        clock = asyncio.get_running_loop().time
+        end = clock() + seconds
+        while self._session and self._session.client.has_unread and clock() < end:  # noqa: ASYNC110 - see below
+            await asyncio.sleep(0)  # in each iteration, a part of them is read
+
     async def drain(self, seconds: float) -> bool:
         """Wait up to ``seconds`` until all published messages are acknowledged; return whether they are.
 

@@ -20,7 +20,7 @@ from nena_shared.mqtt import link as link_module
 from nena_shared.settings import ConfigurationError, MqttSettings
 from support.broker import Broker, MqttPeer, free_port
 from support.pausing import turn_passes
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE, until, wait_until
 
 pytestmark = pytest.mark.broker
 
@@ -301,6 +301,24 @@ async def test_burst_of_statuses_leaves_the_last_one_of_each_topic_at_the_broker
 
         assert {each.topic: each.payload for each in peer.received()} == dict.fromkeys(topics, b"after")
     assert link.state.dropped == 0
+
+
+async def test_messages_that_have_arrived_can_be_read_before_a_timeout_is_concluded(
+    broker: Broker, interface_name: str
+) -> None:
+    topic, last = f"{interface_name}/a", f"{interface_name}/last"
+    got: list[Inbound] = []
+    link = MqttLink(broker.settings, client_id=interface_name)
+    link.subscribe(topic, got.append)
+    with MqttPeer(broker, last) as peer:
+        async with running(link):
+            for message in numbered(topic, range(16)):  # the event loop stands still meanwhile
+                peer.send(topic, message.payload)
+            peer.publish(last, b"")
+            wait_until(lambda: bool(peer.payloads()), what="the broker has sent the others, too")
+            assert not got
+            await link.read_waiting(PATIENCE)
+            assert numbers([each.payload for each in got]) == list(range(16))
 
 
 async def test_dropped_messages_are_counted_and_logged_once_a_minute(own_broker: Broker) -> None:

@@ -2,14 +2,16 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field
+from itertools import count
 from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nena_order_service.engine import engine as engine_module
 from nena_order_service.engine.driving import EVASION_PAUSE
-from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.engine import LOOK_SHARE, Engine
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.transport_order import (
@@ -22,6 +24,7 @@ from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, sent
+from support.waiting import until
 
 S = TransportOrderState
 
@@ -372,3 +375,22 @@ async def _play(steps: list[str], chance: Random) -> None:
     for status in ear.orders:
         assert status.version > versions.get(status.name, 0)
         versions[status.name] = status.version
+
+
+async def test_checks_of_a_large_fleet_take_a_limited_share_of_the_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    engine = await make_engine(PLANT, MemoryStore(), ScriptedFleet({"V1": "A", "V2": "C"}))
+    parts = sum(1 for _ in engine._look())
+    now, pauses = count(), list[float]()
+
+    async def passes(_due: asyncio.Event, pause: float) -> bool:
+        pauses.append(pause)
+        return False
+
+    monkeypatch.setattr(engine_module, "set_within", passes)
+    monkeypatch.setattr(engine_module, "thread_time", lambda: next(now))  # each part takes a second
+    checks = asyncio.create_task(engine.run())
+    await until(lambda: len(pauses) >= 3, what="two checks")
+    checks.cancel()
+    assert pauses[1:3] == [parts / LOOK_SHARE] * 2

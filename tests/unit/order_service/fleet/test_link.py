@@ -12,7 +12,7 @@ from nena_order_service.fleet.link import STANDARD, FleetLink, LastNodes, RobotA
 from nena_order_service.fleet.outputs import VdaOrderFinished
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.mqtt import Handler, Inbound, MqttLink
+from nena_shared.mqtt import Handler, Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
 from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.settings import ConfigurationError, MqttSettings
@@ -26,6 +26,7 @@ from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.clocks import ManualClock
 from support.fleet import make_vda_order
+from support.fleet_examples import factsheet
 from support.honest_robot import HonestRobot
 from support.waiting import until
 
@@ -339,3 +340,53 @@ async def test_the_last_will_of_a_robot_that_flooded_its_connection_topic_is_rea
     running.cancel()
     assert link.statistics.received[Topic.CONNECTION] == len(wills)
     assert link.statistics.too_many == 11
+
+
+async def test_waiting_messages_are_read_before_an_order_is_sent_again() -> None:
+    """Under load, the robot's answer to an order may wait longer than the order service for it."""
+    waiting: list[Inbound] = []
+    sent: list[Order] = []
+    looks: list[float] = []
+
+    class Waiting(Handlers):
+        async def read_waiting(self, seconds: float) -> None:
+            looks.append(seconds)
+            for each in waiting:
+                self.by_filter[V2.for_all(Topic.STATE)](each)
+            waiting.clear()
+
+        def publish(self, message: Outbound) -> None:
+            if message.topic == V2.of(ROBOT, Topic.ORDER):
+                sent.append(codec.decode(Order, message.payload))
+
+    mqtt, codec, clock = Waiting(), codec_for("2.1.0"), ManualClock()
+    mqtt.state.connected = True
+    settings = FleetSettings(tick_interval=0.001)
+    link = FleetLink(
+        mqtt,
+        addresses=addresses(version="2.1.0"),
+        settings=settings,
+        clock=clock,
+        on_events=lambda *_: None,
+    )
+
+    def inbound(topic: Topic, payload: bytes) -> Inbound:
+        return Inbound(V2.of(ROBOT, topic), payload, retained=False)
+
+    robot = HonestRobot(key=ROBOT, last_node_id="A")
+    for topic, message in (
+        (Topic.CONNECTION, robot.connection(ConnectionState.ONLINE)),
+        (Topic.FACTSHEET, factsheet()),
+        (Topic.STATE, robot.state()),
+    ):
+        mqtt.by_filter[V2.for_all(topic)](inbound(topic, codec.encode(message)))
+    link.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
+    assert len(sent) == 1
+
+    robot.take_order(sent[0])
+    waiting.append(inbound(Topic.STATE, codec.encode(robot.state())))
+    clock.advance(settings.resend_after + 0.1)
+    running = asyncio.create_task(link.run())
+    await until(lambda: len(looks) >= 3, what="timeouts are checked")
+    running.cancel()
+    assert len(sent) == 1

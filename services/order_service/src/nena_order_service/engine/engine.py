@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from time import thread_time
 from typing import Protocol
 
 from nena_order_service.dispatching.dispatcher import VehicleFit
@@ -65,7 +66,10 @@ from nena_shared.vda5050.topics import RobotKey
 log = get_logger(__name__)
 
 LOOK_INTERVAL = 2.0
-"""Seconds between checks for changes without an event, such as positions."""
+"""Seconds between checks for changes without an event, such as positions; more if they take too much time."""
+
+LOOK_SHARE = 0.1
+"""Largest share of a core for these checks, whose work grows with the fleet."""
 
 FIRST_LOOKS = 0.2
 """Seconds between checks while the first states of robots are awaited after the start."""
@@ -340,11 +344,16 @@ class Engine:
 
     async def run(self) -> None:
         """Check periodically for changes without an event, until cancelled."""
+        took = 0.0
         while True:
-            await set_within(self._look_due, LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
+            interval = LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS
+            await set_within(self._look_due, max(interval, took / LOOK_SHARE))
             self._look_due.clear()
+            took, begin = 0.0, thread_time()
             for _ in self._look():
+                took += thread_time() - begin
                 await asyncio.sleep(0)
+                begin = thread_time()
 
     def close(self, reason: str) -> None:
         """Accept no more changes, because another engine takes over the store."""

@@ -324,6 +324,10 @@ SENT_REMEMBERED: Final = 10_000
 """Number of our own commands that are recognised when the broker returns them."""
 LOGGED_OF_COMMAND: Final = 300
 
+READ_WITHIN: Final = 2.0
+"""Seconds within which waiting messages are read before timeouts are checked: under load, orders were sent
+again although the robots' answers were there."""
+
 LOGGED_OF_NAME: Final = 60
 """Characters of a name that is too long."""
 
@@ -450,6 +454,7 @@ class FleetLink:
 
     async def _look(self) -> None:
         await asyncio.sleep(self._settings.tick_interval)
+        await self._mqtt.read_waiting(READ_WITHIN)
         self._notice_broker()
         self._rate.read_postponed(self._now())
         self._hand_out(self._controller.tick(self._now()))
