@@ -62,6 +62,8 @@ NOT_ACCEPTED = (
     "certificate (mqtt.tls)"
 )
 NO_ANSWER = "the broker did not answer in time"
+LONG = 1_000_000
+"""Bytes from which on a message may be the reason why a broker closes the connection."""
 CLOSED_UNANSWERED = "the connection ended before the broker answered a subscription"
 NOT_CONNECTED = "not connected"
 NOT_PERMITTED = "the program may no longer publish"
@@ -226,6 +228,8 @@ class Client:
         self._receive: Receive | None = None
         self._early: deque[Inbound] = deque()
         self._unconfirmed: dict[int, Confirmed] = {}
+        self._longest = (0, "")
+        """Length and topic of the longest message since the broker had confirmed all."""
         self._unwritten: deque[tuple[int, Confirmed]] = deque()
         """Messages without acknowledgement (QoS 0), with the byte count after which they are written."""
         self._packet_id = OWN_PACKET_IDS.stop
@@ -400,6 +404,7 @@ class Client:
             connecting.add_done_callback(discard)
 
     def _add(self, stream: _Stream, message: Outbound, confirmed: Confirmed) -> None:
+        self._longest = max(self._longest, (len(message.payload), message.topic))
         if message.qos == 1:
             packet_id = self._next_packet_id()
             stream.add(publication(message, packet_id))
@@ -533,11 +538,14 @@ class Client:
     def _confirm(self, packet_id: int) -> None:
         if confirmed := self._unconfirmed.pop(packet_id, None):
             confirmed()
+        if not self._unconfirmed:
+            self._longest = (0, "")
 
     def _end(self, why: str) -> None:
         """End the connection without DISCONNECT; raise MqttError(``why``) in all waiting tasks."""
         if self._ended.done():
             return
+        why += self._possible_reason()
         self._ended.set_exception(MqttError(why))
         self._ended.exception()  # asyncio logs exceptions that are never retrieved
         if not self._accepted.done():
@@ -545,8 +553,18 @@ class Client:
             self._accepted.exception()
         for answer in self._subscribing.values():
             if not answer.done():
-                answer.set_exception(MqttError(CLOSED_UNANSWERED))
+                answer.set_exception(MqttError(CLOSED_UNANSWERED + self._possible_reason()))
         self._close()
+
+    def _possible_reason(self) -> str:
+        """Name the longest message if it is long: MQTT 3.1.1 has no answer for a refused one."""
+        length, topic = self._longest
+        if length < LONG:
+            return ""
+        return (
+            f"; it may refuse a message of {length / 1e6:.1f} MB on {topic}: "
+            "check its limit (Mosquitto: max_packet_size)"
+        )
 
     def _close(self) -> None:
         """Close the socket; buffered data is discarded."""

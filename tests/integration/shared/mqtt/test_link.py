@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, closing, suppress
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter
@@ -530,6 +530,15 @@ async def test_refused_subscription_is_reported(broker_without_subscriptions: Br
             pass
 
     assert [line["topic"] for line in logs if line["log_level"] == "error"] == ["secret/#"]
+
+
+async def test_a_message_that_the_broker_may_have_refused_for_its_length_is_named() -> None:
+    with closing(Broker(more="max_packet_size 1500000")) as broker:
+        link = MqttLink(broker.settings, client_id="link")
+        async with running(link):
+            link.publish(Outbound("a/plant", bytes(2_000_000), retain=True))
+            await until(lambda: bool(link.state.last_error), what="the connection ends")
+    assert "it may refuse a message of 2.0 MB on a/plant: check its limit" in link.state.last_error
 
 
 async def test_drain_reports_what_is_left(own_broker: Broker) -> None:

@@ -213,7 +213,7 @@ set_tcp_nodelay true
 # a slow client loses the oldest messages instead of filling the memory
 max_queued_messages 10000
 max_inflight_messages 200
-max_packet_size 8388608
+max_packet_size 67108864
 log_type error
 log_type warning
 log_type notice
