@@ -64,6 +64,8 @@ NOT_ACCEPTED = (
 NO_ANSWER = "the broker did not answer in time"
 LONG = 1_000_000
 """Bytes from which on a message may be the reason why a broker closes the connection."""
+NO_MESSAGE = (0, "")
+"""Length and topic of the longest message since the broker had confirmed all, if there is none."""
 CLOSED_UNANSWERED = "the connection ended before the broker answered a subscription"
 NOT_CONNECTED = "not connected"
 NOT_PERMITTED = "the program may no longer publish"
@@ -228,8 +230,7 @@ class Client:
         self._receive: Receive | None = None
         self._early: deque[Inbound] = deque()
         self._unconfirmed: dict[int, Confirmed] = {}
-        self._longest = (0, "")
-        """Length and topic of the longest message since the broker had confirmed all."""
+        self._longest = NO_MESSAGE
         self._unwritten: deque[tuple[int, Confirmed]] = deque()
         """Messages without acknowledgement (QoS 0), with the byte count after which they are written."""
         self._packet_id = OWN_PACKET_IDS.stop
@@ -539,7 +540,7 @@ class Client:
         if confirmed := self._unconfirmed.pop(packet_id, None):
             confirmed()
         if not self._unconfirmed:
-            self._longest = (0, "")
+            self._longest = NO_MESSAGE
 
     def _end(self, why: str) -> None:
         """End the connection without DISCONNECT; raise MqttError(``why``) in all waiting tasks."""
