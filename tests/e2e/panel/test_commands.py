@@ -361,6 +361,44 @@ async def test_order_is_held_and_resumed(
             await expect(resume).to_be_hidden()
 
 
+async def test_reasons_of_the_order_service_are_in_the_language_of_the_panel(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        operated(broker, interface_name, tmp_path, speed=SLOW) as fleet,
+        opened(browser, fleet.url, language="de-DE") as page,
+    ):
+        shown = page.locator("nena-order-page")
+
+        async def is_in_german(name: str, *words: str) -> None:
+            await page.goto(f"{fleet.url}#/orders/{name}")
+            for each in words:
+                await expect(shown).to_contain_text(each)
+            await expect(shown.locator("[lang=en]", has_text=re.compile(r"\S"))).to_have_count(0)
+            reason = (await fleet.orders.get(f"/v1/transportOrders/{name}")).json()["reason"]
+            assert reason
+            assert reason not in await shown.inner_text()
+
+        for name in ("first", "second"):
+            stop = {"locationName": "Storage"}
+            answer = await fleet.orders.post(
+                "/v1/transportOrders", json={"name": name, "destinations": [stop]}
+            )
+            assert answer.status_code == 201
+        await is_in_german("first", "Fahrzeug Robot-01 fährt zum Ziel 1 von 1", "einziges freies Fahrzeug")
+        await is_in_german("second", "jedes davon: nie verbunden oder führt einen anderen Auftrag aus")
+        await button(page, "Anhalten").click()
+        await is_in_german("second", "am Leitstand angehalten")
+        await picture(page, "held-order-german")
+        await button(page, "Zurückziehen").click()
+        await button(page, "second jetzt zurückziehen").click()
+        await is_in_german("second", "Fehlgeschlagen · am Leitstand zurückgezogen")
+        await page.goto(f"{fleet.url}#/history")
+        log = page.locator("nena-history-page")
+        await expect(log).to_contain_text("Fehlgeschlagen: am Leitstand zurückgezogen")
+        await expect(log).not_to_contain_text("works on another order")
+
+
 async def test_panel_is_read_only_without_an_order_service(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:

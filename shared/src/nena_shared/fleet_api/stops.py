@@ -7,6 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from nena_shared.fleet_api.base import Moment, ObjectName, Request, Resource
+from nena_shared.fleet_api.reasons import CodedReason
 
 Person = Annotated[str, Field(min_length=1, max_length=100)]
 Words = Annotated[str, Field(min_length=1, max_length=500)]
@@ -73,6 +74,7 @@ class UnpausedVehicle(Resource):
     vehicle: str
     reason: str
     """Reason, as text."""
+    coded_reason: CodedReason | None = None
 
 
 class StopStatus(Resource):

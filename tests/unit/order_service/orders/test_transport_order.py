@@ -15,7 +15,13 @@ from nena_order_service.orders.transport_order import (
     TransportOrder,
     sortable_id,
 )
-from nena_shared.fleet_api.transport_order import DriveOrderState, Hold, TransportOrderState
+from nena_shared.fleet_api.reasons import CodedReason, Reason, ReasonCode
+from nena_shared.fleet_api.transport_order import (
+    DriveOrderState,
+    Hold,
+    TransportOrderState,
+    TransportOrderStatus,
+)
 from support.order_service import NOW, assigned_order, codes, dispatchable_order, raw_order, request
 
 S = TransportOrderState
@@ -46,6 +52,29 @@ def test_an_order_keeps_the_request_and_recognises_it(field: dict[str, object]) 
     assert field.items() <= order.status.model_dump(by_alias=True).items()
     assert order.was_created_by(asked)
     assert not order.was_created_by(request("A"))
+
+
+def test_reasons_have_codes_in_status_and_history() -> None:
+    order = assigned_order("A")
+    assert order.status.coded_reason == order.reason.coded
+    assert order.reason.coded.code == "travels"
+    order = order.on_hold(Hold(by="Ann", reason="spill", since=NOW), NOW)
+    assert order.reason.coded.code == "held"
+    failed = order.failed(Reason(ReasonCode.VEHICLE_GONE, vehicle="V1"), NOW)
+    gone = CodedReason(code="vehicle_gone", values={"vehicle": "V1"})
+    assert failed.status.coded_reason == failed.status.history[-1].coded_reason == gone
+    assert failed.status.reason == failed.status.history[-1].supplements[-1]
+
+
+def test_an_order_stored_without_codes_keeps_its_text_until_it_changes() -> None:
+    order = dispatchable_order("A").deferred(Reason(ReasonCode.NO_VEHICLES), NOW)
+    document = order.status.model_dump(by_alias=True, mode="json", exclude={"coded_reason"})
+    for entry in document["history"]:
+        del entry["codedReason"]
+    loaded = TransportOrder(1, TransportOrderStatus.model_validate(document))
+    assert (loaded.status.coded_reason, loaded.reason) == (None, order.reason)
+    assert loaded.deferred(order.reason, NOW) is loaded
+    assert loaded.deferred(Reason(ReasonCode.TAKES_NO_ORDERS), NOW).reason.coded.code == "takes_no_orders"
 
 
 def test_goes_through_all_states_to_finished() -> None:

@@ -53,6 +53,7 @@ async def test_peripheral_devices(client: httpx.AsyncClient, populated: Aggregat
         "state": "BEING_PROCESSED",
         "operation": "open",
         "reason": "waits",
+        "codedReason": None,
         "vehicle": "V1",
         "transportOrder": "T-1",
         "path": "A --- B",

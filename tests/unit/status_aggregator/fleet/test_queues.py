@@ -220,7 +220,7 @@ def test_stops_are_published_and_kept_while_the_order_service_is_down() -> None:
     (shown,) = site.view()["orderService"]["stops"]
     assert (shown["by"], shown["paused"], shown["vehicles"]) == ("Anna", 1, 2)
     assert shown["area"] == {"xMin": 0, "yMin": 1, "xMax": 2, "yMax": 3, "mapId": None}
-    assert shown["notPaused"] == [{"vehicle": "V-2", "reason": "is silent"}]
+    assert shown["notPaused"] == [{"vehicle": "V-2", "reason": "is silent", "codedReason": None}]
     site.model.on_service_status(service(online=False, at=0), timestamp(1), retained=False)
     assert site.view()["orderService"]["stops"] == [shown], "the robots are still paused"
     site.model.on_service_status(service(online=True, at=2), timestamp(2), retained=False)

@@ -101,5 +101,6 @@ def test_an_order_as_hosts_know_it() -> None:
 def test_hold_of_an_order() -> None:
     hold = Hold(by="Ann", reason="tea", since=START)
     view = view_order(TrackedOrder(order_status(held=hold)), None)
-    assert view["held"] == {"by": "Ann", "reason": "tea", "since": "2026-01-01T00:00:00.000Z"}
+    since = "2026-01-01T00:00:00.000Z"
+    assert view["held"] == {"by": "Ann", "reason": "tea", "codedReason": None, "since": since}
     assert view_order(TrackedOrder(order_status()), None)["held"] is None

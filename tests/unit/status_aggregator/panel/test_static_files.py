@@ -11,7 +11,8 @@ import pytest
 from nena_order_service.orders.transport_order import EventCode
 from nena_shared.fleet_api.audit import AuditResult
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
-from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.reasons import ReasonCode
+from nena_shared.fleet_api.transport_order import DriveOrderState, FailureMeasure, TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
@@ -28,7 +29,7 @@ SCRIPTS = sorted(path for path in PANEL.rglob("*.js") if "texts" not in path.par
 ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
 KEY = re.compile(
     r'"((?:page|summary|urgent|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|peripherals?|state|messages|'
-    r"language|filter|goal|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
+    r"language|filter|goal|because|holder|measure|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
     r'lists|audit|schedules|search|attention|several|confirm|place|position|form|login|operation|orderForm|drive|event|eventLog|done|history|reports|duration)\.[\w.]+)"'
 )
 MADE = re.compile(r"`([\w.]+\.)\$\{")
@@ -112,6 +113,8 @@ def test_every_code_has_a_text() -> None:
     wanted |= {f"action.{each}" for each in ActionStatus}
     wanted |= {f"eventLog.{each}" for each in Code}
     wanted |= {f"reason.{each}" for each in TEXTS if each != "emergency_stop"}
+    wanted |= {f"because.{each.code}" for each in ReasonCode}
+    wanted |= {f"measure.{each}" for each in FailureMeasure if not each.last}
     wanted |= {f"urgent.{each}" for each in URGENT}
     wanted |= {f"zone.{each}" for each in ZoneType}
     wanted |= {f"integration.{each}" for each in IntegrationLevel}

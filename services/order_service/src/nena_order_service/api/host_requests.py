@@ -30,6 +30,7 @@ from nena_order_service.orders.transport_order import TransportOrder, sortable_i
 from nena_order_service.orders.validation import InvalidRequestError, check_request, set_operations
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.reasons import explained
 from nena_shared.fleet_api.requests import FleetSummary
 from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.transport_order import (
@@ -357,9 +358,12 @@ class HostRequests:
             transport_order=status.name,
             state=status.state,
             reason=status.reason,
+            coded_reason=status.coded_reason,
             processing_vehicle=status.processing_vehicle,
             vehicles=tuple(
-                VehicleForOrder(vehicle=each.vehicle, fits=each.fits, reason=each.reason, cost=each.cost)
+                VehicleForOrder(
+                    vehicle=each.vehicle, fits=each.fits, cost=each.cost, **explained(each.reason)
+                )
                 for each in found[:limit]
             ),
             left_out=len(found[limit:]),
@@ -419,7 +423,7 @@ class HostRequests:
             vehicle=name,
             transport_order=order or "",
             outcome=done.outcome,
-            reason=done.reason,
+            **explained(done.reason),
             route=done.route,
         )
 

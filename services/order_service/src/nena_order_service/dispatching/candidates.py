@@ -15,12 +15,15 @@ from nena_order_service.fleet.robot import RobotView
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.orders.vda_orders import Pick
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds
 from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
 from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
 from nena_shared.vda5050.state import State
+
+R = ReasonCode
 
 
 class OrderKind(NamedTuple):
@@ -244,9 +247,9 @@ class Energy:
         levels = self.thresholds
         if self.charging and not self.recharged(fully=fully):
             until = levels.fully_recharged if fully else max(levels.sufficiently_recharged, levels.critical)
-            return f"recharging until its energy is {until} %"
+            return Reason(R.RECHARGES, level=until)
         if self.critical:
-            return f"must recharge first: critical energy (at most {levels.critical} %)"
+            return Reason(R.MUST_RECHARGE, level=levels.critical)
         return ""
 
 
@@ -271,9 +274,9 @@ def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -
     if type_priority(accepted, order_type) is not None:
         return ""
     if not accepted:
-        return "accepts no orders of any type"
+        return Reason(R.ACCEPTS_NO_TYPE)
     names = ", ".join(repr(each.name) for each in sorted(accepted, key=lambda each: each.priority))
-    return f"accepts no orders of type {order_type!r}, only {names}"
+    return Reason(R.ACCEPTS_OTHER_TYPES, type=order_type, types=names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,9 +302,10 @@ class Carried:
             elsewhere = self.places - wanted
         if sum(load not in elsewhere for load in self.loads) < max(len(wanted), 1):
             return ""
-        loads = "a load" if len(self.loads) == 1 else f"{len(self.loads)} loads"
-        where = f" at {pick.place!r}" if pick.place else ""
-        return f"carries {loads} and has no room for another one{where}"
+        where = [Reason(R.AT_PLACE, place=pick.place)] if pick.place else []
+        if len(self.loads) == 1:
+            return Reason(R.LOADED, *where)
+        return Reason(R.LOADED_SEVERAL, *where, count=len(self.loads))
 
 
 def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
@@ -322,6 +326,10 @@ def _places_of(loading: LoadSpecification) -> dict[str, frozenset[str]]:
         places = all_places.intersection(each.load_positions or all_places)
         found[each.load_type] = found.get(each.load_type, frozenset()) | places
     return found
+
+
+RESERVED = Reason(R.RESERVED)
+DISPENSABLE = Reason(R.HAS_DISPENSABLE_ORDER)
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,11 +370,11 @@ class DispatchedVehicle:
         if self.obstacle:
             return self.obstacle
         if self.kept_for is not None and self.kept_for != order.number:
-            return "is reserved for another order"
+            return RESERVED
         if self.restriction and not recharges:
             return self.restriction
         if self.gives_up and order.status.dispensable:
-            return "has a dispensable order"
+            return DISPENSABLE
         return self.carried.why_no_room(pick) if self.carried and pick else ""
 
 

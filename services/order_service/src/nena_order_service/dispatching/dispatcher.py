@@ -22,6 +22,9 @@ from nena_order_service.dispatching.settings import (
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick
 from nena_order_service.routing.router import RouteCost
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
+
+R = ReasonCode
 
 Rank = tuple[float | str, ...]
 """Sort key; lower values are served first."""
@@ -211,7 +214,8 @@ class _Search:
             end = before
 
 
-BUSY: Final = "works on another order"
+BUSY: Final = Reason(R.BUSY)
+NOT_INTENDED: Final = Reason(R.NOT_INTENDED)
 
 ROUTING_COSTS: Final = (CandidateKey.BY_COMPLETE_ROUTING_COSTS, CandidateKey.BY_INITIAL_ROUTING_COSTS)
 """Keys by which pairs have costs that can be added up."""
@@ -367,7 +371,7 @@ class _Choices:
 
     def why(self, best: Candidate) -> str:
         """Return why an order gets a vehicle that is not the nearest one."""
-        return f"least driving in total ({best.cost.complete:.0f}), {self.free} free vehicles"
+        return Reason(R.ASSIGNED_LEAST_DRIVING, cost=best.cost.complete, count=self.free)
 
 
 class _Round:
@@ -410,7 +414,8 @@ class _Round:
             fitting = (each for each in orders if each.number not in self._assigned)
             pairs = [*self._possible((each, vehicle) for each in fitting if not self._why_not(each, vehicle))]
             if pairs:
-                self._assign(min(pairs, key=rank), f"first by {keys[0]} of {len(pairs)} orders for it")
+                why = Reason(R.ASSIGNED_FIRST_ORDER, key=keys[0], count=len(pairs))
+                self._assign(min(pairs, key=rank), why)
 
     def assign_together(self, orders: Sequence[TransportOrder]) -> None:
         """Assign orders of the same rank so that they cost least together, those of the first rank first.
@@ -529,7 +534,7 @@ class _Round:
         if not free:
             return why_no_vehicle(self._intended(order), wait_reasons)
         why = self._knowledge.why_no_route(order, free[-1])
-        return f"waits: vehicle {free[-1]!r} has no route: {why}"
+        return Reason(R.VEHICLE_HAS_NO_ROUTE, why, vehicle=free[-1])
 
     def _possible(self, pairs: Iterable[tuple[TransportOrder, DispatchedVehicle]]) -> Iterator[Candidate]:
         for order, vehicle in pairs:
@@ -561,7 +566,7 @@ class _Round:
     def _why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
         intended = self._intended(order)
         if intended not in (None, vehicle.name):
-            return "is not the intended vehicle"
+            return NOT_INTENDED
         why_unsuitable = self._knowledge.why_unsuitable(order, vehicle.name)
         if why_unsuitable:
             return why_unsuitable
@@ -571,27 +576,28 @@ class _Round:
 
     def _why(self, best: Candidate, choices: int) -> str:
         if self._intended(best.order) is not None:
-            return "it is the intended vehicle"
+            return Reason(R.ASSIGNED_INTENDED)
         if choices == 1:
-            return "it is the only free vehicle"
+            return Reason(R.ASSIGNED_ONLY_FREE)
         key = self._settings.vehicle_candidates[0]
         if key is CandidateKey.BY_COMPLETE_ROUTING_COSTS:
-            return f"cheapest route ({best.cost.complete:.0f}) of {choices} free vehicles"
-        return f"first by {key} of {choices} free vehicles"
+            return Reason(R.ASSIGNED_CHEAPEST, cost=best.cost.complete, count=choices)
+        return Reason(R.ASSIGNED_FIRST, key=key, count=choices)
 
 
 def why_no_vehicle(intended: str | None, wait_reasons: Mapping[str, str]) -> str:
     """Return why an order waits, from the reasons of all vehicles."""
     if intended is not None:
-        return f"waits for vehicle {intended!r}, which {wait_reasons.get(intended, 'takes no orders')}"
+        why = wait_reasons.get(intended) or Reason(R.TAKES_NO_ORDERS)
+        return Reason(R.WAITS_FOR_VEHICLE, why, vehicle=intended)
     if not wait_reasons:
-        return "waits for a vehicle: none in the plant model takes orders"
+        return Reason(R.NO_VEHICLES)
     kinds = sorted(set(wait_reasons.values()))
-    more = " or something else" if len(kinds) > KINDS_NAMED else ""
-    return f"waits for a vehicle: each of them {' or '.join(kinds[:KINDS_NAMED])}{more}"
+    more = [Reason(R.SOMETHING_ELSE)] if len(kinds) > KINDS_NAMED else []
+    return Reason(R.WAITS_FOR_ANY_VEHICLE, *kinds[:KINDS_NAMED], *more)
 
 
-COULD = "could do it now"
+COULD = Reason(R.FITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -627,11 +633,11 @@ def _fit(
     order: TransportOrder, vehicle: DispatchedVehicle, knowledge: Knowledge, kept: str | None
 ) -> VehicleFit:
     if order.vehicle == vehicle.name and not order.state.final:
-        return VehicleFit(vehicle.name, fits=True, reason="does it")
+        return VehicleFit(vehicle.name, fits=True, reason=Reason(R.DOES_IT))
     intended = order.status.intended_vehicle
     for wanted, why in (
-        (kept, f"is not {kept!r}, which is reserved for it"),
-        (intended, f"is not {intended!r}, the intended vehicle"),
+        (kept, Reason(R.RESERVED_IS, vehicle=kept or "")),
+        (intended, Reason(R.INTENDED_IS, vehicle=intended or "")),
     ):
         if wanted not in (None, vehicle.name):
             return VehicleFit(vehicle.name, fits=False, reason=why)
@@ -643,7 +649,6 @@ def _fit(
         return VehicleFit(vehicle.name, fits=False, reason=reason)
     cost = knowledge.cost(order, vehicle.name).complete
     if cost == inf:
-        return VehicleFit(
-            vehicle.name, fits=False, reason=f"has no route: {knowledge.why_no_route(order, vehicle.name)}"
-        )
+        why = Reason(R.HAS_NO_ROUTE, knowledge.why_no_route(order, vehicle.name))
+        return VehicleFit(vehicle.name, fits=False, reason=why)
     return VehicleFit(vehicle.name, fits=True, reason=COULD, cost=cost)

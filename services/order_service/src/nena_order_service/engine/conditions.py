@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from nena_order_service.engine.context import Context
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.transport_order import (
     DependencyFailure,
     Hold,
@@ -15,6 +16,7 @@ from nena_shared.fleet_api.transport_order import (
 )
 
 S = TransportOrderState
+R = ReasonCode
 
 NAMES_SHOWN = 3
 MARKED = "marked complete by a host"
@@ -58,7 +60,7 @@ class Sequences:
         sequence = self._of(order)
         if sequence is None or sequence.next_order in (None, order.name):
             return ""
-        return f"waits for its turn in order sequence {sequence.name!r}, after {sequence.next_order!r}"
+        return Reason(R.WAITS_IN_SEQUENCE, sequence=sequence.name, order=sequence.next_order)
 
     def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
         """Advance the sequence of an order that has ended.
@@ -81,12 +83,12 @@ class Sequences:
         """Return why a vehicle must not execute an order because of a sequence; empty if it may."""
         bound, sequence = self._sequences.of_vehicle(vehicle), self._of(order)
         if bound and bound is not sequence:
-            return f"is bound to order sequence {bound.name!r}"
+            return Reason(R.BOUND_TO_SEQUENCE, sequence=bound.name)
         if sequence is None:
             return ""
         meant = sequence.bound_vehicle or sequence.status.intended_vehicle
         if meant not in (None, vehicle):
-            return f"is not the vehicle of order sequence {sequence.name!r}, which is {meant!r}"
+            return Reason(R.NOT_OF_SEQUENCE, sequence=sequence.name, vehicle=meant)
         return ""
 
     def meant(self, order: TransportOrder) -> str | None:
@@ -156,8 +158,9 @@ class Dependencies:
         if not names:
             return ""
         shown = ", ".join(repr(name) for name in names[:NAMES_SHOWN])
-        more = f" and {len(names) - NAMES_SHOWN} more" if len(names) > NAMES_SHOWN else ""
-        return f"waits until {shown}{more} {'is' if len(names) == 1 else 'are'} FINISHED"
+        if more := len(names[NAMES_SHOWN:]):
+            return Reason(R.WAITS_FOR_MORE_ORDERS, orders=shown, count=more)
+        return Reason(R.WAITS_FOR_ORDER if len(names) == 1 else R.WAITS_FOR_ORDERS, orders=shown)
 
 
 class Conditions:
@@ -204,9 +207,12 @@ class Conditions:
         self._dependencies.forget(order)
         failed, following = self._sequences.ended(order)
         for each in failed:
-            sequence = order.status.wrapping_sequence
-            reason = (
-                f"order {order.name!r} of its sequence {sequence!r} is {order.state}: {order.status.reason}"
+            reason = Reason(
+                R.SEQUENCE_FAILED,
+                order.reason,
+                order=order.name,
+                sequence=order.status.wrapping_sequence or "",
+                state=order.state,
             )
             self._orders.put(each.failed(reason, self._clock.now()))
         dispatchable = False
@@ -238,13 +244,13 @@ class Conditions:
         """Return an order after the failure of a dependency, as its onDependencyFailure requires."""
         if order.state.final:
             return order
-        reason = f"order {name!r}, on which it depends, is {state}"
+        reason = Reason(R.DEPENDENCY_ENDED, order=name, state=state)
         match order.status.on_dependency_failure:
             case DependencyFailure.FAIL:
                 return order.failed(reason, self._clock.now())
             case DependencyFailure.HOLD if not order.status.held:
                 now = self._clock.now()
-                return order.on_hold(Hold(by=HOLDER, reason=reason, since=now), now)
+                return order.on_hold(Hold(by=HOLDER, since=now, **explained(reason)), now)
             case _:
                 return order
 

@@ -38,16 +38,16 @@ from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.vehicles.registry import FleetVehicle, why_not_on
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.plant import UnknownObjectError
 
-NO_ORDER = "idle: no waiting orders"
-NO_ORDER_FITS = (
-    "idle: the waiting orders are for other vehicles or of types that it does not accept, are "
-    "unreachable, or need room for another load"
-)
-GIVES_UP = "ends a dispensable order first"
+R = ReasonCode
+
+NO_ORDER = Reason(R.NO_ORDERS)
+NO_ORDER_FITS = Reason(R.NO_ORDER_FITS)
+GIVES_UP = Reason(R.ENDS_DISPENSABLE_ORDER)
 
 EXPLAINED_FIRST = 20
 """Number of orders at the head of the queue whose wait reason is updated at once; the others follow."""
@@ -241,7 +241,7 @@ class Dispatching:
         try:
             standing = self._planner.standing(vehicle, view)
         except NotLocatedError as error:
-            return self._unavailable(vehicle, f"cannot be dispatched: {error.reason}", view)
+            return self._unavailable(vehicle, Reason(R.NOT_DISPATCHABLE, error.reason), view)
         if obstacle := self._lacks_map(vehicle, view, standing):
             return self._unavailable(vehicle, obstacle, view)
         energy = self.energy(vehicle, view)

@@ -27,6 +27,7 @@ from nena_order_service.traffic.route_search import RouteRequest
 from nena_order_service.traffic.scheduler import WaitReason
 from nena_order_service.traffic.traffic_control import Displacement, MoreClaimed, RouteGrant, RouteRejection
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained, reason_of
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import DriveOrderState
 from nena_shared.log import get_logger
@@ -34,6 +35,8 @@ from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey
+
+R = ReasonCode
 
 log = get_logger(__name__)
 
@@ -91,8 +94,8 @@ class RestartGate:
         """Why nothing is sent yet; empty when the gate is open."""
         if self.is_open:
             return ""
-        whom = ", ".join(self._missing()) or "each robot"
-        return f"it waits for the first state of {whom}"
+        missing = self._missing()
+        return Reason(R.FIRST_STATE, vehicles=", ".join(missing)) if missing else Reason(R.FIRST_STATES)
 
     def _any_missing(self) -> bool:
         """Return whether any vehicle has yet to report; those that have reported are not checked again."""
@@ -157,7 +160,7 @@ class Pauses:
         if status.held:
             return ""
         if status.next_try and self._context.clock.now() < status.next_try:
-            return f"it retries at {status.next_try:%H:%M:%S} UTC"
+            return Reason(R.RETRIES_AT, time=status.next_try)
         if jobs := self._peripherals.behind(vehicle):
             return self._peripherals.wait_for(jobs[0])
         if order.current.state is DriveOrderState.FINISHED:
@@ -167,7 +170,7 @@ class Pauses:
             standing = self._context.planner.standing(vehicle, view)
         except NotLocatedError as error:
             away = view.state is None or view.link is not LinkStatus.ONLINE
-            return f"the robot {view.availability.reason}" if away else str(error)
+            return Reason(R.ROBOT, view.availability.reason) if away else error.reason
         return self._context.planner.locked_out(order, vehicle, standing)
 
 
@@ -214,13 +217,13 @@ class Mobility:
         """Return why a vehicle cannot start to drive for its order; empty if it can."""
         view = self._context.view(vehicle)
         if not view.availability.can_take_order:
-            return f"the robot {view.availability.reason}"
+            return Reason(R.ROBOT, view.availability.reason)
         if obstacle := self._positions.obstacle(vehicle, working=True):
-            return f"it {obstacle}"
+            return Reason(R.IT, obstacle)
         if not self._positions.located(vehicle):
-            return "its position is unknown"
+            return Reason(R.POSITION_UNKNOWN)
         why = self._traffic.why_waiting(vehicle.name)
-        return f"it {why}" if why else ""
+        return Reason(R.IT, why) if why else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -510,7 +513,7 @@ class Driving:
         """Return what a vehicle waits for with its order; empty if it does not wait."""
         record = self._sent.of_robot(vehicle.key)
         if record and record.evasion:
-            return "it makes room for others first"
+            return Reason(R.MAKES_ROOM_FIRST)
         if reason := self._gate.reason or self._stops.why(vehicle, self._state.order_of(vehicle.key)):
             return reason
         if vehicle.name in self._pauses:
@@ -520,34 +523,34 @@ class Driving:
         if vehicle.name in self._wanted:
             return self.mobility.why_it_stays(vehicle)
         why = self._traffic.why_waiting(vehicle.name)
-        return f"it {why}" if why else ""
+        return Reason(R.IT, why) if why else ""
 
     def wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
         """Return which vehicles a vehicle waits for, where and why; None if it does not wait."""
         reason, refusal = self.note(vehicle), self._traffic.refusal(vehicle.name)
         if location := self._peripherals.location_waited_for(vehicle.name):
-            return TrafficWait(at=location, reason=reason)
+            return TrafficWait(at=location, **explained(reason))
         if refusal is None:
-            return TrafficWait(reason=reason) if reason else None
+            return TrafficWait(**explained(reason)) if reason else None
         turn_back_mm = self._traffic.turn_back_mm(vehicle.name, refusal)
         return TrafficWait(
             vehicles=refusal.vehicles,
             at=refusal.resource,
             cause=CAUSES[refusal.reason],
             turn_back=turn_back_mm / MM_PER_M if turn_back_mm else None,
-            reason=reason or f"it {refusal.in_words(turn_back_mm)}",
+            **explained(reason or Reason(R.IT, refusal.in_words(turn_back_mm))),
         )
 
     def obstacle(self, vehicle: FleetVehicle) -> str:
         """Return, as a predicate, why its drive or position keeps a vehicle from orders; or empty."""
         if self._traffic.journey(vehicle.name):
-            return "makes room for others"
+            return Reason(R.MAKES_ROOM)
         return self.positions.obstacle(vehicle)
 
     def stopped(self, vehicle: FleetVehicle) -> str:
         """Return, as a predicate, why a stop keeps a vehicle from new orders; empty if none does."""
         stop = self._stops.stop_of(vehicle)
-        return f"is stopped: {stop.text}" if stop else ""
+        return Reason(R.IS_STOPPED, stop.text) if stop else ""
 
     def _vehicle(self, name: str) -> FleetVehicle:
         vehicle = self._registry.named(name)
@@ -561,7 +564,7 @@ class Driving:
         vehicle = self._vehicle(granted.vehicle)
         if isinstance(granted, RouteRejection):
             self._wanted.pop(vehicle.name, None)
-            yield Stuck(vehicle, str(granted.error))
+            yield Stuck(vehicle, reason_of(granted.error))
             return
         try:
             standing = self._planner.standing(vehicle, self._context.view(vehicle))
@@ -578,7 +581,7 @@ class Driving:
             self._unsent[vehicle.name] = self._record(granted, vehicle, standing)
         except ValueError as error:
             self._traffic.revoke(vehicle.name)
-            yield Stuck(vehicle, f"cannot build a VDA 5050 order: {error}")
+            yield Stuck(vehicle, Reason(R.CANNOT_BUILD, str(error)))
             return
         self._go_on(vehicle)
 

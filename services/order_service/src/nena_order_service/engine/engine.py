@@ -47,6 +47,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralJobStatus,
     PeripheralState,
 )
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.stops import StopRequest
 from nena_shared.fleet_api.traffic import TrafficPlan
 from nena_shared.fleet_api.transport_order import (
@@ -62,6 +63,8 @@ from nena_shared.tasks import set_within
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.topics import RobotKey
+
+R = ReasonCode
 
 log = get_logger(__name__)
 
@@ -489,7 +492,7 @@ class Engine:
         with self.change():
             if not level.holds_resources:
                 sent = self.state.sent_orders.of_robot(vehicle.key)
-                reason = f"the integration level of vehicle {vehicle.name} was set to {level.value}"
+                reason = Reason(R.LEVEL_SET, vehicle=vehicle.name, level=level.value)
                 self._life_cycle.give_up(vehicle.key, reason)
                 self._driving.take_out(vehicle)
                 if sent:

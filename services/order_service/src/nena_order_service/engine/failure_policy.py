@@ -20,6 +20,7 @@ from nena_order_service.fleet.vda_order import DROP, PICK
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
     DriveOrderStatus,
@@ -32,6 +33,7 @@ from nena_shared.plant import UnknownObjectError
 FAIL: Final = FailureStep(do=FailureMeasure.FAIL)
 
 K = FailureKind
+R = ReasonCode
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ def decide(policy: Sequence[FailureStep], taken: int, situation: Situation) -> D
         objection = _objection(step, situation)
         if not objection:
             return Decision(step, number, tuple(passed_over))
-        words = f"no {step.do}: {objection}"
+        words = Reason(R.NO_MEASURE, objection, measure=step.do)
         if words not in passed_over:
             passed_over.append(words)
     return Decision(FAIL, taken, tuple(passed_over))
@@ -87,33 +89,33 @@ def _objection(step: FailureStep, situation: Situation) -> str:
     if step.do.last:
         return ""
     if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):
-        return "it is unknown what the robot has done"
+        return Reason(R.UNKNOWN_PROGRESS)
     return _AGAINST[step.do](step, situation)
 
 
 def _against_retry(step: FailureStep, situation: Situation) -> str:
     if situation.kind is K.UNFIT:
-        return "the robot cannot execute it"
+        return Reason(R.ROBOT_INCAPABLE)
     useless = situation.kind is K.NO_WAY and not step.after
-    return "there would still be no route" if useless else ""
+    return Reason(R.STILL_NO_ROUTE) if useless else ""
 
 
 def _against_other_way(_: FailureStep, situation: Situation) -> str:
     if situation.kind is not K.DRIVE:
-        return "the drive has not failed"
-    return "" if situation.other_way else "there is no other route"
+        return Reason(R.DRIVE_NOT_FAILED)
+    return "" if situation.other_way else Reason(R.NO_OTHER_ROUTE)
 
 
 def _against_other_vehicle(_: FailureStep, situation: Situation) -> str:
     if situation.carrying:
-        return "the vehicle carries a load of the order, so no other one can continue"
+        return Reason(R.CARRIES_ITS_LOAD)
     if not situation.online:
-        return "the robot is silent, so it is unknown what it does"
-    return "" if situation.others else "there is no other suitable vehicle"
+        return Reason(R.ROBOT_SILENT)
+    return "" if situation.others else Reason(R.NO_OTHER_VEHICLE)
 
 
 def _against_skip(_: FailureStep, situation: Situation) -> str:
-    return "" if situation.kind is K.ACTION else "no operation has failed"
+    return "" if situation.kind is K.ACTION else Reason(R.NO_OPERATION_FAILED)
 
 
 _AGAINST: Final[Mapping[FailureMeasure, Callable[[FailureStep, Situation], str]]] = MappingProxyType(
@@ -222,4 +224,4 @@ class FailureAssessment:
 
 def with_others(words: str, decision: Decision) -> str:
     """Append why other measures of the policy were skipped."""
-    return f"{words} ({'; '.join(decision.passed_over)})" if decision.passed_over else words
+    return Reason(R.PASSED_OVER, words, *decision.passed_over) if decision.passed_over else words

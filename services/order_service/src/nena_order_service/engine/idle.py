@@ -12,7 +12,10 @@ from nena_order_service.engine.life_cycle import LifeCycle
 from nena_order_service.orders.automatic import PARK_TYPE, goal_of, park_request, recharge_request
 from nena_order_service.vehicles.parking import ParkingPositions, Prospect, RechargeLocations
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
+
+R = ReasonCode
 
 PAUSE = 10.0
 """Seconds before the same order is created for a vehicle again."""
@@ -94,7 +97,9 @@ class IdleVehicles:
     def note(self, vehicle: FleetVehicle) -> str:
         """Return why an idle vehicle cannot recharge or park although it should; empty otherwise."""
         known = self._idle.get(vehicle.name)
-        return "; ".join(filter(None, (known.note, known.parking_note))) if known else ""
+        if known and known.note and known.parking_note:
+            return Reason(R.ALL, known.note, known.parking_note)
+        return known.note or known.parking_note if known else ""
 
     def _attend(self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound) -> None:
         vehicle, known.note = candidate.vehicle, ""
@@ -132,7 +137,7 @@ class IdleVehicles:
             idly_occupied=lambda point: urgent and self._is_idly_occupied(point, vehicle, round_),
         )
         if not found.location:
-            known.note = f"it should recharge, but {found.reason}"
+            known.note = Reason(R.CANNOT_RECHARGE, found.reason)
             return None
         return recharge_request(vehicle.name, found.location, found.operation, dispensable=not urgent)
 
@@ -156,7 +161,7 @@ class IdleVehicles:
                 may_displace=known.displaced < DISPLACES_AT_MOST,
             ),
         )
-        known.parking_note = f"it should park, but {found.reason}" if found.reason else ""
+        known.parking_note = Reason(R.CANNOT_PARK, found.reason) if found.reason else ""
         if found.reason:  # this may need many route searches
             known.not_before[PARK_TYPE] = round_.now + PAUSE
         return park_request(vehicle.name, found.point) if found.point else None

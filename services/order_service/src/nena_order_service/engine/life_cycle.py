@@ -30,6 +30,7 @@ from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained, reason_of
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
     FailureMeasure,
@@ -46,8 +47,9 @@ from nena_shared.vda5050.topics import RobotKey
 log = get_logger(__name__)
 
 S = TransportOrderState
+R = ReasonCode
 
-BEGUN_MEANWHILE = "the vehicle was stopped during its operation; check what it has done"
+BEGUN_MEANWHILE = Reason(R.STOPPED_OPERATING)
 POLICY = "failure policy"
 """The holder (``by``) of an order that its failure policy has put on hold."""
 
@@ -124,7 +126,7 @@ class LifeCycle:
         order = self._orders.get(self.create(request, automatic_name(request), automatic=True).number)
         begun = order.state is S.BEING_PROCESSED
         if not begun and not order.state.final:
-            self.withdraw(order, "its vehicle did not start it", immediate=True)
+            self.withdraw(order, Reason(R.NOT_STARTED), immediate=True)
         return begun
 
     def withdraw(self, order: TransportOrder, reason: str, *, immediate: bool) -> None:
@@ -157,7 +159,7 @@ class LifeCycle:
         """
         now = self._clock.now()
         if not order.held:
-            order = order.on_hold(Hold(by=by, reason=reason, since=now), now)
+            order = order.on_hold(Hold(by=by, since=now, **explained(reason)), now)
             self._orders.put(order)
             log.info("order held", order=order.name, by=by, reason=reason)
         if order.state is S.BEING_PROCESSED:
@@ -244,7 +246,7 @@ class LifeCycle:
                 self._assign(each)
         now = self._clock.now()
         for order in orders:
-            reason = reasons.get(order.name, order.status.reason)
+            reason = reasons.get(order.name, order.reason)
             if reason != order.status.reason:
                 self._orders.put(order.deferred(reason, now))
 
@@ -257,8 +259,8 @@ class LifeCycle:
         order = self._orders.named(given_up)
         assert order, "vehicles work on known orders"  # noqa: S101 - for the type
         log.info("order gives way", order=given_up, vehicle=dispatched.vehicle.name, wanted=wanted)
-        self.withdraw(order, f"gives way to order {wanted}", immediate=order.is_operating)
-        return f"waits for vehicle {dispatched.vehicle.name!r}, which {GIVES_UP}"
+        self.withdraw(order, Reason(R.GIVES_WAY, order=wanted), immediate=order.is_operating)
+        return Reason(R.WAITS_FOR_VEHICLE, GIVES_UP, vehicle=dispatched.vehicle.name)
 
     def _assign(self, dispatched: Dispatched) -> None:
         vehicle, way, why = dispatched.vehicle, dispatched.way, dispatched.assignment.why
@@ -276,7 +278,7 @@ class LifeCycle:
         """Drive to the current destination, ``again`` or for the first time, unless the order must wait."""
         vehicle = self._registry.employed(order.vehicle)
         if vehicle is None:
-            self._end(order.failed(f"vehicle {order.vehicle!r} no longer exists", self._clock.now()))
+            self._end(order.failed(_gone(order), self._clock.now()))
             return
         order = order.restarted() if again else order
         self._orders.put(order)
@@ -301,8 +303,8 @@ class LifeCycle:
             standing = planner.standing(vehicle, self._context.view(vehicle))
             way = planner.way(order, vehicle, standing)
         except (NotLocatedError, NoRouteError, UnknownObjectError) as error:
-            words = f"vehicle {vehicle.name} cannot continue: {error}"
-            self._fail(order, OrderFailure(FailureKind.NO_WAY, words))
+            why = Reason(R.CANNOT_CONTINUE, reason_of(error), vehicle=vehicle.name)
+            self._fail(order, OrderFailure(FailureKind.NO_WAY, why))
         else:
             self._drive(order, vehicle, way, first=first)
 
@@ -393,8 +395,7 @@ class LifeCycle:
     def _drive_order_finished(self, order: TransportOrder, sent: SentOrder) -> None:
         now, index = self._clock.now(), order.status.current_drive_order_index
         if order.state is S.WITHDRAWN:
-            words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle had finished its base"
-            self._end(order.failed(words, now))
+            self._end(order.failed(_withdrawn(order, Reason(R.BASE_FINISHED)), now))
             return
         job = self._driving.failed_behind(sent)
         failure = _failure_of(job) if job else None
@@ -412,8 +413,7 @@ class LifeCycle:
 
     def _drive_order_failed(self, order: TransportOrder, failure: OrderFailure) -> None:
         if order.state is S.WITHDRAWN:
-            words = f"withdrawn: {why_withdrawn(order.status)}; {failure.words}"
-            self._end(order.failed(words, self._clock.now()))
+            self._end(order.failed(_withdrawn(order, failure.words), self._clock.now()))
         elif order.held:
             self._continue(order.failed_while_held(failure.words), again=True)
         else:
@@ -422,8 +422,7 @@ class LifeCycle:
     def _drive_order_cancelled(self, order: TransportOrder, sent: SentOrder) -> None:
         """End a withdrawn order; pause a held one, or continue it if it was resumed meanwhile."""
         if order.state is S.WITHDRAWN:
-            words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has released it"
-            self._end(order.failed(words, self._clock.now()))
+            self._end(order.failed(_withdrawn(order, Reason(R.RELEASED)), self._clock.now()))
         elif sent.given_up and not order.held:
             self._fail(order, sent.given_up)
         elif order.is_operating and not sent.given_up:
@@ -436,7 +435,7 @@ class LifeCycle:
     def _fail(self, order: TransportOrder, failure: OrderFailure) -> None:
         """Take the next measure of the failure policy for an order that has failed at its vehicle."""
         if self._registry.employed(order.vehicle) is None:
-            why = f"vehicle {order.vehicle!r} no longer exists; {failure.words}"
+            why = Reason(R.ALL, _gone(order), failure.words)
             self._end(order.failed(why, self._clock.now()))
             return
         if order.current.state is DriveOrderState.FINISHED:  # nothing is left to try again
@@ -457,7 +456,7 @@ class LifeCycle:
             case FailureMeasure.SKIP:
                 self._skip(order.skipped(words, now))
             case FailureMeasure.HOLD:
-                hold = Hold(by=POLICY, reason=with_others(words, decision), since=now)
+                hold = Hold(by=POLICY, since=now, **explained(with_others(words, decision)))
                 self._continue(order.on_hold(hold, now), again=True)
             case FailureMeasure.FAIL:
                 self._end(order.failed(with_others(words, decision), now))
@@ -552,8 +551,8 @@ class LifeCycle:
             self._end(order.failed(reason, self._clock.now()))
 
     def _end_withdrawn_unsent(self, order: TransportOrder) -> None:
-        words = f"withdrawn before the vehicle had started: {why_withdrawn(order.status)}"
-        self._end(order.failed(words, self._clock.now()))
+        why = Reason(R.WITHDRAWN_UNSENT, why_withdrawn(order.status))
+        self._end(order.failed(why, self._clock.now()))
 
     def _end(self, order: TransportOrder) -> None:
         """Store an order's final state, and release its vehicle."""
@@ -600,8 +599,7 @@ class LifeCycle:
         try:
             vehicle = recovery.restore_order(order, document)
         except LostOrderError:
-            words = "the VDA order of the vehicle is unreadable"
-            self._end(order.adopted(now).failed(words, now))
+            self._end(order.adopted(now).failed(Reason(R.VDA_ORDER_UNREADABLE), now))
         else:
             self._orders.put(order.adopted(now, vehicle.name))
 
@@ -612,10 +610,10 @@ class LifeCycle:
         if order.state is S.WITHDRAWN:
             self._end_withdrawn_unsent(order)
         elif vehicle is None:
-            self._end(order.failed(f"vehicle {order.vehicle!r} no longer exists", self._clock.now()))
+            self._end(order.failed(_gone(order), self._clock.now()))
         elif self._sent.order_number(vehicle.key) is not None:
-            words = f"vehicle {order.vehicle!r} is now another robot with another order"
-            self._end(order.failed(words, self._clock.now()))
+            why = Reason(R.VEHICLE_REPLACED, vehicle=vehicle.name)
+            self._end(order.failed(why, self._clock.now()))
         else:
             self._orders.put(order)
             self._sent.assign(order, vehicle.key)
@@ -626,7 +624,7 @@ class LifeCycle:
         try:
             check_order(order.status, self._context.plant)
         except InvalidRequestError as error:
-            self._orders.put(order.failed(f"no longer possible in this plant: {error}", self._clock.now()))
+            self._orders.put(order.failed(Reason(R.NOT_POSSIBLE, str(error)), self._clock.now()))
         else:
             self._orders.put(self._conditions.restore(order))
 
@@ -634,5 +632,20 @@ class LifeCycle:
 def _failure_of(job: PeripheralJob) -> OrderFailure:
     """Return what a failed job means for the order that needs it."""
     status = job.status
-    words = f"peripheral {status.location!r} has not executed {status.operation!r}: {status.reason}"
-    return OrderFailure(FailureKind.DRIVE, words, (status.path,) if status.path else ())
+    why = Reason(
+        R.PERIPHERAL_FAILED_BY,
+        Reason.of(status.reason, status.coded_reason),
+        location=status.location,
+        operation=status.operation,
+    )
+    return OrderFailure(FailureKind.DRIVE, why, (status.path,) if status.path else ())
+
+
+def _gone(order: TransportOrder) -> Reason:
+    """Return that the vehicle of an order no longer exists."""
+    return Reason(R.VEHICLE_GONE, vehicle=order.vehicle or "")
+
+
+def _withdrawn(order: TransportOrder, end: str) -> Reason:
+    """Return why an order was withdrawn, and how its vehicle has ended it."""
+    return Reason(R.WITHDRAWN, why_withdrawn(order.status), end)

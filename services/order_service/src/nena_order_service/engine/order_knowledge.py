@@ -15,9 +15,12 @@ from nena_order_service.orders.vda_orders import OrderPlanner, Pick
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.routing.router import NO_ROUTE, OrderCosts, RouteCost, RouteCosts
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, reason_of
 from nena_shared.fleet_api.transport_order import Destination
 from nena_shared.fleet_api.vehicle import AcceptableOrderType
 from nena_shared.plant import UnknownObjectError
+
+R = ReasonCode
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +44,7 @@ class OrderFit:
     def why_unsuitable(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
         """Return, as a predicate, why a vehicle must not execute an order; empty if it may."""
         if vehicle.name in order.status.excluded_vehicles:
-            return "has failed at this order"
+            return Reason(R.FAILED_BEFORE)
         why = self.sequences.why_unsuitable(order, vehicle.name)
         return why or why_not_accepted(self.order_types(vehicle), order.status.type)
 
@@ -100,8 +103,8 @@ class KnownCosts:
         try:
             self.finder.find(start, stops, vehicle=self.registry.model(vehicle), avoid=avoid)
         except (NoRouteError, UnknownObjectError) as error:
-            return str(error)
-        return "the route is too expensive"
+            return reason_of(error)
+        return Reason(R.TOO_EXPENSIVE)
 
 
 class OrderKnowledge:

@@ -38,9 +38,12 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralStatus,
     StepOperation,
 )
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.log import get_logger
 from nena_shared.plant_terms import ExecutionTrigger
+
+R = ReasonCode
 
 log = get_logger(__name__)
 
@@ -50,7 +53,7 @@ MOST_WAITING = 100
 """Maximum number of jobs for which no vehicle waits, of each device; the oldest ones fail beyond it."""
 UNFINISHED_SHOWN, ENDED_SHOWN = 10, 5
 """Maximum numbers of jobs in a device's status."""
-NO_LONGER_NEEDED = "its vehicle no longer needs it"
+NO_LONGER_NEEDED = Reason(R.JOB_NEEDLESS)
 
 
 class DevicePort(Protocol):
@@ -163,34 +166,36 @@ class Peripherals:
         """Return the job for an operation of a route; None if it was not requested yet."""
         return self._jobs.at(operation.key)
 
-    def why(self, job: PeripheralJob) -> str:
+    def why(self, job: PeripheralJob) -> Reason:
         """Return what an unfinished job waits for, as the end of a sentence about its device."""
         status, location = job.status, job.status.location
         state, other = self._devices.state(location), self._devices.job(location)
-        verb = "execute"
+        awaited, reported = R.TO_EXECUTE, R.TO_EXECUTE_REPORTS
         if status.state is PeripheralJobState.BEING_PROCESSED:
-            verb = "finish" if self._devices.acknowledged(location) else "acknowledge"
+            acknowledged = self._devices.acknowledged(location)
+            awaited = R.TO_FINISH if acknowledged else R.TO_ACKNOWLEDGE
+            reported = R.TO_FINISH_REPORTS if acknowledged else R.TO_ACKNOWLEDGE_REPORTS
         if not state.takes_jobs:
-            return f"to {verb} {status.operation!r}; it reports {state}"
+            return Reason(reported, operation=status.operation, reported=state)
         if other == job.name:
-            return f"to {verb} {status.operation!r}"
-        running = self._jobs.named(other) if other else None
-        if running:
-            return f"to execute {status.operation!r} after {running.status.operation!r}"
-        users = ", ".join(sorted(self._other_users(job)))
-        return f"to execute {status.operation!r}" + (f"; {users} uses it" if users else "")
+            return Reason(awaited, operation=status.operation)
+        if running := self._jobs.named(other) if other else None:
+            return Reason(R.TO_EXECUTE_AFTER, operation=status.operation, other=running.status.operation)
+        if users := sorted(self._other_users(job)):
+            return Reason(R.TO_EXECUTE_USED, operation=status.operation, vehicles=", ".join(users))
+        return Reason(R.TO_EXECUTE, operation=status.operation)
 
     def note(self, vehicle: str) -> str:
         """Return for which device a vehicle waits; empty if it waits for none."""
         job = self._jobs.named(self.waiting.get(vehicle, ""))
         return self.wait_for(job) if job else ""
 
-    def wait_for(self, job: PeripheralJob) -> str:
+    def wait_for(self, job: PeripheralJob) -> Reason:
         """Return that a vehicle waits for a job."""
         location, operation = job.status.location, job.status.operation
         if job.over:
-            return f"peripheral {location!r} has not executed {operation!r}"
-        return f"it waits for peripheral {location!r} {self.why(job)}"
+            return Reason(R.PERIPHERAL_FAILED, location=location, operation=operation)
+        return Reason(R.WAITS_FOR_PERIPHERAL, self.why(job), location=location)
 
     def location_waited_for(self, vehicle: str) -> str | None:
         """Return the location of the device for which a vehicle waits; None if it waits for none."""
@@ -260,7 +265,7 @@ class Peripherals:
         """Return the state of a committed job, with what it waits for."""
         if job.over:
             return job.status
-        return job.status.model_copy(update={"reason": f"waits for the device {self.why(job)}"})
+        return job.status.model_copy(update=explained(Reason(R.DEVICE_WAITS, self.why(job))))
 
     def _shown_jobs(self, location: str) -> tuple[PeripheralJobStatus, ...]:
         """Return the committed jobs of a device that its status has."""
@@ -290,7 +295,7 @@ class Peripherals:
         """Withdraw a job; does nothing if it has ended. Its vehicle fails if it needs the job."""
         job = self._jobs.named(name)
         if job and not job.over:
-            self._fail(job, f"withdrawn: {reason}", cancel=True)
+            self._fail(job, Reason(R.WITHDRAWN, reason), cancel=True)
             self.dispatch()
 
     # Devices
@@ -353,7 +358,7 @@ class Peripherals:
             self._put(job.finished(self._clock.now()))
             log.info("peripheral job finished", job=job.name, peripheral=location)
         elif verdict is Verdict.FAILED:
-            self._fail(job, answer.reason or "the device gives no reason")
+            self._fail(job, answer.reason or Reason(R.DEVICE_GIVES_NO_REASON))
         self._state.drive_due = True
         self._state.peripheral_changed(location)
 
@@ -398,7 +403,7 @@ class Peripherals:
             and not each.status.completion_required
         ]
         for each in dispensable[:-MOST_WAITING]:
-            self._end_early(each, f"more than {MOST_WAITING} jobs wait for the device", cancel=False)
+            self._end_early(each, Reason(R.JOBS_TOO_MANY, count=MOST_WAITING), cancel=False)
         log.info(
             "peripheral job created",
             job=job.name,

@@ -9,11 +9,14 @@ from nena_order_service.fleet.position import NotLocatedError, Standing
 from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.traffic.resources import Found
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace
 from nena_shared.plant.track import MM_PER_M, BoundingBox
 from nena_shared.vda5050.state import State
+
+R = ReasonCode
 
 log = get_logger(__name__)
 
@@ -94,16 +97,13 @@ class Positions:
         level = self._records.of(vehicle.key).integration_level
         goes_on = working and level is IntegrationLevel.TO_BE_RESPECTED
         if level is not IntegrationLevel.TO_BE_UTILIZED and not goes_on:
-            return f"has the integration level {level.value}"
+            return Reason(R.HAS_LEVEL, level=level.value)
         if not self._traffic.broke_off(vehicle.name):
             return ""
         view = self._view(vehicle)
         if view.state and view.order_id is None and (view.state.node_states or view.state.edge_states):
-            return (
-                f"still works on the order {view.state.order_id!r}, which the order service does not know: "
-                "wait for its end or cancel it"
-            )
-        return "left its route or moves on its own, and has not been seen standing since"
+            return Reason(R.UNKNOWN_ORDER, order=view.state.order_id)
+        return Reason(R.OFF_ROUTE)
 
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:
         """Return the integration level of a vehicle."""

@@ -22,6 +22,7 @@ from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.routing.router import Leg
 from nena_order_service.traffic.scheduler import Refusal, WaitReason
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, reason_of
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.log import get_logger
@@ -31,15 +32,15 @@ from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
-CHOSEN_LATER = "its route is chosen when it starts"
-NOTHING_AHEAD = (
-    "its whole route is released and stays as it is; a forced rerouting starts at the robot's position"
-)
+R = ReasonCode
+
+CHOSEN_LATER = Reason(R.CHOSEN_LATER)
+NOTHING_AHEAD = Reason(R.NOTHING_AHEAD)
 REROUTED_AT_ONCE = 20
 """Maximum number of waiting vehicles rerouted in one check; each route search takes milliseconds."""
 OFF_LOCKS_AT_ONCE = 4
 """Number of vehicles rerouted around locked paths in one turn of the event loop."""
-NO_OTHER_WAY = "it already has the best route"
+NO_OTHER_WAY = Reason(R.BEST_ROUTE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,7 @@ class Rerouting:
             return Rerouted(ReroutingOutcome.STOPPING, "it is already stopping")
         if kind is ReroutingType.FORCED:
             return self._force(vehicle, order, record)
-        return self._replan(vehicle, order, record, "requested by a host")
+        return self._replan(vehicle, order, record, Reason(R.BY_REQUEST))
 
     def halt_before_locked_paths(self) -> None:
         """Halt vehicles whose routes lead over paths that are now locked, at the ends of their bases.
@@ -148,7 +149,7 @@ class Rerouting:
         if order is None or order.state is not TransportOrderState.BEING_PROCESSED:
             self._driving.end_early(record, partial=False)
             return
-        done = self._replan(vehicle, order, record, "a path ahead was locked")
+        done = self._replan(vehicle, order, record, Reason(R.PATH_WAS_LOCKED))
         if done.outcome is ReroutingOutcome.UNCHANGED:
             log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=done.reason)
             self._driving.end_early(record, partial=True)
@@ -192,7 +193,7 @@ class Rerouting:
         leg = Leg(route.cost, route)
         if not self._why_not(under_way, leg) and not self._claim_leg(under_way, leg):
             self._last_rerouted[name] = record.vda_order.order_id, journey.reached
-            self._send(under_way, route, "it waited, and there is less traffic")
+            self._send(under_way, route, Reason(R.LESS_TRAFFIC))
 
     def _stays(self, name: str) -> bool:
         """Return whether a vehicle at rest may stay for long: it has no order, or cannot continue it."""
@@ -221,7 +222,7 @@ class Rerouting:
         if link is not LinkStatus.ONLINE:
             raise VehicleNotReachedError(vehicle.name, f"it is {link}")
         self._driving.cancel(record)
-        why = "forced: it stops and continues from its position"
+        why = Reason(R.FORCED)
         self._orders.put(order.rerouted(None, why, self._clock.now()))
         return Rerouted(ReroutingOutcome.STOPPING, why)
 
@@ -232,12 +233,12 @@ class Rerouting:
             return Rerouted(ReroutingOutcome.UNCHANGED, NOTHING_AHEAD)
         base_end = record.vda_order.nodes[journey.allocated].node_id
         if base_end not in self._plant.points_by_name:
-            return Rerouted(ReroutingOutcome.UNCHANGED, "it drives to a coordinate, off the paths")
+            return Rerouted(ReroutingOutcome.UNCHANGED, Reason(R.OFF_PATHS))
         under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
         try:
             route, reason = self._claim(under_way)
         except (NoRouteError, UnknownObjectError) as error:  # the plant may have lost a place
-            return Rerouted(ReroutingOutcome.UNCHANGED, str(error))
+            return Rerouted(ReroutingOutcome.UNCHANGED, reason_of(error))
         if route is None:
             return Rerouted(ReroutingOutcome.UNCHANGED, reason)
         self._send(under_way, route, why)
@@ -257,12 +258,12 @@ class Rerouting:
             try:
                 leg = self._leg(under_way, self._occupied(refusal) - {under_way.base_end})
             except NoRouteError:
-                return None, f"it {refusal}"
+                return None, Reason(R.IT, refusal.in_words())
             if why_not := self._why_not(under_way, leg):
                 return None, why_not
             refusal = self._claim_leg(under_way, leg)
         if refusal:
-            return None, f"it {refusal}"
+            return None, Reason(R.IT, refusal.in_words())
         return (None, NO_OTHER_WAY) if self._is_present_way(under_way, leg) else (leg.route, "")
 
     def _leg(self, under_way: _UnderWay, avoid: frozenset[str] = frozenset()) -> Leg:

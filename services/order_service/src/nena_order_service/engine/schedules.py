@@ -22,10 +22,13 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, TooManySchedulesError, UnknownScheduleError
 from nena_order_service.orders.schedule import LOOK_BACK, ON_TIME, DueRuns, Schedule, check_schedule, due
 from nena_order_service.orders.validation import InvalidRequestError, check_request, set_operations
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleRun, ScheduleStatus
 from nena_shared.fleet_api.transport_order import OrderTemplate, TransportOrderRequest
 from nena_shared.log import get_logger
 from nena_shared.tasks import forever, set_within
+
+R = ReasonCode
 
 log = get_logger(__name__)
 
@@ -40,8 +43,8 @@ LOOK_INTERVAL: Final = 1.0
 
 CREATED: Final = "created"
 SKIPPED: Final = "skipped"
-LONG_AGO: Final = f"skipped with all other runs that were missed more than {LOOK_BACK.days} days ago"
-LATE: Final = "created late: the order service was not active at this time"
+LONG_AGO: Final = Reason(R.RUNS_LONG_AGO, days=LOOK_BACK.days)
+LATE: Final = Reason(R.RUN_LATE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,11 +211,11 @@ class Schedules:
         schedule = planned.schedule
         found = await self._due(schedule, now, outage=wait < -ON_TIME.total_seconds())
         if found.last_skipped:
-            reason = f"{found.skipped} skipped: the order service was not active at their planned times"
-            skipped = ScheduleRun(planned=found.last_skipped, reason=reason)
+            reason = Reason(R.RUNS_SKIPPED, count=found.skipped)
+            skipped = ScheduleRun(planned=found.last_skipped, **explained(reason))
             self._record(schedule.after(skipped, found.skipped), found.skipped)
         elif not found.runs:
-            long_ago = ScheduleRun(planned=planned.next_runs[0], reason=LONG_AGO)
+            long_ago = ScheduleRun(planned=planned.next_runs[0], **explained(LONG_AGO))
             self._record(schedule.after(long_ago).model_copy(update={"last": now - LOOK_BACK}))
         for each in found.runs:
             late = LATE if now - each > ON_TIME else ""
@@ -227,7 +230,7 @@ class Schedules:
         """Create the order of a planned time, or record why it is not created."""
         name = schedule.order_name(planned)
         if await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
-            refused = f"there is already an order {name}"
+            refused: str = Reason(R.ORDER_EXISTS, order=name)
         else:
             try:
                 request = self._prepared(schedule.definition.transport_order)
@@ -235,12 +238,12 @@ class Schedules:
                 refused = str(error)
             else:
                 self._engine.unit_of_work.require_store()
-                done = schedule.after(ScheduleRun(planned=planned, transport_order=name, reason=late))
+                done = schedule.after(ScheduleRun(planned=planned, transport_order=name, **explained(late)))
                 self._engine.create_with(partial(self._put, schedule.name, done), request, name)
                 self.outcomes[CREATED] += 1
                 log.info("order created by schedule", schedule=schedule.name, order=name, late=bool(late))
                 return
-        self._record(schedule.after(ScheduleRun(planned=planned, reason=refused), 1))
+        self._record(schedule.after(ScheduleRun(planned=planned, **explained(refused)), 1))
 
     def _with_operations(self, definition: ScheduleRequest) -> ScheduleRequest:
         """Return a definition with the operations of its order; raises InvalidRequestError."""

@@ -15,6 +15,7 @@ from nena_order_service.engine.stops import Stops
 from nena_order_service.fleet.position import NotLocatedError, locate
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.vehicles.registry import FleetVehicle, robot_maps
+from nena_shared.fleet_api.reasons import CodedReason, Reason, ReasonCode, explained
 from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait
 from nena_shared.fleet_api.vehicle import (
@@ -30,6 +31,8 @@ from nena_shared.plant import MapPose, PlantModel
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
 
+R = ReasonCode
+
 
 class Essentials(NamedTuple):
     """The fields whose changes are published; all others change continuously while a robot drives."""
@@ -39,6 +42,7 @@ class Essentials(NamedTuple):
     integration_level: IntegrationLevel
     acceptable_order_types: tuple[AcceptableOrderType, ...]
     reason: str
+    coded_reason: CodedReason | None
     wait: TrafficWait | None
     stop: VehicleStop | None
     connection: str
@@ -78,7 +82,7 @@ def essentials(
         processing_state=_processing_state(transport_order, order_sequence),
         integration_level=level,
         acceptable_order_types=order_types,
-        reason=reason,
+        **explained(reason),
         wait=wait,
         stop=stop,
         connection=view.link,
@@ -191,7 +195,7 @@ class StatusReporter:
             order_types=self._dispatching.fit.order_types(vehicle),
             transport_order=order.name if order else None,
             order_sequence=self._sequences.bound_to(vehicle.name),
-            reason=order.status.reason if order else self._idle_reason(vehicle),
+            reason=order.reason if order else self._idle_reason(vehicle),
             wait=self._driving.wait(vehicle)
             if order or self._state.sent_orders.of_robot(vehicle.key)
             else None,
@@ -201,10 +205,11 @@ class StatusReporter:
     def _idle_reason(self, vehicle: FleetVehicle) -> str:
         reason = self._dispatching.idle_reason(vehicle, orders_wait=self._state.orders.any_waiting)
         bound = self._sequences.bound_to(vehicle.name)
-        awaits = f"waits for the next order of order sequence {bound!r}" if bound else ""
+        awaits = Reason(R.WAITS_FOR_SEQUENCE, sequence=bound) if bound else ""
         more = (
             awaits,
             self._idle.note(vehicle),
             self._context.traffic.sharing(vehicle.name),
         )
-        return "; ".join(filter(None, (reason, *more)))
+        found = [*filter(None, (reason, *more))]
+        return found[0] if len(found) == 1 else Reason(R.ALL, *found)

@@ -25,12 +25,15 @@ from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.traffic.areas import resources_in
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.stops import Area, StopRequest, StopStatus, UnpausedVehicle, VehicleStop
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.malformed import problems_of
 from nena_shared.vda5050.topics import RobotKey
+
+R = ReasonCode
 
 log = get_logger(__name__)
 
@@ -50,7 +53,7 @@ RETRY_AFTER: Final = 5.0
 PERSON_PAUSES_FOR: Final = 10.0
 """Seconds for which a host's startPause counts although the robot does not report that it is paused yet."""
 
-UNCONFIRMED: Final = "has not confirmed the pause yet"
+UNCONFIRMED: Final = Reason(R.PAUSE_UNCONFIRMED)
 
 D = TypeVar("D", bound=BaseModel)
 
@@ -68,9 +71,9 @@ class FleetStop(BaseModel):
     area: Area | None = None
 
     @property
-    def text(self) -> str:
+    def text(self) -> Reason:
         """Who pauses which robots and why, for the reasons of vehicles and orders."""
-        return f"{'this area is' if self.area else 'all robots are'} paused by {self.by}: {self.reason}"
+        return Reason(R.AREA_PAUSED if self.area else R.ALL_PAUSED, self.reason, by=self.by)
 
 
 class StoppedRobot(BaseModel):
@@ -230,7 +233,7 @@ class Stops:
         if stop := self.stop_of(vehicle):
             return stop.text
         if stop := self.bar(vehicle, order):
-            return f"it would drive through an area that is paused by {stop.by}: {stop.reason}"
+            return Reason(R.CROSSES_PAUSED_AREA, stop.reason, by=stop.by)
         return ""
 
     def bar(self, vehicle: FleetVehicle, order: TransportOrder | None) -> FleetStop | None:
@@ -306,7 +309,7 @@ class Stops:
             reason = self._why_not_paused(vehicle, view) if covering else ""
             for name in covering:
                 if reason:
-                    others[name].append(UnpausedVehicle(vehicle=vehicle.name, reason=reason))
+                    others[name].append(UnpausedVehicle(vehicle=vehicle.name, **explained(reason)))
                 else:
                     paused[name] += 1
         return tuple(
@@ -331,7 +334,7 @@ class Stops:
             return ""
         attempt = self._attempts.get(vehicle.key)
         failed = attempt.note if attempt and attempt.action_type == START_PAUSE else ""
-        return f"cannot be paused: {failed}" if failed else UNCONFIRMED
+        return Reason(R.PAUSE_FAILED, failed) if failed else UNCONFIRMED
 
     # How it works
 

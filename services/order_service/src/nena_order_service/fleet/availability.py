@@ -7,15 +7,18 @@ from typing import Final
 
 from nena_order_service.fleet import failures
 from nena_order_service.fleet.robot import LinkStatus, is_idle
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.state import EmergencyStop, State
 
+R = ReasonCode
+
 LINK_REASONS: Final = {
-    LinkStatus.UNKNOWN: "has never connected",
-    LinkStatus.OFFLINE: "is offline: it has disconnected from the broker",
-    LinkStatus.HIBERNATING: "is hibernating",
-    LinkStatus.CONNECTION_BROKEN: "has lost its connection to the broker",
-    LinkStatus.SILENT: "is silent: it has not reported its state for too long",
+    LinkStatus.UNKNOWN: Reason(R.NEVER_CONNECTED),
+    LinkStatus.OFFLINE: Reason(R.IS_OFFLINE),
+    LinkStatus.HIBERNATING: Reason(R.IS_HIBERNATING),
+    LinkStatus.CONNECTION_BROKEN: Reason(R.CONNECTION_LOST),
+    LinkStatus.SILENT: Reason(R.IS_SILENT),
 }
 
 
@@ -26,9 +29,9 @@ def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool =
     ``unread``: the robot must report before it is sent anything, see :meth:`FleetController.on_broker`.
     """
     if unread and link is not LinkStatus.HIBERNATING:
-        return "has not reported its state since the order service took over"
+        return Reason(R.UNSEEN_SINCE_TAKEOVER)
     if not broker:
-        return "cannot be reached: the order service has no connection to the MQTT broker"
+        return Reason(R.NO_BROKER)
     if link is LinkStatus.UNREADABLE:
         return unreadable
     return LINK_REASONS.get(link)
@@ -37,9 +40,9 @@ def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool =
 def occupied(state: State, instant_ids: Collection[str]) -> str | None:
     """Return, as a predicate, why a reachable robot is not free for a new order (section 6.6.8), or None."""
     if not state.operating_mode.takes_orders:
-        return f"is in operating mode {state.operating_mode}, which takes no orders"
+        return Reason(R.IN_MODE, mode=state.operating_mode)
     if not is_idle(state, instant_ids):
-        return f"still works on the order {state.order_id!r}"
+        return Reason(R.WORKS_ON_ORDER, order=state.order_id)
     return None
 
 
@@ -50,10 +53,10 @@ def unfit(state: State, *, placed: bool) -> str | None:
     """
     error = failures.fatal(state.errors)
     if error is not None:
-        return f"has a fatal error: {failures.describe(error)}"
+        return Reason(R.FATAL_ERROR, failures.describe(error))
     if waiting := _without_navigation(state):
         return waiting
-    return "is not localised: set its initial position" if lost(state, placed=placed) else None
+    return Reason(R.NOT_LOCALISED) if lost(state, placed=placed) else None
 
 
 def lost(state: State, *, placed: bool) -> bool:
@@ -68,13 +71,13 @@ def lost(state: State, *, placed: bool) -> bool:
 def cannot_drive(state: State) -> str | None:
     """Return, as a predicate, why a robot that accepts orders cannot drive now; None if it can."""
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
-        return "has an active emergency stop"
-    return "is paused" if state.paused else _without_navigation(state)
+        return Reason(R.EMERGENCY_STOP)
+    return Reason(R.IS_PAUSED) if state.paused else _without_navigation(state)
 
 
 def _without_navigation(state: State) -> str | None:
     waiting = failures.no_navigation(state.errors)
-    return f"waits: {failures.describe(waiting)}" if waiting else None
+    return Reason(R.NO_NAVIGATION, failures.describe(waiting)) if waiting else None
 
 
 def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection[str]) -> VehicleState:

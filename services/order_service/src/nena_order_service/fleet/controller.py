@@ -29,12 +29,15 @@ from nena_order_service.fleet.robot import (
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder, unique_id
 from nena_order_service.fleet.zones import ReleaseManager
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
+
+R = ReasonCode
 
 ENDED_ORDERS_KEPT: Final = 50
 """Number of ended VDA orders remembered per robot, to stop a robot that accepts one too late."""
@@ -299,7 +302,7 @@ class RobotControl:
 
     def _refuse(self, run: OrderExecution, problem: str) -> Iterator[FleetOutput]:
         """End a VDA order that the robot cannot execute before anything of it is sent."""
-        yield run.refuse(f"the robot cannot execute the order: {problem}")
+        yield run.refuse(Reason(R.UNFIT, problem))
         self._ended.append(run.vda_order.order_id)
         self._run = None
 
@@ -312,15 +315,15 @@ class RobotControl:
         reason = self._away_by(link)
         state = self.robot.state
         if reason or state is None:
-            return reason or self.robot.unreadable or "has not reported its state yet"
+            return reason or self.robot.unreadable or Reason(R.STATELESS)
         if self.robot.stale:
-            return "has not reported its state since it connected"
+            return Reason(R.UNSEEN_SINCE_CONNECTION)
         if self._instant_actions.cancelling:
-            return "has not yet confirmed a cancelOrder"
+            return Reason(R.CANCEL_UNCONFIRMED)
         if self._instant_actions.leaving:
-            return "is about to hibernate or to shut down"
+            return Reason(R.IS_LEAVING)
         if self._instant_actions.awaits_factsheet(now):
-            return "has not sent its factsheet yet"
+            return Reason(R.NO_FACTSHEET)
         occupied = availability.occupied(state, self._instant_actions.ids)
         return occupied or availability.unfit(state, placed=self.robot.placed)
 
@@ -336,9 +339,9 @@ class RobotControl:
         state = self.robot.state
         reason = self._away(now)
         if reason is None and self._run:
-            reason = f"works on the VDA order {self._run.vda_order.order_id!r}"
+            reason = Reason(R.WORKS_ON_VDA_ORDER, order=self._run.vda_order.order_id)
         reason = reason or self._obstacle(now) or (availability.cannot_drive(state) if state else None)
-        return Availability(reason is None, reason or "is free")
+        return Availability(reason is None, reason or Reason(R.IS_FREE))
 
     def _wait_reason(self, now: float) -> str:
         run = self._run
@@ -347,13 +350,13 @@ class RobotControl:
         away = self._away(now)
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             reason = self._obstacle(now)
-            unconfirmed = "has not yet confirmed the order" if run.sent_again else ""
-            return f"the robot {reason or unconfirmed}" if reason or unconfirmed else ""
+            reason = reason or (Reason(R.ORDER_UNCONFIRMED) if run.sent_again else None)
+            return Reason(R.ROBOT, reason) if reason else ""
         if run.phase is VdaOrderPhase.CANCELLING:
-            return f"the robot {away or 'has not yet confirmed the end of the order'}"
+            return Reason(R.ROBOT, away or Reason(R.END_UNCONFIRMED))
         state = self.robot.state
         reason = away or (availability.cannot_drive(state) or run.at_end_with_nodes(state) if state else None)
-        return f"the robot {reason}" if reason else ""
+        return Reason(R.ROBOT, reason) if reason else ""
 
     def _stop_stray(self, now: float) -> None:
         """Cancel an order that the robot executes although it has already ended here."""

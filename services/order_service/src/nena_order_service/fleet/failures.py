@@ -8,9 +8,12 @@ from enum import StrEnum
 from typing import Final
 
 from nena_order_service.fleet.vda_order import VdaOrder
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
+
+R = ReasonCode
 
 
 class FailureKind(StrEnum):
@@ -80,8 +83,8 @@ def describe(error: ErrorEntry) -> str:
 
 def with_details(reason: str, details: Iterable[str]) -> str:
     """Append the robot's own error texts to a reason."""
-    joined = "; ".join(details)
-    return f"{reason}: {joined}" if joined else reason
+    described = [*details]
+    return Reason(R.DETAILS, reason, *described) if "".join(described) else reason
 
 
 def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:

@@ -29,6 +29,7 @@ from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.statistics import FleetStatistics
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import Clock
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
@@ -51,6 +52,8 @@ from nena_shared.vda5050.state import NodeState, State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import UnknownVersionError, codec_named, nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
+
+R = ReasonCode
 
 log = get_logger(__name__)
 
@@ -314,8 +317,11 @@ Take = Callable[[RobotKey, M, float], Outputs]
 MALFORMED_LOGGED_EACH: Final = 100
 """Of a robot's malformed messages, the first and then one in this many are logged."""
 
-_PLURALS: Final = {Topic.STATE.value: "states", Topic.CONNECTION.value: "connection messages"}
-"""Messages without which a robot cannot be sent orders."""
+_UNREADABLE: Final = {
+    Topic.STATE.value: R.UNREADABLE_STATES,
+    Topic.CONNECTION.value: R.UNREADABLE_CONNECTIONS,
+}
+"""Reasons by topic, of those without which a robot cannot be sent orders."""
 
 NO_TIME: Final = datetime.min.replace(tzinfo=UTC)
 
@@ -567,7 +573,8 @@ class FleetLink:
     def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
         name = topic.rpartition("/")[2]
         self.statistics.malformed[Topic(name)] += 1
-        problem = f"sends {_PLURALS[name]} that are unreadable: {error.reason}" if name in _PLURALS else None
+        code = _UNREADABLE.get(name)
+        problem = Reason(code, error.reason) if code else None
         self._hand_out(self._controller.on_malformed(robot, problem, self._now()))
         count = self.view(robot).malformed
         if count % MALFORMED_LOGGED_EACH == 1:

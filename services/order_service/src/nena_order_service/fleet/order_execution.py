@@ -26,11 +26,14 @@ from nena_order_service.fleet.outputs import (
 from nena_order_service.fleet.robot import VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder, grown, held_by, update_of
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import property_keys as keys
 from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
+
+R = ReasonCode
 
 
 @dataclass(slots=True)
@@ -301,15 +304,13 @@ class OrderExecution:
             yield self._fail(
                 ExecutionFailure(
                     FailureKind.NOT_TAKEN,
-                    f"the order was sent {times} times, but the robot never accepted it",
+                    Reason(R.NEVER_ACCEPTED, count=times),
                 )
             )
         elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.failed(now):
             times = self._settings.sendings
             self._cancel_for(
-                ExecutionFailure(
-                    FailureKind.DRIVE, f"an update was sent {times} times, but the robot never accepted it"
-                )
+                ExecutionFailure(FailureKind.DRIVE, Reason(R.UPDATE_NEVER_ACCEPTED, count=times))
             )
         elif state is None:
             return
@@ -330,12 +331,14 @@ class OrderExecution:
         names = [each.node_id for each in state.node_states] or [each.edge_id for each in state.edge_states]
         field = "nodeStates" if state.node_states else "edgeStates"
         listed = ", ".join(f"'{each}'" for each in names[:STATES_NAMED])
-        return (
-            f"stands at the last node of its order, '{last.node_id}', but still lists {listed} in its "
-            f"{field}: it must empty them (with {keys.VDA5050_KEEPS_LAST_NODE_STATES}: to turn to the "
-            "node's heading)"
-            if names
-            else ""
+        if not names:
+            return ""
+        return Reason(
+            R.KEEPS_STATES,
+            node=last.node_id,
+            names=listed,
+            field=field,
+            key=keys.VDA5050_KEEPS_LAST_NODE_STATES,
         )
 
     def _take_echo(self, state: State) -> None:
@@ -401,13 +404,11 @@ class OrderExecution:
             yield from self._report_retriable(state, progress.retriable)
         elif self._pending and (refused := self._pending.refusals(state.errors)):
             if self._pending.is_refused(refused, now):
-                reason = "the robot refuses to continue the order"
+                reason = Reason(R.REFUSES_UPDATE)
                 self._cancel_for(ExecutionFailure(FailureKind.DRIVE, reason, _descriptions(refused)))
         elif errors := failures.about(state.errors, self.vda_order, self._before):
             kind = FailureKind.ACTION if failures.name_actions(errors) else FailureKind.DRIVE
-            self._cancel_for(
-                ExecutionFailure(kind, "the robot cannot continue the order", _descriptions(errors))
-            )
+            self._cancel_for(ExecutionFailure(kind, Reason(R.ROBOT_FAILED), _descriptions(errors)))
         else:
             self._look_for_standstill(state, now)
 
@@ -430,7 +431,7 @@ class OrderExecution:
         # when an order ends early, its actions fail without having begun
         at_end = read(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
-        return ExecutionFailure(kind, f"the action {name!r} has failed", (*filter(None, own), *reported))
+        return ExecutionFailure(kind, Reason(R.ACTION_FAILED, action=name), (*filter(None, own), *reported))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
         """Cancel the VDA order of a robot that has stood still for too long and cannot finish it."""
@@ -446,11 +447,11 @@ class OrderExecution:
         if state.driving or not self._known_in(state):
             return None
         if failures.unexplained(state.errors, self.vda_order, self._before):
-            reason = "the robot has stopped with an error"
+            reason = Reason(R.STOPPED_WITH_ERROR)
             return ExecutionFailure(FailureKind.DRIVE, reason, _descriptions(state.errors))
         if self.vda_order.actions and not state.node_states:
             unreported = read(state, self.vda_order).unreported
-            reason = "the robot does not report the actions of the order"
+            reason = Reason(R.ACTIONS_UNREPORTED)
             return (
                 ExecutionFailure(FailureKind.UNCLEAR, reason, _descriptions(state.errors))
                 if unreported
@@ -473,9 +474,7 @@ class OrderExecution:
             return
         named = any(failures.is_named(each, self.vda_order) for each in errors)
         if errors and self._delivery.is_refused(now, named=named):
-            yield self._fail(
-                ExecutionFailure(FailureKind.REFUSED, "the robot refuses the order", _descriptions(errors))
-            )
+            yield self._fail(ExecutionFailure(FailureKind.REFUSED, Reason(R.REFUSED), _descriptions(errors)))
 
     def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
         """End the VDA order once the robot has confirmed cancelOrder, or does not have the order."""
@@ -490,8 +489,8 @@ class OrderExecution:
         if outcome.status is ActionStatus.FINISHED or not (active or self._may_be_unseen(outcome.status)):
             yield from self._end_early()
         else:
-            why = self._failure.reason if self._failure else "cancelled"
-            reason = f"{why}, but the robot does not confirm cancelOrder: {outcome.reason}"
+            why = self._failure.reason if self._failure else Reason(R.CANCELLED)
+            reason = Reason(R.CANCEL_REFUSED, why, outcome.reason)
             yield self._fail(ExecutionFailure(FailureKind.UNCLEAR, reason, _descriptions(state.errors)))
 
     def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
@@ -529,16 +528,15 @@ def _lost(state: State, order_id: str, update_id: int) -> ExecutionFailure:
     if state.order_id == order_id and state.order_update_id > update_id:
         return ExecutionFailure(
             FailureKind.UNCLEAR,
-            f"the robot has update {state.order_update_id} of the order, and update {update_id} is the last "
-            "one known here: the store may be an older copy",
+            Reason(R.UNKNOWN_UPDATE, update=state.order_update_id, known=update_id),
         )
-    now = f"it has the order {state.order_id!r}" if state.order_id else "it has no order"
+    other = state.order_id
     return ExecutionFailure(
-        FailureKind.LOST, f"the robot no longer has the order: {now}; it may have restarted"
+        FailureKind.LOST, Reason(R.LOST_TO_OTHER, order=other) if other else Reason(R.LOST)
     )
 
 
 def _given_up(state: State) -> str:
     if not state.operating_mode.takes_orders:
-        return f"the robot abandoned the order when it changed to operating mode {state.operating_mode}"
-    return "the robot abandoned the order"
+        return Reason(R.ABANDONED_IN_MODE, mode=state.operating_mode)
+    return Reason(R.ABANDONED)

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from math import hypot, isfinite
 from typing import Final, Self
 
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import MapPlace, MapTransform, PlantModel, PlantPlace, Point, Vehicle
 from nena_shared.vda5050.state import MobileRobotPosition, State
+
+R = ReasonCode
 
 DEFAULT_DEVIATION_XY: Final = 0.5
 """Default deviation, m: enough to pass a node without stopping, and above Nav2's goal tolerance."""
@@ -73,7 +76,7 @@ class Standing:
 class NotLocatedError(Exception):
     """The robot's position in the plant is unknown; ``reason`` says why and what to do."""
 
-    def __init__(self, reason: str) -> None:
+    def __init__(self, reason: Reason) -> None:
         super().__init__(reason)
         self.reason = reason
 
@@ -91,21 +94,20 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
     pose = state.mobile_robot_position
     if pose is None or not pose.localized:
         if last is None:
-            raise NotLocatedError("it reports neither a trusted pose nor a known point: set its initial pose")
+            raise NotLocatedError(Reason(R.NO_POSE))
         return Standing(last.name, on_point=True, pose=None)
     if not (isfinite(pose.x) and isfinite(pose.y) and isfinite(pose.theta)):
-        reason = f"it reports an invalid position: x {pose.x}, y {pose.y}"
-        raise NotLocatedError(reason)
+        raise NotLocatedError(Reason(R.INVALID_POSITION, x=str(pose.x), y=str(pose.y)))
     if not profile.knows_frame(pose.map_id):
-        reason = "its factsheet has not arrived, so the frame of its position is unknown"
-        raise NotLocatedError(reason)
+        raise NotLocatedError(Reason(R.UNKNOWN_FRAME))
     here = profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y))
     if last and _on(last, pose, profile) and _distance(last, here) <= profile.deviation_xy:
         return Standing(last.name, on_point=True, pose=pose)
     nearest = _nearest(plant, here, pose.map_id, profile)
     if nearest is None:
-        reason = f"it is on map {pose.map_id!r}, but its orders are on map {profile.map_id!r}"
-        raise NotLocatedError(reason if plant.points else "the plant model has no points")
+        raise NotLocatedError(
+            Reason(R.OTHER_MAP, map=pose.map_id, own=profile.map_id) if plant.points else Reason(R.NO_POINTS)
+        )
     return Standing(nearest.name, _distance(nearest, here) <= profile.deviation_xy, pose)
 
 

@@ -7,6 +7,9 @@ from datetime import datetime, timedelta
 from heapq import heapify, heappop, heappush
 
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
+
+R = ReasonCode
 
 FIRST_SWEEP = 64
 """Number of watched orders before ended ones are removed."""
@@ -60,12 +63,12 @@ def deadline_of(order: TransportOrder) -> datetime | None:
     return None if order.status.late else order.status.deadline
 
 
-def reason(order: TransportOrder, now: datetime) -> str:
-    """Return which of the order's times has passed, in words."""
+def reason(order: TransportOrder, now: datetime) -> Reason:
+    """Return which of the order's times has passed."""
     status = order.status
     if status.timeout is not None and status.created + timedelta(seconds=status.timeout) <= now:
-        return f"timeout: not done within {status.timeout:g} s of its creation"
-    return f"timeout: not done within {status.processing_timeout:g} s of its assignment"
+        return Reason(R.NOT_DONE_SINCE_CREATION, limit=status.timeout)
+    return Reason(R.NOT_DONE_SINCE_ASSIGNMENT, limit=status.processing_timeout or 0.0)
 
 
 def timeout_of(order: TransportOrder) -> datetime | None:

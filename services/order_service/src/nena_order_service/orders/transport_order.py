@@ -10,6 +10,7 @@ from enum import StrEnum
 from secrets import token_hex
 from typing import Any, Self
 
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
     DriveOrderStatus,
@@ -50,6 +51,7 @@ def sortable_id() -> str:
 
 
 S = TransportOrderState
+R = ReasonCode
 
 SUCCESSORS: dict[TransportOrderState, frozenset[TransportOrderState]] = {
     S.RAW: frozenset({S.ACTIVE, S.UNROUTABLE}),
@@ -127,7 +129,7 @@ class TransportOrder:
             name=name,
             version=1,
             state=S.RAW,
-            reason="created",
+            **explained(Reason(R.CREATED)),
             automatic=automatic,
             drive_orders=tuple(
                 DriveOrderStatus(destination=destination, state=DriveOrderState.PRISTINE)
@@ -157,6 +159,11 @@ class TransportOrder:
     def state(self) -> TransportOrderState:
         """Return the order's state in its life cycle."""
         return self.status.state
+
+    @property
+    def reason(self) -> Reason:
+        """The reason for its state, or what it waits for."""
+        return Reason.of(self.status.reason, self.status.coded_reason)
 
     @property
     def vehicle(self) -> str | None:
@@ -198,17 +205,18 @@ class TransportOrder:
 
     def activated(self) -> Self:
         """Accept a RAW order; it is ACTIVE while it waits for its conditions."""
-        return self._moved(S.ACTIVE, "waits for its conditions")
+        return self._moved(S.ACTIVE, Reason(R.WAITS_FOR_CONDITIONS))
 
     def dispatchable(self) -> Self:
         """Make an ACTIVE order assignable."""
         held = self.status.held
-        return self._moved(S.DISPATCHABLE, held_in_words(held) if held else "waits for its turn")
+        return self._moved(S.DISPATCHABLE, why_held(held) if held else Reason(R.WAITS_FOR_TURN))
 
     def waiting(self, reason: str) -> Self:
         """Return the order with its wait reason; unchanged if it is the same, or if the order is held."""
         self.require("waiting for its conditions", S.ACTIVE)
-        return self if self.status.held or reason == self.status.reason else self.changed(reason=reason)
+        same = self.status.held or reason == self.status.reason
+        return self if same else self.changed(**explained(reason))
 
     def unroutable(self, reason: str, now: datetime) -> Self:
         """Refuse a RAW order for which the plant has no route."""
@@ -219,10 +227,10 @@ class TransportOrder:
         self.require("changing the intended vehicle", S.ACTIVE, S.DISPATCHABLE)
         if vehicle == self.status.intended_vehicle:
             return self
-        entry = self.entry(now, EventCode.INTENDED_VEHICLE_CHANGED, vehicle or "any vehicle")
+        entry = self.entry(now, EventCode.INTENDED_VEHICLE_CHANGED, vehicle or Reason(R.ANY_VEHICLE))
         history = (*self.status.history, entry)
-        reason = self.status.reason if self.state is S.ACTIVE or self.held else "waits for its turn"
-        return self.changed(intended_vehicle=vehicle, reason=reason, history=history)
+        reason = self.reason if self.state is S.ACTIVE or self.held else Reason(R.WAITS_FOR_TURN)
+        return self.changed(intended_vehicle=vehicle, history=history, **explained(reason))
 
     def deferred(self, reason: str, now: datetime) -> Self:
         """Note why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""
@@ -232,8 +240,8 @@ class TransportOrder:
         history = self.status.history
         if history[-1].event_code == EventCode.DISPATCHING_DEFERRED:
             history = history[:-1]
-        entry = HistoryEntry(timestamp=now, event_code=EventCode.DISPATCHING_DEFERRED, supplements=(reason,))
-        return self.changed(reason=reason, history=(*history, entry))
+        entry = self.entry(now, EventCode.DISPATCHING_DEFERRED, Reason.of(reason))
+        return self.changed(history=(*history, entry), **explained(reason))
 
     def assigned(self, vehicle: str, routes: Iterable[tuple[str, ...]], why: str, now: datetime) -> Self:
         """Assign the order to a vehicle, with the names of the points of each remaining route."""
@@ -256,7 +264,7 @@ class TransportOrder:
         waiting = self.current.model_copy(update={"state": DriveOrderState.PRISTINE, "route": None})
         return self._moved(
             S.DISPATCHABLE,
-            "waits for another vehicle",
+            Reason(R.WAITS_FOR_ANOTHER_VEHICLE),
             entry,
             processing_vehicle=None,
             drive_orders=self.with_current(waiting),
@@ -282,7 +290,7 @@ class TransportOrder:
         self.require("finishing a drive order", S.BEING_PROCESSED, S.WITHDRAWN)
         if index != self.status.current_drive_order_index:
             return self
-        place = f"destination {index + 1} of {len(self.status.drive_orders)}"
+        place = Reason(R.DESTINATION, number=index + 1, total=len(self.status.drive_orders))
         return self.moved_on(DriveOrderState.FINISHED, self.entry(now, EventCode.DRIVE_ORDER_FINISHED, place))
 
     def moved_on(self, state: DriveOrderState, entry: HistoryEntry) -> Self:
@@ -305,9 +313,12 @@ class TransportOrder:
             for each in self.status.drive_orders
         )
         left_out = sum(each.state is DriveOrderState.FAILED for each in drive_orders)
+        vehicle = self.vehicle or ""
         return self._ended(
             S.FINISHED,
-            f"done by vehicle {self.vehicle}" + (f", operations left out: {left_out}" if left_out else ""),
+            Reason(R.DONE_WITHOUT, vehicle=vehicle, count=left_out)
+            if left_out
+            else Reason(R.DONE, vehicle=vehicle),
             now,
             drive_orders=drive_orders,
             current_drive_order_index=len(drive_orders) - 1,
@@ -327,7 +338,7 @@ class TransportOrder:
         """Withdraw the order: it fails at once, or once the vehicle that works on it has released it."""
         if self.state in (S.ACTIVE, S.DISPATCHABLE):
             return self.failed(reason, now)
-        entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
+        entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, Reason.of(reason))
         return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
 
     def rerouted(self, route: tuple[str, ...] | None, why: str, now: datetime) -> Self:
@@ -340,15 +351,16 @@ class TransportOrder:
     def with_wait_reason(self, why: str) -> Self:
         """Note why the vehicle cannot continue, empty if it can; a repeated reason changes nothing."""
         self.require("getting a wait reason", S.BEING_PROCESSED, S.WITHDRAWN)
-        reason = f"{_doing(self.status)}, but {why}" if why else _doing(self.status)
-        return self if reason == self.status.reason else self.changed(reason=reason)
+        reason = Reason(R.BUT, _doing(self.status), why) if why else _doing(self.status)
+        return self if reason == self.status.reason else self.changed(**explained(reason))
 
     def overdue(self, now: datetime) -> Self:
         """Note that the deadline has passed; this has no other effect."""
         if self.state.final or self.status.late:
             return self
         entry = self.entry(now, EventCode.DEADLINE_PASSED)
-        return self.changed(late=True, reason=self.status.reason, history=(*self.status.history, entry))
+        history = (*self.status.history, entry)
+        return self.changed(late=True, history=history, **explained(self.reason))
 
     def adopted(self, now: datetime, vehicle: str | None = None) -> Self:
         """Note that the order was restored after a restart of the order service.
@@ -356,34 +368,37 @@ class TransportOrder:
         ``vehicle`` is its vehicle's new name, if the plant model has changed; None: unchanged.
         """
         self.require("adopting", S.BEING_PROCESSED, S.WITHDRAWN)
-        vehicle = vehicle or self.vehicle
-        before = "" if vehicle == self.vehicle else f", which was {self.vehicle}"
-        entry = self.entry(now, EventCode.ADOPTED_AFTER_RESTART, f"vehicle {vehicle}{before}")
+        before, vehicle = self.vehicle or "", vehicle or self.vehicle or ""
+        why = Reason(R.ADOPTED, vehicle=vehicle)
+        if vehicle != before:
+            why = Reason(R.ADOPTED_RENAMED, vehicle=vehicle, before=before)
+        entry = self.entry(now, EventCode.ADOPTED_AFTER_RESTART, why)
         return self.changed(processing_vehicle=vehicle, history=(*self.status.history, entry))
 
     def on_hold(self, hold: Hold, now: datetime) -> Self:
         """Put the order on hold until a person resumes it; it keeps its vehicle."""
         self.require("holding", S.ACTIVE, S.DISPATCHABLE, S.BEING_PROCESSED)
-        entry = self.entry(now, EventCode.HELD, hold.by, hold.reason)
+        entry = self.entry(now, EventCode.HELD, hold.by, Reason.of(hold.reason, hold.coded_reason))
         history = (*self.status.history, entry)
-        return self.changed(held=hold, next_try=None, reason=held_in_words(hold), history=history)
+        return self.changed(held=hold, next_try=None, history=history, **explained(why_held(hold)))
 
     def resumed(self, by: str, reason: str, now: datetime) -> Self:
         """Resume a held order, with all its retries available again."""
         fresh = self.current.model_copy(update={"measures_taken": 0})
-        entry = self.entry(now, EventCode.RESUMED, by, reason)
+        entry = self.entry(now, EventCode.RESUMED, by, Reason.of(reason))
         changes: dict[str, object] = {"held": None, "drive_orders": self.with_current(fresh)}
         if self.state is S.DISPATCHABLE:
-            changes["reason"] = "waits for its turn"
+            changes |= explained(Reason(R.WAITS_FOR_TURN))
         elif self.state is S.ACTIVE:
-            changes["reason"] = "waits for its conditions"
+            changes |= explained(Reason(R.WAITS_FOR_CONDITIONS))
         return self.changed(history=(*self.status.history, entry), **changes)
 
     def failed_while_held(self, words: str) -> Self:
         """Add a failure that occurred while the order is held; it takes effect when the order is resumed."""
-        assert self.status.held, "asked for held orders only"  # noqa: S101 - for the type
-        reason = f"{self.status.held.reason}; since then: {words}"
-        return self.changed(held=self.status.held.model_copy(update={"reason": reason}))
+        hold = self.status.held
+        assert hold, "asked for held orders only"  # noqa: S101 - for the type
+        reason = Reason(R.SINCE_THEN, Reason.of(hold.reason, hold.coded_reason), words)
+        return self.changed(held=hold.model_copy(update=explained(reason)))
 
     def retried(self, taken: int, why: str, *, now: datetime, next_try: datetime | None = None) -> Self:
         """Note a retry by the same vehicle, at ``next_try`` if given."""
@@ -399,7 +414,7 @@ class TransportOrder:
         next_try: datetime | None = None,
     ) -> Self:
         """Note a retry by the same vehicle on a route that also avoids these paths and points."""
-        why = f"{why}; avoids {', '.join(avoided)}"
+        why = Reason(R.AVOIDS, why, names=", ".join(avoided))
         order = self._again(EventCode.REPLANNED, taken, why, now=now, next_try=next_try)
         current = order.current.model_copy(update={"avoided": (*order.current.avoided, *avoided)})
         return order.changed(drive_orders=order.with_current(current))
@@ -407,7 +422,7 @@ class TransportOrder:
     def reassigned(self, taken: int, why: str, now: datetime) -> Self:
         """Release the order for another vehicle; the one that failed does not get it again."""
         assert self.vehicle, "it was assigned"  # noqa: S101 - for the type
-        entry = self.entry(now, EventCode.REASSIGNED, self.vehicle, why)
+        entry = self.entry(now, EventCode.REASSIGNED, self.vehicle, Reason.of(why))
         excluded = (*self.status.excluded_vehicles, self.vehicle)
         current = self.current.model_copy(update={"measures_taken": taken})
         order = self.changed(drive_orders=self.with_current(current))
@@ -415,7 +430,7 @@ class TransportOrder:
 
     def skipped(self, why: str, now: datetime) -> Self:
         """Skip the current operation and continue; its drive order counts as failed."""
-        entry = self.entry(now, EventCode.SKIPPED, self.current.destination.operation, why)
+        entry = self.entry(now, EventCode.SKIPPED, self.current.destination.operation, Reason.of(why))
         return self.moved_on(DriveOrderState.FAILED, entry)
 
     def tried(self) -> Self:
@@ -448,7 +463,7 @@ class TransportOrder:
         return self.changed(
             drive_orders=self.with_current(current),
             next_try=next_try,
-            history=(*self.status.history, self.entry(now, code, why)),
+            history=(*self.status.history, self.entry(now, code, Reason.of(why))),
         )
 
     def with_current(self, drive_order: DriveOrderStatus) -> tuple[DriveOrderStatus, ...]:
@@ -462,7 +477,7 @@ class TransportOrder:
         return (*drive_orders[:index], changed, *drive_orders[index + 1 :])
 
     def _ended(self, state: TransportOrderState, reason: str, now: datetime, **changes: object) -> Self:
-        entry = self.entry(now, EventCode.FINAL_STATE_REACHED, state, reason)
+        entry = self.entry(now, EventCode.FINAL_STATE_REACHED, state, Reason.of(reason))
         deadline = self.status.deadline
         late = self.status.late or (deadline is not None and deadline < now)
         return self._moved(state, reason, entry, finished=now, late=late, held=None, next_try=None, **changes)
@@ -478,7 +493,7 @@ class TransportOrder:
         if state not in SUCCESSORS[self.state]:
             raise IllegalTransitionError(self.name, self.state, f"the change to {state}")
         if reason is not None:
-            changes["reason"] = reason
+            changes |= explained(reason)
         history = (*self.status.history, entry) if entry else self.status.history
         return self.changed(state=state, history=history, **changes)
 
@@ -486,7 +501,7 @@ class TransportOrder:
         """Return the next version, with changed fields of the status."""
         status = self.status.model_copy(update={**changes, "version": self.status.version + 1})
         if "reason" not in changes and status.state in (S.BEING_PROCESSED, S.WITHDRAWN):
-            status = status.model_copy(update={"reason": _doing(status)})
+            status = status.model_copy(update=explained(_doing(status)))
         return type(self)(self.number, status, self.idempotency_key)
 
     def require(self, change: str, *states: TransportOrderState) -> None:
@@ -496,31 +511,39 @@ class TransportOrder:
 
     @staticmethod
     def entry(now: datetime, code: EventCode, *supplements: str) -> HistoryEntry:
-        """Return a history entry."""
-        return HistoryEntry(timestamp=now, event_code=code, supplements=tuple(map(str, supplements)))
+        """Return a history entry; a reason among the supplements is the last one."""
+        last = supplements[-1] if supplements else ""
+        return HistoryEntry(
+            timestamp=now,
+            event_code=code,
+            supplements=tuple(map(str, supplements)),
+            coded_reason=last.coded if isinstance(last, Reason) else None,
+        )
 
 
-def why_withdrawn(status: TransportOrderStatus) -> str:
+def why_withdrawn(status: TransportOrderStatus) -> Reason:
     """Return why an order was withdrawn."""
     codes = [entry.event_code for entry in status.history]
-    return status.history[codes.index(EventCode.WITHDRAWAL_REQUESTED)].supplements[0]
+    entry = status.history[codes.index(EventCode.WITHDRAWAL_REQUESTED)]
+    return Reason.of(entry.supplements[0], entry.coded_reason)
 
 
-def held_in_words(hold: Hold) -> str:
+def why_held(hold: Hold) -> Reason:
     """Return who holds an order, since when and why."""
-    return f"held by {hold.by} since {hold.since:%Y-%m-%d %H:%M:%S} UTC: {hold.reason}"
+    return Reason(R.HELD, Reason.of(hold.reason, hold.coded_reason), by=hold.by, since=hold.since)
 
 
-def _doing(status: TransportOrderStatus) -> str:
+def _doing(status: TransportOrderStatus) -> Reason:
     """Return what a vehicle is doing for its order."""
-    vehicle, index = status.processing_vehicle, status.current_drive_order_index
+    vehicle, number = status.processing_vehicle or "", status.current_drive_order_index + 1
     if status.state is S.WITHDRAWN:
-        return f"{why_withdrawn(status)}; waiting for vehicle {vehicle} to release it"
+        return Reason(R.RELEASE_PENDING, why_withdrawn(status), vehicle=vehicle)
     if status.held:
-        return held_in_words(status.held)
-    current = status.drive_orders[index]
+        return why_held(status.held)
+    current, total = status.drive_orders[number - 1], len(status.drive_orders)
     if current.state is DriveOrderState.OPERATING:
-        return f"vehicle {vehicle} executes {current.destination.operation!r} at destination {index + 1}"
+        operation = current.destination.operation
+        return Reason(R.OPERATES, vehicle=vehicle, operation=operation, number=number)
     if current.state is DriveOrderState.FINISHED:
-        return f"vehicle {vehicle} is done at destination {index + 1} of {len(status.drive_orders)}"
-    return f"vehicle {vehicle} travels to destination {index + 1} of {len(status.drive_orders)}"
+        return Reason(R.DESTINATION_DONE, vehicle=vehicle, number=number, total=total)
+    return Reason(R.TRAVELS, vehicle=vehicle, number=number, total=total)

@@ -30,10 +30,13 @@ from nena_order_service.routing.router import Leg, RouteFinder, RoutePlan
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.route_search import Journey, RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import BACKWARD_SUFFIX, DirectedEdge, PlantModel, UnknownObjectError
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
 from nena_shared.vda5050.topics import RobotKey
+
+R = ReasonCode
 
 
 class SentOrder(BaseModel):
@@ -182,7 +185,7 @@ class OrderPlanner:
             NotLocatedError: its position is unknown.
         """
         if view.state is None:
-            raise NotLocatedError("it has not reported its state yet")
+            raise NotLocatedError(Reason(R.NO_STATE))
         state, profile = view.state, vehicle.profile
         place = state.mobile_robot_position, state.last_node_id
         known = self._standings.get(vehicle.name)
@@ -248,7 +251,7 @@ class OrderPlanner:
                 vehicle.model,
                 order.resources_to_avoid,
             )
-            return f"it waits until a path is unlocked: {error}" if closed else ""
+            return Reason(R.PATH_LOCKED, error.reason) if closed else ""
         except UnknownObjectError:
             return ""
         return ""

@@ -9,7 +9,10 @@ from typing import Final
 
 from nena_order_service.peripherals.settings import PeripheralSettings
 from nena_shared.fleet_api.peripherals import DeviceJobState, PeripheralState
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import Location
+
+R = ReasonCode
 
 EXECUTION_TIMEOUT = "nena:executionTimeout"
 """Location property: time from the acknowledgement to the end of a job, seconds."""
@@ -143,16 +146,17 @@ class Devices:
             if execution.acknowledged or not state.takes_jobs:
                 timeout = self._timeouts.get(location, self._settings.execution_timeout)
                 if waited >= timeout:
-                    text = f"peripheral {location!r} has not finished it within {timeout:g} s"
-                    text += "" if state.takes_jobs else f"; it reports {state}"
-                    found.append(Overdue(execution.job, location, text))
+                    slow = Reason(R.DEVICE_SLOW, location=location, limit=timeout)
+                    if not state.takes_jobs:
+                        slow = Reason(R.DEVICE_SLOW_REPORTS, location=location, limit=timeout, reported=state)
+                    found.append(Overdue(execution.job, location, slow))
             elif waited >= self._settings.acknowledge_timeout:
                 if execution.sends < self._settings.sends:
                     execution.sends, execution.since = execution.sends + 1, now
                     found.append(Overdue(execution.job, location))
                 else:
-                    text = f"peripheral {location!r} has not answered {execution.sends} requests"
-                    found.append(Overdue(execution.job, location, text))
+                    silent = Reason(R.DEVICE_SILENT, location=location, count=execution.sends)
+                    found.append(Overdue(execution.job, location, silent))
         return found
 
     def restart_times(self, now: float) -> None:

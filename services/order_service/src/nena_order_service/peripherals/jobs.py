@@ -8,6 +8,7 @@ from typing import NamedTuple, Self
 from pydantic import BaseModel, ConfigDict
 
 from nena_shared.fleet_api.peripherals import DeviceRequest, PeripheralJobState, PeripheralJobStatus
+from nena_shared.fleet_api.reasons import explained
 from nena_shared.plant_terms import ExecutionTrigger
 
 
@@ -74,7 +75,7 @@ class PeripheralJob(BaseModel):
 
     def failed(self, reason: str, now: datetime) -> Self:
         """Return the job as failed."""
-        return self._with(state=PeripheralJobState.FAILED, reason=reason, finished=now)
+        return self._with(state=PeripheralJobState.FAILED, finished=now, **explained(reason))
 
     def request(self, now: datetime) -> DeviceRequest:
         """Return the message to its device."""

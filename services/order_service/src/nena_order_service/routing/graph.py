@@ -15,6 +15,7 @@ from typing import Final, Protocol, Self
 
 import rustworkx as rx
 
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import (
     BoundingBox,
     DirectedEdge,
@@ -26,6 +27,8 @@ from nena_shared.plant import (
     property_keys,
 )
 from nena_shared.plant.track import MM_PER_M, VehicleTypeOnPath
+
+R = ReasonCode
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,17 +98,19 @@ class NoRouteError(Exception):
         self.destinations = tuple(destinations)
         self.vehicle = None if vehicle is None else vehicle.name
         self.avoid = tuple(sorted(avoid))
-        super().__init__(self._text())
+        self.reason = self._reason()
+        super().__init__(self.reason)
 
-    def _text(self) -> str:
-        goal = " or ".join(map(repr, self.destinations)) or "an unreachable place"
-        who = f" for vehicle {self.vehicle!r}" if self.vehicle else ""
-        without = f" without {', '.join(map(repr, self.avoid))}" if self.avoid else ""
-        return (
-            f"No route from {self.source!r} to {goal}{who}{without}. "
-            "Check the plant model for locked paths, missing reverse speeds and one-way tracks, "
-            "and for restrictions of vehicle type, size or map."
-        )
+    def _reason(self) -> Reason:
+        details = []
+        if self.vehicle:
+            details.append(Reason(R.FOR_VEHICLE, vehicle=self.vehicle))
+        if self.avoid:
+            details.append(Reason(R.WITHOUT_NAMES, names=", ".join(map(repr, self.avoid))))
+        if not self.destinations:
+            return Reason(R.NO_ROUTE_ANYWHERE, *details, source=self.source)
+        goal = " or ".join(map(repr, self.destinations))
+        return Reason(R.NO_ROUTE, *details, source=self.source, goal=goal)
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ from nena_order_service.routing.graph import (
     VehicleKinds,
     distance,
 )
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.plant import (
@@ -33,6 +34,8 @@ from nena_shared.plant import (
 )
 from nena_shared.plant.model import action_of
 from nena_shared.plant.track import MM_PER_M
+
+R = ReasonCode
 
 COSTS_KEPT = 2_000_000
 """Maximum number of cached costs, 8 bytes each, over all cost maps."""
@@ -363,19 +366,19 @@ class RouteFinder:
         """Return the point at which a route continues after a coordinate."""
         return min(self._plant.points, key=lambda point: _distance_mm(point, coordinate)).name
 
-    def why_unroutable(self, destinations: Sequence[Destination], avoid: Collection[str]) -> str | None:
+    def why_unroutable(self, destinations: Sequence[Destination], avoid: Collection[str]) -> Reason | None:
         """Return why no vehicle could reach these destinations from any start; None if one could.
 
         As in openTCS, each access point of the first destination is tried as a start.
         """
         first = destinations[0]
         starts = (self.nearest(first.coordinate),) if first.coordinate else access_points(first, self._plant)
-        reason = "The first destination has no access point."
+        reason = Reason(R.NO_ACCESS_POINT)
         for start in starts:
             try:
                 self._find(self._without_host_locks, start, destinations, None, avoid)
             except NoRouteError as error:
-                reason = str(error)
+                reason = error.reason
             else:
                 return None
         return reason

@@ -20,8 +20,11 @@ from nena_order_service.traffic.traffic_control import (
     RouteRejection,
     TrafficControl,
 )
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
+
+R = ReasonCode
 
 D = TypeVar("D", bound=RouteGrant | Evasion)
 
@@ -485,4 +488,4 @@ class TrafficManager:
     def sharing(self, vehicle: str) -> str:
         """Return, as a predicate, which vehicle stands on the same resource; empty if there is none."""
         found = self._scheduler.sharing(vehicle) if vehicle in self._scheduler else None
-        return f"stands on {found[1]!r} together with {found[0]}" if found else ""
+        return Reason(R.SHARES, at=found[1], vehicle=found[0]) if found else ""

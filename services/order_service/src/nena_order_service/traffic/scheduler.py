@@ -14,7 +14,10 @@ from math import inf
 
 from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.resources import Occupant, ResourceSet, UseIndex, Uses
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant.track import MM_PER_M
+
+R = ReasonCode
 
 
 class WaitReason(Enum):
@@ -43,7 +46,7 @@ class Refusal:
     def __str__(self) -> str:
         return self.in_words()
 
-    def in_words(self, turn_back_mm: int = 0) -> str:
+    def in_words(self, turn_back_mm: int = 0) -> Reason:
         """Return, as a predicate, which vehicles are waited for, where and why.
 
         ``turn_back_mm`` is how far the other vehicle would have to turn back if this one went first.
@@ -51,17 +54,18 @@ class Refusal:
         names, one = ", ".join(self.vehicles), len(self.vehicles) == 1
         match self.reason:
             case WaitReason.HELD:
-                return f"waits for {names}, which {'passes' if one else 'pass'} {self.resource!r} first"
+                code = R.YIELDS_TO if one else R.YIELDS_TO_SEVERAL
             case WaitReason.RESTING:
-                return f"waits for {names}, which {'stands' if one else 'stand'} on {self.resource!r}"
+                code = R.STANDS_ON if one else R.STAND_ON
             case WaitReason.ORDER:
-                first = f"waits for {names}, which {'goes' if one else 'go'} first at {self.resource!r}"
-                return f"{first} ({self._why_first(turn_back_mm)})"
+                code, why = R.GOES_FIRST if one else R.GO_FIRST, self._why_first(turn_back_mm)
+                return Reason(code, why, vehicles=names, at=self.resource)
+        return Reason(code, vehicles=names, at=self.resource)
 
-    def _why_first(self, turn_back_mm: int) -> str:
+    def _why_first(self, turn_back_mm: int) -> Reason:
         if turn_back_mm:
-            return f"it would have to turn back {max(1, round(turn_back_mm / MM_PER_M))} m otherwise"
-        return "they would block each other otherwise" if self.between else "it has waited longer"
+            return Reason(R.WOULD_TURN_BACK, metres=max(1, round(turn_back_mm / MM_PER_M)))
+        return Reason(R.WOULD_BLOCK if self.between else R.WAITED_LONGER)
 
 
 class UnknownOccupantError(LookupError):

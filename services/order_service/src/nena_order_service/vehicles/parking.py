@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import islice
 from math import inf
 
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import Location, PlantModel, Point, Vehicle
 from nena_shared.plant.property_keys import (
     ASSIGNED_PARKING_POSITION,
@@ -17,6 +18,8 @@ from nena_shared.plant.property_keys import (
     VDA5050_RECHARGE_OPERATION,
 )
 from nena_shared.plant_terms import PointType
+
+R = ReasonCode
 
 WAYS_TRIED = 8
 """Maximum number of positions whose routes are computed for a vehicle; farther ones are hardly better."""
@@ -38,9 +41,9 @@ class Prospect:
     def why_not(self, point: str) -> str:
         """Return why the vehicle cannot park at a point; empty if it can."""
         if self.taken(point):
-            return "is taken"
+            return Reason(R.IS_TAKEN)
         if self.cost(point) == inf:
-            return "cannot be reached"
+            return Reason(R.IS_UNREACHABLE)
         return "" if self.may_displace or not self.displaces(point) else BARRED
 
 
@@ -53,7 +56,7 @@ class Parking:
 
 
 PARKED = Parking()
-BARRED = "is behind vehicles that have already made room"
+BARRED = Reason(R.IS_BARRED)
 
 
 class ParkingPositions:
@@ -94,11 +97,8 @@ class ParkingPositions:
     def _assigned(self, point: str, here: str | None, prospect: Prospect) -> Parking:
         if point == here:
             return PARKED
-        named = f"its assigned parking position {point!r}"
-        if point not in self._points:
-            return Parking(reason=f"{named} is not a point of the plant model")
-        why_not = prospect.why_not(point)
-        return Parking(reason=f"{named} {why_not}") if why_not else Parking(point)
+        why_not = prospect.why_not(point) if point in self._points else Reason(R.NO_POINT)
+        return Parking(reason=Reason(R.ASSIGNED_PARKING, why_not, point=point)) if why_not else Parking(point)
 
     def _free(self, prospect: Prospect) -> Iterator[_Ranked]:
         for name in self._positions:
@@ -111,10 +111,10 @@ class ParkingPositions:
 
     def _why_none(self, free: Sequence[_Ranked]) -> str:
         if not self._positions:
-            return "the plant model has no parking positions"
+            return Reason(R.NO_PARKING_POSITIONS)
         if free:
-            return f"each free parking position near it {BARRED}"
-        return "no reachable parking position is free"
+            return Reason(R.PARKING_BARRED)
+        return Reason(R.NO_PARKING_FREE)
 
 
 _Ranked = tuple[float, float, str]
@@ -186,8 +186,9 @@ class RechargeLocations:
         cleared = [each for each in places if idly_occupied(each.point)]
         if found := (preferred or free or cleared):
             return Recharging(found[0].location, found[0].operation)
-        whose = f"its assigned recharge location {assigned!r}" if assigned else "each recharge location"
-        return Recharging(reason=f"{whose} is taken")
+        if assigned:
+            return Recharging(reason=Reason(R.ASSIGNED_RECHARGE_TAKEN, location=assigned))
+        return Recharging(reason=Reason(R.RECHARGE_TAKEN))
 
     def _places(
         self, model: Vehicle | None, assigned: str | None, cost: Callable[[str], float]
@@ -211,5 +212,5 @@ class RechargeLocations:
 
 def _why_none(assigned: str | None) -> str:
     if assigned is None:
-        return "there is no reachable recharge location"
-    return f"it cannot recharge at its assigned recharge location {assigned!r}: it is unknown or unreachable"
+        return Reason(R.NO_RECHARGE_LOCATION)
+    return Reason(R.RECHARGE_UNREACHABLE, location=assigned)

@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from nena_order_service.fleet.position import RobotProfile
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import RobotMap
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.model import map_transforms
 from nena_shared.vda5050.state import MapStatus, State
 from nena_shared.vda5050.topics import RobotKey
+
+R = ReasonCode
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +81,7 @@ class VehicleRegistry:
         known = self._by_key.get(key)
         if known:
             return known
-        obstacle = "" if self._adopt_unknown else "is not in the plant model"
+        obstacle = "" if self._adopt_unknown else Reason(R.NOT_IN_PLANT)
         profile = RobotProfile(map_id=self._default_map_id, transforms=self._transforms)
         return self._add(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
 
@@ -142,5 +145,5 @@ def why_not_on(map_id: str, state: State) -> str:
     if any(each.enabled for each in versions):
         return ""
     if versions:
-        return f"has no version of map {map_id!r} enabled (enableMap)"
-    return f"does not have map {map_id!r} (downloadMap, enableMap)"
+        return Reason(R.NO_MAP_ENABLED, map=map_id)
+    return Reason(R.NO_MAP, map=map_id)

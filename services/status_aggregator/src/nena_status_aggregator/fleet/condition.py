@@ -7,6 +7,7 @@ from datetime import datetime
 from enum import StrEnum
 
 from nena_shared.clock import iso
+from nena_shared.fleet_api.reasons import CodedReason
 from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.action import ActionState, ActionStatus
@@ -98,6 +99,8 @@ class Reason:
     values: dict[str, str | float] = field(default_factory=dict)
     shown: dict[str, str] = field(default_factory=dict)
     """Values that are formatted differently in the sentence."""
+    coded: CodedReason | None = None
+    """The order service's reason, if the sentence contains it."""
 
     @property
     def text(self) -> str:
@@ -130,6 +133,8 @@ class ConditionInputs:
     """The problem of the states, while unreadable ones arrive."""
     fleet_remark: str | None = None
     """The order service's reason for the vehicle's state; None if the vehicle is unknown to it."""
+    coded_remark: CodedReason | None = None
+    """The same as a code."""
     transport_order: str | None = None
     """Transport order to which the vehicle is assigned."""
     wait: TrafficWait | None = None
@@ -156,7 +161,7 @@ def assess(inputs: ConditionInputs) -> Assessment:
         _held(state, inputs.stop)
         or _working(state, inputs)
         or _assigned(inputs)
-        or _free(state, inputs.fleet_remark)
+        or _free(state, inputs.fleet_remark, inputs.coded_remark)
     )
 
 
@@ -255,13 +260,14 @@ def _wait_reason(inputs: ConditionInputs) -> Reason | None:
         return Reason("waits_peripheral", {"at": wait.at})
     if inputs.transport_order is None:
         return None
-    return Reason("waits_other", {"order": inputs.transport_order, "why": wait.reason})
+    values: dict[str, str | float] = {"order": inputs.transport_order, "why": wait.reason}
+    return Reason("waits_other", values, coded=wait.coded_reason)
 
 
-def _free(state: State, remark: str | None) -> Assessment:
+def _free(state: State, remark: str | None, coded: CodedReason | None) -> Assessment:
     if state.power_supply.charging:
         return Condition.CHARGING, Reason("charging", {"charge": round(state.power_supply.state_of_charge)})
-    return Condition.IDLE, Reason("idle_why", {"why": remark}) if remark else Reason("idle")
+    return Condition.IDLE, Reason("idle_why", {"why": remark}, coded=coded) if remark else Reason("idle")
 
 
 def worst_error(state: State) -> ErrorEntry | None:

@@ -11,7 +11,7 @@ from nena_status_aggregator.fleet.condition import Condition, Reason
 from nena_status_aggregator.fleet.events import Code, Event, Values, changes
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.fleet.statistics import Statistics
-from nena_status_aggregator.fleet.view_builder import short
+from nena_status_aggregator.fleet.view_builder import short, view_reason
 
 Publish = Callable[[Event], None]
 
@@ -80,6 +80,8 @@ class EventLog:
                 "before": condition.value,
                 "reason": robot.reason.code,
             }
+            if coded := view_reason(robot.reason.coded):
+                values["codedReason"] = coded
             self._of_robot(robot, Code.CONDITION, short(robot.reason.text) or "", values, at)
 
     def forgotten(self, robot: Robot, at: Timestamp) -> None:
@@ -96,6 +98,7 @@ class EventLog:
             "state": now.state.value,
             "before": before.state.value if before else None,
             "reason": short(now.reason),
+            "codedReason": view_reason(now.coded_reason),
             "vehicle": now.processing_vehicle,
         }
         if now.state.final:

@@ -12,6 +12,7 @@ from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, is_active, short
+from nena_status_aggregator.fleet.views import CodedReasonView
 
 
 class Code(StrEnum):
@@ -49,8 +50,9 @@ class Code(StrEnum):
     ROBOT_FORGOTTEN = "robotForgotten"
     """A silent robot was removed for a new one."""
     TRANSPORT_ORDER = "transportOrder"
-    """State or reason of a transport order changed; `state`, `before`, `reason`, `vehicle`; at its end also
-    `leadTime` (s, from its creation), `late` (null: no deadline), `automatic` (parking, recharging)."""
+    """State or reason of a transport order changed; `state`, `before`, `reason`, `codedReason` (null: none),
+    `vehicle`; at its end also `leadTime` (s, from its creation), `late` (null: no deadline), `automatic`
+    (parking, recharging)."""
     LINK = "link"
     """The broker connection was established or lost; `connected`; `started`: the first one of a run."""
     HISTORY_GAP = "historyGap"
@@ -68,7 +70,7 @@ class Outcome(StrEnum):
     """Another order followed before a state showed the end."""
 
 
-Values = dict[str, str | float | None]
+Values = dict[str, str | float | CodedReasonView | None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -309,6 +309,7 @@ class Robot:
                 problem=self.problem,
                 unreadable=self.unreadable if at.monotonic - self.unreadable_at <= limit else "",
                 fleet_remark=self.vehicle.reason if self.vehicle else None,
+                coded_remark=self.vehicle.coded_reason if self.vehicle else None,
                 transport_order=self.vehicle.transport_order if self.vehicle else None,
                 wait=self.vehicle.wait if self.vehicle else None,
                 stop=self.vehicle.stop if self.vehicle else None,

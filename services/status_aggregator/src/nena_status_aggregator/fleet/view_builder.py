@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 from nena_shared.clock import iso
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus
+from nena_shared.fleet_api.reasons import CodedReason
 from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.traffic import TrafficWait
 from nena_shared.fleet_api.transport_order import Destination, Hold
@@ -23,6 +26,7 @@ from nena_status_aggregator.fleet.views import (
     AheadView,
     BatteryView,
     BodyView,
+    CodedReasonView,
     ErrorView,
     GridView,
     HoldView,
@@ -49,6 +53,9 @@ TEXT_LIMIT = 500
 
 LIST_LIMIT = 200
 """Maximum length of a published list: errors, actions, loads, nodes."""
+
+DEPTH_LIMIT = 10
+"""Maximum depth of nested reasons."""
 
 
 def short(text: str | None) -> str | None:
@@ -77,6 +84,7 @@ def view_robot(
         "reason": short(robot.reason.text) or "",
         "reasonCode": robot.reason.code,
         "reasonValues": robot.reason.values,
+        "codedReason": view_reason(robot.reason.coded),
         "connection": robot.connection.connection_state.value if robot.connection else None,
         "connectionSince": iso(robot.connection_since) if robot.connection else None,
         "session": session_of(robot.condition, state).value,
@@ -95,9 +103,7 @@ def view_robot(
         "plan": _plan(robot, state) if state else None,
         "loads": _loads(state) if state else None,
         "errors": [_error(each) for each in state.errors[:LIST_LIMIT]] if state else [],
-        "information": [_information(each) for each in (state.information or ())[:LIST_LIMIT]]
-        if state
-        else [],
+        "information": _informations(state),
         "actions": [_action(each) for each in _all_actions(state)[:LIST_LIMIT]] if state else [],
         "order": _order(robot, state) if state and state.order_id else None,
         "body": _body(robot),
@@ -106,6 +112,11 @@ def view_robot(
         "problem": short(robot.problem) or None,
         "deviations": [short(str(each)) or "" for each in robot.deviations],
     }
+
+
+def _informations(state: State | None) -> list[InformationView]:
+    found = state.information if state else None
+    return [_information(each) for each in (found or ())[:LIST_LIMIT]]
 
 
 def view_stop(stop: StopStatus) -> StopView:
@@ -128,7 +139,11 @@ def view_stop(stop: StopStatus) -> StopView:
         "vehicles": stop.vehicles,
         "paused": stop.paused,
         "notPaused": [
-            {"vehicle": each.vehicle, "reason": short(each.reason) or ""}
+            {
+                "vehicle": each.vehicle,
+                "reason": short(each.reason) or "",
+                "codedReason": view_reason(each.coded_reason),
+            }
             for each in stop.not_paused[:LIST_LIMIT]
         ],
     }
@@ -334,6 +349,7 @@ def _vehicle(status: VehicleStatus, chain: WaitChain | None) -> VehicleView:
         "state": status.state.value,
         "processingState": status.processing_state.value,
         "reason": short(status.reason) or "",
+        "codedReason": view_reason(status.coded_reason),
         "transportOrder": status.transport_order,
         "currentPosition": status.current_position,
         "wait": _wait(status.wait, chain) if status.wait else None,
@@ -346,6 +362,7 @@ def _wait(wait: TrafficWait, chain: WaitChain | None) -> WaitView:
         "at": wait.at,
         "cause": wait.cause.value if wait.cause else None,
         "reason": short(wait.reason) or "",
+        "codedReason": view_reason(wait.coded_reason),
         "next": chain.next if chain else None,
         "head": chain.head if chain else None,
         "circle": list(chain.circle[:LIST_LIMIT]) if chain else [],
@@ -373,6 +390,7 @@ def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
         "final": status.state.final,
         "confirmed": order.confirmed,
         "reason": short(status.reason) or "",
+        "codedReason": view_reason(status.coded_reason),
         "held": held(status.held) if status.held else None,
         "type": status.type,
         "priority": status.priority,
@@ -396,7 +414,29 @@ def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
 
 def held(hold: Hold) -> HoldView:
     """Build the view of a hold."""
-    return {"by": hold.by, "reason": short(hold.reason) or "", "since": iso(hold.since)}
+    return {
+        "by": hold.by,
+        "reason": short(hold.reason) or "",
+        "codedReason": view_reason(hold.coded_reason),
+        "since": iso(hold.since),
+    }
+
+
+def view_reason(reason: CodedReason | None, depth: int = DEPTH_LIMIT) -> CodedReasonView | None:
+    """Build the view of a reason; None if it has no code, or is nested too deeply."""
+    if reason is None or not depth:
+        return None
+    causes = [view_reason(each, depth - 1) for each in reason.causes[:LIST_LIMIT]]
+    if None in causes:
+        return None
+    return {
+        "code": short(reason.code) or "",
+        "values": {
+            name: short(value) or "" if isinstance(value, str) else value
+            for name, value in islice(reason.values.items(), LIST_LIMIT)
+        },
+        "causes": [each for each in causes if each],
+    }
 
 
 def place(destination: Destination) -> str:
@@ -428,6 +468,7 @@ def _job(status: PeripheralJobStatus) -> PeripheralJobView:
         "state": status.state.value,
         "operation": status.operation,
         "reason": short(status.reason) or "",
+        "codedReason": view_reason(status.coded_reason),
         "vehicle": status.related_vehicle,
         "transportOrder": status.related_transport_order,
         "path": status.path,

@@ -146,6 +146,15 @@ class BodyView(TypedDict):
     """Corners of the footprint in the robot's frame; null if the factsheet has none."""
 
 
+class CodedReasonView(TypedDict):
+    """A reason of the order service, for other languages than English."""
+
+    code: str
+    """Code, as of the order service."""
+    values: dict[str, str | int | float]
+    causes: list[CodedReasonView]
+
+
 class WaitView(TypedDict):
     """The vehicles that a vehicle waits for, where and why, and the head of the queue."""
 
@@ -153,6 +162,7 @@ class WaitView(TypedDict):
     at: str | None
     cause: str | None
     reason: str
+    codedReason: CodedReasonView | None
     next: str | None
     """The next vehicle in the queue; null if the vehicle is not in one."""
     head: str | None
@@ -168,6 +178,7 @@ class VehicleView(TypedDict):
     state: str
     processingState: str
     reason: str
+    codedReason: CodedReasonView | None
     transportOrder: str | None
     currentPosition: str | None
     wait: WaitView | None
@@ -196,6 +207,8 @@ class RobotView(TypedDict):
     reason: str
     reasonCode: str
     reasonValues: dict[str, str | float]
+    codedReason: CodedReasonView | None
+    """The order service's reason that it contains, if any."""
     connection: str | None
     connectionSince: str | None
     session: str
@@ -239,6 +252,7 @@ class HoldView(TypedDict):
 
     by: str
     reason: str
+    codedReason: CodedReasonView | None
     since: str
 
 
@@ -252,6 +266,7 @@ class OrderView(TypedDict):
     final: bool
     confirmed: bool
     reason: str
+    codedReason: CodedReasonView | None
     held: HoldView | None
     type: str
     priority: int
@@ -273,6 +288,7 @@ class PeripheralJobView(TypedDict):
     operation: str
     reason: str
     """What it waits for, or why it failed."""
+    codedReason: CodedReasonView | None
     vehicle: str | None
     transportOrder: str | None
     path: str | None
@@ -329,6 +345,7 @@ class UnpausedView(TypedDict):
 
     vehicle: str
     reason: str
+    codedReason: CodedReasonView | None
 
 
 class StopView(TypedDict):

@@ -3,6 +3,7 @@
 import { element, foreign, verbatim } from "./dom.js";
 import { conditionText, nameOf, reasonOf } from "./explanations.js";
 import { chosenLanguage, fillable, plural, t } from "./i18n.js";
+import { worded } from "./reasons.js";
 
 /** Create the text of an event. Events of earlier releases may lack the values for it, and show the English sentence instead. */
 export function details({ code, text, values }) {
@@ -30,7 +31,7 @@ const PARTS = {
   operatingMode: ({ mode }) => ({ text: t(`mode.${mode}`) }),
   orderEnded: ({ orderId, outcome }) => ({ name: nameOf(orderId), text: t(`eventLog.orderEnded.${outcome}`) }),
   orderTaken: ({ orderId }) => ({ name: nameOf(orderId) }),
-  transportOrder: ({ state, reason }) => (reason === undefined ? null : { text: t(`state.${state}`), words: reason }),
+  transportOrder: ({ state, reason, codedReason }) => (reason === undefined ? null : withReason(t(`state.${state}`), { reason, codedReason })),
 };
 
 function condition(values) {
@@ -38,8 +39,14 @@ function condition(values) {
   const complete = reasonCode === "emergency_stop" ? "how" in values : fillable(`reason.${reasonCode}`, values);
   if (!complete) return null;
   const text = conditionText({ condition: values.condition });
-  if (reasonCode === "idle_why") return { text, words: values.why };
-  const reason = reasonOf({ reasonCode, reasonValues: values });
-  const words = reasonCode === "waits_other" && chosenLanguage() !== "en" ? values.why : undefined;
+  const { codedReason } = values;
+  if (reasonCode === "idle_why") return withReason(text, { reason: values.why, codedReason });
+  const reason = reasonOf({ reasonCode, reasonValues: values, codedReason });
+  const words = reasonCode === "waits_other" && !codedReason && chosenLanguage() !== "en" ? values.why : undefined;
   return { text: `${text}: ${reason}`, words };
+}
+
+function withReason(text, explained) {
+  const { text: reason, foreign: words } = worded(explained);
+  return reason ? { text: `${text}: ${reason}` } : { text, words };
 }

@@ -4,6 +4,7 @@ import { element, foreign, refill } from "./dom.js";
 import { jobOf, shownState } from "./fleet.js";
 import { chosenLanguage, has, number, t, timeOfDay } from "./i18n.js";
 import { nameAndState } from "./peripherals.js";
+import { worded } from "./reasons.js";
 import { address } from "./router.js";
 
 const SINCE = {
@@ -65,7 +66,11 @@ const WITHOUT_WORDS = { idle_why: "reason.idle", waits_other: "reason.waits_with
 /** Return the reason for a robot's condition. */
 export function reasonOf(robot) {
   const { reasonCode: code, reasonValues: values } = robot;
-  if (code in WITHOUT_WORDS && chosenLanguage() !== "en") return t(WITHOUT_WORDS[code], values);
+  if (code in WITHOUT_WORDS) {
+    const { text: why } = worded(robot);
+    if (why) return t(`reason.${code}`, { ...values, why });
+    if (chosenLanguage() !== "en") return t(WITHOUT_WORDS[code], values);
+  }
   if (code === "emergency_stop") return t(`reason.emergency_stop.${values.how === "remotely" ? "remote" : "manual"}`);
   if (!has(`reason.${code}`)) return robot.reason;
   const filled = { ...values };
@@ -94,19 +99,20 @@ const NEAR = 0.75; // m
 const STANDING = new Set(["OFFLINE", "BROKEN", "SILENT", "MANUAL", "ERROR", "BLOCKED"]); // with an order, which waits for a person
 
 /**
- * Return the causes for a robot, a list of `{text, advice, foreign, link}`: `foreign` is an English text of another
- * program, `link` the address of the robot or order concerned.
+ * Return the causes for a robot, a list of `{text, advice, reason, foreign, link}`: `reason` is the order service's reason,
+ * `foreign` an English text of another program, `link` the address of the robot or order concerned.
  */
 export function causesOfRobot(robot, fleet) {
   return [...causesOfStaleData(fleet), ...chain(robot, fleet, new Set())];
 }
 
 /**
- * Return what an order does or waits for, `{text, foreign}`: `foreign` is the order service's English reason. In other
- * languages it is left out where the order's robot or destination says the same.
+ * Return what an order does or waits for, `{text, foreign}`: `foreign` is the English reason of an order service without
+ * codes. In other languages it is left out where the order's robot or destination says the same.
  */
 export function statusOfOrder(order, store) {
-  if (chosenLanguage() === "en") return { text: "", foreign: order.reason };
+  const reason = worded(order);
+  if (reason.text || chosenLanguage() === "en") return reason;
   if (order.held && !order.final) return { text: t("order.heldBy", { by: order.held.by, time: timeOfDay(order.held.since) }), foreign: order.held.reason };
   if (order.final) return { text: "", foreign: order.state === "FINISHED" ? "" : order.reason };
   const robot = order.processingVehicle && store.robotOfVehicle(order.processingVehicle);
@@ -119,7 +125,7 @@ export function statusOfOrder(order, store) {
 /** Return the causes for an order's status. */
 export function causesOfOrder(order, fleet) {
   const causes = causesOfStaleData(fleet);
-  causes.push({ text: t(`why.order.${shownState(order)}`), foreign: order.reason });
+  causes.push(...quoted(t(`why.order.${shownState(order)}`), order));
   if (order.final) return causes;
   const name = order.processingVehicle ?? order.intendedVehicle;
   const robot = name && fleet.store.robotOfVehicle(name);
@@ -171,7 +177,7 @@ function causesOfWaiting(robot, fleet, seen) {
 function causesOfDevice(location, store) {
   const device = store.peripherals.get(location);
   if (!device) return [];
-  return [{ text: nameAndState(device), foreign: jobOf(device)?.reason, link: address("places", location) }];
+  return quoted(nameAndState(device), jobOf(device), address("places", location));
 }
 
 function causesOfQueue(robot, fleet) {
@@ -217,9 +223,15 @@ function causesOfFleet(robot, { store }, lead) {
   if (lead) return [];
   if (!robot.vehicle) return [{ text: t("why.noVehicle"), advice: t("why.noVehicle.advice") }];
   const order = store.orders.get(robot.vehicle.transportOrder);
-  if (!order) return [{ text: t("why.fleet"), foreign: robot.vehicle.reason }];
+  if (!order) return quoted(t("why.fleet"), robot.vehicle);
   const values = { name: order.name, state: t(`state.${shownState(order)}`) };
-  return [{ text: t("why.hasOrder", values), foreign: order.reason, link: address("orders", order.id) }];
+  return quoted(t("why.hasOrder", values), order, address("orders", order.id));
+}
+
+// A cause with a reason of the order service.
+function quoted(text, explained, link = null) {
+  const { text: reason, foreign: words } = worded(explained ?? {});
+  return [{ text, reason, foreign: words, link }];
 }
 
 // For an order without a vehicle: why each vehicle cannot execute it.
@@ -239,9 +251,10 @@ class WhyList extends HTMLElement {
   }
 }
 
-function item({ text, advice, foreign: words, link }) {
+function item({ text, advice, reason, foreign: words, link }) {
   const said = link ? element("a", { href: link }, text) : text;
   const made = element("li", {}, said);
+  if (reason) made.append(" ", element("q", {}, reason));
   if (words) made.append(" ", foreign("q", words));
   if (advice) made.append(element("p", { class: "advice" }, advice));
   return made;

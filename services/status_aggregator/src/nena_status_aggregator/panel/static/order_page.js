@@ -7,6 +7,7 @@ import { causesOfOrder } from "./explanations.js";
 import { shownState } from "./fleet.js";
 import { commandForm, PlaceFields, run, vehicles } from "./forms.js";
 import { dateAndTime, has, number, t } from "./i18n.js";
+import { nameOfHolder, worded } from "./reasons.js";
 import { address, backLink } from "./router.js";
 
 class OrderPage extends HTMLElement {
@@ -113,8 +114,20 @@ async function ofOrderService(name) {
   return (status?.history ?? []).map((each) => ({
     time: each.timestamp,
     text: has(`event.${each.eventCode}`) ? t(`event.${each.eventCode}`) : each.eventCode,
-    words: foreign("span", each.supplements.join(" · ")),
+    words: supplementsOf(each),
   }));
+}
+
+const FINAL = "nena:finalStateReached"; // with the state as its first supplement
+const NAMES_ONLY = new Set(["nena:orderCreated", "nena:operationStarted", "nena:deadlinePassed", "nena:intendedVehicleChanged"]);
+
+// The supplements of an entry: names, and a reason as the last one.
+function supplementsOf({ eventCode, supplements, codedReason }) {
+  const { text } = worded({ codedReason });
+  const named = (each) => (eventCode === FINAL && has(`state.${each}`) ? t(`state.${each}`) : nameOfHolder(each));
+  const names = (text ? supplements.slice(0, -1) : supplements).map(named);
+  if (text) return element("span", {}, [...names, text].join(" · "));
+  return (NAMES_ONLY.has(eventCode) ? verbatim : foreign)("span", names.join(" · "));
 }
 
 async function ofAggregator(name) {
@@ -142,7 +155,7 @@ function stop(each) {
 }
 
 function heldBy({ by, since }) {
-  return verbatim("dd", t("order.heldBy", { by, time: dateAndTime(since) }));
+  return verbatim("dd", t("order.heldBy", { by: nameOfHolder(by), time: dateAndTime(since) }));
 }
 
 function factsOf(order) {

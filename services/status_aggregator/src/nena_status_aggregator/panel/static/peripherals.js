@@ -1,9 +1,10 @@
 // Peripheral devices, such as doors: their table, and the state and jobs of one on the page of its location.
 
-import { element, foreign, refill, setAttribute, setText, verbatim } from "./dom.js";
+import { element, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { jobOf } from "./fleet.js";
 import { age, byName, dateAndTime, plural, t } from "./i18n.js";
 import { LiveTable, cell, matches } from "./live_table.js";
+import { reasonElement } from "./reasons.js";
 import { address, lists } from "./router.js";
 
 // The default order: devices that need attention, those with a job, the others.
@@ -79,7 +80,7 @@ class PeripheralTable extends LiveTable {
       unconfirmed: element("span", { class: "reason" }),
       operation: verbatim("span", "", { class: "of-orders" }),
       since: element("span", { class: "detail of-orders" }),
-      reason: foreign("span", "", { class: "reason of-orders" }),
+      reason: element("span", { class: "reason of-orders" }),
       more: element("span", { class: "detail of-orders" }),
       owners: element("span", { class: "owners of-orders" }),
       waiting: element("span", { class: "detail of-orders" }),
@@ -103,11 +104,11 @@ function updateRow(parts, device, now, store) {
   setText(parts.operations, device.operations.join(" · "));
   setText(parts.chip, stateText(device));
   setAttribute(parts.chip, "data-state", device.state);
-  refill(parts.failed, failureOf(device), (failed) => (failed ? [t("peripherals.failed", failed), " ", foreign("span", failed.reason)] : []));
+  refill(parts.failed, failureOf(device), (failed) => (failed ? [t("peripherals.failed", failed), " ", reasonElement("span", failed)] : []));
   setText(parts.unconfirmed, device.confirmed ? "" : t("orders.unconfirmed"));
   setText(parts.operation, job?.operation ?? t("none"));
   setText(parts.since, job ? t("peripherals.since", { state: t(`state.${job.state}`), age: age((now - Date.parse(job.created)) / 1000) }) : "");
-  setText(parts.reason, job?.reason ?? "");
+  refill(parts.reason, job, () => (job?.reason ? [reasonElement("span", job)] : []));
   const more = device.waiting - (job && !device.job ? 1 : 0);
   setText(parts.more, more > 0 ? plural("peripherals.more", more) : "");
   refill(parts.owners, owners, () => owners.map(ownerLink));
@@ -137,7 +138,7 @@ function jobItem(job, owners) {
   const time = job.finished ?? job.created;
   const made = element("li", { "data-status": job.state }, verbatim("span", job.operation), " – ", element("strong", {}, t(`state.${job.state}`)), " ");
   made.append(element("time", { datetime: time }, dateAndTime(time)), ...owners.flatMap((owner) => [" · ", ownerLink(owner)]));
-  if (job.reason) made.append(element("p", { class: "hint" }, foreign("span", job.reason)));
+  if (job.reason) made.append(element("p", { class: "hint" }, reasonElement("span", job)));
   return made;
 }
 

@@ -4,6 +4,7 @@ import { command, fetchList } from "./api.js";
 import { button, element, foreign, verbatim } from "./dom.js";
 import { run } from "./forms.js";
 import { byName, dateAndTime, number, t } from "./i18n.js";
+import { reasonElement } from "./reasons.js";
 import { address, backLink } from "./router.js";
 
 const EVERY = 10_000; // ms
@@ -94,10 +95,10 @@ function nextOf({ nextRuns }) {
 
 function lastOf({ lastRuns }) {
   if (!lastRuns.length) return [element("li", {}, t("none"))];
-  return lastRuns.slice(0, SHOWN_RUNS).map(({ planned, transportOrder, reason }) => {
+  return lastRuns.slice(0, SHOWN_RUNS).map(({ planned, transportOrder, reason, codedReason }) => {
     const order = transportOrder && verbatim("a", transportOrder, { href: address("orders", transportOrder) });
     const outcome = order || element("strong", { class: "bad" }, t("schedules.noOrder"));
-    return element("li", {}, element("time", { datetime: planned }, dateAndTime(planned)), " ", outcome, " ", foreign("span", reason, { class: "hint" }));
+    return element("li", {}, element("time", { datetime: planned }, dateAndTime(planned)), " ", outcome, " ", reasonElement("span", { reason, codedReason }, { class: "hint" }));
   });
 }
 

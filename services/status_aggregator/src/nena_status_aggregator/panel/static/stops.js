@@ -1,9 +1,10 @@
 // Stops: a banner for each one, and the forms that begin and end them.
 
 import { command } from "./api.js";
-import { button, element, field, foreign, numberInput, numberOf, refill, setAttribute, setText, verbatim } from "./dom.js";
+import { button, element, field, numberInput, numberOf, refill, setAttribute, setText, verbatim } from "./dom.js";
 import { commandForm } from "./forms.js";
 import { number, t, timeOfDay } from "./i18n.js";
+import { reasonElement } from "./reasons.js";
 
 const KEY = "nena-person";
 const CORNERS = ["xMin", "yMin", "xMax", "yMax"];
@@ -162,7 +163,7 @@ class Stops extends HTMLElement {
     row.others.hidden = !stop.notPaused.length;
     refill(row.others, stop.notPaused, () => [
       element("strong", {}, t("stops.notPaused")),
-      ...stop.notPaused.flatMap(({ vehicle, reason }) => [" ", verbatim("span", vehicle), " (", foreign("span", reason), ")"]),
+      ...stop.notPaused.flatMap((each) => [" ", verbatim("span", each.vehicle), " (", reasonElement("span", each), ")"]),
     ]);
   }
 
