@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import re
+from contextlib import suppress
 from pathlib import Path
 
 import httpx
 import pytest
-from playwright.async_api import Browser, Page, Route, expect
+from playwright.async_api import Browser, Error, Page, Route, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -21,6 +22,8 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 OTHER = RobotKey("ACME", "r2")
 LISTED = 60
 """Maximum number of events or orders that the page lists."""
+
+HISTORY = "**/api/v1/history?*"
 
 SHOWN = """() => document.querySelector("nena-fleet-map").replayed?.robots.map(
   (robot) => [robot.id, Math.round(robot.position.x), robot.condition]
@@ -85,7 +88,7 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             await page.get_by_role("link", name="All robots and orders").click()
             await expect(page.get_by_text("Replay:")).to_be_hidden()
             assert await page.evaluate(SHOWN) is None
-            await leaving_ends_the_load(page)
+            await another_range_and_leaving_abort_the_load(page)
             for broken in ("from=x", "from=2026-01-01T00:00:00Z", "from=x&to=y"):
                 await page.goto(f"{hall.url}#/history?{broken}")
                 await expect(page.get_by_label("Time range")).to_have_value("minutes10")
@@ -95,24 +98,28 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             assert await page.evaluate("location.hash") == "#/robots/ACME%2Fr1"
 
 
-async def leaving_ends_the_load(page: Page) -> None:
-    answers: list[asyncio.Event] = []
+async def another_range_and_leaving_abort_the_load(page: Page) -> None:
+    begun, over = list[str](), asyncio.Event()
 
     async def late(route: Route) -> None:
-        answers.append(asyncio.Event())
-        await answers[-1].wait()
-        await route.continue_()
+        begun.append(route.request.url)
+        await over.wait()
+        with suppress(Error):  # aborted meanwhile
+            await route.continue_()
 
-    async def pending() -> int:
-        return len(answers)
+    async def loads() -> int:
+        return len(begun)
 
-    await page.route("**/api/v1/history?*", late)
+    await page.route(HISTORY, late)
     await page.get_by_role("link", name="History").click()
-    await awaited(pending, bool, seconds=PATIENCE, what="the history loads")
-    await page.get_by_role("link", name="All robots and orders").click()
-    async with page.expect_response("**/api/v1/history?*"):
-        answers[0].set()
-    await page.unroute("**/api/v1/history?*")
+    await awaited(loads, lambda count: count == 1, seconds=PATIENCE, what="the history loads")
+    async with page.expect_event("requestfailed", lambda request: request.url == begun[0]):
+        await page.get_by_label("Time range").select_option("hour")
+    await awaited(loads, lambda count: count == 2, seconds=PATIENCE, what="the other range loads")
+    async with page.expect_event("requestfailed", lambda request: request.url == begun[1]):
+        await page.get_by_role("link", name="All robots and orders").click()
+    over.set()
+    await page.unroute(HISTORY)
     await page.evaluate("fetch('api/v1/history?limit=1').then((answer) => answer.text())")
     assert await page.evaluate(SHOWN) is None  # the map stays live
 

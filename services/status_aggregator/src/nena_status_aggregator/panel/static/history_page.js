@@ -13,14 +13,17 @@ const CODES = [
   "errorCleared", "charging", "loads", "map", "transportOrder", "link", "historyGap",
 ];
 
-/** Load the entries of a time range, at most PAGES pages of the latest. Returns `{entries, complete}`, oldest first; null without a history. */
-export async function loadHistory(range) {
+/**
+ * Load the entries of a time range, at most PAGES pages of the latest, until `signal` aborts it. Returns `{entries, complete}`,
+ * oldest first; null without a history.
+ */
+async function loadHistory(range, signal) {
   const entries = [];
   let before = null;
   for (let page = 0; page < PAGES; page += 1) {
-    const answer = await fetch(`api/v1/history?${queryOf(range, { limit: PAGE, before })}`).catch(() => null);
-    if (!answer?.ok) return null;
-    const part = await answer.json();
+    const answer = await fetch(`api/v1/history?${queryOf(range, { limit: PAGE, before })}`, { signal }).catch(() => null);
+    const part = answer?.ok ? await answer.json().catch(() => null) : null; // null also if aborted
+    if (!part) return null;
     entries.push(...part.entries);
     before = part.next;
     if (before === null) break;
@@ -132,7 +135,7 @@ const MARKS = 300; // on the slider
 class HistoryPage extends HTMLElement {
   #timeline = null;
   #playing = null;
-  #loads = 0; // outdated loads, and those that end after the page was left, are ignored
+  #loading = new AbortController(); // of the last load
 
   /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
@@ -143,7 +146,7 @@ class HistoryPage extends HTMLElement {
   /** Show the history; null hides it. */
   open(view) {
     this.#stop();
-    this.#loads += 1;
+    this.#loading.abort();
     this.#timeline = null;
     this.#replay(null);
     if (view === null) return this.replaceChildren();
@@ -197,7 +200,7 @@ class HistoryPage extends HTMLElement {
     this.range.value = "given";
     const range = rangeOf(this.from.value, this.to.value);
     if (range) return this.#load(range);
-    this.#loads += 1; // one that is under way would replace the note
+    this.#loading.abort(); // it would replace the note
     this.#stop();
     return setText(this.note, t(this.from.value && this.to.value ? "reports.inverted" : "reports.incomplete"));
   }
@@ -270,14 +273,15 @@ class HistoryPage extends HTMLElement {
 
   async #load(range) {
     this.#stop();
-    const load = (this.#loads += 1);
+    this.#loading.abort();
+    const { signal } = (this.#loading = new AbortController());
     setText(this.note, t("history.loading"));
     this.from.value = fieldTime(range.since);
     this.to.value = fieldTime(range.until + MINUTE - 1); // the latest events stay in the range if only its start is changed
     this.loaded = range;
     this.#address();
-    const found = await loadHistory(range);
-    if (load !== this.#loads) return;
+    const found = await loadHistory(range, signal);
+    if (signal.aborted) return;
     this.#timeline = found && new Timeline(found.entries, this.fleet.store);
     setText(this.note, noteOn(found));
     for (const control of [this.slider, this.play]) control.disabled = !found?.entries.length;

@@ -26,7 +26,7 @@ const RANGES = {
 };
 
 class ReportsPage extends HTMLElement {
-  #loads = 0; // outdated answers are ignored
+  #loading = new AbortController(); // of the last report
 
   /** Attach to `fleet`: {store}. */
   show(fleet) {
@@ -35,7 +35,7 @@ class ReportsPage extends HTMLElement {
 
   /** Show the page; null hides it. */
   open(view) {
-    this.#loads += 1;
+    this.#loading.abort();
     if (view === null) return this.replaceChildren();
     const presets = [...Object.keys(RANGES), "given"].map((name) => [name, t(`reports.${name}`)]);
     this.preset = select(presets, { name: "range" });
@@ -76,7 +76,8 @@ class ReportsPage extends HTMLElement {
   }
 
   async #load({ since, until }) {
-    const load = (this.#loads += 1);
+    this.#loading.abort();
+    const { signal } = (this.#loading = new AbortController());
     this.results.replaceChildren();
     this.files.replaceChildren();
     const problem = problemOf(since, until);
@@ -85,9 +86,9 @@ class ReportsPage extends HTMLElement {
     const range = { from: new Date(since).toISOString(), to: new Date(until).toISOString() };
     setParameters(range);
     const query = new URLSearchParams({ since: range.from, until: range.to });
-    const answer = await fetch(`api/v1/report?${query}`).catch(() => null);
+    const answer = await fetch(`api/v1/report?${query}`, { signal }).catch(() => null);
     const body = await answer?.json().catch(() => null);
-    if (load !== this.#loads) return;
+    if (signal.aborted) return;
     if (answer?.status === NO_HISTORY) return setText(this.note, t("history.none"));
     if (!answer?.ok || !body) {
       this.note.replaceChildren(t("reports.unavailable"), " ", foreign("span", body?.detail));

@@ -65,8 +65,8 @@ export function readColours(host) {
 }
 
 /**
- * Paints on a canvas. The plan is cached as two images, without and with labels, and repainted only when it changes. While
- * the map is dragged, everything is one image that reaches beyond the canvas.
+ * Paints on a canvas. The plan and the areas are cached as two images, without and with labels, and repainted only when
+ * they change. While the map is dragged, everything is one image that reaches beyond the canvas.
  */
 export class Painter {
   #canvas;
@@ -124,7 +124,7 @@ export class Painter {
     const context = canvas.getContext("2d");
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, canvas.width, canvas.height);
-    const planned = Boolean(scene.plan || scene.grids.length);
+    const planned = Boolean(scene.plan || scene.grids.length || scene.areas.length);
     if (planned) context.drawImage(this.#planPicture(canvas, view, scene), 0, 0);
     const places = scene.robots.map((robot) => ({ robot, at: view.toScreen(robot.position.x, robot.position.y) }));
     const inView = places.filter(({ at }) => inSight(view, at));
@@ -134,7 +134,6 @@ export class Painter {
     for (const { box } of covered) this.#uncover(canvas, box);
     const shown = [...names.placed, ...labels.filter((each) => !covered.has(each))];
     context.scale(devicePixelRatio, devicePixelRatio);
-    for (const area of scene.areas) paintArea(context, view, area, scene.colours.blocked);
     if (scene.place && scene.plan) paintMarked(context, view, scene);
     if (scene.layers.traffic && scene.plan) shown.push(...paintTraffic(context, view, scene, shown.map(({ box }) => box)));
     paintRobots(context, view, places.filter(({ robot, at }) => robot.order?.active || inSight(view, at)), scene);
@@ -157,12 +156,13 @@ export class Painter {
 
   #planPicture({ width, height }, view, scene) {
     const wanted = [view.x, view.y, view.scale, width, height, scene.plan, scene.colours, scene.layers, scene.waiting, scene.zones];
-    wanted.push(...scene.grids.flatMap(({ grid, image }) => [grid, image]));
+    wanted.push(...scene.grids.flatMap(({ grid, image }) => [grid, image]), JSON.stringify(scene.areas));
     if (wanted.length !== this.#painted.length || wanted.some((each, at) => each !== this.#painted[at])) {
       this.#painted = wanted;
       const bare = cleared(this.#bare, width, height);
       bare.scale(devicePixelRatio, devicePixelRatio);
       paintPlan(bare, view, scene);
+      for (const area of scene.areas) paintArea(bare, view, area, scene.colours.blocked);
       const context = cleared(this.#sheet, width, height);
       context.drawImage(this.#bare, 0, 0);
       context.scale(devicePixelRatio, devicePixelRatio);
