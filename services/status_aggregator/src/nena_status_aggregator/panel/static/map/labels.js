@@ -36,7 +36,7 @@ export class Labels {
     const { context } = this;
     context.textAlign = "center";
     context.textBaseline = "middle";
-    context.lineWidth = 3;
+    context.lineWidth = 5; // also covers what is between two words
     context.lineJoin = "round";
     context.strokeStyle = colours.surface;
     for (const { text, box, important } of this.placed) {

@@ -135,11 +135,12 @@ export class Painter {
     const shown = [...names.placed, ...labels.filter((each) => !covered.has(each))];
     context.scale(devicePixelRatio, devicePixelRatio);
     if (scene.place && scene.plan) paintMarked(context, view, scene);
-    if (scene.layers.traffic && scene.plan) shown.push(...paintTraffic(context, view, scene, shown.map(({ box }) => box)));
+    const times = scene.layers.traffic && scene.plan ? paintTraffic(context, view, scene, shown.map(({ box }) => box)) : null;
     paintRobots(context, view, places.filter(({ robot, at }) => robot.order?.active || inSight(view, at)), scene);
+    times?.paint(scene.colours);
     names.paint(scene.colours);
     if (scene.pose) paintPose(context, view.toScreen(scene.pose.x, scene.pose.y), scene.pose.theta, scene.colours.accent);
-    return shown;
+    return [...shown, ...(times?.placed ?? [])];
   }
 
   // Paint the plan without labels over the label in a box.

@@ -30,8 +30,8 @@ export class TrafficPlan extends EventTarget {
 }
 
 /**
- * Paint for each vehicle what it holds (solid), what is planned (dashed), its times of arrival, and whom it waits for.
- * Times that would cover boxes of other labels, `taken`, are omitted. Returns the labels.
+ * Paint for each vehicle what it holds (solid), what is planned (dashed), and whom it waits for. Returns the labels with its
+ * times of arrival, to be painted above the robots; those that would cover boxes of other labels, `taken`, are omitted.
  */
 export function paintTraffic(context, view, scene, taken) {
   const { plan, robots, colours } = scene;
@@ -47,9 +47,8 @@ export function paintTraffic(context, view, scene, taken) {
   const colour = (vehicle) => (named.has(vehicle.vehicle) ? colourOf(named.get(vehicle.vehicle), colours) : colours.muted);
   for (const vehicle of shown) paintWay(context, view, plan, vehicle, places.get(vehicle.vehicle), colour(vehicle));
   for (const vehicle of shown) labelTimes(labels, view, plan, vehicle);
-  labels.paint(colours);
   for (const vehicle of shown) paintWait(context, view, plan, vehicle, places, colours.bad);
-  return labels.placed;
+  return labels;
 }
 
 function paintWay(context, view, plan, vehicle, start, colour) {
