@@ -104,6 +104,7 @@ async def test_an_order_is_created_watched_to_its_end_and_read_about(
         await form.get_by_label("Operation").nth(1).select_option("Unload cargo")
         await form.get_by_label("Vehicle").select_option("Robot-01")
         await form.get_by_label("Name").fill("Pallet-1")
+        await expect(page.get_by_text("1 Idle")).to_be_visible()
         await picture(page, "new-order")
         await button(page, "Create order").click()
         await expect(page.get_by_role("heading", name="Pallet-1")).to_be_visible()
