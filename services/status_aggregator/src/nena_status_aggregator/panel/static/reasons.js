@@ -4,7 +4,7 @@ import { element, foreign } from "./dom.js";
 import { dateAndTime, fillable, has, number, t, timeOfDay } from "./i18n.js";
 
 const JOINED = { waits_for_any_vehicle: () => t("because.or"), no_route: () => "", no_route_anywhere: () => "" }; // others: a semicolon
-const HOLDERS = { "failure policy": "holder.policy", "failure of a dependency": "holder.dependency" };
+const HOLDERS = { "failure policy": "holder.policy", "failure of a dependency": "holder.dependency", somebody: "holder.somebody" };
 
 // How values are shown, by name; others are names, the same in all languages.
 const SHOWN = {

@@ -990,6 +990,7 @@ export const TEXTS = {
   "measure.SKIP": "Auslassen",
   "holder.policy": "Fehlerregel",
   "holder.dependency": "fehlgeschlagener Voraussetzung",
+  "holder.somebody": "jemandem",
 
   "eventLog.connection": "Verbindung",
   "eventLog.condition": "Zustand",

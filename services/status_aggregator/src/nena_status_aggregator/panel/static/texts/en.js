@@ -990,6 +990,7 @@ export const TEXTS = {
   "measure.SKIP": "SKIP",
   "holder.policy": "failure policy",
   "holder.dependency": "failure of a dependency",
+  "holder.somebody": "somebody",
 
   "eventLog.connection": "Connection",
   "eventLog.condition": "Condition",

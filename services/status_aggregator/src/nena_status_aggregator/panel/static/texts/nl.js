@@ -990,6 +990,7 @@ export const TEXTS = {
   "measure.SKIP": "overslaan",
   "holder.policy": "foutbeleid",
   "holder.dependency": "mislukte afhankelijkheid",
+  "holder.somebody": "iemand",
 
   "eventLog.connection": "Verbinding",
   "eventLog.condition": "Toestand",
