@@ -15,6 +15,7 @@ from pydantic_core import from_json
 
 from nena_order_service.fleet.robot import Abilities
 from nena_order_service.fleet.vda_order import GOAL_PREFIX, STATION_PARAMETERS, VdaOrder
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.action import (
     LOAD_HANDLING_DEVICE,
     STATION_ACTIONS,
@@ -32,6 +33,8 @@ from nena_shared.vda5050.factsheet import (
 )
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.order import Edge, Node, NodePosition, Order
+
+R = ReasonCode
 
 XY: Final = "nodes.nodePosition.allowedDeviationXY"
 THETA: Final = "nodes.nodePosition.theta"
@@ -365,29 +368,29 @@ def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
 def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
     """Yield lists that are too long in the order, or would be in the robot's states."""
     limits = abilities.factsheet.protocol_limits.maximum_array_lengths
-    yield from _too_many(len(vda_order.nodes), limits.order_nodes, "nodes")
-    yield from _too_many(len(vda_order.edges), limits.order_edges, "edges")
+    yield from _too_many(len(vda_order.nodes), limits.order_nodes, R.NODES)
+    yield from _too_many(len(vda_order.edges), limits.order_edges, R.EDGES)
     for node in vda_order.nodes:
-        yield from _too_many(len(node.actions), limits.node_actions, f"actions on node '{node.node_id}'")
+        yield from _too_many(len(node.actions), limits.node_actions, R.NODE_ACTIONS, node=node.node_id)
     for edge in vda_order.edges:
-        yield from _too_many(len(edge.actions), limits.edge_actions, f"actions on edge '{edge.edge_id}'")
-    yield from _too_many(len(vda_order.nodes) - 1, limits.state_node_states, "nodes to go in its state")
-    yield from _too_many(len(vda_order.edges), limits.state_edge_states, "edges to go in its state")
-    yield from _too_many(len(vda_order.actions), limits.state_action_states, "actions in its state")
+        yield from _too_many(len(edge.actions), limits.edge_actions, R.EDGE_ACTIONS, edge=edge.edge_id)
+    yield from _too_many(len(vda_order.nodes) - 1, limits.state_node_states, R.NODE_STATES)
+    yield from _too_many(len(vda_order.edges), limits.state_edge_states, R.EDGE_STATES)
+    yield from _too_many(len(vda_order.actions), limits.state_action_states, R.ACTION_STATES)
 
 
 def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -> Iterator[str]:
-    limits, name = abilities.factsheet.protocol_limits, f"the action '{action.action_type}'"
+    limits, name = abilities.factsheet.protocol_limits, action.action_type
     most = limits.maximum_array_lengths.action_parameters
-    yield from _too_many(len(action.action_parameters), most, f"parameters of {name}")
+    yield from _too_many(len(action.action_parameters), most, R.ACTION_PARAMETERS, action=name)
     load_id, longest = action.parameter("loadId"), limits.maximum_string_lengths.maximum_load_id_length
     if longest and isinstance(load_id, str) and len(load_id) > longest:
-        yield f"the loadId '{load_id}' is longer than {longest} characters"
+        yield Reason(R.LONG_LOAD_ID, load=load_id, limit=longest)
     if not abilities.lists_actions:
         return
     declared = abilities.declarations(action.action_type)
     if not declared:
-        yield f"its factsheet does not list {name}"
+        yield Reason(R.UNLISTED_ACTION, action=name)
         return
     problems = [next(_declaration_problems(action, scope, each), None) for each in declared]
     if all(problems):
@@ -395,17 +398,18 @@ def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -
 
 
 def _declaration_problems(action: Action, scope: ActionScope, declared: MobileRobotAction) -> Iterator[str]:
-    name = f"the action '{action.action_type}'"
+    name = action.action_type
     if declared.action_scopes and scope not in declared.action_scopes:
-        yield f"its factsheet lists {name} for {', '.join(declared.action_scopes)}, not for {scope}"
+        scopes = ", ".join(declared.action_scopes)
+        yield Reason(R.OTHER_SCOPES, action=name, scopes=scopes, scope=scope)
     blocking = declared.blocking_types
     if scope is not ActionScope.INSTANT and blocking and action.blocking_type not in blocking:
-        yield f"its factsheet lists {name} for the blocking types {', '.join(blocking)}"
+        yield Reason(R.OTHER_BLOCKING, action=name, types=", ".join(blocking))
     wanted = {each.key: each for each in declared.action_parameters or ()}
     given = {each.key for each in action.action_parameters}
     for parameter in wanted.values():
         if parameter.is_optional is False and parameter.key not in given:
-            yield f"{name} requires the parameter '{parameter.key}' there"
+            yield Reason(R.MISSING_PARAMETER, action=name, parameter=parameter.key)
     if wanted:
         yield from _value_problems(action, wanted)
 
@@ -415,10 +419,15 @@ def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescript
         parameter = wanted.get(given.key)
         if parameter is None:
             known = ", ".join(wanted)
-            yield f"the action '{action.action_type}' has no parameter '{given.key}' there, only {known}"
+            yield Reason(R.UNKNOWN_PARAMETER, action=action.action_type, parameter=given.key, known=known)
         elif not _IS[parameter.value_data_type](given.value):
-            kind = parameter.value_data_type
-            yield f"the parameter '{given.key}' of '{action.action_type}' must be {kind}, not {given.value!r}"
+            yield Reason(
+                R.OTHER_TYPE,
+                parameter=given.key,
+                action=action.action_type,
+                type=parameter.value_data_type,
+                given=repr(given.value),
+            )
 
 
 def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
@@ -427,9 +436,9 @@ def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
     document = vda_order.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
     for path in required:
         if not _filled(document, path.split(".")):
-            yield f"its factsheet requires the field '{path}', which cannot be filled here"
+            yield Reason(R.MISSING_FIELD, field=path)
     if not abilities.takes_field(THETA) and any(map(_must_be_headed, vda_order.nodes)):
-        yield "its factsheet does not list headings, so coordinates cannot have one"
+        yield Reason(R.NO_HEADINGS)
 
 
 def _must_be_headed(node: Node) -> bool:
@@ -450,9 +459,9 @@ def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[str]:
     limits = abilities.factsheet.protocol_limits.maximum_string_lengths
     for each in ids:
         if limits.maximum_id_length and len(each) > limits.maximum_id_length:
-            yield f"the id '{each}' is longer than {limits.maximum_id_length} characters"
+            yield Reason(R.LONG_ID, id=each, limit=limits.maximum_id_length)
         if limits.id_numerical_only and not each.isdecimal():
-            yield f"its factsheet requires numeric IDs, not '{each}'"
+            yield Reason(R.NOT_NUMERIC, id=each)
 
 
 def _ids(vda_order: VdaOrder) -> Iterator[str]:
@@ -465,9 +474,9 @@ def _ids(vda_order: VdaOrder) -> Iterator[str]:
     yield from vda_order.action_ids
 
 
-def _too_many(count: int, limit: int | None, what: str) -> Iterator[str]:
+def _too_many(count: int, limit: int | None, what: ReasonCode, **values: str) -> Iterator[str]:
     if limit and count > limit:
-        yield f"its factsheet allows {limit} {what}, not {count}"
+        yield Reason(R.TOO_MANY, Reason(what, **values), limit=limit, count=count)
 
 
 def _wire_problems(message: Header, abilities: Abilities) -> Iterator[str]:
@@ -476,11 +485,11 @@ def _wire_problems(message: Header, abilities: Abilities) -> Iterator[str]:
     try:
         size = len(abilities.codec.encode(message))
     except (MalformedMessageError, ValidationError) as error:
-        yield f"it cannot be expressed in VDA 5050 {abilities.codec.version}: {error}"
+        yield Reason(R.INEXPRESSIBLE, str(error), version=abilities.codec.version)
         return
     limit = abilities.factsheet.protocol_limits.maximum_string_lengths.maximum_message_length
     if limit and size > limit:
-        yield f"its factsheet allows messages of {limit} bytes, not {size}"
+        yield Reason(R.LONG_MESSAGE, limit=limit, count=size)
 
 
 def _header(abilities: Abilities) -> dict[str, Any]:
