@@ -214,6 +214,24 @@ class ReasonCode(Enum):
     TOO_EXPENSIVE = "the route is too expensive"
     PATH_LOCKED = "it waits until a path is unlocked: {causes}"
 
+    # Requests that do not fit the plant
+    FINDINGS = "{first} {rest}"
+    AT_DESTINATION = "Destination {number}: {causes}"
+    LOCATION_LOCKED = "location {location!r} is locked; unlock it or choose another one."
+    UNKNOWN_PLACE = "unknown location or point {name!r}.{causes}"
+    UNKNOWN_DEVICE = "unknown location {location!r} of a peripheral operation.{causes}"
+    UNKNOWN_VEHICLE = "Unknown vehicle {vehicle!r}.{causes}"
+    UNKNOWN_AVOIDED = "Property {property}: unknown point, path or location {name!r}."
+    DID_YOU_MEAN = " Did you mean {causes}?"
+    KNOWN_NAMES = " Known: {names}."
+    NONE_KNOWN = " Known: none."
+    NOT_AT_POINT = "operation {operation!r} is not possible at point {name!r}; only MOVE or PARK."
+    NOT_AT_COORDINATE = "operation {operation!r} is not possible at a coordinate; only MOVE or PARK."
+    NOT_AT_LOCATION = "operation {operation!r} is not possible at location {location!r}; possible: {names}."
+    NOT_AT_DEVICE = "peripheral operation {operation!r} is not possible at {location!r}; possible: {names}."
+    NO_DEVICE = "peripheral operation {operation!r} is not possible at {location!r}; possible: none."
+    NO_LINK = "location {location!r} has no link to a point, so no vehicle can reach it."
+
     # State of a robot
     ROBOT = "the robot {causes}"
     IT = "it {causes}"
@@ -337,6 +355,8 @@ class ReasonCode(Enum):
 
 JOINED: Final = {
     ReasonCode.WAITS_FOR_ANY_VEHICLE: " or ",
+    ReasonCode.FINDINGS: " ",
+    ReasonCode.DID_YOU_MEAN: " or ",
     ReasonCode.NO_ROUTE: "",
     ReasonCode.NO_ROUTE_ANYWHERE: "",
 }

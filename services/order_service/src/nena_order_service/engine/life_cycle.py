@@ -624,7 +624,7 @@ class LifeCycle:
         try:
             check_order(order.status, self._context.plant)
         except InvalidRequestError as error:
-            self._orders.put(order.failed(Reason(R.NOT_POSSIBLE, str(error)), self._clock.now()))
+            self._orders.put(order.failed(Reason(R.NOT_POSSIBLE, reason_of(error)), self._clock.now()))
         else:
             self._orders.put(self._conditions.restore(order))
 

@@ -22,7 +22,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, TooManySchedulesError, UnknownScheduleError
 from nena_order_service.orders.schedule import LOOK_BACK, ON_TIME, DueRuns, Schedule, check_schedule, due
 from nena_order_service.orders.validation import InvalidRequestError, check_request, set_operations
-from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained, reason_of
 from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleRun, ScheduleStatus
 from nena_shared.fleet_api.transport_order import OrderTemplate, TransportOrderRequest
 from nena_shared.log import get_logger
@@ -235,7 +235,7 @@ class Schedules:
             try:
                 request = self._prepared(schedule.definition.transport_order)
             except InvalidRequestError as error:
-                refused = str(error)
+                refused = reason_of(error)
             else:
                 self._engine.unit_of_work.require_store()
                 done = schedule.after(ScheduleRun(planned=planned, transport_order=name, **explained(late)))

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from itertools import chain
 
 from nena_order_service.orders.transport_order import RESOURCES_TO_AVOID
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.transport_order import (
     Destination,
     Property,
@@ -15,6 +16,8 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderStatus,
 )
 from nena_shared.plant import NO_OPERATION, Link, Location, PlantModel
+
+R = ReasonCode
 
 MOVE = "MOVE"
 PARK = "PARK"
@@ -37,7 +40,8 @@ class InvalidRequestError(Exception):
 
     def __init__(self, findings: Iterable[Finding]) -> None:
         self.findings = tuple(findings)
-        super().__init__(" ".join(finding.text for finding in self.findings))
+        texts = [finding.text for finding in self.findings]
+        super().__init__(texts[0] if len(texts) == 1 else Reason(R.FINDINGS, *texts))
 
     @property
     def only_unknown(self) -> bool:
@@ -97,13 +101,13 @@ def _check_destinations(
     for number, destination in enumerate(destinations, start=1):
         findings = _check_destination(destination, plant)
         for finding in chain(_check_lock(destination, plant), findings) if new else findings:
-            yield Finding(f"Destination {number}: {finding.text}", finding.unknown)
+            yield Finding(Reason(R.AT_DESTINATION, finding.text, number=number), finding.unknown)
 
 
 def _check_lock(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
     location = plant.locations_by_name.get(destination.location_name or "")
     if location and location.locked:
-        yield Finding(f"location {location.name!r} is locked; unlock it or choose another one.")
+        yield Finding(Reason(R.LOCATION_LOCKED, location=location.name))
 
 
 def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
@@ -113,10 +117,11 @@ def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[
         yield from _check_operation(destination.operation, plant.location(name), plant)
     elif name is not None and name not in plant.points_by_name:
         known = [*plant.locations_by_name, *plant.points_by_name]
-        yield Finding(f"unknown location or point {name!r}.{_like(name, known)}", unknown=True)
+        yield Finding(Reason(R.UNKNOWN_PLACE, *_like(name, known), name=name), unknown=True)
     elif destination.operation not in POINT_OPERATIONS:
-        place = f"point {name!r}" if name is not None else "a coordinate"
-        yield Finding(f"operation {destination.operation!r} is not possible at {place}; only MOVE or PARK.")
+        operation = destination.operation
+        at_coordinate = Reason(R.NOT_AT_COORDINATE, operation=operation)
+        yield Finding(Reason(R.NOT_AT_POINT, operation=operation, name=name) if name else at_coordinate)
 
 
 def _check_peripherals(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
@@ -124,27 +129,22 @@ def _check_peripherals(destination: Destination, plant: PlantModel) -> Iterator[
         location = plant.locations_by_name.get(each.location)
         if location is None:
             like = _like(each.location, plant.locations_by_name)
-            text = f"unknown location {each.location!r} of a peripheral operation.{like}"
-            yield Finding(text, unknown=True)
+            yield Finding(Reason(R.UNKNOWN_DEVICE, *like, location=each.location), unknown=True)
             continue
         possible = plant.location_types_by_name[location.type].allowed_peripheral_operations
         if each.operation not in possible:
-            known = ", ".join(possible) or "none"
-            yield Finding(
-                f"peripheral operation {each.operation!r} is not possible at {each.location!r}; "
-                f"possible: {known}."
-            )
+            known = {"location": each.location, "operation": each.operation}
+            none = Reason(R.NO_DEVICE, **known)
+            yield Finding(Reason(R.NOT_AT_DEVICE, names=", ".join(possible), **known) if possible else none)
 
 
 def _check_operation(operation: str, location: Location, plant: PlantModel) -> Iterator[Finding]:
     if not location.links:
-        yield Finding(f"location {location.name!r} has no link to a point, so no vehicle can reach it.")
+        yield Finding(Reason(R.NO_LINK, location=location.name))
     elif not plant.access_points(location.name, operation):
         possible = {NO_OPERATION, *_operations(location.links, location, plant)}
-        yield Finding(
-            f"operation {operation!r} is not possible at location {location.name!r}; "
-            f"possible: {', '.join(sorted(possible))}."
-        )
+        names = ", ".join(sorted(possible))
+        yield Finding(Reason(R.NOT_AT_LOCATION, operation=operation, location=location.name, names=names))
 
 
 def _operations(links: Iterable[Link], location: Location, plant: PlantModel) -> Iterator[str]:
@@ -154,7 +154,7 @@ def _operations(links: Iterable[Link], location: Location, plant: PlantModel) ->
 
 def _check_vehicle(name: str | None, vehicles: Collection[str]) -> Iterator[Finding]:
     if name is not None and name not in vehicles:
-        yield Finding(f"Unknown vehicle {name!r}.{_like(name, vehicles)}", unknown=True)
+        yield Finding(Reason(R.UNKNOWN_VEHICLE, *_like(name, vehicles), vehicle=name), unknown=True)
 
 
 def _check_resources_to_avoid(properties: Iterable[Property], plant: PlantModel) -> Iterator[Finding]:
@@ -162,15 +162,16 @@ def _check_resources_to_avoid(properties: Iterable[Property], plant: PlantModel)
     known = (plant.points_by_name, plant.paths_by_name, plant.locations_by_name)
     for name in filter(None, map(str.strip, listed.split(","))):
         if not any(name in names for names in known):
-            yield Finding(
-                f"Property {RESOURCES_TO_AVOID}: unknown point, path or location {name!r}.", unknown=True
-            )
+            why = Reason(R.UNKNOWN_AVOIDED, property=RESOURCES_TO_AVOID, name=name)
+            yield Finding(why, unknown=True)
 
 
-def _like(name: str, known: Collection[str]) -> str:
+def _like(name: str, known: Collection[str]) -> Iterator[Reason]:
+    """Yield what may have been meant, if it is known."""
     alike = get_close_matches(name, list(known), n=3)
     if alike:
-        return f" Did you mean {' or '.join(map(repr, alike))}?"
-    if len(known) <= NAMES_SHOWN:
-        return f" Known: {', '.join(map(repr, sorted(known))) or 'none'}."
-    return ""
+        yield Reason(R.DID_YOU_MEAN, *map(repr, alike))
+    elif not known:
+        yield Reason(R.NONE_KNOWN)
+    elif len(known) <= NAMES_SHOWN:
+        yield Reason(R.KNOWN_NAMES, names=", ".join(map(repr, sorted(known))))

@@ -3,7 +3,14 @@
 import { element, foreign } from "./dom.js";
 import { dateAndTime, fillable, has, number, t, timeOfDay } from "./i18n.js";
 
-const JOINED = { waits_for_any_vehicle: () => t("because.or"), no_route: () => "", no_route_anywhere: () => "" }; // others: a semicolon
+// What is between the causes; others: a semicolon.
+const JOINED = {
+  did_you_mean: () => t("because.or"),
+  findings: () => " ",
+  no_route: () => "",
+  no_route_anywhere: () => "",
+  waits_for_any_vehicle: () => t("because.or"),
+};
 const HOLDERS = { "failure policy": "holder.policy", "failure of a dependency": "holder.dependency", somebody: "holder.somebody" };
 
 // How values are shown, by name; others are names, the same in all languages.
