@@ -11,7 +11,7 @@ import pytest
 from nena_order_service.orders.transport_order import EventCode
 from nena_shared.fleet_api.audit import AuditResult
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
-from nena_shared.fleet_api.reasons import ReasonCode
+from nena_shared.fleet_api.reasons import JOINED, ReasonCode
 from nena_shared.fleet_api.transport_order import DriveOrderState, FailureMeasure, TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.vda5050.action import ActionStatus
@@ -123,6 +123,15 @@ def test_every_code_has_a_text() -> None:
     wanted |= {f"reports.kind.{each}" for each in FailureKind}
     wanted |= {f"reports.cause.{each}" for each in TEXTS if each.startswith("wait")}
     assert wanted - KEYS == set()
+
+
+def test_texts_of_reasons_use_the_values_that_are_sent() -> None:
+    """Otherwise the panel shows the English sentence instead, in every language."""
+    for each in ReasonCode:
+        values = set(re.findall(r"\{(\w+)", each.value))
+        assert set(re.findall(r"\{(\w+)\}", texts("en")[f"because.{each.code}"])) == values
+    source = (PANEL / "reasons.js").read_text(encoding="utf-8")
+    assert set(re.findall(r"^  (\w+): \(\) =>", source, re.MULTILINE)) == {each.code for each in JOINED}
 
 
 def test_every_condition_has_the_same_sign_in_lists_and_on_the_map() -> None:
