@@ -37,11 +37,12 @@ help: ## list these commands
 setup: $(STAMP) action-types ## create .venv with all services
 
 # With --no-deps pip installs what is pinned and searches for nothing else: otherwise pip 23 fails as soon as a package
-# behind an extra, such as coverage[toml], has a release newer than its pin.
+# behind an extra, such as coverage[toml], has a release newer than its pin. Quiet twice: errors, but no warnings of
+# Debian's pip about the packages of others.
 $(STAMP): requirements/dev.txt $(DISTRIBUTIONS:%=%/pyproject.toml)
 	@[ -n "$(PYTHON)" ] || { echo "NeNa needs CPython 3.11, 3.12 or 3.13 with venv. On Debian or Ubuntu: apt-get install python3 python3-venv. Or name one: make PYTHON=/path/to/python3.12 setup" >&2; exit 1; }
 	@[ -x $(BIN)/python ] || "$(PYTHON)" -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --no-deps --require-hashes -r requirements/dev.txt
+	$(BIN)/python -m pip install --quiet --quiet --no-deps --require-hashes -r requirements/dev.txt
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation $(DISTRIBUTIONS:%=-e %)
 	$(BIN)/python -m pip check
 	@touch $@

@@ -48,7 +48,14 @@ def test_a_command_imports_nothing_of_the_others() -> None:
     of_httpx_main = ("click", "pygments.lexers")
     of_pretty_help = ("typer.rich_utils", "rich.markdown", "markdown_it")
     of_plant_models = ("nena_shared.plant", "nena_shared.plant.model")
-    unneeded = (*others, *of_httpx_main, *of_pretty_help, *of_plant_models, "asyncio", "structlog", "yaml")
+    of_other_operations = tuple(
+        f"nena_shared.fleet_api.{each}" for each in ("places", "schedules", "operations.table")
+    )
+    of_terminals = ("rich", "nena_cli.narrow")
+    unneeded = (
+        *(*others, *of_httpx_main, *of_pretty_help, *of_plant_models, *of_other_operations, *of_terminals),
+        *("asyncio", "structlog", "yaml"),
+    )
     command = ["vehicles", "list", "--url", "http://127.0.0.1:9"]
     assert imported_by(command, ("httpx", "pydantic", *unneeded)) == {"httpx", "pydantic"}
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import io
+import re
 
 import pytest
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from nena_cli import output, tables
 from nena_cli.narrow import is_too_wide, print_narrow
+from nena_cli.styled import Table, Text
 from support.fleet_examples import order_status, vehicle_status
 
 REASON = "vehicle AMR-1 travels to destination 2 of 2, but it waits for AMR-5, which passes 'Middle 5' first"
@@ -52,17 +52,19 @@ def test_empty_values_take_no_line_and_a_name_is_never_broken() -> None:
     assert shown(table, 20) == ["Things", "name", "n" * 30, "m", "  why: two words", "  here"]
 
 
-def test_a_table_that_fits_keeps_its_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_that_fits_keeps_its_frame(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     table = Table("name", "why")
     table.add_row("T-1", "because")
     assert not is_too_wide(table, 21)
     assert is_too_wide(table, 16)
-    assert not is_too_wide(Table.grid(), 1)
+    assert not is_too_wide(Table(frame=False), 1)
 
-    file = io.StringIO()
-    for width in (40, 15):
-        console = Console(width=width, file=file, force_terminal=True, color_system=None)
-        monkeypatch.setattr(output, "Console", lambda given=console: given)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    for width in ("40", "15"):
+        monkeypatch.setenv("COLUMNS", width)
         output.print_table(table)
-    assert file.getvalue().count("┃ name") == 1
-    assert file.getvalue().endswith("name  why\nT-1   because\n")
+    drawn = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out)
+    assert drawn.count("┃ name") == 1
+    assert drawn.endswith("name  why\nT-1   because\n")

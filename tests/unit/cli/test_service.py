@@ -9,11 +9,11 @@ from typing import Annotated
 
 import pytest
 import typer
-from rich.table import Table
 from typer.testing import CliRunner
 
 from nena_cli.options import DEFAULT_URL, Format
 from nena_cli.service import Service, of_service
+from nena_cli.styled import Table
 from nena_client import RefusedError, UnreachableError
 from nena_shared.fleet_api.transport_order import Problem
 

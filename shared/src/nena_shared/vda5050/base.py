@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, Self, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, PlainSerializer, WithJsonSchema
 from pydantic.alias_generators import to_camel
 
+from nena_shared import model_building
 from nena_shared.clock import in_utc, iso
 
 J = TypeVar("J", bound=JsonValue)
@@ -31,6 +32,7 @@ class WireObject(BaseModel):
         from_attributes=True,
         allow_inf_nan=False,
         ser_json_inf_nan="strings",
+        defer_build=model_building.deferred,
     )
 
     @staticmethod

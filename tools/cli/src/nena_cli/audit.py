@@ -13,7 +13,7 @@ from nena_cli.options import Format, group
 from nena_cli.output import REFUSED, fail, print_json
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.audit import AuditEntry, AuditMark, AuditResult, ChainCheck
-from nena_shared.fleet_api.operations import LIST_AUDIT
+from nena_shared.fleet_api.operations.fleet import LIST_AUDIT
 
 app = group()
 

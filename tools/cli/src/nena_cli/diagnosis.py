@@ -8,16 +8,16 @@ from datetime import UTC, datetime, timedelta
 from typing import Annotated, Final, TypeVar
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from nena_cli.output import REFUSED
 from nena_cli.service import Service, of_service
+from nena_cli.styled import Table, Text
 from nena_cli.tables import STATE_STYLES, STUCK, VEHICLE_STYLES, vehicle_chains
 from nena_client import Client, RefusedError, ServiceState
 from nena_client.exchange import Query
 from nena_shared.fleet_api.base import Resource
-from nena_shared.fleet_api.operations import LIST_ORDERS, LIST_VEHICLES, SHOW_ORDER
+from nena_shared.fleet_api.operations.orders import LIST_ORDERS, SHOW_ORDER
+from nena_shared.fleet_api.operations.vehicles import LIST_VEHICLES
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
 from nena_shared.fleet_api.wait_chains import chain_from
@@ -268,13 +268,13 @@ def _status_tables(report: StatusReport) -> tuple[Table, ...]:
         ("vehicles", _counts(report.vehicles, f"{report.waiting_vehicles} waiting for others")),
         ("open orders", _counts(report.orders)),
     ]
-    summary = Table.grid(padding=(0, 2))
+    summary = Table(frame=False)
     for name, text in rows:
         summary.add_row(Text(name, style="dim"), Text(text))
     if not report.attention:
         summary.add_row(Text("needs attention", style="dim"), Text("nothing", style="green"))
         return (summary,)
-    table = Table("needs attention", "state", "reason", "what to do", box=None, padding=(0, 2, 0, 0))
+    table = Table("needs attention", "state", "reason", "what to do", frame=False)
     for each in report.attention[:SHOWN]:
         behind = f" ({each.waiting_behind} wait behind it)" if each.waiting_behind else ""
         table.add_row(Text(each.name), _state(each.state), Text(each.reason + behind), Text(each.advice))
@@ -285,7 +285,7 @@ def _status_tables(report: StatusReport) -> tuple[Table, ...]:
 
 
 def _explanation_tables(found: Explanation) -> tuple[Table, ...]:
-    steps = Table.grid(padding=(0, 2))
+    steps = Table(frame=False)
     for depth, each in enumerate(found.steps):
         steps.add_row(Text("  " * depth + each.name), _state(each.state), Text(each.reason))
     if found.advice:

@@ -6,8 +6,9 @@ from typing import Final
 
 from rich.cells import cell_len
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
+
+from nena_cli.styled import Table
 
 GAP: Final = 2
 """Columns between two values, and before a value below its row."""
@@ -17,7 +18,7 @@ FRAME: Final = 3
 
 def is_too_wide(table: Table, width: int) -> bool:
     """Return whether a table with a header would have to break its values to fit."""
-    return table.show_header and sum(_widths(table)) + FRAME * len(table.columns) + 1 > width
+    return bool(table.headers) and sum(_widths(table)) + FRAME * len(table.headers) + 1 > width
 
 
 def print_narrow(console: Console, table: Table) -> None:
@@ -28,16 +29,14 @@ def print_narrow(console: Console, table: Table) -> None:
         below.add(max(set(range(1, len(widths))) - below, key=widths.__getitem__))
     beside = [each for each in range(len(widths)) if each not in below]
     if table.title:
-        console.print(Text(str(table.title), style="italic"))
-    _print_row(
-        console, [Text(str(table.columns[each].header), style="bold") for each in beside], widths, beside
-    )
-    for row in zip(*(column.cells for column in table.columns), strict=True):
-        cells = [each.copy() if isinstance(each, Text) else Text(str(each)) for each in row]
+        console.print(Text(table.title, style="italic"))
+    _print_row(console, [Text(table.headers[each], style="bold") for each in beside], widths, beside)
+    for row in table.rows:
+        cells = [each.__rich__() for each in row]
         _print_row(console, [cells[each] for each in beside], widths, beside)
         for each in sorted(below):
             if cells[each].plain:
-                name = Text(f"{table.columns[each].header}: ", style="dim")
+                name = Text(f"{table.headers[each]}: ", style="dim")
                 for line in name.append_text(cells[each]).wrap(console, console.width - GAP):
                     line.rstrip()
                     console.print(Text(" " * GAP).append_text(line), soft_wrap=True)
@@ -50,14 +49,11 @@ def _total(widths: list[int], below: set[int]) -> int:
 
 def _widths(table: Table) -> list[int]:
     """Return the width of each column if no value is broken."""
+    columns = zip(*table.rows, strict=True) if table.rows else ([] for _ in table.headers)
     return [
-        max(map(cell_len, (str(column.header), *(line for cell in column.cells for line in _lines(cell)))))
-        for column in table.columns
+        max(map(cell_len, (header, *(line for cell in cells for line in cell.plain.splitlines()))))
+        for header, cells in zip(table.headers, columns, strict=True)
     ]
-
-
-def _lines(cell: object) -> list[str]:
-    return (cell.plain if isinstance(cell, Text) else str(cell)).splitlines()
 
 
 def _print_row(console: Console, cells: list[Text], widths: list[int], columns: list[int]) -> None:

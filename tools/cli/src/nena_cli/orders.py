@@ -10,20 +10,19 @@ from typing import Annotated, Generic, TypeVar
 
 import typer
 from pydantic import BaseModel, JsonValue, ValidationError
-from rich.console import Console
-from rich.live import Live
-from rich.table import Table
 
 from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import parse_measure, parse_property, parse_stop, refuse_beside_file
 from nena_cli.options import Format, group
 from nena_cli.order_files import read_orders
-from nena_cli.output import REFUSED, echo, fail, print_objects
+from nena_cli.output import REFUSED, echo, fail, is_terminal, print_objects
 from nena_cli.service import Service, of_service, order_names
+from nena_cli.styled import Table
 from nena_client import Client, Event
 from nena_shared.findings import FINDINGS_SHOWN
-from nena_shared.fleet_api.operations import (
+from nena_shared.fleet_api.operations.operation import Operation
+from nena_shared.fleet_api.operations.orders import (
     CREATE_ORDER,
     CREATE_ORDERS,
     DELIVERY,
@@ -31,10 +30,9 @@ from nena_shared.fleet_api.operations import (
     LIST_ORDERS,
     RESUME,
     SHOW_ORDER,
-    SHOW_VEHICLE,
     WITHDRAW,
-    Operation,
 )
+from nena_shared.fleet_api.operations.vehicles import SHOW_VEHICLE
 from nena_shared.fleet_api.transport_order import (
     DependencyFailure,
     TransportOrderBatch,
@@ -82,13 +80,14 @@ def watch(connection: Client, board: Board[B], query: dict[str, str], output: Fo
         output = Format.TABLE  # its header would be repeated for each change
     events = connection.events(query, on_break=lambda why: echo(f"nena: reconnecting: {why}", "yellow"))
     changes = (board.take(event) for event in events if event.kind == query["kind"])
-    console = Console()
-    if output is not Format.TABLE or not console.is_terminal:
+    if output is not Format.TABLE or not is_terminal():
         for body in changes:
             print_objects(output, (body,), board.table)
             yield body
         return
-    with Live(board, console=console, refresh_per_second=8) as live:
+    from rich.live import Live  # noqa: PLC0415 - pipes need not wait for it
+
+    with Live(board, refresh_per_second=8) as live:
         for body in changes:
             live.refresh()
             yield body

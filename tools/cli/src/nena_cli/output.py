@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from typing import Final, NoReturn, TypeVar
 
 import typer
 from pydantic import BaseModel
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from nena_cli.narrow import is_too_wide, print_narrow
 from nena_cli.options import Format
+from nena_cli.styled import Table
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -31,6 +29,11 @@ IDENTIFIERS: Final = ("name", "zone_set_id", "vehicle", "location")
 
 def echo(text: str, style: str | None = None) -> None:
     """Print a message for people on standard error."""
+    if not sys.stderr.isatty():
+        sys.stderr.write(f"{text}\n")
+        return
+    from rich.console import Console  # noqa: PLC0415 - pipes need not wait for it
+
     Console(stderr=True, soft_wrap=True).print(text, markup=False, highlight=False, style=style)
 
 
@@ -72,22 +75,26 @@ def print_table(what: Table, *, wide: bool = False) -> None:
 
     In a terminal that is too narrow for it, long values go below their row.
     """
+    if not wide and not is_terminal():
+        for row in what.rows:
+            _write("\t".join(" ".join(cell.plain.split()) for cell in row))
+        return
+    from rich.console import Console  # noqa: PLC0415 - pipes need not wait for it
+
+    from nena_cli.narrow import is_too_wide, print_narrow  # noqa: PLC0415 - it imports Rich, too
+
     console = Console()
     if wide:
         Console(width=UNLIMITED).print(what, soft_wrap=True)
-    elif console.is_terminal and is_too_wide(what, console.width):
+    elif is_too_wide(what, console.width):
         print_narrow(console, what)
-    elif console.is_terminal:
-        console.print(what)
     else:
-        for row in zip(*(column.cells for column in what.columns), strict=True):
-            _write("\t".join(_plain(cell) for cell in row))
+        console.print(what)
 
 
-def _plain(cell: object) -> str:
-    """Return the text of a table's cell in one line."""
-    text = cell.plain if isinstance(cell, Text) else str(cell)
-    return " ".join(text.split())
+def is_terminal() -> bool:
+    """Return whether standard output is a terminal, or is treated as one as Rich does."""
+    return sys.stdout.isatty() or bool(os.environ.get("FORCE_COLOR"))
 
 
 def _name_of(body: BaseModel) -> str:

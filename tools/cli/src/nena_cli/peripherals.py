@@ -9,7 +9,7 @@ import typer
 from nena_cli import tables
 from nena_cli.options import group
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.operations import CREATE_JOB, LIST_JOBS, LIST_PERIPHERALS, WITHDRAW_JOB
+from nena_shared.fleet_api.operations.peripherals import CREATE_JOB, LIST_JOBS, LIST_PERIPHERALS, WITHDRAW_JOB
 from nena_shared.fleet_api.peripherals import PeripheralJobRequest
 
 app = group()

@@ -8,13 +8,32 @@ import typer
 
 from nena_cli import tables
 from nena_cli.options import group
-from nena_cli.service import Service, location_names, of_service, point_names, vehicle_names
+from nena_cli.service import Service, names, of_service, vehicle_names
 from nena_client.exchange import Query
-from nena_shared.fleet_api.operations import LIST_LOCATIONS, LIST_POINTS, SHOW_LOCATION, SHOW_POINT
+from nena_shared.fleet_api.operations.plant import LIST_LOCATIONS, LIST_POINTS, SHOW_LOCATION, SHOW_POINT
 from nena_shared.plant_terms import PointType
 
 points = group()
 locations = group()
+
+
+def point_names(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of points for the shell's completion, as :func:`vehicle_names`."""
+    return names(
+        context,
+        incomplete,
+        lambda connection: [each for page in connection.pages(LIST_POINTS) for each in page.points],
+    )
+
+
+def location_names(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of locations for the shell's completion, as :func:`vehicle_names`."""
+    return names(
+        context,
+        incomplete,
+        lambda connection: [each for page in connection.pages(LIST_LOCATIONS) for each in page.locations],
+    )
+
 
 PointName = Annotated[str, typer.Argument(help="Name of the point.", autocompletion=point_names)]
 LocationName = Annotated[str, typer.Argument(help="Name of the location.", autocompletion=location_names)]

@@ -21,7 +21,7 @@ from rich.text import Text
 from nena_cli.options import PLAIN, Format
 from nena_cli.output import echo, fail, print_object
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.operations import CHANGE_PLANT
+from nena_shared.fleet_api.operations.plant import CHANGE_PLANT
 from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, files, lif, opentcs_xml
 from nena_shared.plant import nav2_route as nav2_route_graph
 from nena_shared.plant.exchange import JSON_LIMITS

@@ -12,15 +12,14 @@ from urllib.parse import quote
 import httpx
 import typer
 from pydantic import BaseModel, TypeAdapter, ValidationError
-from rich.table import Table
-from rich.text import Text
 
 from nena_cli.options import group
 from nena_cli.output import REFUSED, fail
 from nena_cli.service import Service, of_service, vehicle_names
+from nena_cli.styled import Table, Text
 from nena_cli.tables import printable
 from nena_cli.vehicles import act
-from nena_shared.fleet_api.operations import FETCH_RECORDING
+from nena_shared.fleet_api.operations.fleet import FETCH_RECORDING
 from nena_shared.fleet_api.recordings import RecordingAnswer
 from nena_shared.vda5050 import own_actions
 

@@ -18,7 +18,7 @@ from nena_cli.options import group
 from nena_cli.output import fail
 from nena_cli.service import Service, of_service
 from nena_shared.clock import in_utc, iso
-from nena_shared.fleet_api.operations import (
+from nena_shared.fleet_api.operations.schedules import (
     DELETE_SCHEDULE,
     ENABLE_SCHEDULE,
     LIST_SCHEDULES,

@@ -15,7 +15,12 @@ from nena_cli.options import group
 from nena_cli.service import Service, of_service
 from nena_client import Client
 from nena_client.exchange import Query
-from nena_shared.fleet_api.operations import COMPLETE_SEQUENCE, CREATE_SEQUENCE, LIST_SEQUENCES, SHOW_SEQUENCE
+from nena_shared.fleet_api.operations.sequences import (
+    COMPLETE_SEQUENCE,
+    CREATE_SEQUENCE,
+    LIST_SEQUENCES,
+    SHOW_SEQUENCE,
+)
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus
 
 app = group()

@@ -9,19 +9,17 @@ from functools import wraps
 from http import HTTPStatus
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Any, Concatenate, Final, ParamSpec, TypeVar
+from typing import Any, Concatenate, Final, ParamSpec, Protocol, TypeVar
 
 import typer
 from pydantic import BaseModel
-from rich.table import Table
 
 from nena_cli.options import DEFAULT_URL, OPTIONS, Format, option, output_of
 from nena_cli.output import REFUSED, fail, print_object, print_objects, print_table
+from nena_cli.styled import Table
 from nena_client import Client, RefusedError, UnreachableError
-from nena_shared.fleet_api.operations import LIST_LOCATIONS, LIST_ORDERS, LIST_POINTS, LIST_VEHICLES
-from nena_shared.fleet_api.places import LocationStatus, PointStatus
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.fleet_api.operations.orders import LIST_ORDERS
+from nena_shared.fleet_api.operations.vehicles import LIST_VEHICLES
 
 M = TypeVar("M", bound=BaseModel)
 P = ParamSpec("P")
@@ -117,42 +115,29 @@ def service_of(context: typer.Context) -> Service:
 
 def vehicle_names(context: typer.Context, incomplete: str) -> list[str]:
     """Return the names of vehicles for the shell's completion; empty if no order service answers."""
-    return _completions(context, incomplete, lambda connection: connection.call(LIST_VEHICLES).vehicles)
+    return names(context, incomplete, lambda connection: connection.call(LIST_VEHICLES).vehicles)
 
 
 def order_names(context: typer.Context, incomplete: str) -> list[str]:
     """Return the names of the newest orders for the shell's completion, as :func:`vehicle_names`."""
     query = {"limit": NAMES_COMPLETED}
-    return _completions(
+    return names(
         context,
         incomplete,
         lambda connection: connection.call(LIST_ORDERS, query=query).transport_orders,
     )
 
 
-def point_names(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the names of points for the shell's completion, as :func:`vehicle_names`."""
-    return _completions(
-        context,
-        incomplete,
-        lambda connection: [each for page in connection.pages(LIST_POINTS) for each in page.points],
-    )
+class Named(Protocol):
+    """An object with a name."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
 
 
-def location_names(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the names of locations for the shell's completion, as :func:`vehicle_names`."""
-    return _completions(
-        context,
-        incomplete,
-        lambda connection: [each for page in connection.pages(LIST_LOCATIONS) for each in page.locations],
-    )
-
-
-def _completions(
-    context: typer.Context,
-    incomplete: str,
-    list_: Callable[[Client], Sequence[VehicleStatus | TransportOrderStatus | PointStatus | LocationStatus]],
-) -> list[str]:
+def names(context: typer.Context, incomplete: str, list_: Callable[[Client], Sequence[Named]]) -> list[str]:
+    """Return the names that begin like ``incomplete``; empty if no order service answers."""
     try:
         with service_of(context).opened() as connection:
             return [each.name for each in list_(connection) if each.name.startswith(incomplete)]

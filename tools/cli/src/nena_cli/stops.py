@@ -11,7 +11,7 @@ from pydantic import JsonValue, ValidationError
 from nena_cli import tables
 from nena_cli.options import group
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.operations import END_STOP, LIST_STOPS, STOP
+from nena_shared.fleet_api.operations.fleet import END_STOP, LIST_STOPS, STOP
 from nena_shared.fleet_api.stops import Area
 from nena_shared.vda5050.malformed import problems_of
 

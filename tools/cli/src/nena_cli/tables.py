@@ -4,27 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from datetime import datetime
+from typing import TYPE_CHECKING
 
-from rich.table import Table
-from rich.text import Text
-
-from nena_shared.fleet_api.audit import AuditEntry
-from nena_shared.fleet_api.peripherals import PeripheralJobStatus, PeripheralStatus
-from nena_shared.fleet_api.places import LocationStatus, PointStatus
-from nena_shared.fleet_api.plant import ZoneSetStatus
-from nena_shared.fleet_api.requests import InstantActionAnswer
-from nena_shared.fleet_api.schedules import ScheduleStatus
-from nena_shared.fleet_api.stops import StopStatus
-from nena_shared.fleet_api.traffic import TrafficPlan, VehiclePlan
-from nena_shared.fleet_api.transport_order import (
-    DeliveryStatus,
-    Destination,
-    OrderSequenceStatus,
-    TransportOrderState,
-    TransportOrderStatus,
-)
-from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleState, VehicleStatus
+from nena_cli.styled import Table, Text
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.fleet_api.wait_chains import WaitChain, chain_from, wait_chains
+
+if TYPE_CHECKING:  # a command needs few of them
+    from nena_shared.fleet_api.audit import AuditEntry
+    from nena_shared.fleet_api.peripherals import PeripheralJobStatus, PeripheralStatus
+    from nena_shared.fleet_api.places import LocationStatus, PointStatus
+    from nena_shared.fleet_api.plant import ZoneSetStatus
+    from nena_shared.fleet_api.requests import InstantActionAnswer
+    from nena_shared.fleet_api.schedules import ScheduleStatus
+    from nena_shared.fleet_api.stops import StopStatus
+    from nena_shared.fleet_api.traffic import TrafficPlan, VehiclePlan
+    from nena_shared.fleet_api.transport_order import (
+        DeliveryStatus,
+        Destination,
+        OrderSequenceStatus,
+        TransportOrderStatus,
+    )
+    from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleStatus
 
 STATE_STYLES = {
     TransportOrderState.FINISHED: "green",
@@ -95,7 +97,7 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
 
 def _details(*rows: tuple[str, Text]) -> Table:
     """Return a table of names and values, without those that are empty."""
-    table = Table.grid(padding=(0, 2))
+    table = Table(frame=False)
     for name, value in rows:
         if value.plain:
             table.add_row(Text(name, style="dim"), value)
@@ -104,7 +106,7 @@ def _details(*rows: tuple[str, Text]) -> Table:
 
 def history_table(status: TransportOrderStatus | OrderSequenceStatus) -> Table:
     """Return the history of an order or a sequence."""
-    table = Table("time", "event", "details", title="History", title_justify="left")
+    table = Table("time", "event", "details", title="History")
     for entry in status.history:
         what = entry.event_code.removeprefix("nena:")
         table.add_row(Text(_local(entry.timestamp)), Text(what), Text(", ".join(entry.supplements)))
@@ -119,11 +121,12 @@ def vehicles_table(vehicles: Iterable[VehicleStatus], fleet: Iterable[VehicleSta
     shown = tuple(vehicles)
     known = {vehicle.name: vehicle for vehicle in (*shown, *fleet)}
     chains = vehicle_chains(known)
-    table = Table("vehicle", "state", "connection", "position", "energy", "order", "reason")
+    columns = ["vehicle", "state", "connection", "position", "energy", "order", "reason"]
     if chains:
-        table.add_column("waits for")
+        columns.append("waits for")
     if any(vehicle.maps for vehicle in shown):
-        table.add_column("maps")
+        columns.append("maps")
+    table = Table(*columns)
     for vehicle in shown:
         energy = "" if vehicle.energy_level is None else f"{vehicle.energy_level:.0f} %"
         table.add_row(
@@ -205,7 +208,7 @@ def _maps(vehicle: VehicleStatus) -> Text:
 
 def order_types_table(vehicle: VehicleStatus) -> Table:
     """Return the order types that a vehicle accepts, in order of preference."""
-    table = Table("type", "priority", title=vehicle.name, title_justify="left")
+    table = Table("type", "priority", title=vehicle.name)
     for each in sorted(vehicle.acceptable_order_types, key=lambda each: each.priority):
         table.add_row(Text(each.name), Text(str(each.priority)))
     return table
@@ -308,7 +311,7 @@ def schedule_details(status: ScheduleStatus) -> Table:
 
 def schedule_runs_table(status: ScheduleStatus) -> Table:
     """Return the last runs of a schedule."""
-    table = Table("planned", "order", "reason", title="Last runs", title_justify="left")
+    table = Table("planned", "order", "reason", title="Last runs")
     for each in status.last_runs:
         table.add_row(*map(Text, (_local(each.planned), each.transport_order or "", each.reason)))
     return table

@@ -17,13 +17,13 @@ from nena_cli.orders import Board, print_or_watch, watch
 from nena_cli.output import REFUSED, fail
 from nena_cli.service import Service, of_service, vehicle_names
 from nena_shared.clock import iso
-from nena_shared.fleet_api.operations import (
+from nena_shared.fleet_api.operations.fleet import SHOW_TRAFFIC_PLAN
+from nena_shared.fleet_api.operations.vehicles import (
     DISPATCH,
     INSTANT_ACTION,
     LIST_VEHICLES,
     ORDER_TYPES,
     REROUTE,
-    SHOW_TRAFFIC_PLAN,
     SHOW_VEHICLE,
 )
 from nena_shared.fleet_api.vehicle import ReroutingType, VehicleState, VehicleStatus

@@ -12,7 +12,12 @@ from nena_cli import tables
 from nena_cli.options import group
 from nena_cli.output import fail
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.operations import DELETE_ZONE_SET, ENABLE_ZONE_SET, LIST_ZONE_SETS, PUT_ZONE_SET
+from nena_shared.fleet_api.operations.plant import (
+    DELETE_ZONE_SET,
+    ENABLE_ZONE_SET,
+    LIST_ZONE_SETS,
+    PUT_ZONE_SET,
+)
 from nena_shared.fleet_api.plant import ZoneSetStatus
 
 app = group()

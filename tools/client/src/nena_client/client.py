@@ -32,7 +32,9 @@ from nena_client.exchange import (
     problem_of,
     read,
 )
-from nena_shared.fleet_api.operations import LIST_VEHICLES, SHOW_ORDER, Operation
+from nena_shared.fleet_api.operations.operation import Operation
+from nena_shared.fleet_api.operations.orders import SHOW_ORDER
+from nena_shared.fleet_api.operations.vehicles import LIST_VEHICLES
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 
 RETRY_FOR = 30.0

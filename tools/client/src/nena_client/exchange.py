@@ -6,20 +6,22 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from typing import Any, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 from uuid import uuid4
 
 import httpx
 from pydantic import BaseModel, JsonValue, ValidationError
 
-from nena_shared.fleet_api.audit import AuditPage
-from nena_shared.fleet_api.operations import Operation
-from nena_shared.fleet_api.places import LocationPage, PointPage
+from nena_shared.fleet_api.operations.operation import Operation
 from nena_shared.fleet_api.requests import OrderSequencePage, Readiness, TransportOrderPage, VehicleList
 from nena_shared.fleet_api.transport_order import Problem, TransportOrderBatch
 
+if TYPE_CHECKING:
+    from nena_shared.fleet_api.audit import AuditPage
+    from nena_shared.fleet_api.places import LocationPage, PointPage
+
 A = TypeVar("A", bound=BaseModel)
-P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList, AuditPage, PointPage, LocationPage)
+P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList, "AuditPage", "PointPage", "LocationPage")
 Query = Mapping[str, str | int | Sequence[str]]
 
 PAGE = 200
