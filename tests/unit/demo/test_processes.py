@@ -8,6 +8,7 @@ import pytest
 
 from nena_demo import processes as module
 from nena_demo.processes import ChildFailedError, Processes, mosquitto_path, start_broker
+from nena_demo.processes import free_port as chosen_port
 from support.broker import free_port
 from support.waiting import until
 
@@ -107,3 +108,8 @@ async def second_broker(processes: Processes, port: int) -> None:
     child = await start_broker(processes, port, "mosquitto")
     await child.process.wait()
     child.check()
+
+
+def test_no_robot_can_get_the_port_of_a_service_that_starts_later() -> None:
+    ephemeral, _ = map(int, Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split())
+    assert all(chosen_port() < ephemeral for _ in range(20))
