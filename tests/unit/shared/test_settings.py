@@ -210,7 +210,7 @@ def test_bad_json_in_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_json_in_the_environment_that_is_nested_deep(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NENA_MQTT", '{"a":' * 5000)
+    monkeypatch.setenv("NENA_MQTT", '{"a":' * 20_000)
 
     assert problems() == ("settings: a list or table in the environment or an option is nested too deeply",)
 
