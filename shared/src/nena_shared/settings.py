@@ -176,9 +176,11 @@ class ServiceSettings(ProgramSettings):
 
 
 class ShowVersion(argparse.Action):
-    """Option that prints the version of the program's distribution, which has its name, and exits."""
+    """Option that prints the version of the program's distribution, by default of its name, and exits."""
 
-    def __init__(self, option_strings: Sequence[str], dest: str, *, program: str) -> None:
+    def __init__(
+        self, option_strings: Sequence[str], dest: str, *, program: str, distribution: str | None = None
+    ) -> None:
         super().__init__(
             option_strings,
             argparse.SUPPRESS,
@@ -187,11 +189,11 @@ class ShowVersion(argparse.Action):
             help="show version and exit",
         )
         del dest
-        self._program = program
+        self._program, self._distribution = program, distribution or program
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         """Print the version and exit."""
-        sys.stdout.write(f"{self._program} {version(self._program)}\n")
+        sys.stdout.write(f"{self._program} {version(self._distribution)}\n")
         parser.exit()
 
 
@@ -216,13 +218,14 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
     parser.add_argument("--config", metavar="FILE", type=Path, help="TOML file with settings")
     names = ("-V",) if "version" in model.model_fields else ("-V", "--version")  # a robot's VDA 5050 version
     parser.add_argument(*names, action=ShowVersion, program=program)
-    chosen, _ = _config_only_parser(program).parse_known_args(list(argv))
+    arguments = _with_short_version(argv)
+    chosen, _ = _config_only_parser(program).parse_known_args(arguments)
     from_file = _read_file(chosen.config) if chosen.config else {}
     try:
         command_line = CliSettingsSource[argparse.ArgumentParser](
             model,
             root_parser=parser,
-            cli_parse_args=list(argv),
+            cli_parse_args=arguments,
             cli_hide_none_type=True,
             cli_avoid_json=True,
             cli_implicit_flags=True,
@@ -233,6 +236,15 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
     except RecursionError as error:
         message = "settings: a list or table in the environment or an option is nested too deeply"
         raise ConfigurationError([message]) from error
+
+
+def _with_short_version(argv: Sequence[str]) -> list[str]:
+    """Return the arguments with ``-V`` for a ``--version`` without a value: that is not the setting."""
+    after = (*argv[1:], "-")
+    return [
+        "-V" if each == "--version" and following.startswith("-") else each
+        for each, following in zip(argv, after, strict=False)
+    ]
 
 
 def _config_only_parser(program: str) -> argparse.ArgumentParser:

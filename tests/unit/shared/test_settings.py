@@ -130,14 +130,15 @@ def test_version_needs_no_settings(option: str, capsys: pytest.CaptureFixture[st
     assert capsys.readouterr().out == f"nena-shared {version('nena-shared')}\n"
 
 
-def test_a_setting_named_version_leaves_the_short_option(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_setting_named_version_needs_a_value(capsys: pytest.CaptureFixture[str]) -> None:
     class OfRobot(ServiceSettings):
         version: str = "2.1.0"
 
     assert load(OfRobot, ["--version", "3.0.0"], program="nena-shared", description="").version == "3.0.0"
-    with pytest.raises(SystemExit):
-        load(OfRobot, ["-V"], program="nena-shared", description="")
-    assert capsys.readouterr().out.startswith("nena-shared ")
+    for options in (["-V"], ["--version"], ["--version", "--log.level", "info"]):
+        with pytest.raises(SystemExit):
+            load(OfRobot, options, program="nena-shared", description="")
+        assert capsys.readouterr().out.startswith("nena-shared ")
 
 
 @pytest.mark.parametrize("option", [["--color", "red"], ["--mqtt.hots", "x"], ["--col", "red"], ["red"]])

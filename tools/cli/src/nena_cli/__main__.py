@@ -114,7 +114,10 @@ def _print_version(wanted: bool) -> None:  # noqa: FBT001 - the callback of an o
 
 
 Version = Annotated[
-    bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
+    bool,
+    typer.Option(
+        "--version", "-V", callback=_print_version, is_eager=True, help="Show the version and exit."
+    ),
 ]
 app = group(
     Parameter("version", Parameter.KEYWORD_ONLY, default=False, annotation=Version),

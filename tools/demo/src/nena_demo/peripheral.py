@@ -23,7 +23,7 @@ from nena_shared.fleet_api.peripherals import (
 )
 from nena_shared.fleet_api.topics import FleetTopics, PeripheralTopic
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
-from nena_shared.settings import MqttSettings
+from nena_shared.settings import MqttSettings, ShowVersion
 
 JOBS_KEPT: Final = 1000
 """Number of jobs whose answers are kept."""
@@ -111,6 +111,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="nena-demo-peripheral", description="Simulate peripheral devices, such as doors, over MQTT."
     )
+    parser.add_argument("-V", "--version", action=ShowVersion, program=parser.prog, distribution="nena-demo")
     parser.add_argument("locations", nargs="+", metavar="LOCATION", help="Location of a device.")
     parser.add_argument("--host", default="127.0.0.1", help="Address of the MQTT broker.")
     parser.add_argument("--port", type=int, default=1883, help="Port of the MQTT broker.")
