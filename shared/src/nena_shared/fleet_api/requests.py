@@ -62,6 +62,10 @@ class OrderSequencesQuery(Resource):
     finished: bool | None = None
     """None: finished and unfinished ones."""
     intended_vehicle: str | None = None
+    since: Moment | None = None
+    """Only sequences created at this time or later."""
+    until: Moment | None = None
+    """Only sequences created before this time."""
     limit: PageSize = 100
     after: AfterNumber | None = None
 
@@ -114,10 +118,21 @@ class VehicleList(Resource):
     """Value of ``after`` for the next page; None: this is the last one."""
 
 
-class PathList(Resource):
-    """All paths."""
+class PathsQuery(Resource):
+    """Filter and page of paths."""
+
+    locked: bool | None = None
+    """None: locked and unlocked ones."""
+    limit: PageSize = 100
+    after: ObjectName | None = None
+
+
+class PathPage(Resource):
+    """A page of paths, in the order of the plant model."""
 
     paths: tuple[PathStatus, ...]
+    next: str | None = None
+    """Value of ``after`` for the next page; None: this is the last one."""
 
 
 class PathLockRequest(Request):

@@ -31,6 +31,21 @@ async def test_paths_are_listed_and_locked(client: httpx.AsyncClient, service: O
     assert (await lock(client, name, locked=False)).json()["locked"] is False
 
 
+async def test_paths_come_in_pages_and_by_lock(client: httpx.AsyncClient, service: OrderService) -> None:
+    names = [path.name for path in service.engine.plant.paths]
+    first = (await client.get("/v1/paths", params={"limit": 2})).json()
+    assert [path["name"] for path in first["paths"]] == names[:2]
+    rest = (await client.get("/v1/paths", params={"after": first["next"]})).json()
+    assert [path["name"] for path in rest["paths"]] == names[2:]
+    assert rest["next"] is None
+
+    await lock(client, names[3], locked=True)
+    locked = (await client.get("/v1/paths", params={"locked": "true"})).json()["paths"]
+    assert [path["name"] for path in locked] == [names[3]]
+    unknown = await client.get("/v1/paths", params={"after": "Nowhere"})
+    assert (unknown.status_code, unknown.json()["type"]) == (404, "/problems/unknown-path")
+
+
 async def test_unknown_path_and_bad_request_are_problems(client: httpx.AsyncClient) -> None:
     assert (await lock(client, "Nowhere --- Else", locked=True)).status_code == 404
     assert (await client.get("/v1/paths/Nowhere")).status_code == 404

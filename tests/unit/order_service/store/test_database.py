@@ -109,6 +109,26 @@ def test_sequences_are_listed_newest_first_with_filters(url: str) -> None:
     assert numbers(SequenceFilter(before=3)) == [2, 1]
 
 
+def test_sequences_are_found_by_time_of_creation(url: str) -> None:
+    engine = open_database(url)
+    changes = Changes()
+    for number in range(1, 5):
+        asked = OrderSequenceRequest.model_validate({})
+        created = NOW + timedelta(minutes=number)
+        changes.put_sequence(OrderSequence.created(asked, number=number, name=f"S-{number}", now=created))
+    write(engine, changes)
+
+    def between(first: int, last: int) -> list[int]:
+        since, until = (NOW + timedelta(minutes=each) for each in (first, last))
+        return [each.number for each in read_sequences(engine, SequenceFilter(since=since, until=until))]
+
+    assert between(0, 9) == [4, 3, 2, 1]
+    assert between(2, 4) == [3, 2]
+    assert between(5, 9) == []
+    since = SequenceFilter(since=NOW + timedelta(minutes=2), before=4)
+    assert [each.number for each in read_sequences(engine, since)] == [3, 2]
+
+
 def test_order_round_trip_is_unchanged(url: str) -> None:
     engine = open_database(url)
     order = assigned_order("A", "B", idempotency_key="k", deadline=NOW, priority=3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import datetime
 from itertools import islice
 from typing import Annotated
 
@@ -66,6 +67,12 @@ def list_(
         bool | None, typer.Option("--finished/--unfinished", help="Only these. Unset: all.")
     ] = None,
     vehicle: Annotated[str | None, typer.Option(help="Only sequences intended for this vehicle.")] = None,
+    since: Annotated[
+        datetime | None, typer.Option(help="Only sequences created since this local time.")
+    ] = None,
+    until: Annotated[
+        datetime | None, typer.Option(help="Only sequences created before this local time.")
+    ] = None,
     limit: Annotated[int, typer.Option(min=1, help="Maximum number; the newest first.")] = 50,
 ) -> None:
     """List order sequences, newest first; with --json one line each."""
@@ -74,6 +81,9 @@ def list_(
         query["finished"] = str(finished).lower()
     if vehicle is not None:
         query["intendedVehicle"] = vehicle
+    for name, moment in (("since", since), ("until", until)):
+        if moment is not None:
+            query[name] = moment.astimezone().isoformat()
     with service.connected() as connection:
         _print(service, *islice(_all(connection, query), limit))
 

@@ -13,7 +13,13 @@ import httpx
 from pydantic import BaseModel, JsonValue, ValidationError
 
 from nena_shared.fleet_api.operations.operation import Operation
-from nena_shared.fleet_api.requests import OrderSequencePage, Readiness, TransportOrderPage, VehicleList
+from nena_shared.fleet_api.requests import (
+    OrderSequencePage,
+    PathPage,
+    Readiness,
+    TransportOrderPage,
+    VehicleList,
+)
 from nena_shared.fleet_api.transport_order import Problem, TransportOrderBatch
 
 if TYPE_CHECKING:
@@ -21,7 +27,16 @@ if TYPE_CHECKING:
     from nena_shared.fleet_api.places import LocationPage, PointPage
 
 A = TypeVar("A", bound=BaseModel)
-P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList, "AuditPage", "PointPage", "LocationPage")
+P = TypeVar(
+    "P",
+    TransportOrderPage,
+    OrderSequencePage,
+    VehicleList,
+    PathPage,
+    "AuditPage",
+    "PointPage",
+    "LocationPage",
+)
 Query = Mapping[str, str | int | Sequence[str]]
 
 PAGE = 200

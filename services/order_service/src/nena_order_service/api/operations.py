@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from nena_order_service.api.audit import ChangingRequest, Origin, body_of_model, kind_of, masked
 from nena_order_service.api.encoding import EncodedPage
 from nena_order_service.api.host_requests import Creation, ETag, HostServices, Refused
+from nena_order_service.api.place_requests import path_page
 from nena_order_service.api.problems import problem_of
 from nena_order_service.fleet.outputs import InstantActionEnded
 from nena_order_service.store.database import OrderFilter, SequenceFilter
@@ -193,9 +194,15 @@ class HostOperations:
     @_does(table.LIST_SEQUENCES)
     async def _list_sequences(self, call: Call[bodies.OrderSequencesQuery]) -> Reply:
         query = call.request
-        found = await self._sequences.sequences(
-            SequenceFilter(query.finished, query.intended_vehicle, _number(query.after), query.limit + 1)
+        wanted = SequenceFilter(
+            query.finished,
+            query.intended_vehicle,
+            query.since,
+            query.until,
+            before=_number(query.after),
+            limit=query.limit + 1,
         )
+        found = await self._sequences.sequences(wanted)
         page = found[: query.limit]
         following = str(page[-1].number) if len(found) > query.limit else None
         return Reply(
@@ -289,8 +296,8 @@ class HostOperations:
         return Reply(self._places.location(call.name))
 
     @_does(table.LIST_PATHS)
-    async def _list_paths(self, _: Call[None]) -> Reply:
-        return Reply(bodies.PathList(paths=self._locks.all()))
+    async def _list_paths(self, call: Call[bodies.PathsQuery]) -> Reply:
+        return Reply(path_page(self._locks, call.request))
 
     @_does(table.SHOW_PATH)
     async def _show_path(self, call: Call[None]) -> Reply:

@@ -1,4 +1,4 @@
-"""Requests of hosts about the points and locations of the plant model, and who uses them."""
+"""Requests of hosts about the points, locations and paths of the plant model, and who uses them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from itertools import islice
 from typing import TypeVar
 
 from nena_order_service.engine.engine import Engine
+from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.status import current_position
 from nena_order_service.errors import UnknownLocationError, UnknownPointError, UnknownVehicleError
 from nena_shared.fleet_api.places import (
@@ -21,13 +22,15 @@ from nena_shared.fleet_api.places import (
     PointsQuery,
     PointStatus,
 )
+from nena_shared.fleet_api.plant import PathStatus
+from nena_shared.fleet_api.requests import PathPage, PathsQuery
 from nena_shared.plant import Location, Point
 from nena_shared.plant.model import NO_OPERATION
 
 LOOKED_AT_ONCE = 100
 """Number of vehicles located before other tasks run; each takes up to 0.1 ms."""
 
-P = TypeVar("P", Point, Location)
+P = TypeVar("P", Point, Location, PathStatus)
 
 
 class PlaceRequests:
@@ -153,6 +156,20 @@ class PlaceRequests:
                 for link in location.links
             ),
         )
+
+
+def path_page(locks: PathLocks, query: PathsQuery) -> PathPage:
+    """Return a page of paths.
+
+    Raises:
+        UnknownPathError: no path has the name ``after``.
+
+    """
+    if query.after is not None:
+        locks.get(query.after)
+    wanted = (each for each in _behind(locks.all(), query.after) if query.locked in (None, each.locked))
+    page, following = _page(wanted, query.limit)
+    return PathPage(paths=tuple(page), next=following)
 
 
 def _behind(objects: Iterable[P], name: str | None) -> Iterator[P]:

@@ -254,6 +254,10 @@ class SequenceFilter:
 
     finished: bool | None = None
     intended_vehicle: str | None = None
+    since: datetime | None = None
+    """Only those created at this time or later, as :func:`read_number_at` finds it."""
+    until: datetime | None = None
+    """Only those created before this time."""
     before: int | None = None
     limit: int = 100
 
@@ -308,6 +312,10 @@ def read_sequences(engine: sa.Engine, wanted: SequenceFilter) -> tuple[OrderSequ
         query = query.where(table.c.finished.is_(wanted.finished))
     if wanted.intended_vehicle is not None:
         query = query.where(equals(table.c.intended_vehicle, wanted.intended_vehicle))
+    if wanted.since is not None:
+        query = query.where(table.c.number >= read_number_at(engine, wanted.since, table))
+    if wanted.until is not None:
+        query = query.where(table.c.number < read_number_at(engine, wanted.until, table))
     if wanted.before is not None:
         query = query.where(table.c.number < wanted.before)
     with engine.connect() as connection:
@@ -541,21 +549,22 @@ def read_orders(engine: sa.Engine, wanted: OrderFilter) -> tuple[TransportOrder,
         return _read_orders(connection, connection.execute(query).all())
 
 
-def read_number_at(engine: sa.Engine, moment: datetime) -> int:
+def read_number_at(engine: sa.Engine, moment: datetime, objects: sa.Table = schema.transport_orders) -> int:
     """Return the lowest number of the orders created at ``moment`` or later; if none, the next number.
 
     Found by bisection without an index, because numbers grow with the time of creation. After the clock was
     set back, orders of the repeated time may count to either side.
+
+    ``objects`` is their table, or that of the order sequences.
     """
-    orders = schema.transport_orders
     with engine.connect() as connection:
-        last: int | None = connection.execute(sa.select(sa.func.max(orders.c.number))).scalar()
+        last: int | None = connection.execute(sa.select(sa.func.max(objects.c.number))).scalar()
         low, high = 0, 0 if last is None else last + 1
         found = high
         while low < high:
             middle = (low + high) // 2
-            query = sa.select(orders.c.number, orders.c.document).where(orders.c.number >= middle)
-            row = connection.execute(query.order_by(orders.c.number).limit(1)).first()
+            query = sa.select(objects.c.number, objects.c.document).where(objects.c.number >= middle)
+            row = connection.execute(query.order_by(objects.c.number).limit(1)).first()
             if row is None or _created_in(row.document) >= moment:
                 found, high = row.number if row else found, middle
             else:

@@ -73,7 +73,14 @@ SHOW_LOCATION = Operation(
     refusals=(Refusal.UNKNOWN_LOCATION,),
 )
 LIST_PATHS = Operation(
-    "paths", "List the paths, and which of them are locked.", "GET", PATHS, requests.PathList, Role.VIEWER
+    "paths",
+    "List the paths, and which of them are locked.",
+    "GET",
+    PATHS,
+    requests.PathPage,
+    Role.VIEWER,
+    request=requests.PathsQuery,
+    refusals=(Refusal.UNKNOWN_PATH,),
 )
 
 LOCK_PATH = Operation(
