@@ -89,6 +89,9 @@ def test_options_of_the_order_are_refused_beside_a_file(tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert "set --type, --after, --key there instead" in done.output
 
+    default = [*command[:3], "--priority", "0", "--wait"]
+    assert "set --priority there instead" in CliRunner().invoke(orders.app, default).output
+
 
 def test_watching_orders_of_an_unknown_vehicle_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     unknown = Problem(title="Not Found", status=404, detail="Unknown vehicle 'V9'.")

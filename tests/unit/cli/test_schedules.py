@@ -117,7 +117,7 @@ def test_options_of_the_order_are_refused_beside_a_file(
 ) -> None:
     file = tmp_path / "order.json"
     file.write_text(json.dumps(TEMPLATE))
-    command = ["put", "milk-run", "30 6 * * *", "--file", str(file), "--priority", "5", "--vehicle", "V1"]
+    command = ["put", "milk-run", "30 6 * * *", "--file", str(file), "--priority", "0", "--vehicle", "V1"]
     result = CliRunner().invoke(schedules.app, command, env={"COLUMNS": "250"})
     assert (result.exit_code, asked) == (2, [])
     assert "set --vehicle, --priority there instead" in result.output

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from datetime import datetime
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 from pydantic import ValidationError
@@ -15,7 +15,6 @@ from nena_shared.fleet_api.transport_order import (
     Destination,
     FailureStep,
     Property,
-    TransportOrderRequest,
 )
 from nena_shared.vda5050.malformed import problems_of
 
@@ -86,23 +85,8 @@ def parse_measure(text: str) -> FailureStep:
         raise typer.BadParameter(message) from error
 
 
-OPTION_NAMES: Final = {
-    "intended_vehicle": "--vehicle",
-    "dependencies": "--after",
-    "wrapping_sequence": "--sequence",
-    "properties": "--property",
-    "idempotency_key": "--key",
-}
-"""Options of fields of an order, where they have another name."""
-
-
-def refuse_beside_file(fields: Mapping[str, object]) -> None:
-    """Raise typer.BadParameter if an option sets a field of an order that a file contains."""
-    given = [
-        OPTION_NAMES.get(name, f"--{name.replace('_', '-')}")
-        for name, value in fields.items()
-        if value != TransportOrderRequest.model_fields[name].get_default(call_default_factory=True)
-    ]
+def refuse_beside_file(given: Collection[str]) -> None:
+    """Raise typer.BadParameter if there are options of an order beside a file that contains the order."""
     if given:
         message = f"--file contains the whole order: set {', '.join(given)} there instead"
         raise typer.BadParameter(message)

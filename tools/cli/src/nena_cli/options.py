@@ -104,11 +104,22 @@ def output_of(context: typer.Context) -> Format:
     return Format.TABLE
 
 
+def own_options(context: typer.Context) -> tuple[str, ...]:
+    """Return the command's own options on the command line, in the order of its help."""
+    shared = {each.name for each in OPTIONS}
+    own = (each for each in context.command.params if each.name not in shared and each.opts[0][0] == "-")
+    return tuple(each.opts[0] for each in own if _is_given(context, each.name))
+
+
 def _given(context: typer.Context, *names: str) -> Iterator[Any]:
     """Yield the contexts, innermost first, that have one of these options from the command line."""
     at: Any = context
     while at is not None:
-        sources = (at.get_parameter_source(name) for name in names)
-        if any(source is not None and source.name == "COMMANDLINE" for source in sources):
+        if any(_is_given(at, name) for name in names):
             yield at
         at = at.parent
+
+
+def _is_given(context: Any, name: str | None) -> bool:  # noqa: ANN401 - Typer's own copy of click has no types
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"

@@ -129,6 +129,7 @@ def create(
 ) -> None:
     """Create a transport order."""
     request = _request(
+        service,
         file,
         destinations=tuple(map(parse_stop, stops or ())),
         name=name,
@@ -318,13 +319,13 @@ def _change(
         _print(service, connection.call(operation, name, body=given, headers=headers))
 
 
-def _request(file: typer.FileBinaryRead | None, **fields: object) -> TransportOrderRequest:
+def _request(service: Service, file: typer.FileBinaryRead | None, **fields: object) -> TransportOrderRequest:
     """Build a request from a file or from the options."""
     if (file is None) == (not fields["destinations"]):
         message = "Specify stops or --file"
         raise typer.BadParameter(message)
     if file:
-        refuse_beside_file({name: value for name, value in fields.items() if name != "destinations"})
+        refuse_beside_file([each for each in service.given if each not in ("--file", "--wait")])
     try:
         if file:
             return TransportOrderRequest.model_validate_json(file.read(), by_alias=True, by_name=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from pydantic import JsonValue
@@ -28,6 +28,9 @@ from nena_shared.fleet_api.operations.schedules import (
 from nena_shared.fleet_api.schedules import CATCH_UP_LIMIT, ScheduleStatus
 
 app = group()
+
+OF_ORDER: Final = ("--vehicle", "--priority", "--type", "--timeout")
+"""Options of the transport order."""
 
 Name = Annotated[str, typer.Argument(help="Name of the schedule.")]
 
@@ -84,7 +87,7 @@ def put(
     """Create a schedule, or replace its definition."""
     given = {"intended_vehicle": vehicle, "priority": priority, "type": kind, "timeout": timeout}
     body: dict[str, JsonValue] = {
-        "transportOrder": _template(stops or (), file, given),
+        "transportOrder": _template(service, stops or (), file, given),
         "cron": cron,
         "timeZone": zone,
         "validFrom": _moment(valid_from),
@@ -124,7 +127,10 @@ def _enable(service: Service, name: str, *, enabled: bool) -> None:
 
 
 def _template(
-    stops: Sequence[str], file: typer.FileBinaryRead | None, given: Mapping[str, JsonValue]
+    service: Service,
+    stops: Sequence[str],
+    file: typer.FileBinaryRead | None,
+    given: Mapping[str, JsonValue],
 ) -> JsonValue:
     """Return the transport order of the stops and options, or of the file."""
     if bool(stops) == bool(file):
@@ -136,7 +142,7 @@ def _template(
         ]
         fields = {to_camel(name): value for name, value in given.items() if value is not None}
         return {"destinations": places, **fields}
-    refuse_beside_file(given)
+    refuse_beside_file([each for each in service.given if each in OF_ORDER])
     try:
         order: JsonValue = from_json(file.read(), allow_inf_nan=False)
     except ValueError as error:

@@ -14,7 +14,7 @@ from typing import Any, Concatenate, Final, ParamSpec, Protocol, TypeVar
 import typer
 from pydantic import BaseModel
 
-from nena_cli.options import DEFAULT_URL, OPTIONS, Format, option, output_of
+from nena_cli.options import DEFAULT_URL, OPTIONS, Format, option, output_of, own_options
 from nena_cli.output import REFUSED, fail, print_object, print_objects, print_table
 from nena_cli.styled import Table
 from nena_client import Client, RefusedError, UnreachableError
@@ -33,6 +33,8 @@ class Service:
     token: str | None
     token_file: Path | None
     output: Format
+    given: tuple[str, ...] = ()
+    """The command's own options on the command line, such as ``--vehicle``, also those that set a default."""
 
     @contextmanager
     def connected(self) -> Iterator[Client]:
@@ -110,6 +112,7 @@ def service_of(context: typer.Context) -> Service:
         option(context, "token"),
         option(context, "token_file"),
         output_of(context),
+        own_options(context),
     )
 
 
