@@ -8,7 +8,7 @@ import pytest
 
 from nena_demo.feed import OrderFeed
 from nena_demo.host import Host
-from nena_demo.plants.hall import make_hall
+from nena_demo.plants.hall import Hall, make_hall
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.settings import MqttSettings
 from support.fleet_examples import order_status
@@ -16,10 +16,10 @@ from support.fleet_examples import order_status
 HALL = make_hall(tuple(f"AMR-{number}" for number in range(12)))
 
 
-def made_feed(handler: httpx.MockTransport) -> OrderFeed:
+def made_feed(handler: httpx.MockTransport, hall: Hall = HALL) -> OrderFeed:
     host = Host(MqttSettings(), "http://nena.test", lambda *_: None)
     host.rest = httpx.AsyncClient(base_url="http://nena.test", transport=handler)
-    return OrderFeed(host, HALL)
+    return OrderFeed(host, hall)
 
 
 def accepting(asked: list[dict[str, object]], *, refused: int = 0) -> httpx.MockTransport:
@@ -52,6 +52,17 @@ async def test_peak_has_three_orders_for_each_robot_from_goods_in_and_to_goods_o
         for stop in each["destinations"]  # type: ignore[attr-defined]
     )
     assert stations == {"Goods in": 18, "Storage": 36, "Goods out": 18}
+
+
+async def test_orders_of_a_large_hall_stay_in_a_section() -> None:
+    large = make_hall(tuple(f"AMR-{number}" for number in range(52)))
+    asked: list[dict[str, object]] = []
+    feed = made_feed(accepting(asked), large)
+    await feed.peak()
+    sections = [{*each.goods_in, *each.storage, *each.goods_out} for each in large.sections]
+    for order in asked:
+        stops = {stop["locationName"] for stop in order["destinations"]}  # type: ignore[attr-defined]
+        assert any(stops <= each for each in sections)
 
 
 async def test_orders_that_were_not_created_are_not_open() -> None:

@@ -46,6 +46,20 @@ def test_each_robot_starts_at_a_parking_position_of_its_own(robots: int) -> None
     assert starts <= parking
 
 
+def test_loads_stay_in_a_section_however_large_the_hall_is() -> None:
+    small, large = hall(12), hall(52)
+    assert (len(small.sections), len(large.sections)) == (1, 3)
+
+    for section in (*small.sections, *large.sections):
+        assert (len(section.goods_in), len(section.storage), len(section.goods_out)) == (4, 8, 4)
+    for section in large.sections:
+        names = (*section.goods_in, *section.storage, *section.goods_out)
+        at = [large.plant.locations_by_name[each].x_m for each in names]
+        assert max(at) - min(at) < small.width + 5
+    every = [each for part in large.sections for each in (*part.goods_in, *part.storage, *part.goods_out)]
+    assert len(set(every)) == 3 * 16
+
+
 def test_the_door_opens_before_its_path_and_closes_behind_the_next() -> None:
     operations = {
         path.name: [each.name for each in path.peripheral_operations]
@@ -54,7 +68,7 @@ def test_the_door_opens_before_its_path_and_closes_behind_the_next() -> None:
     }
 
     assert operations == {"Middle 5 --- Middle 6": ["open"], "Middle 6 --- Middle 7": ["close"]}
-    assert GATE in hall(12).locations("")
+    assert GATE in hall(12).plant.locations_by_name
 
 
 def test_the_order_service_reads_it_unchanged() -> None:

@@ -68,11 +68,12 @@ class OrderFeed:
         return len(accepted)
 
     def _request(self) -> TransportOrderRequest:
-        """Return a transport from goods in to storage, or from there to goods out."""
-        storage = self._random.choice(self._hall.locations("Storage"))
+        """Return a transport from goods in to storage, or from there to goods out, within a section."""
+        section = self._random.choice(self._hall.sections)
+        storage = self._random.choice(section.storage)
         number = next(self._number)
         if number % 2:
-            stations = self._random.choice(self._hall.locations("Goods in")), storage
+            stations = self._random.choice(section.goods_in), storage
         else:
-            stations = storage, self._random.choice(self._hall.locations("Goods out"))
+            stations = storage, self._random.choice(section.goods_out)
         return transport(*stations, name=f"Transport-{self._run}-{number}")

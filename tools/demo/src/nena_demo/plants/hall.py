@@ -1,9 +1,9 @@
-"""The hall of the guided tour: one-way roads and aisles, as large as its robots need.
+"""The hall of the guided tour: one-way roads and aisles, as many sections as its robots need.
 
 ```
- parking     |    |    |    |
- North   <---+----+----+----+---     goods in at the first aisle, goods out at the last one,
-         |   ^    |    ^    ...      storage in between; aisles lead up and down in turn
+ parking     |    |    |    |        In each section of six aisles: goods in at the first aisle,
+ North   <---+----+----+----+---     goods out at the last one, storage in between.
+         |   ^    |    ^    ...      Aisles lead up and down in turn.
  Middle  +---+-->-[Gate]--->+--->
          v   |    v    |    ...
  South   ----+----+----+----+-->
@@ -42,9 +42,8 @@ LOAD, UNLOAD = "Load cargo", "Unload cargo"
 SPEED_MM_S, SPUR_SPEED_MM_S = 2000, 1000
 AISLE_SPACING, HEIGHT, SPUR = 6, 16, 2
 """m"""
-FEWEST_AISLES = 6
-AISLES_PER_DOCK = 6
-"""One in so many aisles is for goods in, and one for goods out."""
+SECTION = 6
+"""Aisles of a section; even, so that each begins with an aisle that leads down."""
 ROBOTS_PER_CHARGER = 6
 VEHICLE_BOX = BoundingBox(length_mm=700, width_mm=500, height_mm=400)
 POINT_BOX = BoundingBox(length_mm=1200, width_mm=900, height_mm=2000)
@@ -59,21 +58,27 @@ class Place:
     theta: float
 
 
+@dataclass(slots=True)
+class Section:
+    """Names of the stations of a section. Loads stay in it, so drives are as short as in a small hall."""
+
+    goods_in: list[str] = field(default_factory=list)
+    storage: list[str] = field(default_factory=list)
+    goods_out: list[str] = field(default_factory=list)
+
+
 @dataclass(frozen=True, slots=True)
 class Hall:
-    """The plant model, and the start of each of its vehicles, in their order."""
+    """The plant model, the start of each of its vehicles, in their order, and the sections."""
 
     plant: PlantModel
     starts: tuple[Place, ...]
+    sections: tuple[Section, ...]
 
     @property
     def width(self) -> float:
         """Return the largest x of the hall, m."""
         return max(each.x_m for each in self.plant.points)
-
-    def locations(self, prefix: str) -> tuple[str, ...]:
-        """Return the names of the locations that begin with ``prefix``."""
-        return tuple(each.name for each in self.plant.locations if each.name.startswith(prefix))
 
 
 def make_hall(serial_numbers: tuple[str, ...]) -> Hall:
@@ -95,7 +100,7 @@ def make_hall(serial_numbers: tuple[str, ...]) -> Hall:
         locations=tuple(sketch.locations),
         vehicles=tuple(_vehicle(each) for each in serial_numbers),
     )
-    return Hall(plant, tuple(sketch.parking[: len(serial_numbers)]))
+    return Hall(plant, tuple(sketch.parking[: len(serial_numbers)]), tuple(sketch.sections))
 
 
 def _chargers(robots: int) -> int:
@@ -103,10 +108,10 @@ def _chargers(robots: int) -> int:
 
 
 def _aisles(robots: int) -> int:
-    """Return the smallest even number of aisles that has a parking position for each robot."""
-    aisles = FEWEST_AISLES
+    """Return the number of aisles in the fewest sections that have a parking position for each robot."""
+    aisles = SECTION
     while 2 * (2 * aisles - 1) - _chargers(robots) < robots:
-        aisles += 2
+        aisles += SECTION
     return aisles
 
 
@@ -138,6 +143,7 @@ class _Sketch:
     paths: list[Path] = field(default_factory=list)
     locations: list[Location] = field(default_factory=list)
     parking: list[Place] = field(default_factory=list)
+    sections: list[Section] = field(default_factory=list)
 
     def draw_roads(self) -> None:
         """Draw three roads with a point every 3 m; each second one is on an aisle."""
@@ -155,17 +161,25 @@ class _Sketch:
             self._line(upwards if aisle % 2 else upwards[::-1])
 
     def draw_stations(self) -> None:
-        """Draw goods in on both sides of the first aisles, goods out at the last ones, storage between."""
-        ends = self.aisles // AISLES_PER_DOCK
-        for aisle in range(self.aisles):
-            at_end = not ends <= aisle < self.aisles - ends
-            kind = ("Goods in" if aisle < ends else "Goods out") if at_end else "Storage"
-            for half, y in (("south", HEIGHT // 4), ("north", HEIGHT * 3 // 4)):
-                for side in (SPUR, -SPUR) if at_end else (SPUR,):
-                    number = sum(each.name.startswith(kind) for each in self.locations) + 1
-                    x = aisle * AISLE_SPACING + side
-                    stand = self._spur(f"{kind} {number} stand", x, y, f"Aisle {aisle + 1} {half}")
-                    self._locate(f"{kind} {number}", "Transfer station", stand)
+        """Draw the stations: on both sides of a section's first and last aisle, on one side of the others."""
+        for first in range(0, self.aisles, SECTION):
+            section = Section()
+            self.sections.append(section)
+            last = first + SECTION - 1
+            self._stations("Goods in", first, section.goods_in, both_sides=True)
+            for aisle in range(first + 1, last):
+                self._stations("Storage", aisle, section.storage, both_sides=False)
+            self._stations("Goods out", last, section.goods_out, both_sides=True)
+
+    def _stations(self, kind: str, aisle: int, names: list[str], *, both_sides: bool) -> None:
+        """Draw the stations of an aisle, and add their names."""
+        for half, y in (("south", HEIGHT // 4), ("north", HEIGHT * 3 // 4)):
+            for side in (SPUR, -SPUR) if both_sides else (SPUR,):
+                number = sum(each.name.startswith(kind) for each in self.locations) + 1
+                x = aisle * AISLE_SPACING + side
+                stand = self._spur(f"{kind} {number} stand", x, y, f"Aisle {aisle + 1} {half}")
+                self._locate(f"{kind} {number}", "Transfer station", stand)
+                names.append(f"{kind} {number}")
 
     def draw_edge(self, *, chargers: int) -> None:
         """Draw parking positions along the north and south roads, and chargers at the end of the latter."""
