@@ -68,3 +68,16 @@ def test_a_table_that_fits_keeps_its_frame(
     drawn = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out)
     assert drawn.count("┃ name") == 1
     assert drawn.endswith("name  why\nT-1   because\n")
+
+
+def test_a_table_without_rows_is_a_line_of_text(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("NO_COLOR", "1")
+    output.print_table(Table("name", "why"))
+    assert "No entries." in capsys.readouterr().out
+
+    monkeypatch.delenv("FORCE_COLOR")
+    output.print_table(Table("name", "why"))
+    assert capsys.readouterr().out == ""

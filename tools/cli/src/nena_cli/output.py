@@ -73,7 +73,8 @@ def print_object(output: Format, body: BaseModel) -> None:
 def print_table(what: Table, *, wide: bool = False) -> None:
     """Print a table; into a pipe its rows with tabs between the values, unless it is ``wide``.
 
-    In a terminal that is too narrow for it, long values go below their row.
+    In a terminal that is too narrow for it, long values go below their row. A table without rows is a line of
+    text in a terminal.
     """
     if not wide and not is_terminal():
         for row in what.rows:
@@ -84,7 +85,9 @@ def print_table(what: Table, *, wide: bool = False) -> None:
     from nena_cli.narrow import is_too_wide, print_narrow  # noqa: PLC0415 - it imports Rich, too
 
     console = Console()
-    if wide:
+    if what.headers and not what.rows and is_terminal():
+        console.print("No entries.", style="dim")
+    elif wide:
         Console(width=UNLIMITED).print(what, soft_wrap=True)
     elif is_too_wide(what, console.width):
         print_narrow(console, what)
