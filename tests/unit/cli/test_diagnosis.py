@@ -3,7 +3,7 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from nena_cli.diagnosis import explain_order, explain_vehicle, report_of
+from nena_cli.diagnosis import explain_order, explain_vehicle, report_of, with_services
 from nena_client import ServiceState
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import Hold, TransportOrderState, TransportOrderStatus
@@ -177,3 +177,17 @@ def test_a_held_order_is_resumed() -> None:
 def test_an_order_without_a_vehicle_says_its_own_reason() -> None:
     (step,) = explain_order([order("T", TransportOrderState.DISPATCHABLE)], {}).steps
     assert step.reason == "reason of T"
+
+
+def test_an_order_service_that_is_not_ready_is_the_root() -> None:
+    found = explain_order([order("T", TransportOrderState.DISPATCHABLE)], {})
+    ready = ServiceState("active, ready", healthy=True)
+    broken = ServiceState("active, not ready, The MQTT broker is not connected", healthy=False)
+
+    assert with_services(found, {"http://a": ready}) == found
+    root = with_services(found, {"http://a": ready, "http://b": broken})
+    assert [(each.name, each.state) for each in root.steps] == [
+        ("T", "DISPATCHABLE"),
+        ("http://b", "NOT READY"),
+    ]
+    assert root.advice.startswith("Check the order service")

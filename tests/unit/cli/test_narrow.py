@@ -70,6 +70,13 @@ def test_a_table_that_fits_keeps_its_frame(
     assert drawn.endswith("name  why\nT-1   because\n")
 
 
+def test_empty_columns_are_left_out() -> None:
+    table = Table("name", "empty", "why")
+    table.add_row("n" * 10, "", "w" * 10)
+
+    assert shown(table, 24) == ["name        why", f"{'n' * 10}  {'w' * 10}"]
+
+
 def test_a_table_without_rows_is_a_line_of_text(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -144,7 +144,7 @@ def _passed_on(command: EntryPoint) -> Any:  # noqa: ANN401 - see Command.load
     single = typer.Typer(add_completion=False, rich_markup_mode=PLAIN)
     single.command(
         command.name,
-        help=f"See nena {command.name} --help.",
+        help=command.dist.metadata["Summary"] if command.dist else None,
         context_settings={
             "allow_extra_args": True,
             "ignore_unknown_options": True,

@@ -116,6 +116,7 @@ def explain(
     with service.connected() as connection:
         fleet = {each.name: each for each in connection.call(LIST_VEHICLES).vehicles}
         found = explain_vehicle(name, fleet) if name in fleet else _explain_order(connection, name, fleet)
+        found = with_services(found, connection.readiness())
     service.print_one(found, *_explanation_tables(found))
 
 
@@ -177,6 +178,15 @@ def explain_order(orders: Sequence[TransportOrderStatus], fleet: Mapping[str, Ve
     else:
         advice = ""
     return Explanation(name=orders[0].name, steps=tuple(steps), advice=advice)
+
+
+def with_services(found: Explanation, services: Mapping[str, ServiceState]) -> Explanation:
+    """Add order services that are not ready, such as without their broker: then everything waits for them."""
+    troubled = [_of_service(url, each) for url, each in services.items() if not each.healthy]
+    if not troubled:
+        return found
+    steps = (Step(name=each.name, state=each.state, reason=each.reason) for each in troubled)
+    return Explanation(name=found.name, steps=(*found.steps, *steps), advice=troubled[0].advice)
 
 
 def _explain_order(connection: Client, name: str, fleet: Mapping[str, VehicleStatus]) -> Explanation:

@@ -22,12 +22,13 @@ def is_too_wide(table: Table, width: int) -> bool:
 
 
 def print_narrow(console: Console, table: Table) -> None:
-    """Print a table without a frame; its widest columns, but never the first, below each row."""
+    """Print a table without frame and empty columns; the widest ones, but never the first, below each row."""
     widths = _widths(table)
+    empty = {each for each in range(1, len(widths)) if not any(row[each] for row in table.rows)}
     below: set[int] = set()
-    while _total(widths, below) > console.width and len(below) < len(widths) - 1:
-        below.add(max(set(range(1, len(widths))) - below, key=widths.__getitem__))
-    beside = [each for each in range(len(widths)) if each not in below]
+    while _total(widths, below | empty) > console.width and len(below | empty) < len(widths) - 1:
+        below.add(max(set(range(1, len(widths))) - below - empty, key=widths.__getitem__))
+    beside = [each for each in range(len(widths)) if each not in below | empty]
     if table.title:
         console.print(Text(table.title, style="italic"))
     _print_row(console, [Text(table.headers[each], style="bold") for each in beside], widths, beside)
@@ -42,8 +43,8 @@ def print_narrow(console: Console, table: Table) -> None:
                     console.print(Text(" " * GAP).append_text(line), soft_wrap=True)
 
 
-def _total(widths: list[int], below: set[int]) -> int:
-    beside = [width for each, width in enumerate(widths) if each not in below]
+def _total(widths: list[int], without: set[int]) -> int:
+    beside = [width for each, width in enumerate(widths) if each not in without]
     return sum(beside) + GAP * (len(beside) - 1)
 
 

@@ -34,7 +34,7 @@ def echo(text: str, style: str | None = None) -> None:
         return
     from rich.console import Console  # noqa: PLC0415 - pipes need not wait for it
 
-    Console(stderr=True, soft_wrap=True).print(text, markup=False, highlight=False, style=style)
+    Console(stderr=True).print(text, markup=False, highlight=False, style=style)
 
 
 def fail(why: object, status: int = WRONG) -> NoReturn:
@@ -74,7 +74,7 @@ def print_table(what: Table, *, wide: bool = False) -> None:
     """Print a table; into a pipe its rows with tabs between the values, unless it is ``wide``.
 
     In a terminal that is too narrow for it, long values go below their row. A table without rows is a line of
-    text in a terminal.
+    text in a terminal, or nothing if it has a title: then it is part of something.
     """
     if not wide and not is_terminal():
         for row in what.rows:
@@ -86,7 +86,8 @@ def print_table(what: Table, *, wide: bool = False) -> None:
 
     console = Console()
     if what.headers and not what.rows and is_terminal():
-        console.print("No entries.", style="dim")
+        if not what.title:
+            console.print("No entries.", style="dim")
     elif wide:
         Console(width=UNLIMITED).print(what, soft_wrap=True)
     elif is_too_wide(what, console.width):
