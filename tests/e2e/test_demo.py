@@ -5,42 +5,24 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import httpx
 import psutil
 import pytest
 
+from support.demo import DEMO, Viewer, started
 from support.waiting import PATIENCE, wait_until
 
-DEMO = str(Path(sys.executable).with_name("nena-demo"))
 pytestmark = [pytest.mark.e2e, pytest.mark.ros, pytest.mark.broker, pytest.mark.timeout(420)]
 
 
 @pytest.fixture
-def running_demo(tmp_path: Path, domain_id: int) -> Iterator[subprocess.Popen[str]]:
-    """A demo whose services are all started."""
-    process = subprocess.Popen(
-        [DEMO, "run", "--robots", "3", "--domain-id", str(domain_id)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-        env={**os.environ, "TMPDIR": str(tmp_path)},
-    )
-    assert process.stdout is not None
-    for line in process.stdout:
-        if "control panel at" in line:
-            break
-    yield process
-    if process.poll() is None:
-        process.kill()
-        process.wait()
+def viewer(tmp_path: Path, domain_id: int) -> Iterator[Viewer]:
+    """A demo whose services are all started, and its viewer."""
+    with started(tmp_path, domain_id, robots=3) as viewer:
+        yield viewer
 
 
 @pytest.mark.long  # make smoke is the first
@@ -65,63 +47,20 @@ def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(
 
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
 def test_signal_ends_every_process_and_removes_every_file(
-    running_demo: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
+    viewer: Viewer, tmp_path: Path, number: signal.Signals
 ) -> None:
-    children = psutil.Process(running_demo.pid).children(recursive=True)
+    children = psutil.Process(viewer.demo.pid).children(recursive=True)
     assert len(children) >= 5
 
-    running_demo.send_signal(number)
-    output, _ = running_demo.communicate(timeout=PATIENCE)
+    viewer.demo.send_signal(number)
+    output, _ = viewer.demo.communicate(timeout=PATIENCE)
 
-    assert running_demo.returncode == 130, output
+    assert viewer.demo.returncode == 130, output
     wait_until(lambda: not any(_lives(child) for child in children), what="end of all children")
     assert list(tmp_path.iterdir()) == []
 
 
-@dataclass
-class Viewer:
-    """A person who watches a demo and presses keys."""
-
-    demo: subprocess.Popen[str]
-    lines: list[str] = field(default_factory=list)
-    rest: str = ""
-    """URL of the order service."""
-
-    def read_until(self, text: str) -> str:
-        assert self.demo.stdout
-        for line in self.demo.stdout:
-            self.lines.append(line)
-            if text in line:
-                return line
-        raise AssertionError("".join(self.lines))
-
-    def press(self, key: str, text: str) -> str:
-        assert self.demo.stdin
-        self.demo.stdin.write(key)
-        self.demo.stdin.flush()
-        return self.read_until(text)
-
-    def get(self, path: str) -> Any:
-        return httpx.get(f"{self.rest}/v1/{path}").json()
-
-    def locked(self) -> int:
-        return sum(path["locked"] for path in self.get("paths")["paths"])
-
-    def is_stopped(self, vehicle: str) -> bool:
-        return "mergency" in self.get(f"vehicles/{vehicle}")["reason"]
-
-    def service_is_ready(self) -> bool:
-        try:
-            return httpx.get(f"{self.rest}/readyz").is_success
-        except httpx.HTTPError:
-            return False
-
-
-def test_guided_tour_does_what_each_key_says_and_the_hall_works_on(
-    running_demo: subprocess.Popen[str], tmp_path: Path
-) -> None:
-    viewer = Viewer(running_demo)
-    viewer.rest = viewer.read_until("order service at").split(" at ")[1].strip().removesuffix("/docs")
+def test_guided_tour_does_what_each_key_says_and_the_hall_works_on(viewer: Viewer, tmp_path: Path) -> None:
     viewer.read_until("q  stop everything")
     assert not any("OFFLINE" in line or "navigationNotAvailable" in line for line in viewer.lines)
     viewer.press("b", "blocked:")
@@ -144,20 +83,20 @@ def test_guided_tour_does_what_each_key_says_and_the_hall_works_on(
     viewer.press("r", "#/history")
     while " 0 finished" in viewer.read_until(" finished, 0 failed"):
         continue
-    children = psutil.Process(running_demo.pid).children(recursive=True)
+    children = psutil.Process(viewer.demo.pid).children(recursive=True)
     viewer.press("q", "stopping everything")
 
-    assert running_demo.wait(PATIENCE) == 0
+    assert viewer.demo.wait(PATIENCE) == 0
     assert not any("FAILED" in line for line in viewer.lines)
     wait_until(lambda: not any(_lives(child) for child in children), what="end of all children")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_children_end_when_the_demo_is_killed(running_demo: subprocess.Popen[str]) -> None:
-    children = psutil.Process(running_demo.pid).children(recursive=True)
+def test_children_end_when_the_demo_is_killed(viewer: Viewer) -> None:
+    children = psutil.Process(viewer.demo.pid).children(recursive=True)
     assert len(children) >= 5
 
-    os.kill(running_demo.pid, signal.SIGKILL)
+    os.kill(viewer.demo.pid, signal.SIGKILL)
 
     wait_until(lambda: not any(_lives(child) for child in children), what="end of all children")
 

@@ -123,7 +123,8 @@ class PathsQuery(Resource):
 
     locked: bool | None = None
     """None: locked and unlocked ones."""
-    limit: PageSize = 100
+    limit: PageSize | None = None
+    """None: all paths, as a map needs them."""
     after: ObjectName | None = None
 
 

@@ -181,7 +181,9 @@ def _behind(objects: Iterable[P], name: str | None) -> Iterator[P]:
         passed = passed or each.name == name
 
 
-def _page(objects: Iterable[P], limit: int) -> tuple[list[P], str | None]:
-    """Return the first ``limit`` objects, and the name of the last of them if there are more."""
+def _page(objects: Iterable[P], limit: int | None) -> tuple[list[P], str | None]:
+    """Return the first ``limit`` objects, and the name of the last of them if there are more; None: all."""
+    if limit is None:
+        return list(objects), None
     found = list(islice(objects, limit + 1))
     return found[:limit], found[limit - 1].name if len(found) > limit else None
