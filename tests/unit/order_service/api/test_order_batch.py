@@ -51,6 +51,13 @@ async def test_a_repeated_batch_creates_nothing_twice(client: httpx.AsyncClient)
     assert await count(client) == 3
 
 
+async def test_the_trace_of_the_host_counts_for_orders_without_their_own(client: httpx.AsyncClient) -> None:
+    host, own = (f"00-0af7651916cd43dd8448eb211c80319c-{span:016x}-01" for span in (1, 2))
+    batch = {"transportOrders": [{"name": "first", **NAME}, {"name": "second", "traceparent": own, **NAME}]}
+    answer = await client.post("/v1/transportOrders/batch", json=batch, headers={"traceparent": host})
+    assert [each["transportOrder"]["traceparent"] for each in answer.json()["results"]] == [host, own]
+
+
 async def test_a_check_creates_nothing_and_says_the_same(client: httpx.AsyncClient) -> None:
     results = await sent(client, *BATCH, check=True)
     assert [each["status"] for each in results] == [200, 200, 404, 409, 200]

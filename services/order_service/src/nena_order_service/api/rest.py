@@ -45,7 +45,7 @@ from nena_shared.fleet_api.operations import (
 from nena_shared.fleet_api.plant import PlantModelChange
 from nena_shared.fleet_api.refusals import PROBLEMS, Refusal, by_status
 from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, DispatchRequest, Readiness
-from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.fleet_api.transport_order import TransportOrderBatch, TransportOrderRequest
 from nena_shared.web.access import KnownUser, RoleNeeded
 from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import describe_problems, problem_response, refusal
@@ -280,13 +280,25 @@ def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) ->
         request = operation.request()
     if key and request is not None and request.idempotency_key is None:
         request = request.model_copy(update={"idempotency_key": key})
-    trace = _traceparent(http)
-    if trace and isinstance(request, TransportOrderRequest | DispatchRequest) and request.traceparent is None:
-        request = request.model_copy(update={"traceparent": trace})
+    if trace := _traceparent(http):
+        request = _traced(request, trace)
     user: KnownUser | None = getattr(http.state, "user", None)
     caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # an issuer's long subject is cut
     version = None if seen is None else ETag(seen)
     return Call(given.get("name", ""), request, caller, version, origin_of(http, AuditInterface.REST))
+
+
+def _traced(request: Any, trace: str) -> Any:  # noqa: ANN401 - the body of any operation
+    """Return a request with the caller's trace for each order that it creates without one of its own."""
+    match request:
+        case TransportOrderRequest(traceparent=None) | DispatchRequest(traceparent=None):
+            return request.model_copy(update={"traceparent": trace})
+        case TransportOrderBatch(transport_orders=orders):
+            return request.model_copy(
+                update={"transport_orders": tuple(_traced(each, trace) for each in orders)}
+            )
+        case _:
+            return request
 
 
 def _traceparent(http: Request) -> str | None:
