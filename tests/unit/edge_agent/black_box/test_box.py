@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from nena_edge_agent.black_box.box import FetchRecording, RobotBlackBox
+from nena_edge_agent.black_box.box import FetchRecording, Reason, RobotBlackBox, Triggers
 from nena_edge_agent.black_box.settings import BlackBoxSettings
-from nena_edge_agent.driver.port import DriveFailed, DriveFailure
-from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure
+from nena_edge_agent.protocol.events import ActionReport, Event, SafetyReport
 from nena_shared import log
 from nena_shared.black_box import box as module
 from nena_shared.black_box.box import Outgoing
@@ -20,12 +20,17 @@ from nena_shared.black_box.folder import OutgoingFolder
 from nena_shared.clock import SystemClock
 from nena_shared.settings import ConfigurationError, LogSettings
 from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
+from nena_shared.vda5050.state import EmergencyStop
 from nena_shared.vda5050.topics import RobotKey
 from support.robot_core import Bench, action
 from support.waiting import until
 
 ROBOT = RobotKey("ACME", "1")
 TOPIC = "uagv/v2/ACME/1/state"
+FAILED = DriveFailed(1, DriveFailure.ABORTED, "no path")
+STOPPED, RELEASED = SafetyReport(emergency_stop=EmergencyStop.MANUAL), SafetyReport()
+QUIET = Arrived(1)
 
 
 def make_box(folder: Path, interval: float = 60.0) -> RobotBlackBox:
@@ -52,7 +57,7 @@ async def test_a_failed_drive_is_written_with_messages_journal_and_log(tmp_path:
     journal.write(Bench().core.memory())
     log.get_logger("nena.example").warning("wheel slips")
 
-    box.note(DriveFailed(1, DriveFailure.ABORTED, "no path"), (), Bench().core.robot)
+    box.note(FAILED, (), Bench().core.robot)
     task = asyncio.create_task(box.run())
     path = await until(lambda: next((tmp_path / "recordings").glob("*.mcap"), None))
     task.cancel()
@@ -108,3 +113,38 @@ def test_without_the_library_the_program_says_what_to_install(
     monkeypatch.setattr(module, "find_spec", lambda _: None)
     with pytest.raises(ConfigurationError, match=r"nena-edge-agent\[blackbox\]"):
         make_box(tmp_path)
+
+
+def an_error(level: ErrorLevel, kind: str = "broken") -> ErrorEntry:
+    return ErrorEntry(error_type=kind, error_level=level)
+
+
+def reasons(*events: Event) -> list[Reason | None]:
+    triggers = Triggers()
+    return [triggers.note(each, ()) for each in events]
+
+
+def test_a_failed_drive_starts_a_recording() -> None:
+    assert reasons(QUIET, FAILED, QUIET) == [None, Reason.DRIVE_FAILED, None]
+
+
+def test_an_emergency_stop_starts_one_when_it_begins() -> None:
+    assert reasons(STOPPED, STOPPED, RELEASED, STOPPED) == [
+        Reason.EMERGENCY_STOP,
+        None,
+        None,
+        Reason.EMERGENCY_STOP,
+    ]
+
+
+def test_serious_errors_start_one_when_they_appear() -> None:
+    triggers = Triggers()
+    warning, fatal = an_error(ErrorLevel.WARNING), an_error(ErrorLevel.FATAL, "motor")
+    critical = an_error(ErrorLevel.CRITICAL, "lift")
+
+    assert triggers.note(QUIET, (warning,)) is None
+    assert triggers.note(QUIET, (warning, fatal)) is Reason.ERROR
+    assert triggers.note(QUIET, (warning, fatal)) is None
+    assert triggers.note(QUIET, (fatal, critical)) is Reason.ERROR
+    assert triggers.note(QUIET, ()) is None
+    assert triggers.note(QUIET, (fatal,)) is Reason.ERROR

@@ -134,9 +134,12 @@ def test_a_failed_order_starts_a_recording(recorded: Recorded) -> None:
     assert recorded.started == ["order-failed"]
 
 
-def test_an_order_withdrawn_before_its_assignment_starts_none(recorded: Recorded) -> None:
+def test_a_withdrawal_before_the_assignment_is_recorded_and_starts_none(recorded: Recorded) -> None:
     recorded.order(dispatchable_order(), dispatchable_order().withdrawn("not needed", NOW))
 
+    (decision,) = recorded.decisions("withdrawal")
+    assert (decision["order"], decision["explanation"]) == ("T-1", ["not needed"])
+    assert recorded.decisions("orders")[-1]["explanation"] == ["FAILED", "not needed"]
     assert recorded.started == []
 
 

@@ -87,6 +87,13 @@ def test_a_failed_order_says_why() -> None:
     assert [each.error for each in order_spans(ended.status)] == ["no vehicle"]
 
 
+def test_an_order_that_never_had_a_vehicle_shows_its_withdrawal() -> None:
+    (whole,) = order_spans(dispatchable_order().withdrawn("not needed", NOW).status)
+    assert ("nena:withdrawalRequested", {"nena.reason": "not needed"}) in [
+        (each.name, each.attributes) for each in whole.events
+    ]
+
+
 def test_each_wait_for_a_vehicle_is_a_span() -> None:
     order = assigned_order("A", vehicle="V-1").reassigned(0, "V-1 is broken", NOW + later(5))
     again = order.assigned("V-2", [("A", "B")], "it is free", NOW + later(7)).finished(NOW + later(8))

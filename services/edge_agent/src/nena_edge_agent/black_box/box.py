@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -11,10 +12,11 @@ from typing import Final
 from nena_edge_agent.actions.plugin import BackgroundAction, Report, RunningAction, WorkFailedError
 from nena_edge_agent.black_box.ros import ros_schema
 from nena_edge_agent.black_box.settings import BlackBoxSettings
-from nena_edge_agent.black_box.triggers import Triggers
+from nena_edge_agent.driver.port import DriveFailed
 from nena_edge_agent.journal import Journal
 from nena_edge_agent.protocol import events
 from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_edge_agent.protocol.errors import error_key
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.black_box.box import BlackBox, Outgoing, Source
@@ -23,13 +25,51 @@ from nena_shared.clock import Clock
 from nena_shared.mqtt import Handler, Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.own_actions import FETCH_RECORDING
-from nena_shared.vda5050.state import Load
+from nena_shared.vda5050.state import EmergencyStop, Load
 from nena_shared.vda5050.topics import RobotKey
 
 DISTRIBUTION: Final = "nena-edge-agent"
 JOURNAL: Final = Channel("/nena/journal")
+SERIOUS: Final = (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
+
+
+class Reason(StrEnum):
+    """Why a file was written; part of its name."""
+
+    DRIVE_FAILED = "drive-failed"
+    EMERGENCY_STOP = "emergency-stop"
+    ERROR = "error"
+
+
+class Triggers:
+    """Finds failures when they begin."""
+
+    def __init__(self) -> None:
+        self._stopped = False
+        self._errors: tuple[ErrorEntry, ...] = ()
+
+    def note(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> Reason | None:
+        """Handle an event and the robot's active errors after it; return why to record, if at all."""
+        found = self._new_error(errors)
+        match event:
+            case DriveFailed():
+                return Reason.DRIVE_FAILED
+            case events.SafetyReport(emergency_stop=stop):
+                before, self._stopped = self._stopped, stop is not EmergencyStop.NONE
+                return Reason.EMERGENCY_STOP if self._stopped and not before else found
+            case _:
+                return found
+
+    def _new_error(self, errors: tuple[ErrorEntry, ...]) -> Reason | None:
+        if errors is self._errors:
+            return None
+        before = {error_key(each) for each in self._errors}
+        self._errors = errors
+        serious = (each for each in errors if each.error_level in SERIOUS)
+        return Reason.ERROR if any(error_key(each) not in before for each in serious) else None
 
 
 class RecordedLink(MqttLink):

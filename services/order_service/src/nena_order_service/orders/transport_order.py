@@ -336,10 +336,11 @@ class TransportOrder:
 
     def withdrawn(self, reason: str, now: datetime) -> Self:
         """Withdraw the order: it fails at once, or once the vehicle that works on it has released it."""
-        if self.state in (S.ACTIVE, S.DISPATCHABLE):
-            return self.failed(reason, now)
         entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, Reason.of(reason))
-        return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
+        if self.state not in (S.ACTIVE, S.DISPATCHABLE):
+            return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
+        noted = self.status.model_copy(update={"history": (*self.status.history, entry)})
+        return type(self)(self.number, noted, self.idempotency_key).failed(reason, now)
 
     def rerouted(self, route: tuple[str, ...] | None, why: str, now: datetime) -> Self:
         """Note that the vehicle was rerouted; ``route`` None: the new route is not known yet."""
