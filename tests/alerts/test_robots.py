@@ -1,4 +1,4 @@
-"""Robots are stopped, run out of charge and disk, and have a wrong clock."""
+"""Robots are stopped, run out of charge and disk, have a wrong clock, and cannot send their recordings."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import pytest
 
 from alerts.watched import SINGLE, WatchedSite, watched
 from faults.site import Layout
+from nena_shared.clock import SAMPLES
+from nena_shared.vda5050.own_actions import FETCH_RECORDING
 from support.order_service_fleet import order_in
 from support.shifted_clock import ShiftedClock
 from support.small_disk import SmallDisk, small_disk
@@ -18,10 +20,11 @@ from support.small_disk import SmallDisk, small_disk
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.long, pytest.mark.timeout(1200)]
 
 DISK_MB = 260
-FAR_STATION = "Station 10"
+FAR_STATIONS = ("Station 10", "Station 8")
 """No other robot passes there, so none has to wait."""
 LEFT = 150_000_000
 """Bytes, less than the 200 MB of the rule."""
+RECORDINGS_MB = 8
 
 
 @asynccontextmanager
@@ -49,6 +52,35 @@ async def wrong_clock(clock: ShiftedClock) -> AsyncIterator[None]:
 
 
 @asynccontextmanager
+async def ordered_by_wrong_clock(site: WatchedSite, clock: ShiftedClock, name: str) -> AsyncIterator[None]:
+    """Set the clock of the order service or of a robot a minute ahead, and give the robot an order.
+
+    At the end the clock is right, and the robot receives as many VDA orders as it remembers.
+    """
+    async with wrong_clock(clock):
+        await drive(site, f"{name}-wrong")
+        yield
+    for number in range(SAMPLES // len(FAR_STATIONS)):
+        await drive(site, f"{name}-right-{number}")
+
+
+async def drive(site: WatchedSite, name: str) -> None:
+    """Let a robot drive to two stations, by a VDA order each."""
+    await site.order(name, *FAR_STATIONS, vehicle=SINGLE)
+    await order_in(site.orders, name, "FINISHED")
+
+
+@asynccontextmanager
+async def recordings_not_stored(site: WatchedSite, disk: SmallDisk) -> AsyncIterator[None]:
+    """Request a recording while the aggregator has no space for it."""
+    disk.fill()
+    request = {"actionType": FETCH_RECORDING}
+    (await site.orders.post(f"/v1/vehicles/{SINGLE}/instantActions", json=request)).raise_for_status()
+    yield
+    disk.clear()
+
+
+@asynccontextmanager
 async def disk_almost_full(disk: SmallDisk) -> AsyncIterator[None]:
     """Leave little space on a disk."""
     disk.fill(leave=LEFT)
@@ -65,15 +97,14 @@ async def disk_full(site: WatchedSite, disk: SmallDisk) -> AsyncIterator[None]:
     for journal in disk.folder.glob("*.journal"):
         journal.unlink()
     disk.fill()
-    await site.order("for-a-full-disk", FAR_STATION, vehicle=SINGLE)
+    await site.order("for-a-full-disk", FAR_STATIONS[0], vehicle=SINGLE)
     yield
     disk.clear()
     await order_in(site.orders, "for-a-full-disk", "FINISHED")
 
 
-async def test_stops_battery_and_clock(tmp_path: Path) -> None:
-    clock = ShiftedClock(tmp_path)
-    site = WatchedSite(tmp_path, Layout(loopback=5, singles=1), single_1=clock.environment)
+async def test_stops_and_battery(tmp_path: Path) -> None:
+    site = WatchedSite(tmp_path, Layout(loopback=5, singles=1))
     async with watched(site) as watch:
         await watch.finds(
             emergency_stop(site, "loop-3"),
@@ -82,7 +113,41 @@ async def test_stops_battery_and_clock(tmp_path: Path) -> None:
             condition="BLOCKED",
         )
         await watch.finds(empty_battery(site, "loop-5"), {"NenaRobotBatteryLow": 1}, serial_number="loop-5")
-        await watch.finds(wrong_clock(clock), {"NenaRobotClockWrong": 1}, serial_number=SINGLE)
+
+
+async def test_clocks(tmp_path: Path) -> None:
+    own, fleet = (ShiftedClock(make_folder(tmp_path / each)) for each in ("own", "fleet"))
+    environments = {"single_1": own.environment, "order_service": fleet.environment}
+    site = WatchedSite(tmp_path, Layout(loopback=2, singles=1), **environments)
+    async with watched(site) as watch:
+        await watch.finds(wrong_clock(own), {"NenaRobotClockWrong": 1}, serial_number=SINGLE)
+        await watch.finds(
+            ordered_by_wrong_clock(site, own, "robot"),
+            {"NenaRobotClockWrong": 1, "NenaAgentClockWrong": 1},
+            serial_number=SINGLE,
+        )
+        await watch.finds(
+            ordered_by_wrong_clock(site, fleet, "fleet"),
+            {"NenaOrderServiceClockWrong": 1, "NenaAgentClockWrong": 1},
+        )
+
+
+def make_folder(path: Path) -> Path:
+    """Create a folder and return it."""
+    path.mkdir()
+    return path
+
+
+async def test_recordings_wait(tmp_path: Path) -> None:
+    with small_disk(tmp_path / "disk", megabytes=RECORDINGS_MB) as disk:
+        site = WatchedSite(tmp_path, Layout(loopback=2, singles=1))
+        site.recordings = disk.folder
+        async with watched(site) as watch:
+            await watch.finds(
+                recordings_not_stored(site, disk), {"NenaRecordingsWait": 1}, job="nena-edge-agent"
+            )
+            (stored,) = disk.folder.rglob("*-request.mcap")
+            assert stored.stat().st_size
 
 
 async def test_disk_of_an_agent(tmp_path: Path) -> None:

@@ -33,10 +33,17 @@ JAM_SECONDS = 1
 """Instead of 60: it is a setting of the aggregator, no part of the rules."""
 SINGLE = "single-1"
 """The robot in a program of its own."""
+RECORDED = """
+[black_box]
+enabled = true
+[upload]
+enabled = true
+folder = "{folder}/outgoing"
+"""
 
 
 class WatchedSite(Site):
-    """Loopback robots in one program, and one in a program of its own; all have metrics."""
+    """Loopback robots in one program, and one with a black box in a program of its own; all have metrics."""
 
     def __init__(self, folder: Path, layout: Layout, **environments: Mapping[str, str]) -> None:
         """Prepare it; ``environments``: of single programs, by name."""
@@ -44,6 +51,8 @@ class WatchedSite(Site):
         self._environments = environments
         self._metrics_ports = {"loop": free_port(), SINGLE: free_port()}
         self.single_journal = folder / "single-journal"
+        self.recordings = folder / "recordings"
+        """Where the aggregator keeps recordings."""
 
     async def start(self) -> None:
         """Start everything, and wait until every robot can accept an order."""
@@ -62,6 +71,7 @@ class WatchedSite(Site):
             "nena-status-aggregator",
             *("--http.port", self._ports["aggregator"], "--http.burst", 100_000),
             *("--history.url", f"sqlite:///{self._data}/history.db", "--jam.seconds", JAM_SECONDS),
+            *("--recordings.folder", self.recordings),
             *("--mqtt.port", self.broker.port, "--mqtt.reconnect_max", 1.0),
         )
 
@@ -102,7 +112,8 @@ class WatchedSite(Site):
     def _agent(self, serial: str, journal: Path | None = None) -> str:
         own = self.single_journal if serial == SINGLE else journal
         text = super()._agent(serial, own).replace("state_maximum = 5.0", "state_maximum = 1.0")
-        return f"{text}\n[metrics]\nport = {self._metrics_ports[serial]}\n"
+        recorded = RECORDED.format(folder=self.folder) if serial == SINGLE else ""
+        return f"{text}\n[metrics]\nport = {self._metrics_ports[serial]}\n{recorded}"
 
     def _program(
         self,
