@@ -16,7 +16,10 @@ from support.programs import Program
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.long, pytest.mark.timeout(600)]
 
-MANY_DAYS, FEW_DAYS = 100, 7
+LIFETIME, LEFT = 100, 7
+"""Days; the alert fires 14 days before the end."""
+SHORT_LIFETIME = 7
+"""Days of a certificate that is renewed often."""
 
 
 class EncryptedSite(WatchedSite):
@@ -26,12 +29,12 @@ class EncryptedSite(WatchedSite):
         """Prepare it, with certificates in ``folder``."""
         self.authority = Authority(folder)
         self._tls_port = free_port()
-        self.renew(MANY_DAYS)
+        self.renew(SHORT_LIFETIME)
         super().__init__(folder, layout)
 
-    def renew(self, days: int) -> None:
-        """Issue the aggregator's certificate again."""
-        self._client = self.authority.sign("aggregator", days=days)
+    def renew(self, days: int, *, age: int = 0) -> None:
+        """Issue the aggregator's certificate again, for so many days."""
+        self._client = self.authority.sign("aggregator", days=days, age=age)
 
     def start_aggregator(self) -> Program:
         """Start the status aggregator with its certificate."""
@@ -56,10 +59,10 @@ class EncryptedSite(WatchedSite):
 
 @asynccontextmanager
 async def certificate_near_its_end(site: EncryptedSite) -> AsyncIterator[None]:
-    """Leave the aggregator with a certificate for a week, and renew it at the end."""
-    site.renew(FEW_DAYS)
+    """Leave the aggregator with the last days of a certificate, and renew it at the end, for a week."""
+    site.renew(LEFT, age=LIFETIME - LEFT)
     yield
-    site.renew(MANY_DAYS)
+    site.renew(SHORT_LIFETIME)
 
 
 async def test_certificate_near_its_end(tmp_path: Path) -> None:

@@ -33,12 +33,15 @@ class Authority:
         self.ca = folder / f"{name}.pem"
         self.ca.write_bytes(own.sign(self._key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM))
 
-    def sign(self, name: str, *, host: str = "127.0.0.1", days: int = 1) -> Files:
-        """Issue a certificate for ``name`` at the address ``host``, valid for ``days``."""
+    def sign(self, name: str, *, host: str = "127.0.0.1", days: int = 1, age: int = 0) -> Files:
+        """Issue a certificate for ``name`` at the address ``host``, valid for ``days`` more.
+
+        ``age``: since so many days.
+        """
         key = ec.generate_private_key(ec.SECP256R1())
         address = x509.SubjectAlternativeName([x509.IPAddress(ip_address(host))])
         signed = (
-            self._begin(_name(name), key, days)
+            self._begin(_name(name), key, days, age)
             .add_extension(address, critical=False)
             .sign(self._key, hashes.SHA256())
         )
@@ -52,7 +55,7 @@ class Authority:
         return files
 
     def _begin(
-        self, subject: x509.Name, key: ec.EllipticCurvePrivateKey, days: int = 1
+        self, subject: x509.Name, key: ec.EllipticCurvePrivateKey, days: int = 1, age: int = 0
     ) -> x509.CertificateBuilder:
         now = datetime.now(UTC)
         return (
@@ -61,7 +64,7 @@ class Authority:
             .issuer_name(self._name)
             .public_key(key.public_key())
             .serial_number(x509.random_serial_number())
-            .not_valid_before(now - timedelta(hours=1))
+            .not_valid_before(now - timedelta(days=age, hours=1))
             .not_valid_after(now + timedelta(days=days))
         )
 

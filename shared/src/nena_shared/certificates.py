@@ -1,4 +1,4 @@
-"""When the certificates end that a program presents, read from their PEM files without an X.509 library."""
+"""How long a program's certificates are valid, read from their PEM files without an X.509 library."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -33,48 +32,59 @@ class _Element(NamedTuple):
     content: bytes
 
 
+class Validity(NamedTuple):
+    """When a certificate is valid, UTC."""
+
+    begin: datetime
+    end: datetime
+
+    @property
+    def lifetime(self) -> float:
+        """Return how long it is valid in all, s."""
+        return (self.end - self.begin).total_seconds()
+
+
 @dataclass(frozen=True, slots=True)
 class Certificates:
     """The certificate files of a program, if it has any."""
 
     http: Path | None = None
-    """Of its HTTP server, which uses the file as it was at the start."""
+    """Of its HTTP server; what counts is what the server has loaded."""
     mqtt: Path | None = None
     """With which it identifies itself at the broker; each connection reads the file again."""
 
-    def ends(self) -> Mapping[str, float]:
-        """Return the end of validity by purpose, Unix time; without certificates that cannot be read."""
-        found: dict[str, float] = {}
-        for purpose, file, end_of in (("http", self.http, _end_at_start), ("mqtt", self.mqtt, _end)):
+    def validity(self) -> Mapping[str, Validity]:
+        """Return the validity by purpose; without certificates that cannot be read."""
+        found: dict[str, Validity] = {}
+        for purpose, file in (("http", self.http), ("mqtt", self.mqtt)):
             if file is None:
                 continue
             try:
-                found[purpose] = end_of(file)
+                loaded = _loaded.get(file) if purpose == "http" else None
+                found[purpose] = loaded or _read(file)
             except (OSError, ValueError) as error:
                 log.warning("certificate unreadable", file=str(file), reason=str(error))
         return found
 
 
-def _end(file: Path) -> float:
-    """Return the end of validity, Unix time; comments around the certificate may have any encoding."""
-    return not_after(file.read_text(encoding="latin-1")).timestamp()
-
-
-@cache
-def _end_at_start(file: Path) -> float:
-    """Return what the first call in this program has found."""
-    return _end(file)
+_loaded: Final[dict[Path, Validity]] = {}
+"""What HTTP servers of this program have loaded: a file may have been renewed since."""
 
 
 def remember_http(file: Path | None) -> None:
-    """Read the certificate that an HTTP server has loaded, before the file is renewed."""
+    """Read the certificate that an HTTP server has just loaded."""
     if file:
         with suppress(OSError, ValueError):
-            _end_at_start(file)
+            _loaded[file] = _read(file)
 
 
-def not_after(pem: str) -> datetime:
-    """Return the end of validity of the first certificate in ``pem``.
+def _read(file: Path) -> Validity:
+    """Return the validity of a file; comments around the certificate may have any encoding."""
+    return validity_of(file.read_text(encoding="latin-1"))
+
+
+def validity_of(pem: str) -> Validity:
+    """Return the validity of the first certificate in ``pem``.
 
     Raises:
         ValueError: there is none, or it is not an X.509 certificate.
@@ -88,11 +98,15 @@ def not_after(pem: str) -> datetime:
         fields = [
             each for each in _elements(_elements(certificate.content)[0].content) if each.tag != VERSION
         ]
-        _, last = _elements(fields[VALIDITY].content)
-        return datetime.strptime(last.content.decode("ascii"), FORMS[last.tag]).replace(tzinfo=UTC)
+        first, last = _elements(fields[VALIDITY].content)
+        return Validity(_time(first), _time(last))
     except (IndexError, KeyError, ValueError) as error:
         message = "not an X.509 certificate"
         raise ValueError(message) from error
+
+
+def _time(element: _Element) -> datetime:
+    return datetime.strptime(element.content.decode("ascii"), FORMS[element.tag]).replace(tzinfo=UTC)
 
 
 def _elements(der: bytes) -> list[_Element]:

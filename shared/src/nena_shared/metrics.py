@@ -172,15 +172,23 @@ def link_metrics(prefix: str, state: Callable[[S], LinkState]) -> tuple[Metric[S
     )
 
 
-def certificate_metric(certificates: Callable[[S], Certificates]) -> Metric[S]:
-    """Return the metric of a program's certificates."""
-    return gauge(
-        "nena_certificate_expiry_timestamp_seconds",
-        "End of validity of the certificates that the program uses, Unix time: `http` "
-        "(`http.tls_certificate`, as it was at the start; a renewed file counts after a restart) and `mqtt` "
-        "(`mqtt.tls.certificate`, whose renewed file counts at once).",
-        lambda s: certificates(s).ends(),
-        "certificate",
+def certificate_metrics(certificates: Callable[[S], Certificates]) -> tuple[Metric[S], ...]:
+    """Return the metrics of a program's certificates."""
+    return (
+        gauge(
+            "nena_certificate_expiry_timestamp_seconds",
+            "End of validity of the certificates that the program uses, Unix time: `http` "
+            "(`http.tls_certificate`, as the server presents it: a renewed file counts within seconds) and "
+            "`mqtt` (`mqtt.tls.certificate`, whose renewed file counts at once).",
+            lambda s: {name: each.end.timestamp() for name, each in certificates(s).validity().items()},
+            "certificate",
+        ),
+        gauge(
+            "nena_certificate_lifetime_seconds",
+            "Time from the begin to the end of validity of these certificates.",
+            lambda s: {name: each.lifetime for name, each in certificates(s).validity().items()},
+            "certificate",
+        ),
     )
 
 

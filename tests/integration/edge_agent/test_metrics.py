@@ -23,6 +23,7 @@ SAID_LATER = {
     "nena_agent_ros_session",
     "nena_trace_spans_total",
     "nena_certificate_expiry_timestamp_seconds",
+    "nena_certificate_lifetime_seconds",
     "nena_recordings_total",
     "nena_recordings_waiting",
     "nena_recordings_sent_bytes_total",

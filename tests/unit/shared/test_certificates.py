@@ -9,10 +9,12 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
-from nena_shared.certificates import Certificates, not_after
+from nena_shared.certificates import Certificates, Validity, validity_of
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.certificates import Authority
+
+BEGIN = datetime(2020, 1, 1, tzinfo=UTC)
 
 
 async def nothing_served(*_: object) -> None:
@@ -28,7 +30,7 @@ def pem_until(end: datetime, *, subject: str = "nena") -> str:
         .issuer_name(name)
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
-        .not_valid_before(datetime(2020, 1, 1, tzinfo=UTC))
+        .not_valid_before(BEGIN)
         .not_valid_after(end)
         .sign(key, hashes.SHA256())
     )
@@ -36,15 +38,17 @@ def pem_until(end: datetime, *, subject: str = "nena") -> str:
 
 
 @pytest.mark.parametrize("year", [2026, 2049, 2050, 2126])
-def test_end_of_validity_in_both_forms_of_time(year: int) -> None:
+def test_validity_in_both_forms_of_time(year: int) -> None:
     end = datetime(year, 3, 4, 5, 6, 7, tzinfo=UTC)
-    assert not_after(pem_until(end)) == end
+    found = validity_of(pem_until(end))
+    assert found == (BEGIN, end)
+    assert found.lifetime == (end - BEGIN).total_seconds()
 
 
 def test_the_first_certificate_of_a_chain_counts() -> None:
     end = datetime(2027, 1, 1, tzinfo=UTC)
     chain = pem_until(end) + pem_until(end + timedelta(days=900))
-    assert not_after(f"subject=CN = nena\n{chain}") == end
+    assert validity_of(f"subject=CN = nena\n{chain}").end == end
 
 
 @pytest.mark.parametrize(
@@ -59,7 +63,7 @@ def test_the_first_certificate_of_a_chain_counts() -> None:
 )
 def test_what_is_no_certificate_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="certificate"):
-        not_after(text)
+        validity_of(text)
 
 
 def test_damaged_certificates_are_refused_or_read() -> None:
@@ -68,21 +72,21 @@ def test_damaged_certificates_are_refused_or_read() -> None:
     lines = text.splitlines()
     for kept in range(1, len(lines) - 1):
         try:
-            not_after("\n".join([*lines[:kept], lines[-1]]))
+            validity_of("\n".join([*lines[:kept], lines[-1]]))
         except ValueError:
             continue
 
 
 def test_unreadable_files_are_left_out(tmp_path: Path) -> None:
     files = Authority(tmp_path).sign("robot")
-    found = Certificates(http=tmp_path / "missing.pem", mqtt=files.certificate).ends()
+    found = Certificates(http=tmp_path / "missing.pem", mqtt=files.certificate).validity()
     assert found.keys() == {"mqtt"}
-    assert found["mqtt"] == pytest.approx((datetime.now(UTC) + timedelta(days=1)).timestamp(), abs=60)
-    assert Certificates().ends() == {}
+    assert abs(found["mqtt"].end - datetime.now(UTC) - timedelta(days=1)) < timedelta(minutes=1)
+    assert Certificates().validity() == {}
 
 
 def test_renewed_file_counts_once_the_program_uses_it(tmp_path: Path) -> None:
-    """The HTTP server presents the certificate that it has read at its start until the program ends."""
+    """The HTTP server presents the certificate that it has loaded until it has looked at the file again."""
     authority = Authority(tmp_path)
     server, client = authority.sign("server"), authority.sign("client")
     HttpServer(
@@ -90,8 +94,10 @@ def test_renewed_file_counts_once_the_program_uses_it(tmp_path: Path) -> None:
     ).close()
     authority.sign("server", days=100)
     authority.sign("client", days=100)
-    ends = Certificates(server.certificate, client.certificate).ends()
-    in_days = {name: round((end - datetime.now(UTC).timestamp()) / 86400) for name, end in ends.items()}
+    found = Certificates(server.certificate, client.certificate).validity()
+    in_days = {
+        name: round((each.end - datetime.now(UTC)) / timedelta(days=1)) for name, each in found.items()
+    }
     assert in_days == {"http": 1, "mqtt": 100}
 
 
@@ -101,4 +107,4 @@ def test_comments_around_a_certificate_may_have_any_encoding(tmp_path: Path) -> 
     file = tmp_path / "commented.pem"
     for encoding in ("utf-8", "latin-1"):
         file.write_bytes(f"subject=O = Straße\r\n{pem_until(end)}".encode(encoding))
-        assert Certificates(mqtt=file).ends() == {"mqtt": end.timestamp()}
+        assert Certificates(mqtt=file).validity() == {"mqtt": Validity(BEGIN, end)}

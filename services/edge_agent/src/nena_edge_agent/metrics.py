@@ -26,7 +26,7 @@ from nena_shared.metrics import (
     Metric,
     MetricKind,
     Section,
-    certificate_metric,
+    certificate_metrics,
     counter,
     gauge,
     recording_metrics,
@@ -230,7 +230,7 @@ DISK: Final[Section[Program]] = Section(
             "Free space on the journal's disk; absent without a journal, or if the disk does not respond.",
             lambda s: s.disk_free,
         ),
-        certificate_metric(lambda s: s.certificates),
+        *certificate_metrics(lambda s: s.certificates),
         gauge(
             "nena_event_loop_lag_seconds",
             "Longest delay of the event loop in the last minute.",

@@ -11,7 +11,7 @@ import ssl
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, Final
 
@@ -25,6 +25,7 @@ from nena_shared.log import get_logger
 from nena_shared.program import StartError
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
+from nena_shared.tasks import end
 from nena_shared.web.settings import HttpSettings, check_exposure, network_of
 
 log = get_logger(__name__)
@@ -164,7 +165,7 @@ class Listener:
         listening: socket.socket,
         make: Callable[[], HttpConnection],
         *,
-        encryption: ssl.SSLContext | None,
+        encryption: Callable[[], ssl.SSLContext | None],
         per_address: int | None,
     ) -> None:
         """Start accepting connections.
@@ -172,7 +173,7 @@ class Listener:
         Args:
             listening: the listening socket; closed by the caller.
             make: creates the protocol of a connection.
-            encryption: TLS context; None: no TLS.
+            encryption: returns the TLS context of a new connection; None: no TLS.
             per_address: maximum connections per address; None: no limit, as behind a proxy.
         """
         self._socket = listening
@@ -244,12 +245,13 @@ class Listener:
             made.release = release
             return made
 
-        timeout = HANDSHAKE_TIMEOUT if self._encryption else None
+        encryption = self._encryption()
+        timeout = HANDSHAKE_TIMEOUT if encryption else None
         try:
             await self._loop.connect_accepted_socket(
                 make,
                 accepted,
-                ssl=self._encryption,
+                ssl=encryption,
                 ssl_handshake_timeout=timeout,
                 ssl_shutdown_timeout=timeout,
             )
@@ -271,12 +273,20 @@ class Listener:
 SHUTDOWN_TIMEOUT = 3
 """Time for open requests to finish at shutdown, seconds."""
 
+RENEWAL_INTERVAL = 5.0
+"""Seconds between two looks at the files of certificate and key."""
+
 BACKLOG = 1024
 """Maximum number of connections waiting to be accepted."""
 
 
 class _Server(uvicorn.Server):
     """A uvicorn server that leaves signals to the program and accepts connections with :class:`Listener`."""
+
+    def __init__(self, config: uvicorn.Config, encryption: ssl.SSLContext | None) -> None:
+        super().__init__(config)
+        self.encryption = encryption
+        """TLS context of new connections; None: no TLS."""
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start accepting connections."""
@@ -288,7 +298,7 @@ class _Server(uvicorn.Server):
         return Listener(
             listening,
             lambda: HttpConnection(config, self.server_state, {}),
-            encryption=config.ssl,
+            encryption=lambda: self.encryption,
             per_address=None if config.proxy_headers else PER_ADDRESS,
         )
 
@@ -323,13 +333,12 @@ class HttpServer:
             proxy_headers=settings.reverse_proxy,
             forwarded_allow_ips=[str(each) for each in settings.trusted_proxies],
             timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
-            ssl_certfile=settings.tls_certificate,
-            ssl_keyfile=settings.tls_key,
         )
-        _load(config, settings)
-        remember_http(settings.tls_certificate)
+        config.load()
+        self._settings = settings
+        self._loaded = _version(settings)
         logging.getLogger("uvicorn.error").addFilter(SELDOM)
-        self._server = _Server(config)
+        self._server = _Server(config, _encryption(settings))
         self._host = settings.host
         self._scheme = "https" if settings.tls_certificate else "http"
         self._socket = _listen(settings)
@@ -349,7 +358,11 @@ class HttpServer:
     async def run(self) -> None:
         """Answer requests until :meth:`stop` is called."""
         log.info("http listening", url=self.url, port=self.port)
-        await self._server.serve(sockets=[self._socket])
+        renewing = asyncio.create_task(self._renew(), name="http certificate")
+        try:
+            await self._server.serve(sockets=[self._socket])
+        finally:
+            await end(renewing)
 
     def stop(self) -> None:
         """Stop accepting requests; :meth:`run` ends when the open ones are answered."""
@@ -358,6 +371,23 @@ class HttpServer:
     def close(self) -> None:
         """Release the port if :meth:`run` was never called."""
         self._socket.close()
+
+    async def _renew(self) -> None:
+        """Use a renewed certificate for new connections, without a restart."""
+        refused = None
+        while self._settings.tls_certificate:
+            await asyncio.sleep(RENEWAL_INTERVAL)
+            found = await asyncio.to_thread(_version, self._settings)
+            if found in (self._loaded, refused):
+                continue
+            try:
+                self._server.encryption = await asyncio.to_thread(_encryption, self._settings)
+            except ConfigurationError as error:  # such as a new certificate beside the key of the old one
+                refused = found
+                log.warning("renewed certificate not usable; the old one stays", reason=str(error))
+            else:
+                self._loaded = found
+                log.info("renewed certificate loaded", file=str(self._settings.tls_certificate))
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
         await self.app(scope, receive, _strictly(send) if scope.get("scheme") == "https" else send)
@@ -377,15 +407,35 @@ def _strictly(send: Send) -> Send:
     return send_strictly
 
 
-def _load(config: uvicorn.Config, settings: HttpSettings) -> None:
+def _encryption(settings: HttpSettings) -> ssl.SSLContext | None:
+    """Return a TLS context with the certificate of the settings; None: no TLS.
+
+    Raises:
+        ConfigurationError: the certificate or its key is unusable.
+    """
+    if settings.tls_certificate is None:
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
     try:
-        config.load()
+        context.load_cert_chain(settings.tls_certificate, settings.tls_key)
     except (OSError, ssl.SSLError) as error:
         files = f"{settings.tls_certificate}, {settings.tls_key}"
         reason = error.reason if isinstance(error, ssl.SSLError) else error.strerror
         raise ConfigurationError([f"http.tls_certificate, http.tls_key: {files}: {reason}"]) from error
-    if config.ssl:
-        config.ssl.minimum_version = ssl.TLSVersion.TLSv1_2
+    remember_http(settings.tls_certificate)
+    return context
+
+
+def _version(settings: HttpSettings) -> tuple[object, ...]:
+    """Return what changes with the files of certificate and key."""
+    found: list[object] = []
+    for file in (settings.tls_certificate, settings.tls_key):
+        if file:
+            with suppress(OSError):
+                status = file.stat()
+                found += (status.st_ino, status.st_size, status.st_mtime_ns)
+    return tuple(found)
 
 
 def _listen(settings: HttpSettings) -> socket.socket:

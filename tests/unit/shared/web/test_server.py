@@ -10,12 +10,14 @@ from unittest.mock import Mock
 import httpx
 import pytest
 import uvicorn
+from cryptography import x509
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
 from structlog.testing import capture_logs
 from uvicorn.server import ServerState
 
+from nena_shared.certificates import Certificates
 from nena_shared.program import StartError
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
@@ -23,7 +25,7 @@ from nena_shared.web import server as server_module
 from nena_shared.web.server import HttpConnection, HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.certificates import Authority
-from support.waiting import PATIENCE, awaited
+from support.waiting import PATIENCE, awaited, until
 
 YES = PlainTextResponse("yes")
 
@@ -57,6 +59,39 @@ async def test_with_a_certificate_it_speaks_https(tmp_path: Path) -> None:
         assert (answer.text, answer.headers["strict-transport-security"]) == ("yes", "max-age=31536000")
         with pytest.raises(httpx.HTTPError):
             await client.get(server.url.replace("https", "http"))
+
+
+async def presented(server: HttpServer) -> str:
+    """Return the name in the certificate that a new connection sees."""
+    trusting = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE
+    _, writer = await asyncio.open_connection("127.0.0.1", server.port, ssl=trusting)
+    found = x509.load_der_x509_certificate(writer.get_extra_info("ssl_object").getpeercert(binary_form=True))
+    writer.close()
+    return found.subject.rfc4514_string()
+
+
+async def test_a_renewed_certificate_is_used_without_a_restart(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(server_module, "RENEWAL_INTERVAL", 0.02)
+    authority = Authority(tmp_path)
+    files, renewed = authority.sign("old"), authority.sign("new", days=2)
+    settings = HttpSettings(port=0, tls_certificate=files.certificate, tls_key=files.key)
+    certificates = Certificates(http=files.certificate)
+    with capture_logs() as logs:
+        async with serving(settings) as server:
+            before = certificates.validity()
+            assert await presented(server) == "CN=old"
+
+            renewed.certificate.replace(files.certificate)  # while the key is still the old one
+            await until(lambda: any("renewed certificate not usable" in each["event"] for each in logs))
+            assert await presented(server) == "CN=old"
+            assert certificates.validity() == before
+
+            renewed.key.replace(files.key)
+            await awaited(lambda: presented(server), lambda name: name == "CN=new", what="the new one")
+            assert certificates.validity() != before
 
 
 @pytest.mark.parametrize(

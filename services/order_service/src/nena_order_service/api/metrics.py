@@ -31,7 +31,7 @@ from nena_shared.metrics import (
     Exposition,
     LabelValues,
     Section,
-    certificate_metric,
+    certificate_metrics,
     counter,
     gauge,
     histogram,
@@ -343,7 +343,7 @@ MESSAGES: Final[Section[Monitored]] = Section(
             "status",
         ),
         *link_metrics("nena_mqtt_", lambda s: s.mqtt.state),
-        certificate_metric(lambda s: s.certificates),
+        *certificate_metrics(lambda s: s.certificates),
         counter(
             "nena_order_service_webhook_messages_total",
             "Messages of web hooks: `delivered`, or given up (`dropped`).",

@@ -18,7 +18,7 @@ from nena_shared.histogram import Histogram
 from nena_shared.metrics import (
     LabelValues,
     Section,
-    certificate_metric,
+    certificate_metrics,
     counter,
     gauge,
     histogram,
@@ -279,7 +279,7 @@ PROGRAM: Final[Section[Aggregator]] = Section(
             "version",
         ),
         *link_metrics("nena_mqtt_", lambda s: s.link.mqtt.state),
-        certificate_metric(lambda s: s.certificates),
+        *certificate_metrics(lambda s: s.certificates),
         gauge(
             "nena_event_loop_lag_seconds",
             "Longest delay of the event loop in the last minute.",
