@@ -231,7 +231,7 @@ def _follow(engine: Engine, fleet: FleetLink, traces: Exporting | None, box: Bla
     if traces:
         followers.append(OrderTracer(engine.state.orders.named, engine.clock, traces))
     if box:
-        followers.append(DecisionRecorder(box, engine.clock, fleet.view))
+        followers.append(DecisionRecorder(box, engine.clock, fleet.state))
     engine.unit_of_work.listeners += followers
     fleet.listeners += followers
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ import pytest
 from nena_order_service.api.decisions import DecisionRecorder, RecordingRequests, make_black_box
 from nena_order_service.errors import NoBlackBoxError, RecordingNotWrittenError
 from nena_order_service.fleet import outputs
-from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.settings import OrderServiceSettings
@@ -21,29 +20,15 @@ from nena_shared.black_box.box import BlackBox
 from nena_shared.black_box.mcap_file import encoded
 from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
-from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.action import Action, BlockingType
 from nena_shared.vda5050.order import Edge, Node
-from nena_shared.vda5050.state import EmergencyStop, SafetyState
+from nena_shared.vda5050.state import EmergencyStop, SafetyState, State
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.clocks import ManualClock
 from support.fleet_examples import state, vehicle_status
 from support.order_service import NOW, assigned_order, dispatchable_order
 
 ROBOT = RobotKey("ACME", "r1")
-VIEW = RobotView(
-    key=ROBOT,
-    link=LinkStatus.ONLINE,
-    vehicle_state=VehicleState.IDLE,
-    availability=Availability(can_take_order=True, reason=""),
-    state=state(),
-    state_at=None,
-    factsheet=None,
-    malformed=0,
-    order_id=None,
-    order_phase=None,
-    wait_reason="",
-)
 
 
 @dataclass
@@ -52,14 +37,14 @@ class Recorded:
 
     settings: OrderServiceSettings
     clock: ManualClock = field(default_factory=lambda: ManualClock(start=NOW))
-    views: dict[RobotKey, RobotView] = field(default_factory=dict)
+    states: dict[RobotKey, State] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Make the recorder."""
         box = make_black_box(self.settings, self.clock)
         assert box
         self.box: BlackBox = box
-        self.recorder = DecisionRecorder(box, self.clock, self.views.__getitem__)
+        self.recorder = DecisionRecorder(box, self.clock, self.states.get)
 
     def order(self, *versions: TransportOrder) -> None:
         for each in versions:
@@ -152,7 +137,7 @@ def test_waits_of_orders_are_recorded_without_an_event(recorded: Recorded) -> No
 
 def test_events_from_before_the_start_are_left_out(recorded: Recorded) -> None:
     recorded.clock.start = NOW + timedelta(minutes=1)
-    restarted = DecisionRecorder(recorded.box, recorded.clock, recorded.views.__getitem__)
+    restarted = DecisionRecorder(recorded.box, recorded.clock, recorded.states.get)
     order = assigned_order()
     restarted.order_changed(order.status)
     restarted.order_changed(order.adopted(recorded.clock.now()).status)
@@ -212,9 +197,9 @@ def test_messages_to_robots_are_recorded_with_base_and_horizon(recorded: Recorde
 
 def test_an_emergency_stop_starts_a_recording_when_it_begins(recorded: Recorded) -> None:
     safety = SafetyState(active_emergency_stop=EmergencyStop.MANUAL, field_violation=False)
-    stopped = replace(VIEW, state=state(safety_state=safety))
-    for view in (VIEW, stopped, stopped, VIEW, stopped):
-        recorded.views[ROBOT] = view
+    going, stopped = state(), state(safety_state=safety)
+    for each in (going, stopped, stopped, going, stopped):
+        recorded.states[ROBOT] = each
         recorded.recorder.happened(outputs.RobotChanged(ROBOT), 0.0)
 
     assert recorded.started == ["emergency-stop", "emergency-stop"]
@@ -224,7 +209,7 @@ def test_an_emergency_stop_starts_a_recording_when_it_begins(recorded: Recorded)
 def test_stops_from_before_the_start_start_no_recording(recorded: Recorded) -> None:
     """Otherwise, an order that fails in the next minute would start none."""
     safety = SafetyState(active_emergency_stop=EmergencyStop.MANUAL, field_violation=False)
-    recorded.views[ROBOT] = replace(VIEW, state=state(safety_state=safety))
+    recorded.states[ROBOT] = state(safety_state=safety)
     recorded.recorder.happened(outputs.RobotChanged(ROBOT), 0.0)
     stop = VehicleStop(name="S-1", by="Anna", reason="spill", area=False)
     recorded.recorder.vehicle_changed(vehicle_status(stop=stop))
@@ -235,7 +220,9 @@ def test_stops_from_before_the_start_start_no_recording(recorded: Recorded) -> N
 
 
 def test_a_fault_of_the_recorder_does_not_reach_the_order(recorded: Recorded) -> None:
-    recorded.recorder.happened(outputs.RobotChanged(RobotKey("ACME", "unknown")), 0.0)
+    states: dict[RobotKey, State] = {}
+    broken = DecisionRecorder(recorded.box, recorded.clock, states.__getitem__)
+    broken.happened(outputs.RobotChanged(ROBOT), 0.0)
 
 
 async def test_a_request_returns_the_file(recorded: Recorded, tmp_path: Path) -> None:

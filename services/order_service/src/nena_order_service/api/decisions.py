@@ -10,7 +10,6 @@ from typing import Final
 from nena_order_service.api.tracing import guarded
 from nena_order_service.errors import NoBlackBoxError, RecordingNotWrittenError
 from nena_order_service.fleet import outputs
-from nena_order_service.fleet.robot import RobotView
 from nena_order_service.orders.transport_order import EventCode
 from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
 from nena_shared.black_box.box import BlackBox, Source, outgoing_of
@@ -21,7 +20,7 @@ from nena_shared.fleet_api.recordings import RecordingAnswer
 from nena_shared.fleet_api.topics import ORDER_SERVICE, FleetTopics
 from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.vda5050.state import EmergencyStop
+from nena_shared.vda5050.state import EmergencyStop, State
 from nena_shared.vda5050.topics import RobotKey, Topic
 
 ORDERS: Final = Channel("/nena/orders")
@@ -110,11 +109,11 @@ class _RecordedOrder:
 class DecisionRecorder:
     """Listens to the engine and to fleet control; a failed order or a stop starts a recording."""
 
-    def __init__(self, box: BlackBox, clock: Clock, view: Callable[[RobotKey], RobotView]) -> None:
-        """Record into ``box``; ``view`` returns what is known about a robot."""
+    def __init__(self, box: BlackBox, clock: Clock, state_of: Callable[[RobotKey], State | None]) -> None:
+        """Record into ``box``; ``state_of`` returns the last state of a robot."""
         self._box = box
         self._clock = clock
-        self._view = view
+        self._state_of = state_of
         self._since = clock.now()
         self._orders: dict[str, _RecordedOrder] = {}
         """Unfinished orders."""
@@ -193,7 +192,7 @@ class DecisionRecorder:
                 found = {"actions": [each.action_type for each in actions]}
             case _:
                 return
-        self._add(DELIVERY, {"robot": str(robot), "event": f"{topic}Sent", **found})
+        self._add_event(robot, f"{topic}Sent", found)
 
     @guarded(NOT_RECORDED)
     def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
@@ -217,7 +216,7 @@ class DecisionRecorder:
                 pass
 
     def _look_for_stop(self, robot: RobotKey) -> None:
-        state = self._view(robot).state
+        state = self._state_of(robot)
         if state is None:
             return
         stop = state.safety_state.active_emergency_stop

@@ -6,10 +6,10 @@ IDs are derived from names and a transport order's span is built from its histor
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Final
+from functools import wraps
+from typing import Final, ParamSpec
 
 from nena_order_service.fleet import outputs
 from nena_order_service.orders.transport_order import EventCode, TransportOrder
@@ -100,13 +100,26 @@ def _event_of(entry: HistoryEntry) -> SpanEvent:
     return SpanEvent(entry.event_code, entry.timestamp, {"nena.reason": reason} if reason else {})
 
 
-@contextmanager
-def guarded(message: str) -> Iterator[None]:
-    """Log ``message`` with a fault of a listener, instead of passing it on to the work that it follows."""
-    try:
-        yield
-    except Exception:
-        log.exception(message)
+P = ParamSpec("P")
+
+
+def guarded(message: str) -> Callable[[Callable[P, None]], Callable[P, None]]:
+    """Return a decorator for a listener that logs ``message`` with a fault.
+
+    The work that the listener follows goes on.
+    """
+
+    def decorate(listener: Callable[P, None]) -> Callable[P, None]:
+        @wraps(listener)
+        def call(*args: P.args, **kwargs: P.kwargs) -> None:
+            try:
+                listener(*args, **kwargs)
+            except Exception:
+                log.exception(message)
+
+        return call
+
+    return decorate
 
 
 NOT_TRACED = "an order is not traced completely"
@@ -139,16 +152,16 @@ class OrderTracer:
 
     # Changes of the engine
 
+    @guarded(NOT_TRACED)
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Export the creation of a new order, and the whole of an ended one."""
-        with guarded(NOT_TRACED):
-            if status.created >= self._since and status.name not in self._created:
-                self._created.add(status.name)
-                self._export(part_of_order("create order", status.name, status.created, self._clock.now()))
-            if status.state.final:
-                self._created.discard(status.name)
-                for span in order_spans(status):
-                    self._export(span)
+        if status.created >= self._since and status.name not in self._created:
+            self._created.add(status.name)
+            self._export(part_of_order("create order", status.name, status.created, self._clock.now()))
+        if status.state.final:
+            self._created.discard(status.name)
+            for span in order_spans(status):
+                self._export(span)
 
     def sequence_changed(self, _: object) -> None:
         """Order sequences have no traces."""
@@ -158,23 +171,9 @@ class OrderTracer:
 
     # Events of fleet control
 
+    @guarded(NOT_TRACED)
     def begun(self, order_id: str, now: float, *, restored: bool) -> None:  # noqa: ARG002 - monotonic
         """Export the planning of a VDA order that is to be sent."""
-        with guarded(NOT_TRACED):
-            self._begin(order_id, restored=restored)
-
-    def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:  # noqa: ARG002
-        """Note that an order or an update was sent."""
-        with guarded(NOT_TRACED):
-            if isinstance(output, outputs.PublishOrder):
-                self._note_message(output)
-
-    def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
-        """Note an event of a VDA order; export its span once it has ended."""
-        with guarded(NOT_TRACED):
-            self._handle(event)
-
-    def _begin(self, order_id: str, *, restored: bool) -> None:
         moment, order = self._clock.now(), self._find(order_name_of(order_id))
         self._running[order_id] = _FollowedOrder(moment, restored)
         if len(self._running) > RUNNING_LIMIT:
@@ -186,6 +185,12 @@ class OrderTracer:
             found: dict[str, AttributeValue] = {"vda5050.order_id": order_id}
             self._export(part_of_order("plan", order.name, starts[-1], moment, found))
 
+    @guarded(NOT_TRACED)
+    def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:  # noqa: ARG002
+        """Note that an order or an update was sent."""
+        if isinstance(output, outputs.PublishOrder):
+            self._note_message(output)
+
     def _note_message(self, output: outputs.PublishOrder) -> None:
         execution = self._running.get(output.vda_order.order_id)
         if execution:
@@ -193,7 +198,9 @@ class OrderTracer:
             execution.messages += 1
             self._note(execution, "vda5050.orderSent", order_update_id=output.order_update_id)
 
-    def _handle(self, event: outputs.FleetOutput) -> None:
+    @guarded(NOT_TRACED)
+    def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
+        """Note an event of a VDA order; export its span once it has ended."""
         match event:
             case outputs.VdaOrderAccepted(order_id=order_id) if execution := self._running.get(order_id):
                 self._accepted(order_id, execution)

@@ -535,6 +535,11 @@ class FleetController:
         known = self._robots.get(robot)
         return (known or self._new_control(robot)).view(now)
 
+    def state(self, robot: RobotKey) -> State | None:
+        """Return the last state of a robot; None if it never reported one."""
+        known = self._robots.get(robot)
+        return known.robot.state if known else None
+
     def vda_order(self, robot: RobotKey) -> VdaOrder | None:
         """Return the VDA order that a robot has or is about to receive; None if there is none."""
         known = self._robots.get(robot)

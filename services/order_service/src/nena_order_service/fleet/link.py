@@ -454,6 +454,10 @@ class FleetLink:
         """See :meth:`FleetController.view`."""
         return self._controller.view(robot, self._clock.monotonic())
 
+    def state(self, robot: RobotKey) -> State | None:
+        """See :meth:`FleetController.state`."""
+        return self._controller.state(robot)
+
     def robots(self) -> tuple[RobotKey, ...]:
         """See :meth:`FleetController.robots`."""
         return self._controller.robots()
