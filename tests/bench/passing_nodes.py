@@ -38,7 +38,7 @@ SETTLE_SECONDS = 2.0
 
 async def measure(folder: Path, _samples: int, seconds: float) -> dict[str, Any]:
     """Return CPU per state of order service and yardstick, their ratio, and the targets."""
-    async with serving(folder, _roads(ROBOTS), ROBOTS) as hall:
+    async with serving(folder, roads(ROBOTS), ROBOTS) as hall:
         figures = await asyncio.to_thread(_measured, hall, round(3 * seconds))
     return {
         "targets": {
@@ -95,9 +95,9 @@ class PassingRobots(InstantRobots):
         self.passed = 0
         super().__init__(hall.port, tuple(map(_start_of, range(hall.robots))))
 
-    def begin(self) -> None:
-        """Create the first order of each robot."""
-        for serial in self._serials:
+    def begin(self, first: int = 0, step: int = 1) -> None:
+        """Create the first order of each robot; of each ``step``-th one from number ``first`` on."""
+        for serial in self._serials[first::step]:
             self._next_order(serial)
 
     def drive(self, seconds: int) -> None:
@@ -161,7 +161,8 @@ def _start_of(number: int) -> Start:
     return Start(robot(number), f"{robot(number)}-0", 0.0, float(number * APART_M), MAP_ID)
 
 
-def _roads(robots: int) -> PlantModel:
+def roads(robots: int) -> PlantModel:
+    """Make a plant with a two-way road for each robot."""
     ends = [(number, index) for number in range(robots) for index in range(POINTS)]
     steps = [(robot(number), *pair) for number in range(robots) for pair in pairwise(range(POINTS))]
     return PlantModel(
