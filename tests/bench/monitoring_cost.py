@@ -12,14 +12,14 @@ import asyncio
 import os
 import sys
 import tempfile
-from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import AsyncExitStack, ExitStack, asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from statistics import mean, stdev
-from time import process_time, thread_time
-from typing import IO, Any, Protocol
+from time import monotonic, process_time, thread_time
+from typing import IO, Any, Protocol, TypeVar
 from unittest import mock
 
 from bench.helper import helper
@@ -34,6 +34,7 @@ from nena_order_service.fleet.statistics import FleetStatistics
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared import log
 from nena_shared.histogram import Histogram
+from nena_shared.mqtt import MqttLink
 from nena_shared.settings import LogSettings
 from nena_status_aggregator.__main__ import serve as serve_aggregator
 from nena_status_aggregator.settings import AggregatorSettings
@@ -42,6 +43,7 @@ from support.edge_agent import FleetControl, agent_settings, running_agent
 from support.order_service_fleet import running
 from support.pausing import time_passes
 from support.robot_core import order
+from support.waiting import until
 
 ROBOTS = int(os.environ.get("NENA_BENCH_MONITORED", "100"))
 """Each passes a node and reports each second."""
@@ -54,6 +56,7 @@ SCRAPE_INTERVAL = 15.0
 SCRAPES = "scrapes"
 ALL = "all"
 NAME = "cost"
+T = TypeVar("T", RobotAgent, MqttLink)
 SURE = 1.96
 """Standard errors of a 95 % confidence interval."""
 
@@ -119,6 +122,8 @@ class Bench:
     commands: IO[str]
     """Standard input of the load."""
     parts: Mapping[str, Switch] = field(default_factory=dict)
+    work: Callable[[], float] = monotonic
+    """Returns a measure of the work done so far, as CPU time is compared for equal work."""
 
     def scrape(self, *, on: bool) -> None:
         """Scrape the program, once."""
@@ -132,7 +137,7 @@ class Bench:
         measured = {name: each for name, each in self.parts.items() if isinstance(each, Methods)}
         for switch in parts.values():
             switch(on=False)
-        rounds = [("", await self._round())]
+        whole, rounds = 0.0, [("", await self._round())]
         for _ in range(BLOCKS):
             for name, switch in parts.items():
                 switch(on=True)
@@ -141,26 +146,27 @@ class Bench:
                 rounds.append(("", await self._round()))
             for each in measured.values():
                 each.measure()
+            begin = process_time()
             rounds.append((ALL, await self._round()))
+            whole += process_time() - begin
             for each in measured.values():
                 each(on=False)
             rounds.append(("", await self._round()))
         _print(rounds, list(parts))
-        whole = sum(cpu for name, cpu in rounds if name == ALL)
         for name, each in measured.items():
             sys.stdout.write(f"within the functions of {name}: {100 * each.seconds / whole:.2f} %\n")
 
     async def _round(self) -> float:
-        """Return the CPU time of a round, s."""
-        before = process_time()
+        """Return the CPU time of a round per piece of work, s."""
+        before, done = process_time(), self.work()
         await time_passes(SECONDS)
-        return process_time() - before
+        return (process_time() - before) / max(self.work() - done, 1)
 
 
 def _print(rounds: list[tuple[str, float]], parts: list[str]) -> None:
     bare = [cpu for name, cpu in rounds if not name]
-    without = mean(bare) / SECONDS
-    sys.stdout.write(f"without: {1000 * without:.1f} ms of CPU per second, {len(bare)} rounds\n")
+    without = mean(bare)
+    sys.stdout.write(f"without: {1000 * without:.2f} ms of CPU per message or second, {len(bare)} rounds\n")
     for part in parts:
         found = [
             cpu - (rounds[number - 1][1] + rounds[number + 1][1]) / 2
@@ -168,11 +174,10 @@ def _print(rounds: list[tuple[str, float]], parts: list[str]) -> None:
             if name == part
         ]
         less = SECONDS / SCRAPE_INTERVAL if part == SCRAPES else 1.0
-        percent = 100 * less / (SECONDS * without)
+        percent = 100 * less / without
         added, sure = mean(found), SURE * stdev(found) / len(found) ** 0.5
         text = f"{part}: {percent * added:+.2f} % +- {percent * sure:.2f}, {len(found)} rounds"
-        each = f" ({1000 * added:.1f} ms each)" if part == SCRAPES else ""
-        sys.stdout.write(f"{text}{each}\n")
+        sys.stdout.write(f"{text}\n")
 
 
 @asynccontextmanager
@@ -184,6 +189,25 @@ async def load(broker_port: int, url: str, robots: int, collector_port: int) -> 
         assert process.stdin
         yield process.stdin
         await asyncio.to_thread(stack.close)
+
+
+@contextmanager
+def kept(kind: type[T]) -> Iterator[list[T]]:
+    """Collect the objects of a class that run."""
+    found: list[T] = []
+    run = kind.run
+
+    async def run_kept(own: T, *arguments: Any) -> None:
+        found.append(own)
+        await run(own, *arguments)
+
+    with mock.patch.object(kind, "run", run_kept):
+        yield found
+
+
+def received_on(links: list[MqttLink]) -> Callable[[], float]:
+    """Return a function that counts the messages received so far."""
+    return lambda: sum(each.state.received for each in links)
 
 
 @asynccontextmanager
@@ -201,7 +225,9 @@ async def order_service(folder: Path, broker: Broker) -> AsyncIterator[Bench]:
             "tracing": {"endpoint": f"http://127.0.0.1:{collector}/v1/traces"},
         }
     )
-    async with running(settings) as client:
+    async with AsyncExitStack() as stack:
+        with kept(MqttLink) as links:
+            client = await stack.enter_async_context(running(settings))
         url = str(client.base_url).rstrip("/")
         async with load(broker.port, url, ROBOTS, collector) as commands:
             yield Bench(
@@ -215,6 +241,7 @@ async def order_service(folder: Path, broker: Broker) -> AsyncIterator[Bench]:
                     ),
                     "traces": Methods(OrderTracer, "order_changed", "begun", "published", "happened"),
                 },
+                received_on(links),
             )
 
 
@@ -231,10 +258,12 @@ async def aggregator(folder: Path) -> AsyncIterator[Bench]:
             }
         )
         stop = asyncio.Event()
-        task = asyncio.create_task(serve_aggregator(settings, stop))
+        with kept(MqttLink) as links:
+            task = asyncio.create_task(serve_aggregator(settings, stop))
+            await until(lambda: links)
         async with load(hall.port, hall.url, ROBOTS, free_port()) as commands:
             url = f"http://127.0.0.1:{settings.http.port}/metrics"
-            yield Bench(url, commands, {"durations": Methods(Histogram, "observe")})
+            yield Bench(url, commands, {"durations": Methods(Histogram, "observe")}, received_on(links))
         stop.set()
         await task
 
@@ -242,12 +271,7 @@ async def aggregator(folder: Path) -> AsyncIterator[Bench]:
 @asynccontextmanager
 async def agent(folder: Path, broker: Broker) -> AsyncIterator[Bench]:
     """Run an agent that drives, with twenty poses and visualization messages per second."""
-    collector, agents, run = free_port(), [], RobotAgent.run
-
-    async def kept(own: RobotAgent, stop: asyncio.Event) -> None:
-        agents.append(own)
-        await run(own, stop)
-
+    collector = free_port()
     settings = agent_settings(
         broker,
         NAME,
@@ -259,7 +283,7 @@ async def agent(folder: Path, broker: Broker) -> AsyncIterator[Bench]:
         loopback={"speed": 0.02, "pose_interval": 0.05},
         interval={"visualization": 0.05, "state_minimum": 0.02},
     )
-    with mock.patch.object(RobotAgent, "run", kept):
+    with kept(RobotAgent) as agents:
         async with running_agent(settings):
             with MqttPeer(broker, f"{NAME}/#") as peer:
                 fleet = FleetControl(peer, NAME)
