@@ -5,15 +5,18 @@ Each line on standard input is an address to scrape, once.
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import urllib.request
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 from bench.lanes import Hall
 from bench.passing_nodes import POINTS, PassingRobots
 from bench.rates import Hosts
+from nena_demo.processes import Processes
 
 
 class _Collector(BaseHTTPRequestHandler):
@@ -44,7 +47,7 @@ def main(broker_port: int, url: str, robots: int, collector_port: int) -> None:
     ended = threading.Event()
     reader = threading.Thread(target=_scrape_on_request, args=(ended.set,), daemon=True)
     if robots:
-        hall = Hall(broker_port, url, 0, robots)
+        hall = Hall(broker_port, url, os.getpid(), robots, Processes(Path()))
         hosts = Hosts(url)
         fleet = PassingRobots(hall, hosts)
         hall.wait_for_robots()
