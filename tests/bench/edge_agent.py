@@ -43,9 +43,9 @@ SETTLE_SECONDS = 3.0
 
 IDLE_CPU = 3.0
 """Percent of a core, with 20 poses and one state a second."""
-MEMORY = 110.0
+MEMORY = 100.0
 """MB."""
-START = 2.0
+START = 0.8
 """Seconds."""
 
 

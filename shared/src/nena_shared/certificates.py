@@ -74,6 +74,7 @@ _loaded: Final[dict[Path, Validity]] = {}
 def remember_http(file: Path | None) -> None:
     """Read the certificate that an HTTP server has just loaded."""
     if file:
+        _loaded.pop(file, None)
         with suppress(OSError, ValueError):
             _loaded[file] = _read(file)
 

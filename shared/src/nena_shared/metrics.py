@@ -185,7 +185,7 @@ def certificate_metrics(certificates: Callable[[S], Certificates]) -> tuple[Metr
         ),
         gauge(
             "nena_certificate_lifetime_seconds",
-            "Time from the begin to the end of validity of these certificates.",
+            "Time from the start to the end of validity of these certificates.",
             lambda s: {name: each.lifetime for name, each in certificates(s).validity().items()},
             "certificate",
         ),

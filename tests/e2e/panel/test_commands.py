@@ -434,3 +434,13 @@ async def reach(page: Page, url: str) -> None:
 
     await awaited(look, bool, seconds=PATIENCE, what=f"{url} is served")
     await page.goto(url)
+
+
+async def test_a_person_may_have_the_name_of_a_property(hall: Hall, browser: Browser) -> None:
+    """The names of holders are looked up by name."""
+    async with hall.connected(), opened(browser, hall.url) as page:
+        names = ["constructor", "toString", "__proto__"]
+        found = await page.evaluate(
+            "(names) => import('./reasons.js').then((module) => names.map(module.nameOfHolder))", names
+        )
+        assert found == names

@@ -349,7 +349,7 @@ async def test_phone_shows_robots_that_need_attention_then_the_search(
     ("language", "words"),
     [
         ("en-GB", ("Vehicle-1 drives to Goods in.", "Waits for a free vehicle.", "Held by Anna", "drives")),
-        ("de-DE", ("Goods in: Load (unterwegs)", "Wartet auf ein Fahrzeug.", "von Anna seit", "Pausiert.")),
+        ("de-DE", ("Goods in: Load (unterwegs)", "Wartet auf ein Fahrzeug.", "(Anna) seit", "Pausiert.")),
         ("nl-NL", ("Goods in: Load (onderweg)", "Wacht op een voertuig.", "door Anna sinds", "Gepauzeerd.")),
     ],
 )

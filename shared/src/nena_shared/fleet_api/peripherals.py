@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from nena_shared.fleet_api.base import CamelCase, Moment, ObjectName, OrderName, Request, Resource
-from nena_shared.fleet_api.reasons import CodedReason
+from nena_shared.fleet_api.reasons import OptionalReason
 from nena_shared.plant_terms import ExecutionTrigger
 
 ReservationToken = Annotated[str, Field(min_length=1, max_length=200)]
@@ -75,7 +75,7 @@ class PeripheralJobStatus(Resource):
     state: PeripheralJobState
     reason: str = ""
     """What it waits for, or why it failed, as text."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
     location: str
     operation: str
     execution_trigger: ExecutionTrigger

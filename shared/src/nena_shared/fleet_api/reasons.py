@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from datetime import datetime
 from enum import Enum
-from typing import Any, Final, Self
+from typing import Annotated, Any, Final, Self
 
-from pydantic import Field
+from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 
 from nena_shared.clock import iso
 from nena_shared.fleet_api.base import Resource
@@ -25,6 +25,17 @@ class CodedReason(Resource):
     """Values of its sentence; times in ISO 8601."""
     causes: tuple[CodedReason, ...] = ()
     """Reasons that its sentence contains."""
+
+
+def _or_none(value: Any, read: ValidatorFunctionWrapHandler) -> CodedReason | None:  # noqa: ANN401 - anything
+    try:
+        return read(value)  # type: ignore[no-any-return] # as pydantic declares it
+    except ValidationError:
+        return None
+
+
+OptionalReason = Annotated[CodedReason | None, WrapValidator(_or_none)]
+"""A reason beside its text; None if there is none, or a newer order service's that cannot be read."""
 
 
 class ReasonCode(Enum):

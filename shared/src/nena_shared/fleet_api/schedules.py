@@ -7,7 +7,7 @@ from typing import Annotated, Final, Self
 from pydantic import Field, model_validator
 
 from nena_shared.fleet_api.base import CamelCase, Moment, Request, Resource
-from nena_shared.fleet_api.reasons import CodedReason
+from nena_shared.fleet_api.reasons import OptionalReason
 from nena_shared.fleet_api.transport_order import OrderTemplate
 
 CATCH_UP_LIMIT: Final = 100
@@ -57,7 +57,7 @@ class ScheduleRun(Resource):
     """Name of the created transport order; None: none was created."""
     reason: str = ""
     """Why no order was created, or why it was created late, as text."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
 
 
 class ScheduleStatus(ScheduleDefinition, Resource):

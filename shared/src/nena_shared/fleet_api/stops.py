@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from nena_shared.fleet_api.base import Moment, ObjectName, Request, Resource
-from nena_shared.fleet_api.reasons import CodedReason
+from nena_shared.fleet_api.reasons import OptionalReason
 
 Person = Annotated[str, Field(min_length=1, max_length=100)]
 Words = Annotated[str, Field(min_length=1, max_length=500)]
@@ -74,7 +74,7 @@ class UnpausedVehicle(Resource):
     vehicle: str
     reason: str
     """Reason, as text."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
 
 
 class StopStatus(Resource):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 from nena_shared.fleet_api.base import Moment, Resource
-from nena_shared.fleet_api.reasons import CodedReason
+from nena_shared.fleet_api.reasons import OptionalReason
 
 
 class WaitCause(StrEnum):
@@ -32,7 +32,7 @@ class TrafficWait(Resource):
     """Distance that the other vehicle would have to go back if this one went first, m."""
     reason: str
     """Explanation, as in the reason of its order."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
 
 
 class PlannedPoint(Resource):

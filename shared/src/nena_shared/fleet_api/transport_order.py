@@ -19,7 +19,7 @@ from nena_shared.fleet_api.base import (
     Traceparent,
 )
 from nena_shared.fleet_api.peripherals import StepOperation
-from nena_shared.fleet_api.reasons import CodedReason
+from nena_shared.fleet_api.reasons import OptionalReason
 from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
 
 
@@ -85,7 +85,7 @@ class Hold(Resource):
     by: str
     """Name of the host or person; ``failure policy`` for the order service itself."""
     reason: str
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
     since: Moment
 
 
@@ -250,7 +250,7 @@ class HistoryEntry(Resource):
     """Event code, e.g. ``nena:orderCreated``; documented in the operator guide."""
     supplements: tuple[str, ...] = ()
     """Explanation, as text."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
     """The last supplement as a code, if it is a reason."""
 
 
@@ -263,7 +263,7 @@ class TransportOrderStatus(Resource):
     state: TransportOrderState
     reason: str
     """Reason for the state, or what the order waits for, as text."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
     """The reason as a code; None: the order was last changed by a version without codes."""
     type: str
     priority: int
@@ -393,7 +393,7 @@ class VehicleForOrder(Resource):
     """Whether it executes the order, or could do so now."""
     reason: str
     """Reason why not, as a phrase that follows the vehicle's name."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
     cost: float | None = None
     """Cost of the route, if feasible, in the unit of ``routing.costs`` (default: mm)."""
 
@@ -405,7 +405,7 @@ class AssignmentStatus(Resource):
     state: TransportOrderState
     reason: str
     """Reason for the state, or what the order waits for."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
     processing_vehicle: str | None = None
     vehicles: tuple[VehicleForOrder, ...] = ()
     """Vehicles: feasible ones first, by route cost; empty for an ended order."""

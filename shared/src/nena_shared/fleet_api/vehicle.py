@@ -8,7 +8,7 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from nena_shared.fleet_api.base import Moment, Request, Resource
-from nena_shared.fleet_api.reasons import CodedReason
+from nena_shared.fleet_api.reasons import OptionalReason
 from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait
 
@@ -101,7 +101,7 @@ class VehicleStatus(Resource):
     """Accepted order types; other orders are not assigned to it."""
     reason: str
     """Reason for the state, or for being idle, as text."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
     wait: TrafficWait | None = None
     """The vehicles it waits for, where and why; None: not waiting."""
     stop: VehicleStop | None = None
@@ -153,6 +153,6 @@ class ReroutingAnswer(Resource):
     outcome: ReroutingOutcome
     reason: str
     """Reason, as text."""
-    coded_reason: CodedReason | None = None
+    coded_reason: OptionalReason = None
     route: tuple[str, ...] = ()
     """Points from the end of the base to the destination, if the route is known."""

@@ -64,8 +64,8 @@ NOT_ACCEPTED = (
 NO_ANSWER = "the broker did not answer in time"
 LONG = 1_000_000
 """Bytes from which on a message may be the reason why a broker closes the connection."""
-NO_MESSAGE = (0, "")
-"""Length and topic of the longest message since the broker had confirmed all, if there is none."""
+NO_MESSAGE = (0, "", 0)
+"""Length, topic and packet identifier of the longest unconfirmed message with QoS 1, if there is none."""
 CLOSED_UNANSWERED = "the connection ended before the broker answered a subscription"
 NOT_CONNECTED = "not connected"
 NOT_PERMITTED = "the program may no longer publish"
@@ -405,11 +405,11 @@ class Client:
             connecting.add_done_callback(discard)
 
     def _add(self, stream: _Stream, message: Outbound, confirmed: Confirmed) -> None:
-        self._longest = max(self._longest, (len(message.payload), message.topic))
         if message.qos == 1:
             packet_id = self._next_packet_id()
             stream.add(publication(message, packet_id))
             self._unconfirmed[packet_id] = confirmed
+            self._longest = max(self._longest, (len(message.payload), message.topic, packet_id))
         elif message.qos == 0:
             stream.add(publication(message))
             self._unwritten.append((stream.queued, confirmed))
@@ -539,7 +539,7 @@ class Client:
     def _confirm(self, packet_id: int) -> None:
         if confirmed := self._unconfirmed.pop(packet_id, None):
             confirmed()
-        if not self._unconfirmed:
+        if self._longest[2] == packet_id:
             self._longest = NO_MESSAGE
 
     def _end(self, why: str) -> None:
@@ -559,7 +559,7 @@ class Client:
 
     def _possible_reason(self) -> str:
         """Name the longest message if it is long: MQTT 3.1.1 has no answer for a refused one."""
-        length, topic = self._longest
+        length, topic, _ = self._longest
         if length < LONG:
             return ""
         return (

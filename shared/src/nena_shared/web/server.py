@@ -418,13 +418,18 @@ def _encryption(settings: HttpSettings) -> ssl.SSLContext | None:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     try:
-        context.load_cert_chain(settings.tls_certificate, settings.tls_key)
+        context.load_cert_chain(settings.tls_certificate, settings.tls_key, password=_no_passphrase)
     except (OSError, ssl.SSLError) as error:
         files = f"{settings.tls_certificate}, {settings.tls_key}"
         reason = error.reason if isinstance(error, ssl.SSLError) else error.strerror
         raise ConfigurationError([f"http.tls_certificate, http.tls_key: {files}: {reason}"]) from error
     remember_http(settings.tls_certificate)
     return context
+
+
+def _no_passphrase() -> str:
+    """Return no passphrase for an encrypted key, for which OpenSSL would ask on the terminal."""
+    return ""
 
 
 def _version(settings: HttpSettings) -> tuple[object, ...]:

@@ -292,7 +292,7 @@ async def test_an_order_is_explained_in_slices(monkeypatch: pytest.MonkeyPatch) 
 
 async def test_a_large_fleet_is_checked_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     engine, looks = await large_fleet(monkeypatch)
-    parts = engine._look()
+    parts = engine._look([*engine.registry])
     while next(parts, parts) is not parts:
         looks.append(0)
     assert sum(looks) >= 3 * LOOKED_AT_ONCE

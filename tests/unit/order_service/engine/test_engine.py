@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from random import Random
@@ -11,9 +12,10 @@ from hypothesis import strategies as st
 
 from nena_order_service.engine import engine as engine_module
 from nena_order_service.engine.driving import EVASION_PAUSE
-from nena_order_service.engine.engine import LOOK_SHARE, Engine
+from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceStatus,
     TransportOrderState,
@@ -377,20 +379,25 @@ async def _play(steps: list[str], chance: Random) -> None:
         versions[status.name] = status.version
 
 
-async def test_checks_of_a_large_fleet_take_a_limited_share_of_the_time(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(("seconds", "looked_at"), [(0.0, [2, 2, 2]), (1.0, [2, 0, 0])])
+async def test_looking_at_all_vehicles_takes_a_limited_share_of_the_time(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, looked_at: list[int]
 ) -> None:
+    """Each part of a check takes so many seconds; what depends on the time alone is checked each time."""
     engine = await make_engine(PLANT, MemoryStore(), ScriptedFleet({"V1": "A", "V2": "C"}))
-    parts = sum(1 for _ in engine._look())
-    now, pauses = count(), list[float]()
+    now, looks, look = count(), list[int](), engine._look
 
-    async def passes(_due: asyncio.Event, pause: float) -> bool:
-        pauses.append(pause)
+    def looked(vehicles: Sequence[FleetVehicle]) -> Iterator[None]:
+        looks.append(len(vehicles))
+        return look(vehicles)
+
+    async def passes(_due: asyncio.Event, _pause: float) -> bool:
         return False
 
     monkeypatch.setattr(engine_module, "set_within", passes)
-    monkeypatch.setattr(engine_module, "thread_time", lambda: next(now))  # each part takes a second
+    monkeypatch.setattr(engine_module, "thread_time", lambda: next(now) * seconds)
+    monkeypatch.setattr(engine, "_look", looked)
     checks = asyncio.create_task(engine.run())
-    await until(lambda: len(pauses) >= 3, what="two checks")
+    await until(lambda: len(looks) >= len(looked_at), what="some checks")
     checks.cancel()
-    assert pauses[1:3] == [parts / LOOK_SHARE] * 2
+    assert looks[: len(looked_at)] == looked_at

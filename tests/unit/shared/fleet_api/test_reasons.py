@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 import pytest
 
 from nena_shared.fleet_api.reasons import NOTED, CodedReason, Reason, ReasonCode, explained, reason_of
+from nena_shared.fleet_api.transport_order import HistoryEntry
 
 R = ReasonCode
 OFFLINE = Reason(R.IS_OFFLINE)
@@ -81,3 +82,11 @@ def test_codes_are_distinct_and_their_values_are_names() -> None:
     assert len(NOTED) > 50
     names = {name for each in ReasonCode for name in re.findall(r"\{(\w*)", each.value)}
     assert "" not in names
+
+
+@pytest.mark.parametrize("values", [{"names": ["a"]}, {"x": None}, 3])
+def test_a_code_that_cannot_be_read_is_left_out(values: object) -> None:
+    """A newer order service may send it; its text and the rest of the status count."""
+    entry = {"timestamp": "2026-01-01T00:00:00Z", "eventCode": "nena:new", "supplements": ["why"]}
+    read = HistoryEntry.model_validate(entry | {"codedReason": {"code": "new", "values": values}})
+    assert (read.supplements, read.coded_reason) == (("why",), None)

@@ -11,6 +11,12 @@ import httpx
 import pytest
 import uvicorn
 from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    PrivateFormat,
+)
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
@@ -135,6 +141,16 @@ def test_invalid_certificate_is_reported(tmp_path: Path) -> None:
     (tmp_path / "c.pem").touch()
     settings = HttpSettings(port=0, tls_certificate=tmp_path / "c.pem", tls_key=tmp_path / "c.pem")
 
+    with pytest.raises(ConfigurationError, match=r"http\.tls_certificate, http\.tls_key: .*c\.pem"):
+        HttpServer(YES, settings)
+
+
+def test_an_encrypted_key_is_reported_without_asking_for_its_passphrase(tmp_path: Path) -> None:
+    key = ec.generate_private_key(ec.SECP256R1()).private_bytes(
+        Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b"secret")
+    )
+    (tmp_path / "c.pem").write_bytes(key)
+    settings = HttpSettings(port=0, tls_certificate=tmp_path / "c.pem", tls_key=tmp_path / "c.pem")
     with pytest.raises(ConfigurationError, match=r"http\.tls_certificate, http\.tls_key: .*c\.pem"):
         HttpServer(YES, settings)
 

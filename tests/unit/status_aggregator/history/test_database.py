@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sqlalchemy import Engine, update
@@ -145,3 +146,18 @@ def test_the_tables_are_those_that_a_history_of_today_has() -> None:
             "details": "TEXT",
         },
     }
+
+
+def test_texts_in_nested_values_are_stored_without_nul(engine: Engine) -> None:
+    """PostgreSQL cannot read JSON with it."""
+
+    def values(text: str) -> dict[str, Any]:
+        return {
+            "reason": text,
+            "codedReason": {"code": "words", "values": {"text": text}, "causes": [{"n": 1}]},
+        }
+
+    event = Event(START, Code.TRANSPORT_ORDER, "ended", values=values("a\0b"))
+    database.write(engine, [event])
+    (found,) = database.read_newest(engine, ALL, before=None, limit=1)
+    assert found["values"] == values("a\ufffdb")

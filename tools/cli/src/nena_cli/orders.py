@@ -322,7 +322,7 @@ def _change(
 def _request(service: Service, file: typer.FileBinaryRead | None, **fields: object) -> TransportOrderRequest:
     """Build a request from a file or from the options."""
     if (file is None) == (not fields["destinations"]):
-        message = "Specify stops or --file"
+        message = "Specify stops or --file, not both" if file else "Specify stops or --file"
         raise typer.BadParameter(message)
     if file:
         refuse_beside_file([each for each in service.given if each not in ("--file", "--wait")])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -69,10 +69,11 @@ R = ReasonCode
 log = get_logger(__name__)
 
 LOOK_INTERVAL = 2.0
-"""Seconds between checks for changes without an event, such as positions; more if they take too much time."""
+"""Seconds between checks for changes without an event, such as timeouts."""
 
 LOOK_SHARE = 0.1
-"""Largest share of a core for these checks, whose work grows with the fleet."""
+"""Largest share of a core for looking at all vehicles, as for their positions: in a large fleet, most checks
+leave it out."""
 
 FIRST_LOOKS = 0.2
 """Seconds between checks while the first states of robots are awaited after the start."""
@@ -347,16 +348,19 @@ class Engine:
 
     async def run(self) -> None:
         """Check periodically for changes without an event, until cancelled."""
-        took = 0.0
+        clock = asyncio.get_running_loop().time
+        vehicles_due = clock()
         while True:
-            interval = LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS
-            await set_within(self._look_due, max(interval, took / LOOK_SHARE))
+            await set_within(self._look_due, LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
             self._look_due.clear()
+            vehicles = [*self.registry] if clock() >= vehicles_due else []
             took, begin = 0.0, thread_time()
-            for _ in self._look():
+            for _ in self._look(vehicles):
                 took += thread_time() - begin
                 await asyncio.sleep(0)
                 begin = thread_time()
+            if vehicles:
+                vehicles_due = clock() + took / LOOK_SHARE
 
     def close(self, reason: str) -> None:
         """Accept no more changes, because another engine takes over the store."""
@@ -398,12 +402,11 @@ class Engine:
 
     def look(self) -> None:
         """Retry waiting work, and publish vehicles whose status has changed without an event."""
-        for _ in self._look():
+        for _ in self._look([*self.registry]):
             pass
 
-    def _look(self) -> Iterator[None]:
-        """Perform :meth:`look` in parts, so that other tasks can run in between."""
-        vehicles = [*self.registry]
+    def _look(self, vehicles: Sequence[FleetVehicle]) -> Iterator[None]:
+        """Perform :meth:`look` in parts, so that other tasks can run in between; look at these vehicles."""
         parts = [
             vehicles[start : start + LOOKED_AT_ONCE] for start in range(0, len(vehicles), LOOKED_AT_ONCE)
         ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -188,13 +188,17 @@ def _row(entry: Event) -> dict[str, object]:
         "robot": _storable(entry.robot, ROBOT_LENGTH),
         "order_name": _storable(entry.order, ORDER_LENGTH),
         "text": _storable(entry.text, None),
-        "details": json.dumps(
-            {
-                name: _storable(value, None) if isinstance(value, str) else value
-                for name, value in entry.values.items()
-            }
-        ),
+        "details": json.dumps(_without_nul(entry.values)),
     }
+
+
+def _without_nul(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """Return a JSON value whose texts PostgreSQL can store."""
+    if isinstance(value, str):
+        return _storable(value, None)
+    if isinstance(value, Mapping):
+        return {name: _without_nul(each) for name, each in value.items()}
+    return [_without_nul(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def _storable(text: str | None, length: int | None) -> str | None:

@@ -1,7 +1,7 @@
 // The order service's reasons in the panel's language.
 
 import { element, foreign } from "./dom.js";
-import { dateAndTime, fillable, has, number, t, timeOfDay } from "./i18n.js";
+import { chosenLanguage, dateAndTime, fillable, has, number, t, timeOfDay } from "./i18n.js";
 
 // What is between the causes; others: a semicolon.
 const JOINED = {
@@ -16,27 +16,41 @@ const HOLDERS = { "failure policy": "holder.policy", "failure of a dependency": 
 // How values are shown, by name; others are names, the same in all languages.
 const SHOWN = {
   by: nameOfHolder,
-  level: (level) => (has(`integration.${level}`) ? t(`integration.${level}`) : shown(level)),
-  measure: (measure) => t(`measure.${measure}`),
-  mode: (mode) => t(`mode.${mode}`),
-  reported: (state) => t(`peripheral.${state}`),
+  level: (level) => String(known(`integration.${level}`, level)).split(":")[0],
+  measure: (measure) => known(`measure.${measure}`, measure),
+  cost: (cost) => number(cost, 0),
+  known: String,
+  limit: (limit) => number(limit, Number.isInteger(limit) ? 0 : 2),
+  mode: (mode) => known(`mode.${mode}`, mode),
+  reported: (state) => known(`peripheral.${state}`, state),
   since: dateAndTime,
-  state: (state) => t(`state.${state}`),
+  state: (state) => known(`state.${state}`, state),
   time: timeOfDay,
+  update: String,
 };
+
+// The words of an enumeration's value; of a newer order service's one, the value.
+function known(key, value) {
+  return has(key) ? t(key) : shown(value);
+}
+
+// A name may be that of an inherited property, such as "constructor".
+const own = (object, name) => (Object.hasOwn(object, name) ? object[name] : undefined);
 
 /**
  * Return a reason as `{text, foreign}`: `text` in the panel's language, or `foreign`, the English text, if a code has no
  * words here (a newer order service) or there is none (an older one).
  */
 export function worded({ reason, codedReason }) {
+  if (chosenLanguage() === "en" && reason) return { text: reason, foreign: "" };
   const text = codedReason ? inWords(codedReason) : null;
   return text === null ? { text: "", foreign: reason ?? "" } : { text, foreign: "" };
 }
 
 /** Return the name of the holder of an order: a person, a host or the order service. */
 export function nameOfHolder(name) {
-  return name in HOLDERS ? t(HOLDERS[name]) : name;
+  const key = own(HOLDERS, name);
+  return key ? t(key) : name;
 }
 
 /** Create an element with a reason. */
@@ -45,13 +59,13 @@ export function reasonElement(name, explained, attributes = {}) {
   return words ? foreign(name, words, attributes) : element(name, attributes, text);
 }
 
-function inWords({ code, values, causes }) {
+function inWords({ code, values = {}, causes = [] }) {
   const parts = causes.map(inWords);
-  const between = JOINED[code]?.() ?? "; ";
+  const between = own(JOINED, code)?.() ?? "; ";
   const filled = { causes: parts.join(between), first: parts[0] ?? "", rest: parts.slice(1).join(between) };
-  for (const [name, value] of Object.entries(values)) filled[name] = (SHOWN[name] ?? shown)(value);
-  const known = fillable(`because.${code}`, filled) && !parts.includes(null);
-  return known ? t(`because.${code}`, filled) : null;
+  for (const [name, value] of Object.entries(values)) filled[name] = (own(SHOWN, name) ?? shown)(value);
+  const possible = fillable(`because.${code}`, filled) && !parts.includes(null);
+  return possible ? t(`because.${code}`, filled) : null;
 }
 
 function shown(value) {
