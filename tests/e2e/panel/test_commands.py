@@ -394,6 +394,12 @@ async def test_reasons_of_the_order_service_are_in_the_language_of_the_panel(
         await button(page, "Zurückziehen").click()
         await button(page, "second jetzt zurückziehen").click()
         await is_in_german("second", "Fehlgeschlagen · am Leitstand zurückgezogen")
+
+        async def recorded() -> str:
+            async with httpx.AsyncClient(base_url=fleet.url, timeout=PATIENCE) as panel:
+                return (await panel.get("/api/v1/history?order=second")).text
+
+        await awaited(recorded, lambda text: '"FAILED"' in text, what="the withdrawal is in the history")
         await page.goto(f"{fleet.url}#/history")
         log = page.locator("nena-history-page")
         await expect(log).to_contain_text("Fehlgeschlagen: am Leitstand zurückgezogen")
