@@ -38,13 +38,13 @@ function known(key, value) {
 const own = (object, name) => (Object.hasOwn(object, name) ? object[name] : undefined);
 
 /**
- * Return a reason as `{text, foreign}`: `text` in the panel's language, or `foreign`, the English text, if a code has no
- * words here (a newer order service) or there is none (an older one).
+ * Return a reason as `{text, foreign}`: `text` in the panel's language (in English the service's own sentence), or `foreign`,
+ * the English text, if a code has no words here (a newer order service) or there is none (an older one).
  */
 export function worded({ reason, codedReason }) {
-  if (chosenLanguage() === "en" && reason) return { text: reason, foreign: "" };
   const text = codedReason ? inWords(codedReason) : null;
-  return text === null ? { text: "", foreign: reason ?? "" } : { text, foreign: "" };
+  if (text === null) return { text: "", foreign: reason ?? "" };
+  return { text: chosenLanguage() === "en" && reason ? reason : text, foreign: "" };
 }
 
 /** Return the name of the holder of an order: a person, a host or the order service. */
