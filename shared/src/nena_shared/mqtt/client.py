@@ -563,7 +563,7 @@ class Client:
         if length < LONG:
             return ""
         return (
-            f"; it may refuse a message of {length / 1e6:.1f} MB on {topic}: "
+            f"; the broker may refuse a message of {length / 1e6:.1f} MB on {topic}: "
             "check its limit (Mosquitto: max_packet_size)"
         )
 

@@ -538,7 +538,7 @@ async def test_a_message_that_the_broker_may_have_refused_for_its_length_is_name
         async with running(link):
             link.publish(Outbound("a/plant", bytes(2_000_000), retain=True))
             await until(lambda: bool(link.state.last_error), what="the connection ends")
-    assert "it may refuse a message of 2.0 MB on a/plant: check its limit" in link.state.last_error
+    assert "the broker may refuse a message of 2.0 MB on a/plant: check its limit" in link.state.last_error
 
 
 async def test_drain_reports_what_is_left(own_broker: Broker) -> None:
