@@ -97,16 +97,17 @@ async def test_recordings_are_requested_over_rest_and_mqtt(
         serving(broker, fleet.interface, **kept) as served,
         running(settings_with_box(fleet, tmp_path)) as client,
     ):
+        await client.post("/v1/transportOrders", json=TO_SOUTH_3)
         answer = (await client.post("/v1/recordings")).json()
         assert (answer["robot"], answer["sent"]) == (SOURCE, True)
-        assert await arrived(served, answer["name"])
+        assert "/nena/orders" in await arrived(served, answer["name"])
 
         command = f"{fleet.interface}/nena/hosts/wms/commands/fetchRecording"
         peer = fleet.peer(f"{command}/answer")
         peer.publish(command, json.dumps({"requestId": "r-1"}))
         told = json.loads((await peer.wait_for(f"{command}/answer")).payload)
         assert told["status"] == 200, told
-        assert await arrived(served, told["recording"]["name"])
+        assert "/nena/orders" in await arrived(served, told["recording"]["name"])
 
 
 async def test_without_a_black_box_a_request_says_how_to_get_one(fleet: Fleet) -> None:
