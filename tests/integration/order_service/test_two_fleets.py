@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import sys
+import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, ExitStack
 from dataclasses import dataclass
@@ -28,6 +31,9 @@ FOREIGN = "another program commands robots of this fleet"
 SAME_NAME = "T"
 GOALS = {"a": "South 2", "b": "Middle 1"}
 """Where each fleet's order of the same name leads."""
+MINUTES = float(os.environ.get("NENA_TWO_FLEETS_MINUTES", "1"))
+"""How long two fleets work side by side in the long test."""
+PLACES = ("South 1", "South 2", "Middle 1")
 
 
 @dataclass
@@ -117,6 +123,35 @@ async def test_two_fleets_with_the_same_names_do_not_interfere(halves: dict[str,
         assert {each["name"] for each in listed} == {SAME_NAME, f"only{name}"}
         assert FOREIGN not in half.order_service.log
         await panel_shows(half, {SAME_NAME, f"only{name}"})
+
+
+@pytest.mark.long
+@pytest.mark.timeout(MINUTES * 60 + 300)
+async def test_two_fleets_work_side_by_side(halves: dict[str, Half]) -> None:
+    end = time.monotonic() + MINUTES * 60
+    done = await asyncio.gather(*(work_until(end, half, f"{name}T") for name, half in halves.items()))
+    sys.stdout.write(f"orders finished: {done}\n")
+    for (name, half), count in zip(halves.items(), done, strict=True):
+        assert count > 10 * MINUTES
+        names = {f"{name}T{number}" for number in range(count)}
+        assert half.order_ids() == names
+        assert FOREIGN not in half.order_service.log
+        assert "Traceback" not in half.order_service.log
+        shown = {each["id"] for each in (await half.shown())["orders"]}
+        assert shown <= names
+        assert f"{name}T{count - 1}" in shown
+
+
+async def work_until(end: float, half: Half, prefix: str) -> int:
+    """Create one order after another, all of names of this prefix; return how many have finished."""
+    await listening(half.host)
+    await vehicle_idle(half.host)
+    count = 0
+    while time.monotonic() < end:
+        await half.create(f"{prefix}{count}", PLACES[count % len(PLACES)])
+        await order_in(half.host, f"{prefix}{count}", "FINISHED")
+        count += 1
+    return count
 
 
 async def test_one_fleet_works_on_while_the_order_service_of_the_other_is_down(

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.dispatching.settings import DispatchSettings
+from nena_order_service.engine import dispatching
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.engine import Engine
 from nena_order_service.orders.transport_order import TransportOrder
@@ -185,6 +186,22 @@ async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pyte
     fleet.appear("V2", "C")
     assert decisions == [1]
     assert fleet.sent[0][0] == "V2"
+
+
+async def test_a_fleet_that_changes_as_a_whole_is_read_in_parts_before_it_gets_orders(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    engine, fleet = await make()
+    fleet.out_of_order.update(("V1", "V2"))
+    engine.create(request("C"), "T")
+    fleet.out_of_order.clear()
+    monkeypatch.setattr(dispatching, "VEHICLES_AT_ONCE", 1)
+    engine.state.touched.update(("V1", "V2"))
+    assert [*engine._dispatching.due()] == []
+    assert (len(engine.state.touched), engine.state.dispatch_later) == (1, True)
+    (orders,) = engine._dispatching.due()
+    assert [each.name for each in orders] == ["T"]
+    assert (len(engine.state.touched), engine.state.dispatch_later) == (0, False)
 
 
 async def test_a_repeated_decision_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:

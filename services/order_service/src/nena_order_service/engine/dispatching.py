@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import inf
 
 from nena_order_service.dispatching.candidates import (
@@ -57,6 +58,8 @@ EXPLAINED_AT_ONCE = 50
 """Number of vehicles explained before other tasks run."""
 REASONS_AT_ONCE = 100
 """Maximum number of wait reasons updated in each round."""
+VEHICLES_AT_ONCE = 100
+"""Number of changed vehicles read again in one turn of the event loop; each takes about 0.1 ms."""
 ORDERS_FOR_ONE = 32
 """Number of orders compared when vehicles have become free, plus ORDERS_FOR_EACH per vehicle."""
 ORDERS_FOR_EACH = 4
@@ -104,6 +107,8 @@ class Dispatching:
         """Vehicles that give up dispensable orders, by the number of the order for which each is reserved."""
         self._explained_to = 0
         """Position in the queue up to which wait reasons have been updated."""
+        self._read_again: list[str] = []
+        """Changed vehicles that have been read again since orders were last due."""
 
     def due(self) -> Iterator[Sequence[TransportOrder]]:
         """Yield orders that may be assigned now, or whose wait reason may have changed.
@@ -111,9 +116,14 @@ class Dispatching:
         These are the orders that are new to free vehicles, the most urgent ones for vehicles that have become
         free, the first ones of the queue, and those that name a vehicle that has changed. The work therefore
         does not grow with the queue. Sets ``dispatch_later`` if there are vehicles that have not been offered
-        all orders.
+        all orders. If a whole fleet has changed, no order is due before all vehicles have been read again,
+        which takes several turns of the event loop.
         """
-        touched = self._refresh()
+        self._read_again += self._refresh(VEHICLES_AT_ONCE)
+        if self._state.touched:
+            self._state.dispatch_later = True
+            return
+        touched, self._read_again = self._read_again, []
         self._forget_kept()
         numbers = self._with_new_reasons(touched)
         numbers.update(self._fresh_orders())
@@ -354,10 +364,10 @@ class Dispatching:
             return False
         return known.view is None and known.seen.obstacle == BUSY and not order.is_operating
 
-    def _refresh(self) -> list[str]:
-        """Update the vehicles that have changed; return their names."""
-        touched = [*self._state.touched]
-        self._state.touched.clear()
+    def _refresh(self, at_most: int | None = None) -> list[str]:
+        """Update the vehicles that have changed, or some of them; return their names."""
+        touched = [*islice(self._state.touched, at_most)]
+        self._state.touched.difference_update(touched)
         self._candidates.refresh(touched)
         return touched
 
