@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from nena_edge_agent.black_box.box import FetchRecording, Reason, RobotBlackBox, Triggers
+from nena_edge_agent.black_box.box import FetchRecording, RobotBlackBox, Trigger, Triggers
 from nena_edge_agent.black_box.settings import BlackBoxSettings
 from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure
 from nena_edge_agent.protocol.events import ActionReport, Event, SafetyReport
@@ -119,21 +119,21 @@ def an_error(level: ErrorLevel, kind: str = "broken") -> ErrorEntry:
     return ErrorEntry(error_type=kind, error_level=level)
 
 
-def reasons(*events: Event) -> list[Reason | None]:
+def reasons(*events: Event) -> list[Trigger | None]:
     triggers = Triggers()
     return [triggers.note(each, ()) for each in events]
 
 
 def test_a_failed_drive_starts_a_recording() -> None:
-    assert reasons(QUIET, FAILED, QUIET) == [None, Reason.DRIVE_FAILED, None]
+    assert reasons(QUIET, FAILED, QUIET) == [None, Trigger.DRIVE_FAILED, None]
 
 
 def test_an_emergency_stop_starts_one_when_it_begins() -> None:
     assert reasons(STOPPED, STOPPED, RELEASED, STOPPED) == [
-        Reason.EMERGENCY_STOP,
+        Trigger.EMERGENCY_STOP,
         None,
         None,
-        Reason.EMERGENCY_STOP,
+        Trigger.EMERGENCY_STOP,
     ]
 
 
@@ -143,8 +143,8 @@ def test_serious_errors_start_one_when_they_appear() -> None:
     critical = an_error(ErrorLevel.CRITICAL, "lift")
 
     assert triggers.note(QUIET, (warning,)) is None
-    assert triggers.note(QUIET, (warning, fatal)) is Reason.ERROR
+    assert triggers.note(QUIET, (warning, fatal)) is Trigger.ERROR
     assert triggers.note(QUIET, (warning, fatal)) is None
-    assert triggers.note(QUIET, (fatal, critical)) is Reason.ERROR
+    assert triggers.note(QUIET, (fatal, critical)) is Trigger.ERROR
     assert triggers.note(QUIET, ()) is None
-    assert triggers.note(QUIET, (fatal,)) is Reason.ERROR
+    assert triggers.note(QUIET, (fatal,)) is Trigger.ERROR

@@ -36,7 +36,7 @@ JOURNAL: Final = Channel("/nena/journal")
 SERIOUS: Final = (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
 
 
-class Reason(StrEnum):
+class Trigger(StrEnum):
     """Why a file was written; part of its name."""
 
     DRIVE_FAILED = "drive-failed"
@@ -51,25 +51,25 @@ class Triggers:
         self._stopped = False
         self._errors: tuple[ErrorEntry, ...] = ()
 
-    def note(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> Reason | None:
+    def note(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> Trigger | None:
         """Handle an event and the robot's active errors after it; return why to record, if at all."""
         found = self._new_error(errors)
         match event:
             case DriveFailed():
-                return Reason.DRIVE_FAILED
+                return Trigger.DRIVE_FAILED
             case events.SafetyReport(emergency_stop=stop):
                 before, self._stopped = self._stopped, stop is not EmergencyStop.NONE
-                return Reason.EMERGENCY_STOP if self._stopped and not before else found
+                return Trigger.EMERGENCY_STOP if self._stopped and not before else found
             case _:
                 return found
 
-    def _new_error(self, errors: tuple[ErrorEntry, ...]) -> Reason | None:
+    def _new_error(self, errors: tuple[ErrorEntry, ...]) -> Trigger | None:
         if errors is self._errors:
             return None
         before = {error_key(each) for each in self._errors}
         self._errors = errors
         serious = (each for each in errors if each.error_level in SERIOUS)
-        return Reason.ERROR if any(error_key(each) not in before for each in serious) else None
+        return Trigger.ERROR if any(error_key(each) not in before for each in serious) else None
 
 
 class RecordedLink(MqttLink):

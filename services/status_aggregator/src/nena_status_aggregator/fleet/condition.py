@@ -92,7 +92,7 @@ COORDINATE_NODES = ("goal:", "start:")
 
 
 @dataclass(frozen=True, slots=True)
-class Reason:
+class ConditionReason:
     """Why a robot is in its condition: a code, and the values of its sentence."""
 
     code: str
@@ -143,7 +143,7 @@ class ConditionInputs:
     """The stop that pauses it, according to the order service."""
 
 
-Assessment = tuple[Condition, Reason]
+Assessment = tuple[Condition, ConditionReason]
 
 
 def assess(inputs: ConditionInputs) -> Assessment:
@@ -154,7 +154,7 @@ def assess(inputs: ConditionInputs) -> Assessment:
     if state is None:
         return _no_state(inputs)
     if inputs.overdue and inputs.unreadable and inputs.link_up:
-        return Condition.ERROR, Reason("unreadable", {"problem": inputs.unreadable})
+        return Condition.ERROR, ConditionReason("unreadable", {"problem": inputs.unreadable})
     if inputs.overdue:
         return Condition.SILENT, _silence_reason(inputs)
     return (
@@ -176,24 +176,24 @@ def _away(inputs: ConditionInputs) -> Assessment | None:
         case _:
             return None
     condition, code = assessment
-    return condition, Reason(code, {"since": clock_text(inputs.connection_since)})
+    return condition, ConditionReason(code, {"since": clock_text(inputs.connection_since)})
 
 
 def _no_state(inputs: ConditionInputs) -> Assessment:
     if inputs.problem:
-        return Condition.ERROR, Reason("unreadable", {"problem": inputs.problem})
+        return Condition.ERROR, ConditionReason("unreadable", {"problem": inputs.problem})
     if inputs.connection is None and inputs.fleet_remark is not None:
-        return Condition.OFFLINE, Reason("unheard")
+        return Condition.OFFLINE, ConditionReason("unheard")
     if not inputs.overdue:
-        return Condition.SILENT, Reason("expected", {"limit": round(inputs.silence_limit)})
-    return Condition.SILENT, Reason("stateless")
+        return Condition.SILENT, ConditionReason("expected", {"limit": round(inputs.silence_limit)})
+    return Condition.SILENT, ConditionReason("stateless")
 
 
-def _silence_reason(inputs: ConditionInputs) -> Reason:
+def _silence_reason(inputs: ConditionInputs) -> ConditionReason:
     since = clock_text(inputs.state_time)
     if not inputs.link_up:
-        return Reason("blind", {"since": since})
-    return Reason("silent", {"since": since, "limit": round(inputs.silence_limit)})
+        return ConditionReason("blind", {"since": since})
+    return ConditionReason("silent", {"since": since, "limit": round(inputs.silence_limit)})
 
 
 def clock_text(moment: datetime) -> str:
@@ -203,7 +203,7 @@ def clock_text(moment: datetime) -> str:
 
 def _held(state: State, stop: VehicleStop | None) -> Assessment | None:
     if state.operating_mode not in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC):
-        return Condition.MANUAL, Reason("mode", {"mode": state.operating_mode.value})
+        return Condition.MANUAL, ConditionReason("mode", {"mode": state.operating_mode.value})
     error = worst_error(state)
     if error and error.error_level in (ErrorLevel.FATAL, ErrorLevel.CRITICAL):
         return Condition.ERROR, _error_reason(error)
@@ -213,16 +213,18 @@ def _held(state: State, stop: VehicleStop | None) -> Assessment | None:
 def _blocked(state: State, stop: VehicleStop | None) -> Assessment | None:
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         by_hand = state.safety_state.active_emergency_stop is EmergencyStop.MANUAL
-        return Condition.BLOCKED, Reason("emergency_stop", {"how": "at the robot" if by_hand else "remotely"})
+        return Condition.BLOCKED, ConditionReason(
+            "emergency_stop", {"how": "at the robot" if by_hand else "remotely"}
+        )
     if state.safety_state.field_violation:
-        return Condition.BLOCKED, Reason("field")
+        return Condition.BLOCKED, ConditionReason("field")
     if state.mobile_robot_position and not state.mobile_robot_position.localized:
-        return Condition.BLOCKED, Reason("not_localized")
+        return Condition.BLOCKED, ConditionReason("not_localized")
     if state.paused and stop:
         code = "stopped_area" if stop.area else "stopped"
-        return Condition.BLOCKED, Reason(code, {"by": stop.by, "why": stop.reason})
+        return Condition.BLOCKED, ConditionReason(code, {"by": stop.by, "why": stop.reason})
     if state.paused:
-        return Condition.BLOCKED, Reason("paused")
+        return Condition.BLOCKED, ConditionReason("paused")
     return None
 
 
@@ -236,7 +238,7 @@ def _working(state: State, inputs: ConditionInputs) -> Assessment | None:
     if action:
         return Condition.BUSY, _action_reason(state, action)
     if state.driving:
-        return Condition.BUSY, Reason("driving_free")
+        return Condition.BUSY, ConditionReason("driving_free")
     return None
 
 
@@ -247,27 +249,31 @@ def _assigned(inputs: ConditionInputs) -> Assessment | None:
     charging = inputs.state is not None and inputs.state.power_supply.charging
     if inputs.transport_order is None or charging:
         return None
-    return Condition.BUSY, Reason("assigned", {"order": inputs.transport_order})
+    return Condition.BUSY, ConditionReason("assigned", {"order": inputs.transport_order})
 
 
-def _wait_reason(inputs: ConditionInputs) -> Reason | None:
+def _wait_reason(inputs: ConditionInputs) -> ConditionReason | None:
     wait = inputs.wait
     if wait is None:
         return None
     if wait.vehicles and wait.cause and wait.at:
-        return Reason(WAITS[wait.cause], {"vehicles": ", ".join(wait.vehicles), "at": wait.at})
+        return ConditionReason(WAITS[wait.cause], {"vehicles": ", ".join(wait.vehicles), "at": wait.at})
     if wait.at and not wait.vehicles:
-        return Reason("waits_peripheral", {"at": wait.at})
+        return ConditionReason("waits_peripheral", {"at": wait.at})
     if inputs.transport_order is None:
         return None
     values: dict[str, str | float] = {"order": inputs.transport_order, "why": wait.reason}
-    return Reason("waits_other", values, coded=wait.coded_reason)
+    return ConditionReason("waits_other", values, coded=wait.coded_reason)
 
 
 def _free(state: State, remark: str | None, coded: CodedReason | None) -> Assessment:
     if state.power_supply.charging:
-        return Condition.CHARGING, Reason("charging", {"charge": round(state.power_supply.state_of_charge)})
-    return Condition.IDLE, Reason("idle_why", {"why": remark}, coded=coded) if remark else Reason("idle")
+        return Condition.CHARGING, ConditionReason(
+            "charging", {"charge": round(state.power_supply.state_of_charge)}
+        )
+    return Condition.IDLE, ConditionReason(
+        "idle_why", {"why": remark}, coded=coded
+    ) if remark else ConditionReason("idle")
 
 
 def worst_error(state: State) -> ErrorEntry | None:
@@ -278,13 +284,13 @@ def worst_error(state: State) -> ErrorEntry | None:
     return max(state.errors, key=lambda each: levels.index(each.error_level))
 
 
-def _error_reason(error: ErrorEntry) -> Reason:
+def _error_reason(error: ErrorEntry) -> ConditionReason:
     sentences = [text for text in (error.error_description, error.error_hint) if text]
     described = " ".join(sentences) or f"no description (level {error.error_level})."
-    return Reason("error", {"type": error.error_type, "description": described})
+    return ConditionReason("error", {"type": error.error_type, "description": described})
 
 
-def _way_reason(state: State, action: ActionState | None) -> Reason:
+def _way_reason(state: State, action: ActionState | None) -> ConditionReason:
     upcoming = state.node_states[0] if state.node_states else None
     target: dict[str, str | float] = {
         "place": state.last_node_id or "?",
@@ -292,12 +298,12 @@ def _way_reason(state: State, action: ActionState | None) -> Reason:
     }
     shown = {"next": _name_of(upcoming)} if upcoming else {}
     if state.driving:
-        return Reason("driving", target, shown)
+        return ConditionReason("driving", target, shown)
     if action and action.action_status is not ActionStatus.WAITING:
         return _action_reason(state, action)
     if upcoming and not upcoming.released:
-        return Reason("waiting_for_release", target, shown)
-    return Reason("standing", target, shown)
+        return ConditionReason("waiting_for_release", target, shown)
+    return ConditionReason("standing", target, shown)
 
 
 def _name_of(node: NodeState) -> str:
@@ -307,10 +313,10 @@ def _name_of(node: NodeState) -> str:
     return f"x {at.x:.2f}, y {at.y:.2f}"
 
 
-def _action_reason(state: State, action: ActionState) -> Reason:
+def _action_reason(state: State, action: ActionState) -> ConditionReason:
     waiting = action.action_status is ActionStatus.WAITING
     name = action.action_type or action.action_id
-    return Reason(
+    return ConditionReason(
         "action_waiting" if waiting else "action", {"action": name, "place": state.last_node_id or "?"}
     )
 

@@ -7,7 +7,7 @@ from math import hypot
 
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.vda5050.state import MobileRobotPosition, State
-from nena_status_aggregator.fleet.condition import Condition, Reason
+from nena_status_aggregator.fleet.condition import Condition, ConditionReason
 from nena_status_aggregator.fleet.events import Code, Event, Values, changes
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.fleet.statistics import Statistics
@@ -68,7 +68,7 @@ class EventLog:
             text = f"Connection {now}."
             self._of_robot(robot, Code.CONNECTION, text, {"state": now, "before": before}, at)
 
-    def condition(self, robot: Robot, before: tuple[Condition, Reason], at: Timestamp) -> None:
+    def condition(self, robot: Robot, before: tuple[Condition, ConditionReason], at: Timestamp) -> None:
         """Log a new condition, or a new reason for not moving."""
         condition, reason = before
         changed = condition is not robot.condition

@@ -21,7 +21,7 @@ from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.state import MobileRobotPosition, State, Velocity
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
-from nena_status_aggregator.fleet.condition import Condition, ConditionInputs, Reason, assess
+from nena_status_aggregator.fleet.condition import Condition, ConditionInputs, ConditionReason, assess
 from nena_status_aggregator.fleet.messages import MessageKind, Sequence
 
 
@@ -218,7 +218,7 @@ class Robot:
         """How its messages deviate from the standard, and how they were read."""
         self.condition = Condition.SILENT
         self.condition_since = seen.utc
-        self.reason = Reason("stateless")
+        self.reason = ConditionReason("stateless")
         self._silence_noticed = False
 
     @property
