@@ -101,6 +101,7 @@ def test_schedule_is_put_with_its_order(asked: list[tuple[str, str, Any]]) -> No
         "timeZone": "Europe/Berlin",
         "validFrom": None,
         "catchUp": 1,
+        "maxOpenOrders": 100,
         "enabled": True,
     }
 

@@ -13,6 +13,12 @@ from nena_shared.fleet_api.transport_order import OrderTemplate
 CATCH_UP_LIMIT: Final = 100
 """Maximum number of missed runs that a schedule catches up."""
 
+OPEN_ORDERS: Final = 100
+"""Default of the orders of a schedule that may be open."""
+
+OPEN_ORDERS_LIMIT: Final = 1000
+"""Maximum of the same."""
+
 
 class ScheduleDefinition(CamelCase):
     """Which transport order a schedule creates, and when."""
@@ -29,6 +35,8 @@ class ScheduleDefinition(CamelCase):
     """The last run is before this time; None: no limit."""
     catch_up: Annotated[int, Field(ge=0, le=CATCH_UP_LIMIT)] = 0
     """Number of runs to catch up after an outage of the order service, the latest ones; 0: skip them all."""
+    max_open_orders: Annotated[int, Field(ge=1, le=OPEN_ORDERS_LIMIT)] = OPEN_ORDERS
+    """A run is skipped while so many of the schedule's orders have not ended, so that they do not pile up."""
     enabled: bool = True
 
 
@@ -71,7 +79,7 @@ class ScheduleStatus(ScheduleDefinition, Resource):
     created_orders: int = 0
     """Number of transport orders that it has created."""
     skipped_runs: int = 0
-    """Number of runs without an order: missed in an outage, or refused."""
+    """Number of runs without an order: missed in an outage, refused, or too many orders open."""
 
 
 class ScheduleList(Resource):

@@ -118,6 +118,24 @@ async def test_missed_runs_are_skipped_or_caught_up(
     assert (await orders(client))[len(created) :] == ["milk-run-20260401T040000Z"]
 
 
+async def test_a_run_is_skipped_while_too_many_orders_of_the_schedule_are_open(
+    client: httpx.AsyncClient, service: OrderService, clock: ManualClock
+) -> None:
+    await put(client, maxOpenOrders=2)
+    clock.advance(16 * HOUR)
+    for _ in range(4):
+        await run_due(service)
+        clock.advance(DAY)
+    assert await orders(client) == ["milk-run-20260329T040000Z", "milk-run-20260330T040000Z"]
+    schedule = (await client.get(MILK_RUN)).json()
+    assert (schedule["createdOrders"], schedule["skippedRuns"]) == (2, 2)
+    assert schedule["lastRuns"][0]["codedReason"]["code"] == "orders_open"
+
+    await client.post("/v1/transportOrders/milk-run-20260329T040000Z/withdrawal")
+    await run_due(service)
+    assert (await orders(client))[-1] == "milk-run-20260402T040000Z"
+
+
 async def test_run_that_was_missed_long_ago_is_passed(
     client: httpx.AsyncClient, service: OrderService, clock: ManualClock
 ) -> None:

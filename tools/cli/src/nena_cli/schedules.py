@@ -25,7 +25,7 @@ from nena_shared.fleet_api.operations.schedules import (
     PUT_SCHEDULE,
     SHOW_SCHEDULE,
 )
-from nena_shared.fleet_api.schedules import CATCH_UP_LIMIT, ScheduleStatus
+from nena_shared.fleet_api.schedules import CATCH_UP_LIMIT, OPEN_ORDERS, OPEN_ORDERS_LIMIT, ScheduleStatus
 
 app = group()
 
@@ -78,6 +78,15 @@ def put(
         int,
         typer.Option(min=0, max=CATCH_UP_LIMIT, help="Missed runs to catch up after an outage, the latest."),
     ] = 0,
+    max_open: Annotated[
+        int,
+        typer.Option(
+            "--max-open-orders",
+            min=1,
+            max=OPEN_ORDERS_LIMIT,
+            help="Skip runs while so many of its orders have not ended.",
+        ),
+    ] = OPEN_ORDERS,
     disabled: Annotated[bool, typer.Option("--disabled", help="Store it, but create no orders.")] = False,
     vehicle: option.Vehicle = None,
     priority: option.Priority = 0,
@@ -93,6 +102,7 @@ def put(
         "validFrom": _moment(valid_from),
         "validUntil": _moment(valid_until),
         "catchUp": catch_up,
+        "maxOpenOrders": max_open,
         "enabled": not disabled,
     }
     with service.connected() as connection:

@@ -302,6 +302,7 @@ def schedule_details(status: ScheduleStatus) -> Table:
         ("valid from", Text(_local(status.valid_from))),
         ("valid until", Text(_local(status.valid_until))),
         ("catch up", Text(str(status.catch_up))),
+        ("max. open orders", Text(str(status.max_open_orders))),
         ("stops", Text(_stops(status))),
         ("created orders", Text(str(status.created_orders))),
         ("skipped runs", Text(str(status.skipped_runs))),

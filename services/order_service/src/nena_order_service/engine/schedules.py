@@ -229,8 +229,11 @@ class Schedules:
     async def _create(self, schedule: Schedule, planned: datetime, late: str) -> None:
         """Create the order of a planned time, or record why it is not created."""
         name = schedule.order_name(planned)
-        if await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
-            refused: str = Reason(R.ORDER_EXISTS, order=name)
+        open_orders = tuple(filter(self._is_open, schedule.open_orders))
+        if len(open_orders) >= schedule.definition.max_open_orders:
+            refused: str = Reason(R.ORDERS_OPEN, count=len(open_orders))
+        elif await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
+            refused = Reason(R.ORDER_EXISTS, order=name)
         else:
             try:
                 request = self._prepared(schedule.definition.transport_order)
@@ -239,11 +242,17 @@ class Schedules:
             else:
                 self._engine.unit_of_work.require_store()
                 done = schedule.after(ScheduleRun(planned=planned, transport_order=name, **explained(late)))
+                done = done.model_copy(update={"open_orders": (*open_orders, name)})
                 self._engine.create_with(partial(self._put, schedule.name, done), request, name)
                 self.outcomes[CREATED] += 1
                 log.info("order created by schedule", schedule=schedule.name, order=name, late=bool(late))
                 return
         self._record(schedule.after(ScheduleRun(planned=planned, **explained(refused)), 1))
+
+    def _is_open(self, name: str) -> bool:
+        """Return whether an order of this name has not ended; open ones are in memory."""
+        order = self._engine.state.orders.named(name)
+        return order is not None and not order.state.final
 
     def _with_operations(self, definition: ScheduleRequest) -> ScheduleRequest:
         """Return a definition with the operations of its order; raises InvalidRequestError."""

@@ -84,6 +84,8 @@ class Schedule(BaseModel):
     last: datetime
     """All planned times up to this one are done. Never goes back while the schedule stays the same."""
     last_runs: tuple[ScheduleRun, ...] = ()
+    open_orders: tuple[str, ...] = ()
+    """Names of its orders that had not ended when the last one was created."""
     created_orders: int = 0
     skipped_runs: int = 0
 

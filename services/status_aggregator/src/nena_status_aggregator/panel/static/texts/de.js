@@ -1021,6 +1021,7 @@ export const TEXTS = {
   "because.runs_skipped": "{count} ausgelassen: Der Auftragsdienst war zu den geplanten Zeiten nicht aktiv",
   "because.runs_long_ago": "ausgelassen mit allen anderen Läufen, die mehr als {days} Tage zurückliegen",
   "because.order_exists": "es gibt schon einen Auftrag {order}",
+  "because.orders_open": "{count} seiner Aufträge sind nicht beendet (maxOpenOrders)",
   "because.or": " oder ",
   "measure.RETRY": "neuen Versuch",
   "measure.REPLAN": "neue Route",

@@ -1021,6 +1021,7 @@ export const TEXTS = {
   "because.runs_skipped": "{count} overgeslagen: de orderservice was op de geplande tijden niet actief",
   "because.runs_long_ago": "overgeslagen met alle andere uitvoeringen van meer dan {days} dagen geleden",
   "because.order_exists": "er is al een order {order}",
+  "because.orders_open": "{count} van zijn orders zijn niet beëindigd (maxOpenOrders)",
   "because.or": " of ",
   "measure.RETRY": "nieuwe poging",
   "measure.REPLAN": "nieuwe route",
