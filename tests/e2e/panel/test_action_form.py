@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from playwright.async_api import Browser, Route, expect
 
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import Topic
 from support.broker import free_port
@@ -83,3 +84,29 @@ async def test_form_is_generated_from_the_factsheet(hall: Hall, browser: Browser
     parameters = {each["key"]: each["value"] for each in sent[0]["parameters"]}
     assert sent[0]["actionType"] == "beep"
     assert parameters == {"times": 3, "loud": True, "tune": {"notes": [1, 2]}, "name": "3"}
+
+
+async def test_the_reason_of_a_result_is_in_the_language_of_the_panel(hall: Hall, browser: Browser) -> None:
+    reason = Reason(ReasonCode.ACTION_UNSEEN, count=6)
+    action = {"actionId": "1", "actionType": "stateRequest"}
+    answer = {**action, "status": "UNKNOWN", "result": "horn", **sent(reason)}
+
+    async with hall.connected("--order_service.url", f"http://127.0.0.1:{free_port()}"):
+        hall.send(Topic.STATE, state(at=seconds_now()))
+        vehicle = vehicle_status().model_dump_json(by_alias=True)
+        hall.peer.publish(hall.fleet.vehicle_status(ROBOT.serial_number), vehicle, retain=True)
+        place = f"{hall.url}#/robots/ACME%2Fr1"
+        async with opened(browser, place, language="de-DE", expected=NO_ORDER_SERVICE) as page:
+            await page.route("**/vehicles/Vehicle-1/instantActions", lambda route: route.fulfill(json=answer))
+            await page.get_by_role("button", name="Sofortaktion …").click()
+            form = page.get_by_role("form", name="Sofortaktion")
+            await form.get_by_label("Aktion").select_option("stateRequest")
+            await form.get_by_role("button", name="Aktion starten").click()
+            result = form.get_by_role("status")
+            await expect(result).to_contain_text("6-mal gesendet, vom Roboter aber nie gemeldet")
+            await expect(result.locator("[lang=en]")).to_have_text("horn")
+
+
+def sent(reason: Reason) -> dict[str, Any]:
+    """Return the fields of a reason as the order service sends them."""
+    return {"reason": str(reason), "codedReason": reason.coded.model_dump(mode="json", by_alias=True)}

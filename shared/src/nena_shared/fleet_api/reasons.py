@@ -352,6 +352,22 @@ class ReasonCode(Enum):
     DEVICE_SILENT = "peripheral {location!r} has not answered {count} requests"
     DEVICE_GIVES_NO_REASON = "the device gives no reason"
 
+    # Instant actions
+    ACTION_DONE = "done"
+    ACTION_NOT_DONE = "the robot failed to execute it"
+    ACTION_FORGOTTEN = "the robot no longer reports it; it may have restarted"
+    ACTION_SHOWN_BY_LINK = "done: the robot is {link}"
+    ACTION_UNSEEN = "sent {count} times, but the robot never reported it"
+    ACTION_UNFINISHED = "the robot did not finish it within {limit:g} s"
+    ACTION_PENDING = "the robot has not reported its end yet"
+    ACTION_UNCERTAIN = "{causes}; it is unknown whether it received the action"
+    ACTION_NOT_SENT = "not sent: {causes}"
+    ACTION_UNFIT = "the robot cannot execute it: {causes}"
+    ACTIONS_TOO_MANY = "{count} instant actions are active at the robot"
+    ACTION_ID_USED = "the actionId {action!r} has been used before"
+    INTERVENED = "is in operating mode INTERVENED, in which cancelOrder is the only instant action"
+    MODE_WITHOUT_ACTIONS = "is in operating mode {mode}, which takes no instant actions"
+
     # Schedules
     RUN_LATE = "created late: the order service was not active at this time"
     RUNS_SKIPPED = "{count} skipped: the order service was not active at their planned times"

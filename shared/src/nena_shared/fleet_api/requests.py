@@ -18,6 +18,7 @@ from nena_shared.fleet_api.base import (
     Traceparent,
 )
 from nena_shared.fleet_api.plant import PathStatus, StoredZoneSet
+from nena_shared.fleet_api.reasons import OptionalReason
 from nena_shared.fleet_api.transport_order import (
     Coordinate,
     Destination,
@@ -276,6 +277,7 @@ class InstantActionAnswer(Resource):
     """FINISHED or FAILED; PENDING: still running; UNKNOWN: the robot never reported it."""
     reason: str
     """Reason, as text."""
+    coded_reason: OptionalReason = None
     result: str | None = None
     """Result reported by the robot."""
 

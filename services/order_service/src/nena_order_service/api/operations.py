@@ -28,6 +28,7 @@ from nena_shared.fleet_api.peripherals import (
 )
 from nena_shared.fleet_api.places import LocationsQuery, PointsQuery
 from nena_shared.fleet_api.plant import ZoneSetList
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.schedules import ScheduleList, ScheduleRequest, ScheduleSwitch
 from nena_shared.fleet_api.stops import StopEndRequest, StopList, StopRequest
 from nena_shared.fleet_api.transport_order import (
@@ -483,6 +484,6 @@ def _instant_action_answer(action: Action, end: InstantActionEnded | None) -> bo
         action_id=action.action_id,
         action_type=action.action_type,
         status=(end.status or "UNKNOWN") if end else "PENDING",
-        reason=end.reason if end else "the robot has not reported its end yet",
+        **explained(end.reason if end else Reason(ReasonCode.ACTION_PENDING)),
         result=end.result if end else None,
     )

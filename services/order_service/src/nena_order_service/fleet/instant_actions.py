@@ -12,6 +12,7 @@ from nena_order_service.fleet.feasibility import fitted_action, instant_action_p
 from nena_order_service.fleet.outputs import Delivery, FleetOutput, InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, REPORTS_NOTHING, LinkStatus, Robot
 from nena_order_service.fleet.settings import FleetSettings
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.action import (
     SHUTDOWN,
     START_HIBERNATION,
@@ -23,6 +24,8 @@ from nena_shared.vda5050.action import (
     BlockingType,
 )
 from nena_shared.vda5050.state import OperatingMode, State
+
+R = ReasonCode
 
 RETRY: Final = "retry"
 CANCEL_ORDER: Final = "cancelOrder"
@@ -66,14 +69,13 @@ class InstantRun:
         state = states.get(self.action.action_id)
         if state is None:
             if self._seen_at is not None:
-                self.outcome = Outcome(None, "the robot no longer reports it; it may have restarted")
+                self.outcome = Outcome(None, Reason(R.ACTION_FORGOTTEN))
             return
         if self._seen_at is None:
             self._seen_at = now
         if state.action_status.ended:
-            reason = (
-                "done" if state.action_status is ActionStatus.FINISHED else "the robot failed to execute it"
-            )
+            finished = state.action_status is ActionStatus.FINISHED
+            reason = Reason(R.ACTION_DONE if finished else R.ACTION_NOT_DONE)
             self.outcome = Outcome(state.action_status, reason, state.action_result)
 
     def on_link(self, link: LinkStatus) -> None:
@@ -84,7 +86,7 @@ class InstantRun:
         hibernates = self.action.action_type == START_HIBERNATION and link is LinkStatus.HIBERNATING
         shut_down = self.action.action_type == SHUTDOWN and link is LinkStatus.OFFLINE
         if hibernates or (shut_down and self._seen_at is not None):
-            self.outcome = Outcome(ActionStatus.FINISHED, f"done: the robot is {link}")
+            self.outcome = Outcome(ActionStatus.FINISHED, Reason(R.ACTION_SHOWN_BY_LINK, link=link))
 
     def wants_sending(self, now: float) -> bool:
         """Return whether the action is due, and count it as sent: the caller must send it."""
@@ -100,11 +102,10 @@ class InstantRun:
         if self._seen_at is None and self._delivery.failed(now):
             if self._may_wake(now):
                 return
-            reason = f"sent {self._delivery.sendings} times, but the robot never reported it"
-            self.outcome = Outcome(None, reason)
+            self.outcome = Outcome(None, Reason(R.ACTION_UNSEEN, count=self._delivery.sendings))
         elif self._seen_at is not None and now - self._seen_at > self._settings.instant_action_limit:
-            limit = f"{self._settings.instant_action_limit:g}"
-            self.outcome = Outcome(None, f"the robot did not finish it within {limit} s")
+            limit = self._settings.instant_action_limit
+            self.outcome = Outcome(None, Reason(R.ACTION_UNFINISHED, limit=limit))
 
     def _may_wake(self, now: float) -> bool:
         """Return whether a hibernating robot may still be waking, and reports nothing yet (section 6.2.3)."""
@@ -122,7 +123,7 @@ class InstantRun:
         if self._seen_at is not None:
             self._seen_at = now
         elif self.requested:
-            self.outcome = Outcome(None, f"{reason}; it is unknown whether it received the action")
+            self.outcome = Outcome(None, Reason(R.ACTION_UNCERTAIN, reason))
         else:
             self._delivery.hold()
 
@@ -233,11 +234,10 @@ class InstantActionManager:
         if away or state is None or state.operating_mode.fleet_controls:
             return away
         if state.operating_mode is OperatingMode.INTERVENED:
-            only = "is in operating mode INTERVENED, in which cancelOrder is the only instant action"
-            return None if action_type == CANCEL_ORDER else only
+            return None if action_type == CANCEL_ORDER else Reason(R.INTERVENED)
         if action_type in ALWAYS_ALLOWED:
             return None
-        return f"is in operating mode {state.operating_mode}, which takes no instant actions"
+        return Reason(R.MODE_WITHOUT_ACTIONS, mode=state.operating_mode)
 
     def request(self, action: Action, now: float) -> Iterator[FleetOutput]:
         """Begin a requested instant action, unless the robot certainly would not receive or accept it."""
@@ -246,7 +246,7 @@ class InstantActionManager:
         refusal = self._refusal(action, now)
         if refusal:
             failed = ActionStatus.FAILED
-            yield InstantActionEnded(self._robot.key, action, failed, f"not sent: {refusal}")
+            yield InstantActionEnded(self._robot.key, action, failed, Reason(R.ACTION_NOT_SENT, refusal))
         else:
             self._begin(action, requested=True)
 
@@ -302,7 +302,7 @@ class InstantActionManager:
             if reason is None:
                 run.on_tick(now)
             else:
-                run.hold(f"the robot {reason}", now)
+                run.hold(Reason(R.ROBOT, reason), now)
         yield from self._drop_ended()
 
     def send(self, now: float) -> Iterator[FleetOutput]:
@@ -318,15 +318,15 @@ class InstantActionManager:
 
     def _refusal(self, action: Action, now: float) -> str | None:
         if len(self._runs) >= INSTANT_ACTIONS_LIMIT:
-            return f"{INSTANT_ACTIONS_LIMIT} instant actions are active at the robot"
+            return Reason(R.ACTIONS_TOO_MANY, count=INSTANT_ACTIONS_LIMIT)
         if action.action_id in self.ids:
-            return f"the actionId {action.action_id!r} has been used before"
+            return Reason(R.ACTION_ID_USED, action=action.action_id)
         abilities = self._robot.abilities
         problem = instant_action_problem(action, abilities) if abilities else None
         if problem:
-            return f"the robot cannot execute it: {problem}"
+            return Reason(R.ACTION_UNFIT, problem)
         reason = self.unsendable(action.action_type, now)
-        return f"the robot {reason}" if reason else None
+        return Reason(R.ROBOT, reason) if reason else None
 
     def _begin(self, action: Action, *, requested: bool) -> InstantRun:
         run = InstantRun(action, self._settings, requested=requested)

@@ -3,10 +3,11 @@
 import { RefusedError } from "./api.js";
 import { button, element, field, foreign, numberInput, numberOf, refillSelect, select } from "./dom.js";
 import { byName, t } from "./i18n.js";
+import { reasonElement } from "./reasons.js";
 
 /**
- * Create a form around `fields`. `send()` returns a promise of `[key, values, words]`: a text, and a text of another
- * program, both shown as the result. A second click while the first command is running has no effect.
+ * Create a form around `fields`. `send()` returns a promise of `[key, values, ...details]`: a text, and elements with
+ * details, shown as the result. A second click while the first command is running has no effect.
  */
 export function commandForm({ label, submit, send, fields = [], more = [] }) {
   const result = element("output", { class: "result", role: "status" });
@@ -35,12 +36,12 @@ export async function run(button, result, send) {
   button.setAttribute("aria-busy", "true");
   show(result, "wait", t("command.sent"));
   try {
-    const [key, values, words] = await send();
-    show(result, "fine", t(key, values), words);
+    const [key, values, ...details] = await send();
+    show(result, "fine", t(key, values), details);
     document.dispatchEvent(new CustomEvent("poseshow", { detail: null }));
     return true;
   } catch (error) {
-    if (error instanceof RefusedError) show(result, "bad", t("command.refused"), error.message, error.errors);
+    if (error instanceof RefusedError) show(result, "bad", t("command.refused"), [foreign("span", error.message)], error.errors);
     else show(result, "bad", t("command.unanswered"));
     return false;
   } finally {
@@ -48,10 +49,10 @@ export async function run(button, result, send) {
   }
 }
 
-function show(result, level, text, words = "", errors = []) {
+function show(result, level, text, details = [], errors = []) {
   result.dataset.level = level;
   result.replaceChildren(element("strong", {}, text));
-  if (words) result.append(" ", foreign("span", words));
+  for (const each of details) result.append(" ", each);
   if (errors.length) result.append(element("ul", {}, ...errors.map((each) => foreign("li", each))));
 }
 
@@ -60,8 +61,9 @@ function show(result, level, text, words = "", errors = []) {
  * vehicle, `action`) are filled into each text.
  */
 export function outcome(answer, done, values) {
-  if (answer.status === "FINISHED") return [done, values, answer.result];
-  return [`command.${answer.status}`, values, [answer.reason, answer.result].filter(Boolean).join(" – ")];
+  const result = answer.result ? [foreign("span", answer.result)] : [];
+  if (answer.status === "FINISHED") return [done, values, ...result];
+  return [`command.${answer.status}`, values, reasonElement("span", answer), ...result.flatMap((each) => ["–", each])];
 }
 
 /** Fields for a point or location and one of its operations. */

@@ -1,7 +1,7 @@
 // Recordings: the files of a black box and log reports, and the button that requests a new one.
 
 import { command } from "./api.js";
-import { button, element, refill, setText } from "./dom.js";
+import { button, element, refill, setText, verbatim } from "./dom.js";
 import { outcome, run } from "./forms.js";
 import { dateAndTime, number, t } from "./i18n.js";
 
@@ -64,7 +64,7 @@ class Recordings extends HTMLElement {
     const done = await run(this.fetchButton, this.result, async () => {
       if (this.#ofOrderService) {
         ({ name } = await command(["recordings"], {}));
-        return ["done.recording", { name: t("history.orderService") }, name];
+        return ["done.recording", { name: t("history.orderService") }, verbatim("span", name)];
       }
       const vehicle = this.store.robots.get(this.robotId)?.vehicle?.name;
       const answer = await command(["vehicles", vehicle, "instantActions"], { actionType: FETCH });
