@@ -44,16 +44,34 @@ def test_version_and_help_start_without_heavy_modules(arguments: list[str]) -> N
 
 
 def test_a_command_imports_nothing_of_the_others() -> None:
-    others = ("nena_conversations", "nena_cli.plants", "nena_shared.mqtt", "nena_shared.plant.lif")
+    others = ("nena_conversations", "nena_cli.plants", "nena_cli.orders", "nena_cli.arguments")
+    of_other_programs = ("nena_shared.mqtt", "nena_shared.plant.lif", "nena_shared.vda5050.zone_set")
     of_httpx_main = ("click", "pygments.lexers")
     of_pretty_help = ("typer.rich_utils", "rich.markdown", "markdown_it")
     of_plant_models = ("nena_shared.plant", "nena_shared.plant.model")
     of_other_operations = tuple(
-        f"nena_shared.fleet_api.{each}" for each in ("places", "schedules", "operations.table")
+        f"nena_shared.fleet_api.{each}"
+        for each in (
+            "places",
+            "plant",
+            "schedules",
+            "audit",
+            "webhooks",
+            "operations.fleet",
+            "operations.table",
+        )
     )
     of_terminals = ("rich", "nena_cli.narrow")
     unneeded = (
-        *(*others, *of_httpx_main, *of_pretty_help, *of_plant_models, *of_other_operations, *of_terminals),
+        *(
+            *others,
+            *of_other_programs,
+            *of_httpx_main,
+            *of_pretty_help,
+            *of_plant_models,
+            *of_other_operations,
+            *of_terminals,
+        ),
         *("asyncio", "structlog", "yaml"),
     )
     command = ["vehicles", "list", "--url", "http://127.0.0.1:9"]

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import pytest
 from typer.testing import CliRunner
 
-from nena_cli import orders, zones
+from nena_cli import orders, watching, zones
 from nena_cli.options import Format
 from nena_cli.tables import vehicles_table
 from nena_client import Client, Event, RefusedError
@@ -56,9 +56,9 @@ def test_watch_output_ends_with_a_newline(
     )
     event = Event("vehicle", None, status.model_dump(mode="json", by_alias=True))
     monkeypatch.setattr(Client, "events", lambda *_, **__: iter([event]))
-    board = orders.Board(VehicleStatus, vehicles_table)
+    board = watching.Board(VehicleStatus, vehicles_table)
 
-    told = list(orders.watch(Client([]), board, {"kind": "vehicle"}, Format.TABLE))
+    told = list(watching.watch(Client([]), board, {"kind": "vehicle"}, Format.TABLE))
 
     out = capsys.readouterr().out
     assert told == [status]

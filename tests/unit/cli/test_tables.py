@@ -6,8 +6,8 @@ from io import StringIO
 from rich.console import Console, RenderableType
 
 from nena_cli import tables
-from nena_cli.orders import ENDED_SHOWN, Board
 from nena_cli.tables import history_table, sequence_details, sequences_table
+from nena_cli.watching import ENDED_SHOWN, Board
 from nena_client import Event
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_shared.fleet_api.traffic import PlannedPoint, TrafficPlan, TrafficWait, VehiclePlan, WaitCause

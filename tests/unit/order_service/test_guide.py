@@ -9,13 +9,13 @@ import httpx
 import pytest
 from pydantic import BaseModel
 
+from nena_shared.fleet_api.plant import PathLockRequest
 from nena_shared.fleet_api.requests import (
     DispatchRequest,
     HoldRequest,
     InstantActionRequest,
     IntegrationLevelRequest,
     OrderTypesRequest,
-    PathLockRequest,
     ReroutingRequest,
     ResumeRequest,
     WithdrawalRequest,

@@ -6,9 +6,10 @@ import struct
 from enum import StrEnum
 from typing import Annotated, Final
 
-from pydantic import AfterValidator, Base64Bytes, Field
+from pydantic import AfterValidator, Base64Bytes, BeforeValidator, Field
+from pydantic_core import to_json
 
-from nena_shared.fleet_api.base import Resource
+from nena_shared.fleet_api.base import ObjectName, PageSize, Request, Resource
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneType
 
 
@@ -40,6 +41,30 @@ class PathStatus(Resource):
     """The stop whose area locks it; None: no stop."""
 
 
+class PathsQuery(Resource):
+    """Filter and page of paths."""
+
+    locked: bool | None = None
+    """None: locked and unlocked ones."""
+    limit: PageSize | None = None
+    """None: all paths, as a map needs them."""
+    after: ObjectName | None = None
+
+
+class PathPage(Resource):
+    """A page of paths, in the order of the plant model."""
+
+    paths: tuple[PathStatus, ...]
+    next: str | None = None
+    """Value of ``after`` for the next page; None: this is the last one."""
+
+
+class PathLockRequest(Request):
+    """Request to lock or unlock a path."""
+
+    locked: bool
+
+
 LONGEST_ID = 200
 """Maximum length of a zoneSetId, characters; the standard has no limit, but database and URLs have."""
 
@@ -54,6 +79,15 @@ def _addressed(zone_set: ZoneSet) -> ZoneSet:
 
 StoredZoneSet = Annotated[ZoneSet, AfterValidator(_addressed)]
 """A zone set that can be stored and queried by its ID."""
+
+
+def _zone_set_from_json(value: object) -> ZoneSet:
+    """Parse a zone set in JSON mode, which the objects of the standard require."""
+    return value if isinstance(value, ZoneSet) else ZoneSet.model_validate_json(to_json(value))
+
+
+ZoneSetRequest = Annotated[StoredZoneSet, BeforeValidator(_zone_set_from_json)]
+"""A zone set in a request: the zoneSet object of VDA 5050 (3.0 section 7.6)."""
 
 
 class ZoneSetPhase(StrEnum):

@@ -5,8 +5,7 @@ from __future__ import annotations
 from math import pi
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
-from pydantic_core import to_json
+from pydantic import Field, model_validator
 
 from nena_shared.fleet_api.base import (
     IdempotencyKey,
@@ -17,7 +16,6 @@ from nena_shared.fleet_api.base import (
     Resource,
     Traceparent,
 )
-from nena_shared.fleet_api.plant import PathStatus, StoredZoneSet
 from nena_shared.fleet_api.reasons import OptionalReason
 from nena_shared.fleet_api.transport_order import (
     Coordinate,
@@ -35,7 +33,6 @@ from nena_shared.fleet_api.vehicle import (
     VehicleStatus,
 )
 from nena_shared.vda5050.action import ActionStatus, BlockingType, ParameterValue
-from nena_shared.vda5050.zone_set import ZoneSet
 
 AfterNumber = Annotated[str, Field(pattern=r"^[0-9]{1,18}$")]
 """Value of ``next`` of the previous page."""
@@ -86,15 +83,6 @@ class AssignmentQuery(Resource):
     limit: PageSize = VEHICLES_EXPLAINED
 
 
-def _zone_set_from_json(value: object) -> ZoneSet:
-    """Parse a zone set in JSON mode, which the objects of the standard require."""
-    return value if isinstance(value, ZoneSet) else ZoneSet.model_validate_json(to_json(value))
-
-
-ZoneSetRequest = Annotated[StoredZoneSet, BeforeValidator(_zone_set_from_json)]
-"""A zone set in a request: the zoneSet object of VDA 5050 (3.0 section 7.6)."""
-
-
 class TransportOrderPage(Resource):
     """A page of transport orders, newest first."""
 
@@ -117,30 +105,6 @@ class VehicleList(Resource):
     vehicles: tuple[VehicleStatus, ...]
     next: str | None = None
     """Value of ``after`` for the next page; None: this is the last one."""
-
-
-class PathsQuery(Resource):
-    """Filter and page of paths."""
-
-    locked: bool | None = None
-    """None: locked and unlocked ones."""
-    limit: PageSize | None = None
-    """None: all paths, as a map needs them."""
-    after: ObjectName | None = None
-
-
-class PathPage(Resource):
-    """A page of paths, in the order of the plant model."""
-
-    paths: tuple[PathStatus, ...]
-    next: str | None = None
-    """Value of ``after`` for the next page; None: this is the last one."""
-
-
-class PathLockRequest(Request):
-    """Request to lock or unlock a path."""
-
-    locked: bool
 
 
 class WithdrawalRequest(Request):

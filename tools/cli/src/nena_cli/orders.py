@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from datetime import datetime
 from getpass import getuser
 from itertools import islice
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated
 
 import typer
-from pydantic import BaseModel, JsonValue, ValidationError
+from pydantic import JsonValue, ValidationError
 
 from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import parse_measure, parse_property, parse_stop, refuse_beside_file
 from nena_cli.options import Format, group
 from nena_cli.order_files import read_orders
-from nena_cli.output import REFUSED, echo, fail, is_terminal, print_objects
+from nena_cli.output import REFUSED, echo, fail
 from nena_cli.service import Service, of_service, order_names
-from nena_cli.styled import Table
-from nena_client import Client, Event
+from nena_cli.watching import Board, watch
+from nena_client import Client
 from nena_shared.findings import FINDINGS_SHOWN
 from nena_shared.fleet_api.operations.operation import Operation
 from nena_shared.fleet_api.operations.orders import (
@@ -40,61 +40,10 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
     TransportOrderStatus,
 )
-from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.malformed import problems_of
-
-B = TypeVar("B", TransportOrderStatus, VehicleStatus)
 
 BATCH = 1000
 """Orders that one request creates."""
-ENDED_SHOWN = 10
-"""Ended orders that stay on the screen."""
-
-
-class Board(Generic[B]):
-    """Screen content: the latest state of each order or vehicle."""
-
-    def __init__(self, model: type[B], table: Callable[[Collection[B]], Table]) -> None:
-        self._model: type[B] = model
-        self.table: Callable[[Collection[B]], Table] = table
-        self._shown: dict[str, B] = {}
-
-    def take(self, event: Event) -> B:
-        """Process an event and return its order or vehicle."""
-        body: B = self._model.model_validate(event.data)
-        self._shown.pop(body.name, None)
-        self._shown[body.name] = body
-        ended = [each.name for each in self._shown.values() if _is_over(each)]
-        for name in ended[:-ENDED_SHOWN]:
-            del self._shown[name]
-        return body
-
-    def __rich__(self) -> Table:
-        """Return the table."""
-        return self.table(tuple(self._shown.values()))
-
-
-def watch(connection: Client, board: Board[B], query: dict[str, str], output: Format) -> Generator[B]:
-    """Redraw a table on a terminal, else print each change; yield the changes until the caller stops."""
-    if output is Format.WIDE:
-        output = Format.TABLE  # its header would be repeated for each change
-    events = connection.events(query, on_break=lambda why: echo(f"nena: reconnecting: {why}", "yellow"))
-    changes = (board.take(event) for event in events if event.kind == query["kind"])
-    if output is not Format.TABLE or not is_terminal():
-        for body in changes:
-            print_objects(output, (body,), board.table)
-            yield body
-        return
-    from rich.live import Live  # noqa: PLC0415 - pipes need not wait for it
-
-    with Live(board, refresh_per_second=8) as live:
-        for body in changes:
-            live.refresh()
-            yield body
-
-
-def _is_over(body: BaseModel) -> bool:
-    return isinstance(body, TransportOrderStatus) and body.state.final
 
 
 app = group()

@@ -1,4 +1,4 @@
-"""``nena vehicles``: list, show, watch, hibernate, wake; ``nena dispatch``; and ``nena traffic``."""
+"""``nena vehicles``: list, show, watch, hibernate, wake."""
 
 from __future__ import annotations
 
@@ -9,17 +9,13 @@ from typing import Annotated
 import typer
 from pydantic import JsonValue
 
-from nena_cli import arguments as option
 from nena_cli import tables
-from nena_cli.arguments import COORDINATE, parse_coordinate
 from nena_cli.options import group
-from nena_cli.orders import Board, print_or_watch, watch
 from nena_cli.output import REFUSED, fail
 from nena_cli.service import Service, of_service, vehicle_names
+from nena_cli.watching import Board, watch
 from nena_shared.clock import iso
-from nena_shared.fleet_api.operations.fleet import SHOW_TRAFFIC_PLAN
 from nena_shared.fleet_api.operations.vehicles import (
-    DISPATCH,
     INSTANT_ACTION,
     LIST_VEHICLES,
     ORDER_TYPES,
@@ -165,40 +161,6 @@ def act(service: Service, name: str, action_type: str, parameters: dict[str, Jso
     service.print_one(answer, tables.instant_action_table(name, answer))
     if answer.status not in (ActionStatus.FINISHED, "PENDING"):
         fail(f"{action_type} of {name} is {answer.status}: {answer.result or answer.reason}", REFUSED)
-
-
-@of_service
-def dispatch(
-    service: Service,
-    name: Name,
-    place: Annotated[str, typer.Argument(help="Point, location with --operation, or @X,Y,THETA.")],
-    *,
-    operation: Annotated[str | None, typer.Option(help="Operation at the location.")] = None,
-    priority: option.Priority = 0,
-    wait: option.Wait = False,
-) -> None:
-    """Send a vehicle to a destination with a transport order of its own."""
-    body: dict[str, JsonValue] = {"priority": priority}
-    if place.startswith(COORDINATE):
-        coordinate = parse_coordinate(place.removeprefix(COORDINATE))
-        body["coordinate"] = coordinate.model_dump(exclude_none=True)
-    elif operation is not None:
-        body["locationName"] = place
-    else:
-        body["point"] = place
-    if operation is not None:
-        body["operation"] = operation
-    with service.connected() as connection:
-        order = connection.call(DISPATCH, name, body=body)
-        print_or_watch(service, connection, order, wait=wait)
-
-
-@of_service
-def traffic(service: Service) -> None:
-    """Show where vehicles will be in the next minute, what they hold, and which they wait for and why."""
-    with service.connected() as connection:
-        plan = connection.call(SHOW_TRAFFIC_PLAN)
-    service.print_one(plan, tables.traffic_table(plan))
 
 
 def _by_name(vehicle: VehicleStatus) -> str:

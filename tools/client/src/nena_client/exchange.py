@@ -15,7 +15,6 @@ from pydantic import BaseModel, JsonValue, ValidationError
 from nena_shared.fleet_api.operations.operation import Operation
 from nena_shared.fleet_api.requests import (
     OrderSequencePage,
-    PathPage,
     Readiness,
     TransportOrderPage,
     VehicleList,
@@ -25,6 +24,7 @@ from nena_shared.fleet_api.transport_order import Problem, TransportOrderBatch
 if TYPE_CHECKING:
     from nena_shared.fleet_api.audit import AuditPage
     from nena_shared.fleet_api.places import LocationPage, PointPage
+    from nena_shared.fleet_api.plant import PathPage
 
 A = TypeVar("A", bound=BaseModel)
 P = TypeVar(
@@ -32,7 +32,7 @@ P = TypeVar(
     TransportOrderPage,
     OrderSequencePage,
     VehicleList,
-    PathPage,
+    "PathPage",
     "AuditPage",
     "PointPage",
     "LocationPage",

@@ -27,7 +27,7 @@ from nena_shared.fleet_api.peripherals import (
     PeripheralList,
 )
 from nena_shared.fleet_api.places import LocationsQuery, PointsQuery
-from nena_shared.fleet_api.plant import ZoneSetList
+from nena_shared.fleet_api.plant import PathLockRequest, PathsQuery, ZoneSetList
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained
 from nena_shared.fleet_api.schedules import ScheduleList, ScheduleRequest, ScheduleSwitch
 from nena_shared.fleet_api.stops import StopEndRequest, StopList, StopRequest
@@ -297,7 +297,7 @@ class HostOperations:
         return Reply(self._places.location(call.name))
 
     @_does(table.LIST_PATHS)
-    async def _list_paths(self, call: Call[bodies.PathsQuery]) -> Reply:
+    async def _list_paths(self, call: Call[PathsQuery]) -> Reply:
         return Reply(path_page(self._locks, call.request))
 
     @_does(table.SHOW_PATH)
@@ -305,7 +305,7 @@ class HostOperations:
         return Reply(self._locks.get(call.name))
 
     @_does(table.LOCK_PATH)
-    async def _lock_path(self, call: Call[bodies.PathLockRequest]) -> Reply:
+    async def _lock_path(self, call: Call[PathLockRequest]) -> Reply:
         return Reply(await self._locks.set(call.name, locked=call.request.locked))
 
     @_does(table.LIST_STOPS)

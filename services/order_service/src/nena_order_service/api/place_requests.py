@@ -22,8 +22,7 @@ from nena_shared.fleet_api.places import (
     PointsQuery,
     PointStatus,
 )
-from nena_shared.fleet_api.plant import PathStatus
-from nena_shared.fleet_api.requests import PathPage, PathsQuery
+from nena_shared.fleet_api.plant import PathPage, PathsQuery, PathStatus
 from nena_shared.plant import Location, Point
 from nena_shared.plant.model import NO_OPERATION
 

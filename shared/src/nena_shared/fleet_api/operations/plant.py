@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from nena_shared.fleet_api import requests
 from nena_shared.fleet_api.base import ObjectName, Role
 from nena_shared.fleet_api.operations.operation import (
     LOCATIONS,
@@ -22,7 +21,16 @@ from nena_shared.fleet_api.places import (
     PointsQuery,
     PointStatus,
 )
-from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetList, ZoneSetStatus
+from nena_shared.fleet_api.plant import (
+    PathLockRequest,
+    PathPage,
+    PathsQuery,
+    PathStatus,
+    PlantModelChange,
+    ZoneSetList,
+    ZoneSetRequest,
+    ZoneSetStatus,
+)
 from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.plant_terms import MAX_BYTES
 
@@ -77,9 +85,9 @@ LIST_PATHS = Operation(
     "List the paths, and which of them are locked.",
     "GET",
     PATHS,
-    requests.PathPage,
+    PathPage,
     Role.VIEWER,
-    request=requests.PathsQuery,
+    request=PathsQuery,
     refusals=(Refusal.UNKNOWN_PATH,),
 )
 
@@ -90,7 +98,7 @@ LOCK_PATH = Operation(
     f"{PATHS}/{{name:path}}/lock",
     PathStatus,
     Role.OPERATOR,
-    request=requests.PathLockRequest,
+    request=PathLockRequest,
     subject="path",
     result="path",
     opentcs=(f"PUT {PATHS}/{{name:path}}/locked",),
@@ -134,7 +142,7 @@ PUT_ZONE_SET = Operation(
     ZONE_SETS,
     ZoneSetStatus,
     Role.ADMIN,
-    request=requests.ZoneSetRequest,
+    request=ZoneSetRequest,
     request_field="zone_set",
     result="zone_set",
     refusals=(Refusal.ZONE_SET_CHANGED, Refusal.NOT_SAVED),
