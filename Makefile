@@ -25,6 +25,9 @@ SOAK := tests/unit/shared/vda5050/test_round_trip.py tests/unit/shared/vda5050/t
 # Parsers of external input.
 FUZZED := tests/fuzz tests/unit/shared/plant/lif/test_damaged_files.py tests/unit/shared/plant/opentcs_xml/test_damaged_files.py
 STAMP := $(VENV)/.set-up
+define NEEDS_PYTHON
+@[ -n "$(PYTHON)" ] || { echo "NeNa needs CPython 3.11, 3.12 or 3.13 with venv. On Debian or Ubuntu: apt-get install python3 python3-venv. Or name one: make PYTHON=/path/to/python3.12 setup" >&2; exit 1; }
+endef
 # Tests start programs by the hundred, which need not be compiled each time.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -40,7 +43,7 @@ setup: $(STAMP) action-types ## create .venv with all services
 # behind an extra, such as coverage[toml], has a release newer than its pin. Quiet twice: errors, but no warnings of
 # Debian's pip about the packages of others.
 $(STAMP): requirements/dev.txt $(DISTRIBUTIONS:%=%/pyproject.toml)
-	@[ -n "$(PYTHON)" ] || { echo "NeNa needs CPython 3.11, 3.12 or 3.13 with venv. On Debian or Ubuntu: apt-get install python3 python3-venv. Or name one: make PYTHON=/path/to/python3.12 setup" >&2; exit 1; }
+	$(NEEDS_PYTHON)
 	@[ -x $(BIN)/python ] || "$(PYTHON)" -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --quiet --no-deps --require-hashes -r requirements/dev.txt
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation $(DISTRIBUTIONS:%=-e %)
@@ -56,9 +59,16 @@ lock: $(STAMP) ## pin requirements/dev.in again, with hashes
 		--no-emit-index-url --no-emit-find-links --quiet --custom-compile-command "make lock" -o requirements/dev.txt
 	deploy/containers/lock
 
-wheels: $(STAMP) ## build the wheels of all programs into build/wheels
+# In an environment of its own, so that a machine that only builds wheels need not download what developers need.
+$(VENV)/build/.set-up: requirements/build.txt
+	$(NEEDS_PYTHON)
+	"$(PYTHON)" -m venv $(VENV)/build
+	$(VENV)/build/bin/pip install --quiet --no-deps --require-hashes -r requirements/build.txt
+	@touch $@
+
+wheels: $(VENV)/build/.set-up ## build the wheels of all programs into build/wheels
 	rm -rf build/wheels
-	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir build/wheels $(DISTRIBUTIONS:%=./%)
+	$(VENV)/build/bin/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir build/wheels $(DISTRIBUTIONS:%=./%)
 
 format: $(STAMP) ## format the code
 	$(BIN)/ruff check --fix --quiet . ; $(BIN)/ruff format --quiet .

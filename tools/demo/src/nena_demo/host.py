@@ -146,7 +146,7 @@ def _body(request: BaseModel) -> bytes:
     return request.model_dump_json(by_alias=True, exclude_none=True).encode()
 
 
-ROBOTS_SECONDS = 60.0
+ROBOTS_SECONDS = 300.0
 ORDERS_SECONDS = 300.0
 
 

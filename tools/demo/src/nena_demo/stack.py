@@ -14,7 +14,8 @@ from nena_demo.plants import sample_plant_path
 from nena_demo.processes import Processes, console_script, free_port, start_broker
 from nena_shared.settings import MqttSettings
 
-READY_SECONDS = 60.0
+READY_SECONDS = 300.0
+"""Time for a busy machine; a process that ends is noticed at once."""
 
 MAP_ID = "sample-hall"
 
