@@ -10,6 +10,7 @@ from nena_shared.fleet_api.transport_order import Hold, TransportOrderState, Tra
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
 NOW = datetime(2026, 1, 1, 12, tzinfo=UTC)
+GAVE_WAY = {"code": "withdrawn", "causes": [{"code": "gives_way", "values": {"order": "T-2"}}]}
 
 
 def vehicle(
@@ -116,6 +117,7 @@ def test_orders_that_need_a_person() -> None:
     hold = Hold(by="Ann", reason="tea", since=NOW)
     orders = [
         order("recent", TransportOrderState.FAILED, finished=NOW - timedelta(minutes=59)),
+        order("parking", TransportOrderState.FAILED, finished=NOW, coded_reason=GAVE_WAY),
         order("old", TransportOrderState.FAILED, finished=NOW - timedelta(minutes=61)),
         order("nowhere", TransportOrderState.UNROUTABLE, finished=NOW),
         order("held", TransportOrderState.ACTIVE, held=hold),

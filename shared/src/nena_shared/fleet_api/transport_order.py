@@ -19,7 +19,7 @@ from nena_shared.fleet_api.base import (
     Traceparent,
 )
 from nena_shared.fleet_api.peripherals import StepOperation
-from nena_shared.fleet_api.reasons import OptionalReason
+from nena_shared.fleet_api.reasons import OptionalReason, ReasonCode
 from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
 
 
@@ -299,6 +299,12 @@ class TransportOrderStatus(Resource):
     excluded_vehicles: tuple[str, ...] = ()
     """Vehicles that failed the order, to which it is not assigned again."""
     history: tuple[HistoryEntry, ...] = ()
+
+    @property
+    def gave_way(self) -> bool:
+        """Whether it was dropped for another order, as drives to parking places are: no failure."""
+        why = self.coded_reason
+        return why is not None and any(each.code == ReasonCode.GIVES_WAY.code for each in why.causes)
 
 
 class Problem(Resource):

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from datetime import timedelta
 
+from nena_shared.fleet_api.reasons import CodedReason
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.histogram import Histogram
 from nena_status_aggregator.fleet.statistics import (
@@ -39,3 +40,12 @@ def test_an_end_is_counted_with_its_duration() -> None:
     )
     assert statistics.orders_ended == {"FINISHED": 1}
     assert statistics.order_durations["FINISHED"].total == 42
+
+
+def test_an_order_that_gave_way_is_no_failure() -> None:
+    statistics = Statistics()
+    given_up = CodedReason(code="withdrawn", causes=(CodedReason(code="gives_way"),))
+    by_a_person = CodedReason(code="withdrawn", causes=(CodedReason(code="said", values={"text": "broken"}),))
+    for reason in (given_up, by_a_person):
+        statistics.count_end(order_status(state=TransportOrderState.FAILED, coded_reason=reason))
+    assert statistics.orders_ended == {"FAILED": 1}

@@ -21,31 +21,45 @@ def is_too_wide(table: Table, width: int) -> bool:
     return bool(table.headers) and sum(_widths(table)) + FRAME * len(table.headers) + 1 > width
 
 
-def print_narrow(console: Console, table: Table) -> None:
-    """Print a table without frame and empty columns; the widest ones, but never the first, below each row."""
-    widths = _widths(table)
-    empty = {each for each in range(1, len(widths)) if not any(row[each] for row in table.rows)}
-    below: set[int] = set()
-    while _total(widths, below | empty) > console.width and len(below | empty) < len(widths) - 1:
-        below.add(max(set(range(1, len(widths))) - below - empty, key=widths.__getitem__))
-    beside = [each for each in range(len(widths)) if each not in below | empty]
-    if table.title:
-        console.print(Text(table.title, style="italic"))
-    _print_row(console, [Text(table.headers[each], style="bold") for each in beside], widths, beside)
+def narrow(console: Console, table: Table) -> list[Text]:
+    """Return a table as lines without frame and empty columns.
+
+    The widest columns, but never the first, are below each row.
+    """
+    widths, columns = _widths(table), _columns_with_values(table)
+    beside = list(columns)
+    while _total(widths, beside) > console.width and len(beside) > 1:
+        beside.remove(max(beside[1:], key=widths.__getitem__))
+    lines = [Text(table.title, style="italic")] if table.title else []
+    lines.append(_header(table, widths, beside))
     for row in table.rows:
         cells = [each.__rich__() for each in row]
-        _print_row(console, [cells[each] for each in beside], widths, beside)
-        for each in sorted(below):
-            if cells[each].plain:
+        lines.append(_line(cells, widths, beside))
+        for each in columns:
+            if each not in beside and cells[each].plain:
                 name = Text(f"{table.headers[each]}: ", style="dim")
                 for line in name.append_text(cells[each]).wrap(console, console.width - GAP):
                     line.rstrip()
-                    console.print(Text(" " * GAP).append_text(line), soft_wrap=True)
+                    lines.append(Text(" " * GAP).append_text(line))
+    return lines
 
 
-def _total(widths: list[int], without: set[int]) -> int:
-    beside = [width for each, width in enumerate(widths) if each not in without]
-    return sum(beside) + GAP * (len(beside) - 1)
+def brief(console: Console, table: Table) -> list[Text]:
+    """Return a table as a line per row, cut off where the terminal ends."""
+    widths, columns = _widths(table), _columns_with_values(table)
+    rows = ([each.__rich__() for each in row] for row in table.rows)
+    lines = [_header(table, widths, columns), *(_line(each, widths, columns) for each in rows)]
+    for each in lines:
+        each.truncate(console.width - len("^C"), overflow="ellipsis")  # the terminal writes it there
+    return lines
+
+
+def _columns_with_values(table: Table) -> list[int]:
+    return [each for each in range(len(table.headers)) if not each or any(row[each] for row in table.rows)]
+
+
+def _total(widths: list[int], beside: list[int]) -> int:
+    return sum(widths[each] + GAP for each in beside) - GAP
 
 
 def _widths(table: Table) -> list[int]:
@@ -57,10 +71,14 @@ def _widths(table: Table) -> list[int]:
     ]
 
 
-def _print_row(console: Console, cells: list[Text], widths: list[int], columns: list[int]) -> None:
+def _header(table: Table, widths: list[int], columns: list[int]) -> Text:
+    return _line([Text(each, style="bold") for each in table.headers], widths, columns)
+
+
+def _line(cells: list[Text], widths: list[int], columns: list[int]) -> Text:
     line = Text()
-    for cell, column in zip(cells, columns, strict=True):
-        line.append_text(cell)
-        line.append(" " * (widths[column] - cell.cell_len + GAP))
+    for each in columns:
+        line.append_text(cells[each])
+        line.append(" " * (widths[each] - cells[each].cell_len + GAP))
     line.rstrip()
-    console.print(line, soft_wrap=True)
+    return line

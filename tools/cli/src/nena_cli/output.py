@@ -82,7 +82,7 @@ def print_table(what: Table, *, wide: bool = False) -> None:
         return
     from rich.console import Console  # noqa: PLC0415 - pipes need not wait for it
 
-    from nena_cli.narrow import is_too_wide, print_narrow  # noqa: PLC0415 - it imports Rich, too
+    from nena_cli.narrow import is_too_wide, narrow  # noqa: PLC0415 - it imports Rich, too
 
     console = Console()
     if what.headers and not what.rows and is_terminal():
@@ -91,7 +91,8 @@ def print_table(what: Table, *, wide: bool = False) -> None:
     elif wide:
         Console(width=UNLIMITED).print(what, soft_wrap=True)
     elif is_too_wide(what, console.width):
-        print_narrow(console, what)
+        for line in narrow(console, what):
+            console.print(line, soft_wrap=True)
     else:
         console.print(what)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator
-from typing import Generic, TypeVar
+from collections.abc import Callable, Collection, Generator, Iterator
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from pydantic import BaseModel
 
@@ -13,6 +13,10 @@ from nena_cli.styled import Table
 from nena_client import Client, Event
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions
+    from rich.text import Text
 
 B = TypeVar("B", TransportOrderStatus, VehicleStatus)
 
@@ -38,9 +42,16 @@ class Board(Generic[B]):
             del self._shown[name]
         return body
 
-    def __rich__(self) -> Table:
-        """Return the table."""
-        return self.table(tuple(self._shown.values()))
+    def __rich_console__(self, console: Console, _: ConsoleOptions) -> Iterator[Table | Text]:
+        """Yield the table, in a form that fits the screen."""
+        from nena_cli.narrow import brief, is_too_wide, narrow  # noqa: PLC0415 - pipes need not wait for Rich
+
+        table = self.table(tuple(self._shown.values()))
+        if not is_too_wide(table, console.width):
+            yield table
+            return
+        lines = narrow(console, table)
+        yield from lines if len(lines) < console.height else brief(console, table)
 
 
 def watch(connection: Client, board: Board[B], query: dict[str, str], output: Format) -> Generator[B]:

@@ -98,7 +98,9 @@ class Statistics:
                 self.actions_ended[ActionStatus(str(values["status"]))] += 1
 
     def count_end(self, order: TransportOrderStatus) -> None:
-        """Count an ended transport order."""
+        """Count an ended transport order, unless it gave way to another one."""
+        if order.gave_way:
+            return
         state = order.state.value
         self.orders_ended[state] = self.orders_ended.get(state, 0) + 1
         if order.finished is not None:
