@@ -345,6 +345,7 @@ async def test_connection_without_a_handshake_is_closed_and_released(
         line = await stack.enter_async_context(connected(server))
         line[1].write(REQUEST)  # no TLS at all
         assert not await answered(line)
+        monkeypatch.setattr(server_module, "HANDSHAKE_TIMEOUT", PATIENCE)  # a busy client needs longer
         async with httpx.AsyncClient(
             verify=ssl.create_default_context(cafile=ca), timeout=PATIENCE
         ) as client:
