@@ -7,6 +7,11 @@ export function shownState(order) {
   return order.held && !order.final ? "HELD" : order.state;
 }
 
+/** Return whether an order was dropped for another one, as drives to parking places are: no failure. */
+export function gaveWay({ codedReason }) {
+  return Boolean(codedReason?.causes.some(({ code }) => code === "gives_way"));
+}
+
 /** Return the job that a device executes, else the first one that waits for it; undefined if it has none. */
 export function jobOf({ job, jobs }) {
   return job ?? jobs.find(({ finished }) => !finished);

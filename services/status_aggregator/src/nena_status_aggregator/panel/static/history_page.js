@@ -286,7 +286,7 @@ class HistoryPage extends HTMLElement {
     setText(this.note, noteOn(found));
     for (const control of [this.slider, this.play]) control.disabled = !found?.entries.length;
     if (!found) return;
-    const begin = found.complete ? range.since : Date.parse(found.entries[0].time);
+    const begin = found.entries.length ? Date.parse(found.entries[0].time) - 1000 : range.since; // nothing changed before
     setAttribute(this.slider, "min", begin);
     setAttribute(this.slider, "max", range.until);
     this.slider.value = range.until;
