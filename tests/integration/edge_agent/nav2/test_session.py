@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -174,6 +175,51 @@ async def session_with_node(domain_id: int) -> AsyncIterator[tuple[RosSession, A
     await session.start(nodes.append)
     yield session, nodes[0]
     await session.stop()
+
+
+MESSAGES = 20
+
+
+async def test_messages_of_topics_need_no_new_wait_set(
+    domain_id: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[str] = []
+
+    def counted(*arguments: Any) -> Any:
+        made.append(threading.current_thread().name)
+        return wait_set(*arguments)
+
+    wait_set = rclpy_implementation.WaitSet
+    monkeypatch.setattr(rclpy_implementation, "WaitSet", counted)
+    async with session_with_node(domain_id) as (session, node):
+        with RosPeer(domain_id) as peer:
+            heard: list[str] = []
+            session.subscribe(
+                node, String, "talk", RELIABLE, read=lambda message: message.data, handle=heard.append
+            )
+            publisher = peer.node.create_publisher(String, "talk", RELIABLE)
+            await until(publisher.get_subscription_count, what="the subscription")
+            publisher.publish(String(data="first"))
+            await until(lambda: heard == ["first"], what="the first message")
+            before = made.count("ros agent_under_test")
+            for number in range(MESSAGES):
+                publisher.publish(String(data=str(number)))
+                await until(partial(heard.__contains__, str(number)), what="the message")
+            assert made.count("ros agent_under_test") - before <= 2
+        assert len(heard) == 1 + MESSAGES
+
+
+async def test_tasks_and_changes_of_the_node_are_served_between_messages(domain_id: int) -> None:
+    async with session_with_node(domain_id) as (session, node):
+        done: list[int] = []
+        for number in range(MESSAGES):
+            session._executor.create_task(done.append, number)
+            await until(partial(done.__contains__, number), what="the task")
+        timer = node.create_timer(0.001, lambda: done.append(-1))
+        await until(lambda: done[-1] == -1, what="the timer")
+        node.destroy_timer(timer)
+        session._executor.create_task(done.append, MESSAGES)
+        await until(lambda: done[-1] == MESSAGES, what="the task after the timer's end")
 
 
 def succeed(_: object, response: Any) -> Any:

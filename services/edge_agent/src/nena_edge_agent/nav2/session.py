@@ -11,12 +11,12 @@ from time import monotonic
 from typing import Any, Generic, TypeVar
 
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 
 from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.nav2.executor import TopicExecutor
 from nena_edge_agent.nav2.session_control import SessionError
 from nena_shared import ros
 from nena_shared.log import get_logger
@@ -310,7 +310,7 @@ class RosSession:
             parameter_overrides=[NO_TYPE_DESCRIPTIONS],
         )
         stack.callback(node.destroy_node)
-        self._executor = SingleThreadedExecutor(context=context)
+        self._executor = TopicExecutor(self._topics, context=context)
         stack.callback(self._executor.shutdown)
         populate(node)
         self._executor.add_node(node)
