@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self
 
-from nena_edge_agent.__main__ import serve
+from nena_edge_agent.program import serve
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action, InstantActions
 from nena_shared.vda5050.base import Header

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent import __main__ as program
+from nena_edge_agent import program
 from nena_edge_agent.journal import Journal
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_edge_agent.__main__ import make_registry
 from nena_edge_agent.actions.builtin import TimedOperation, Wait
 from nena_edge_agent.actions.plugin import PluginContext
 from nena_edge_agent.actions.registry import ActionRegistry
@@ -18,6 +17,7 @@ from nena_edge_agent.factsheet import braking_distance, make_capabilities, make_
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.nav2.offers import Nav2Offers
 from nena_edge_agent.plugin_check.command import DryDrive
+from nena_edge_agent.program import make_registry
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.zone_sets import MAXIMUM_ZONES

@@ -36,11 +36,24 @@ SPARED = (
 
 def test_the_program_imports_nothing_that_most_robots_do_not_need() -> None:
     program = (
-        "import sys, nena_edge_agent.__main__, nena_edge_agent.nav2.driver\n"
+        "import sys, nena_edge_agent.program, nena_edge_agent.nav2.driver\n"
         f"sys.stdout.write(' '.join(sys.modules.keys() & set({SPARED})))"
     )
     command = [sys.executable, "-c", program]
     assert subprocess.run(command, capture_output=True, text=True, check=True, timeout=90).stdout == ""
+
+
+def test_models_of_messages_are_built_at_their_first_use() -> None:
+    program = (
+        "import contextlib, nena_edge_agent.__main__ as program\n"
+        "with contextlib.suppress(SystemExit):\n"
+        "    program.main(['--version'])\n"
+        "from nena_shared.vda5050.v2_1.order import OrderV21 as order\n"
+        "print(order.__pydantic_complete__, order.model_rebuild())"
+    )
+    command = [sys.executable, "-c", program]
+    shown = subprocess.run(command, capture_output=True, text=True, check=True, timeout=90).stdout
+    assert shown.endswith("\nFalse True\n")
 
 
 def imported(module: Path) -> set[str]:

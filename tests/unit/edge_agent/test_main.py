@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.__main__ import make_registry
 from nena_edge_agent.loopback.control import SimulationControl
+from nena_edge_agent.program import make_registry
 from nena_edge_agent.settings import EdgeAgentSettings
 
 REHEARSAL = {"waitUninterrupted", "failAlways", "failOnce", "needParameter"}

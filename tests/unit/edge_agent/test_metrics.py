@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from nena_edge_agent import __main__ as program_module
 from nena_edge_agent import metrics
+from nena_edge_agent import program as program_module
 from nena_edge_agent.metrics import DISK, MetricsServer, Program
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.loop_lag import LoopLag

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from nena_edge_agent.__main__ import DESCRIPTION, PROGRAM
 from nena_edge_agent.actions.settings import OperationSettings
+from nena_edge_agent.program import DESCRIPTION, PROGRAM
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.settings import ConfigurationError, load
 

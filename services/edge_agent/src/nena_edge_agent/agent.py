@@ -48,7 +48,7 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
-from nena_shared.tasks import Supervisor, TaskFailedError
+from nena_shared.tasks import Supervisor
 from nena_shared.tracing import Export
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
@@ -232,16 +232,15 @@ class RobotAgent:
         self._mailbox.put(events.Started(self._clock.now()))  # before the driver's events
         await self._write_record()  # the headerIds of the first messages
         await self._recorder.sync()
-        await self._driver.start()
-        freeze_loaded_objects()
         try:
             async with Supervisor() as supervisor:
                 supervisor.start(f"link {self.robot}", self._link.run())
-                supervisor.start(f"robot {self.robot}", self._serve())
-                ending = self._begin_power(supervisor, stop)
                 try:
-                    await supervisor.wait(ending)
-                except TaskFailedError:
+                    await self._driver.start()  # meanwhile the link connects; messages wait in the mailbox
+                    freeze_loaded_objects()
+                    supervisor.start(f"robot {self.robot}", self._serve())
+                    await supervisor.wait(self._begin_power(supervisor, stop))
+                except Exception:
                     await self._disconnect(ConnectionState.CONNECTION_BROKEN)
                     raise
                 await self._disconnect(ConnectionState.OFFLINE)

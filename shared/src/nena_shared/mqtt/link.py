@@ -315,9 +315,9 @@ class MqttLink:
         """Publish the first messages, subscribe, then publish the waiting messages."""
         for number, first in enumerate(self._hooks.on_connected(), start=1):
             session.first.append(replace(first, keep=False))
+            self._send_waiting(session)  # before the next one is made
             if number % FIRST_AT_ONCE == 0:
                 await asyncio.sleep(0)
-        self._send_waiting(session)
         self.state.refused = ()
         await self._subscribe(session)
         self._session = session

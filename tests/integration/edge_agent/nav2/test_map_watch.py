@@ -8,10 +8,10 @@ from math import pi
 
 import pytest
 
-from nena_edge_agent.__main__ import make_map_watch
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.nav2.map_image import MapWatch
 from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.program import make_map_watch
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_robot_simulator.messages import map_message
 from nena_robot_simulator.motion import GridMap

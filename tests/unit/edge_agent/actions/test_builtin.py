@@ -4,7 +4,6 @@ from typing import Literal
 
 import pytest
 
-from nena_edge_agent.__main__ import make_registry
 from nena_edge_agent.actions.builtin import (
     MapTransforms,
     SimulatedOperation,
@@ -15,6 +14,7 @@ from nena_edge_agent.actions.builtin import (
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.factsheet import make_capabilities, make_factsheet
 from nena_edge_agent.loopback.control import SimulationControl
+from nena_edge_agent.program import make_registry
 from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.settings import EdgeAgentSettings

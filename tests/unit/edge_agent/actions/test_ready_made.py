@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.__main__ import effective_operations
 from nena_edge_agent.actions.builtin import Wait
 from nena_edge_agent.actions.plugin import ActionTimeouts
 from nena_edge_agent.actions.registry import Installed
 from nena_edge_agent.plugin_check.command import findings_of
 from nena_edge_agent.plugin_check.contract import Subject, Verdict
+from nena_edge_agent.program import effective_operations
 from nena_edge_agent.protocol.declaration import LoadChange
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.settings import EdgeAgentSettings

@@ -11,7 +11,6 @@ from pathlib import Path
 from random import Random
 from typing import Any, Self
 
-from nena_edge_agent.__main__ import make_registry
 from nena_edge_agent.actions.plugin import PluginContext
 from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.settings import default_operations
@@ -20,6 +19,7 @@ from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
+from nena_edge_agent.program import make_registry
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings, IntervalSettings, JournalSettings
 from nena_order_service.fleet.link import FleetLink

@@ -10,6 +10,7 @@ import asyncio
 from collections.abc import Iterable, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, replace
+from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -177,7 +178,8 @@ class Nav2Driver:
         self._loop = asyncio.get_running_loop()
         prepare_environment()
         try:
-            import nena_edge_agent.nav2.node  # noqa: F401, PLC0415 - rclpy reads the environment now
+            # rclpy reads the environment now; in a thread, because meanwhile the agent connects to the broker
+            await asyncio.to_thread(import_module, "nena_edge_agent.nav2.node")
         except ImportError as error:
             message = (
                 f"ROS 2 for Python cannot be loaded ({error}): source the robot's ROS installation before "

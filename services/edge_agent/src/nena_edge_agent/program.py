@@ -1,0 +1,276 @@
+"""The program: one robot, or a fleet of loopback robots."""
+
+from __future__ import annotations
+
+import gc
+
+gc.disable()  # nothing that modules create is garbage: the search for it took a quarter of their loading time
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from nena_edge_agent.actions.builtin import LogReport, MapTransforms, UseBehaviorTree, Wait, ZoneSetDownload
+from nena_edge_agent.actions.maps import map_actions
+from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
+from nena_edge_agent.actions.ready_made import ready_made
+from nena_edge_agent.actions.registry import ActionRegistry, Installed, installed
+from nena_edge_agent.actions.robot_ports import RobotPorts
+from nena_edge_agent.actions.ros_port import PluginRos
+from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
+from nena_edge_agent.actions.settings import AnyOperation
+from nena_edge_agent.agent import Equipment, RobotAgent
+from nena_edge_agent.black_box.box import FetchRecording
+from nena_edge_agent.black_box.ros import RosTopicRecorder
+from nena_edge_agent.driver.plant_frame import PlantFrame
+from nena_edge_agent.drivers import driver_maker
+from nena_edge_agent.fleet import run_fleet
+from nena_edge_agent.journal import lock_journal
+from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
+from nena_edge_agent.loopback.control import ControlApi, SimulationControl
+from nena_edge_agent.map_store import MapStore
+from nena_edge_agent.nav2.map_image import MapWatch
+from nena_edge_agent.nav2.map_server import MapServer
+from nena_edge_agent.nav2.offers import LOAD_MAP, NO_OFFERS, interface, nav2_offers
+from nena_edge_agent.nav2_maps import map_store
+from nena_edge_agent.recorder import RobotRecorder, make_recorder
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.black_box.counts import RecordingCounts
+from nena_shared.certificates import Certificates
+from nena_shared.clock import Clock, SystemClock
+from nena_shared.log import get_logger
+from nena_shared.loop_lag import LoopLag
+from nena_shared.program import run
+from nena_shared.settings import ConfigurationError
+from nena_shared.tasks import Supervisor, forever
+from nena_shared.tracing import Export, Exporting, closing, open_export
+from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import codec_for, topics_for
+
+gc.freeze()
+gc.enable()
+
+PROGRAM = "nena-edge-agent"
+DESCRIPTION = (
+    "Run a ROS 2 robot with Nav2 as a VDA 5050 robot: execute orders and instant actions, publish states. "
+    "Without a robot: nena-edge-agent --driver loopback. Find connection problems: nena-edge-agent doctor. "
+    "Test an action plug-in: nena-edge-agent check-plugin NAME"
+)
+
+NAV2_STORE = "nav2"
+"""Value of ``maps.store``."""
+METRICS_PAUSE = 10.0
+"""Seconds after which a failed metrics port is retried."""
+
+log = get_logger(__name__)
+
+
+async def serve(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
+    """Run every robot of ``settings`` until ``stop`` is set."""
+    if not settings.journal.enabled:
+        await _serve_robots(settings, stop)
+        return
+    with lock_journal(settings.journal.folder, RobotKey(settings.manufacturer, settings.serial_number)):
+        await _serve_robots(settings, stop)
+
+
+async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
+    clock = SystemClock()
+    robots = [RobotKey(settings.manufacturer, each) for each in settings.serial_numbers]
+    controls = {robot: SimulationControl() for robot in robots}
+    agents: dict[RobotKey, RobotAgent] = {}
+    traces = open_export(settings.tracing, PROGRAM)
+    recorders = {robot: make_recorder(settings, robot, clock) for robot in robots}
+    makers = {
+        str(robot): _tracked(
+            _agent_maker(settings, index, controls[robot], clock, recorder=recorders[robot], export=traces),
+            agents,
+        )
+        for index, robot in enumerate(robots)
+    }
+    async with Supervisor() as supervisor, closing(traces):
+        for recorder in recorders.values():
+            recorder.start(supervisor)
+        if settings.metrics.port:
+            recordings = [each.counts for each in recorders.values() if each.counts]
+            _serve_metrics(settings, agents, clock, supervisor, traces=traces, recordings=recordings)
+        if settings.driver == "loopback" and settings.loopback.control:
+            topics = topics_for(settings.version, settings.interface_name)
+            api = ControlApi(settings.mqtt, topics.interface_name, controls)
+            supervisor.start("simulation control", forever("simulation control", api.run), vital=False)
+        await _run_all(settings, makers, stop)
+
+
+def _tracked(make: Callable[[], RobotAgent], agents: dict[RobotKey, RobotAgent]) -> Callable[[], RobotAgent]:
+    """Return a factory that also stores the robot's last agent in ``agents``."""
+
+    def noted() -> RobotAgent:
+        agent = make()
+        agents[agent.robot] = agent
+        return agent
+
+    return noted
+
+
+def _serve_metrics(
+    settings: EdgeAgentSettings,
+    agents: Mapping[RobotKey, RobotAgent],
+    clock: Clock,
+    supervisor: Supervisor,
+    *,
+    traces: Exporting | None = None,
+    recordings: Sequence[RecordingCounts] = (),
+) -> None:
+    """Serve the metrics of all robots.
+
+    Raises:
+        ConfigurationError: the extra ``metrics`` is not installed.
+    """
+    try:
+        from nena_edge_agent.metrics import MetricsServer, Program  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        message = f"metrics.port: {error}; install the extra nena-edge-agent[metrics]"
+        raise ConfigurationError([message]) from error
+    lag = LoopLag(clock)
+    journal = settings.journal.folder.expanduser() if settings.journal.enabled else None
+    supervisor.start("loop lag", lag.run())
+    certificates = Certificates(mqtt=settings.mqtt.tls.certificate)
+    program = Program(agents, clock, lag, journal, certificates, traces, recordings)
+    server = MetricsServer(settings.metrics, program)
+    supervisor.start("metrics", forever("metrics", server.run, pause=METRICS_PAUSE), vital=False)
+
+
+def _agent_maker(
+    settings: EdgeAgentSettings,
+    index: int,
+    control: SimulationControl,
+    clock: Clock,
+    *,
+    recorder: RobotRecorder,
+    export: Export | None,
+) -> Callable[[], RobotAgent]:
+    robot, box = recorder.robot, recorder.box
+    ros = PluginRos() if settings.driver == "nav2" else None
+    ports = RobotPorts(ros, settings.actions)
+    journal = settings.journal.folder if settings.journal.enabled else None
+    switch = session_switch(settings.ros, journal, robot)
+    map_server = _map_server(settings)
+    map_watch = make_map_watch(settings, map_server)
+    recorded = (RosTopicRecorder(settings.black_box.topics, box.ring, clock),) if box else ()
+    extensions = (ros, map_watch, *recorded) if ros else ()
+    offers = nav2_offers(settings.ros) if ros else NO_OFFERS
+    driver = driver_maker(
+        settings, index, clock, control, switch, extensions=extensions, map_server=map_server
+    )
+    store = map_store(settings, robot, map_server)
+    context = PluginContext(robot, ports.drive, ros)
+    registry = make_registry(settings, control, store, switch, context, recorder=recorder)
+
+    def make() -> RobotAgent:
+        agent = RobotAgent(
+            settings,
+            robot.serial_number,
+            Equipment(ports.joined(driver), registry, store.maps if store else (), offers, export, box),
+            clock=clock,
+            make_link=recorder.make_link,
+            make_journal=recorder.make_journal,
+        )
+        control.cut_link = agent.cut_link
+        map_watch.on_map = agent.publish_map
+        return agent
+
+    return make
+
+
+def make_map_watch(settings: EdgeAgentSettings, server: MapServer | None) -> MapWatch:
+    """Return the watch of a robot's map; ``server`` provides its map ID."""
+
+    def map_id() -> str:
+        return server.map_id if server is not None else settings.map_id
+
+    return MapWatch(settings.ros.names.map, map_id, PlantFrame.of(settings.map_transforms))
+
+
+def _map_server(settings: EdgeAgentSettings) -> MapServer | None:
+    """Return Nav2's map_server if the robot's maps are stored there.
+
+    Raises:
+        ConfigurationError: the robot has no Nav2, or this machine lacks the types of map_server.
+
+    """
+    if settings.maps.store != NAV2_STORE:
+        return None
+    if settings.driver != "nav2" or interface(LOAD_MAP) is None:
+        message = "maps.store: 'nav2' needs driver = nav2 and nav2_msgs; source the robot's ROS installation"
+        raise ConfigurationError([message])
+    return MapServer(settings.ros, settings.map_id)
+
+
+def effective_operations(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
+    """Return the robot's operations; installed plug-ins replace default ones of the same action type."""
+    if "operations" in settings.model_fields_set:
+        return settings.operations
+    return tuple(each for each in settings.operations if each.action_type not in found.action_types)
+
+
+def make_registry(
+    settings: EdgeAgentSettings,
+    control: SimulationControl,
+    store: MapStore | None = None,
+    switch: SessionSwitch | None = None,
+    context: PluginContext | None = None,
+    *,
+    recorder: RobotRecorder | None = None,
+) -> ActionRegistry:
+    """Return the actions of one robot, for loopback robots with simulated ones if enabled."""
+    context = context or PluginContext(
+        RobotKey(settings.manufacturer, settings.serial_number), RobotPorts(None, settings.actions).drive
+    )
+    found = installed(context, settings.actions)
+    operations = effective_operations(found, settings)
+    plugins: list[ActionPlugin] = [*ready_made(operations, context, settings.actions), Wait()]
+    plugins += [
+        LogReport(settings.log_report, recorder.send if recorder else None),
+        ZoneSetDownload(codec_for(settings.version), settings.download),
+    ]
+    if recorder and recorder.box:
+        plugins.append(FetchRecording(recorder.box))
+    if store:
+        places = context.drive if settings.maps.store == NAV2_STORE else None
+        plugins.extend(map_actions(store, settings.download, places))
+    trees = nav2_offers(settings.ros).behavior_trees if settings.driver == "nav2" else ()
+    if trees:
+        plugins.append(UseBehaviorTree(trees))
+    if settings.driver == "nav2" and switch:
+        plugins.extend(session_actions(switch))
+    if settings.driver == "nav2" and settings.map_transforms:
+        plugins.append(MapTransforms(settings.map_transforms))
+    if settings.driver == "loopback":
+        plugins = [ChargingWatch(each, control.set_charging) for each in plugins]
+        found = replace(
+            found, plugins=tuple(ChargingWatch(each, control.set_charging) for each in found.plugins)
+        )
+        if settings.loopback.rehearsal:
+            plugins.extend(simulated_actions())
+    return ActionRegistry(plugins, found)
+
+
+async def _run_all(
+    settings: EdgeAgentSettings, makers: Mapping[str, Callable[[], RobotAgent]], stop: asyncio.Event
+) -> None:
+    """Run one robot, whose failure ends the program, or a fleet, whose robots fail independently."""
+    first = next(iter(makers))
+    start = log.bind(robots=len(makers), driver=settings.driver, first=first)
+    if len(makers) == 1:
+        agent = makers[first]()
+        start.info("robots started")
+        await agent.run(stop)
+        return
+    start.info("robots start")
+    loopback = settings.loopback
+    await run_fleet(makers, stop, restarts=loopback.restarts, pause=loopback.restart_pause)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the robots; return the exit status as ``__main__`` describes."""
+    return run(EdgeAgentSettings, serve, program=PROGRAM, description=DESCRIPTION, argv=arguments)
