@@ -15,6 +15,7 @@ from nena_edge_agent.nav2.localisation import (
     LocaliserWatch,
     PoseWatch,
     PublishInitialPose,
+    Repetition,
 )
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.settings import LocalisationSettings, RosSettings
@@ -74,6 +75,44 @@ def test_a_large_uncertainty_is_reported() -> None:
     report = lost.report()
     assert report is not None
     assert not report.localized
+
+
+def standing(x: float = 1.0, theta: float = math.pi, map_id: str = "hall") -> MapPoseReport:
+    return MapPoseReport(MapPose(x, 2.0, theta, map_id), localized=True, vx=0.0, omega=0.0)
+
+
+STANDING_ROBOT = standing()
+
+
+def test_a_standing_robot_repeats_itself_once_a_second() -> None:
+    repetition = Repetition()
+    news = [number for number in range(100) if not repetition.of(STANDING_ROBOT, number / 20)]
+    assert news == [0, 20, 40, 60, 80]
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        standing(x=1.002),
+        standing(theta=math.pi - 0.002),
+        standing(map_id="yard"),
+        replace(STANDING_ROBOT, localized=False),
+        replace(STANDING_ROBOT, vx=0.1),
+        replace(STANDING_ROBOT, problem="the localisation is uncertain"),
+    ],
+)
+def test_what_differs_is_no_repetition(report: MapPoseReport) -> None:
+    repetition = Repetition()
+    repetition.of(STANDING_ROBOT, 0.0)
+    assert not repetition.of(report, 0.05)
+    assert repetition.of(report, 0.1)
+    assert not repetition.of(STANDING_ROBOT, 0.15)
+
+
+def test_noise_adds_up_to_news() -> None:
+    repetition = Repetition()
+    creeping = [standing(x=1.0 + 0.0004 * step) for step in range(6)]
+    assert [repetition.of(report, 0.0) for report in creeping] == [False, True, True, False, True, True]
 
 
 def test_begin_and_end_of_moving_are_noticed() -> None:

@@ -56,6 +56,7 @@ from nena_edge_agent.nav2.localisation import (
     LocaliserWatch,
     PoseWatch,
     PublishInitialPose,
+    Repetition,
 )
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface, nav2_offers
@@ -157,6 +158,7 @@ class Nav2Driver:
         self._feedback = FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
         self._battery = Battery(settings.battery_scale)
+        self._repetition = Repetition()
         self._looking_since, self._blocked = -inf, False
         self._forget_position()
         self._navigation: NavigationReport | None = None
@@ -629,7 +631,10 @@ class Nav2Driver:
             seconds = self._settings.localisation.pose_timeout
             problem = f"the localisation has sent no pose for more than {seconds:g} s of driving"
             report = replace(report, localized=False, problem=problem)
-        if report is not None:
+        if report is None:
+            return
+        repeats = self._repetition.of(report, self._clock.monotonic())
+        if not repeats or self._tracker.busy or self._tracker.driving or self._initial_position.busy:
             self._report(report)
 
     def _apply(self, commands: Iterable[Command | PublishInitialPose]) -> None:

@@ -112,6 +112,33 @@ class Localisation:
             log.warning("ignoring poses in another frame", frame=frame, ours=self._settings.frame)
 
 
+SAME = 0.001
+"""Distance between two poses that count as the same, m or rad."""
+REPEATED_AFTER = 1.0
+"""Seconds after which an unchanged report is worth repeating: the pose still arrives."""
+
+
+class Repetition:
+    """Recognises reports of a standing robot that say what the last one said; times are monotonic seconds."""
+
+    def __init__(self) -> None:
+        self._last: MapPoseReport | None = None
+        self._at = -math.inf
+
+    def of(self, report: MapPoseReport, now: float) -> bool:
+        """Return whether ``report`` repeats one of the last second."""
+        last = self._last
+        if last is not None and now - self._at < REPEATED_AFTER and _say_the_same(report, last):
+            return True
+        self._last, self._at = report, now
+        return False
+
+
+def _say_the_same(one: MapPoseReport, other: MapPoseReport) -> bool:
+    facts = [(each.pose.map_id, each.localized, each.vx, each.omega, each.problem) for each in (one, other)]
+    return facts[0] == facts[1] and near(one.pose, other.pose, xy=SAME, theta=SAME)
+
+
 class LocaliserWatch:
     """Detects that the localisation has died, restarted or been deactivated, which invalidates its pose.
 
