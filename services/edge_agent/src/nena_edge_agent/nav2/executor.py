@@ -22,10 +22,10 @@ class TopicExecutor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy carri
     something else to do, which may have changed the node.
     """
 
-    def __init__(self, topics: Any, **options: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Create the executor; ``topics`` is the callback group."""
+    def __init__(self, topics: Any, asked: Any, **options: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        """Create the executor; ``topics`` is the callback group, what is in ``asked`` wakes nobody."""
         super().__init__(**options)
-        self._topics = topics
+        self._topics, self._asked = topics, asked
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Pass on messages until something else is ready, then do that; ``timeout_sec`` is ignored."""
@@ -69,4 +69,5 @@ class TopicExecutor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy carri
                     each.callback(taken[0])
 
     def _entities(self, kinds: str) -> list[Any]:
-        return [each for node in self.get_nodes() for each in getattr(node, kinds) if self.can_execute(each)]
+        found = (each for node in self.get_nodes() for each in getattr(node, kinds))
+        return [each for each in found if each.callback_group is not self._asked and self.can_execute(each)]

@@ -310,7 +310,7 @@ class RosSession:
             parameter_overrides=[NO_TYPE_DESCRIPTIONS],
         )
         stack.callback(node.destroy_node)
-        self._executor = TopicExecutor(self._topics, context=context)
+        self._executor = TopicExecutor(self._topics, self._events, context=context)
         stack.callback(self._executor.shutdown)
         populate(node)
         self._executor.add_node(node)
