@@ -10,7 +10,6 @@ import asyncio
 from collections.abc import Iterable, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, replace
-from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -138,8 +137,7 @@ class Nav2Driver:
         self._keep_out = KeepOutMask(settings) if nav2_offers(settings).keeps_out else None
         self._map_id = map_server.map_id if map_server is not None else map_id
         self._unplaced = map_server is not None and map_server.unplaced
-        self._emit, self._clock = emit, clock
-        self._log = get_logger(__name__)
+        self._emit, self._clock, self._log = emit, clock, get_logger(__name__)
         self.session = SessionManager(
             RosAddress.of(settings),
             begin=self._open_node,
@@ -157,15 +155,13 @@ class Nav2Driver:
         self._silence, self._planner = SilenceWatch(), presence.PlannerWatch()
         self._feedback = FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
-        self._battery = Battery(settings.battery_scale)
-        self._repetition = Repetition()
-        self._looking_since, self._blocked = -inf, False
+        self._battery, self._readings = Battery(settings.battery_scale), READINGS
+        self._looking_since, self._blocked, self._repetition = -inf, False, Repetition()
         self._forget_position()
         self._navigation: NavigationReport | None = None
         self._node: Nav2Node | None = None
         self._transforms = TransformWatch(settings, self._on_pose)
         self._parameters: ParameterReader | None = None
-        self._readings = READINGS
         self._tasks, self._stack = Supervisor(), AsyncExitStack()
         self._ticking: asyncio.TimerHandle | None = None
         self._listening: asyncio.TimerHandle | None = None
@@ -181,7 +177,7 @@ class Nav2Driver:
         prepare_environment()
         try:
             # rclpy reads the environment now; in a thread, because meanwhile the agent connects to the broker
-            await asyncio.to_thread(import_module, "nena_edge_agent.nav2.node")
+            await asyncio.to_thread(__import__, "nena_edge_agent.nav2.node")
         except ImportError as error:
             message = (
                 f"ROS 2 for Python cannot be loaded ({error}): source the robot's ROS installation before "
@@ -631,10 +627,8 @@ class Nav2Driver:
             seconds = self._settings.localisation.pose_timeout
             problem = f"the localisation has sent no pose for more than {seconds:g} s of driving"
             report = replace(report, localized=False, problem=problem)
-        if report is None:
-            return
-        repeats = self._repetition.of(report, self._clock.monotonic())
-        if not repeats or self._tracker.busy or self._tracker.driving or self._initial_position.busy:
+        awaited = self._tracker.busy or self._tracker.driving or self._initial_position.busy
+        if report and (not self._repetition.of(report, self._clock.monotonic()) or awaited):
             self._report(report)
 
     def _apply(self, commands: Iterable[Command | PublishInitialPose]) -> None:
