@@ -13,6 +13,17 @@ from rclpy.waitable import NumberOfEntities
 KINDS = ("subscription", "guard_condition", "timer", "client", "service")
 """The kinds of entities in a wait set, in the order of its constructor; events belong to waitables."""
 FOREVER = -1
+INTERNALS = ("_context", "_guard", "_tasks")
+"""What is used of rclpy's executor and not public: it may differ from Jazzy's in other versions."""
+
+
+def make_executor(topics: Any, asked: Any, context: Any) -> SingleThreadedExecutor:  # noqa: ANN401 - rclpy carries no types
+    """Return a :class:`TopicExecutor`, or rclpy's own executor if this rclpy has other internals."""
+    executor = TopicExecutor(topics, asked, context=context)
+    if all(hasattr(executor, each) for each in INTERNALS) and hasattr(rclpy_implementation, "WaitSet"):
+        return executor
+    executor.shutdown()
+    return SingleThreadedExecutor(context=context)
 
 
 class TopicExecutor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy carries no types

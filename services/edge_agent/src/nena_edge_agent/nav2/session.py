@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 
 from nena_edge_agent.driver.port import SessionState
-from nena_edge_agent.nav2.executor import TopicExecutor
+from nena_edge_agent.nav2.executor import make_executor
 from nena_edge_agent.nav2.session_control import SessionError
 from nena_shared import ros
 from nena_shared.log import get_logger
@@ -310,7 +310,7 @@ class RosSession:
             parameter_overrides=[NO_TYPE_DESCRIPTIONS],
         )
         stack.callback(node.destroy_node)
-        self._executor = TopicExecutor(self._topics, self._events, context=context)
+        self._executor = make_executor(self._topics, self._events, context)
         stack.callback(self._executor.shutdown)
         populate(node)
         self._executor.add_node(node)
