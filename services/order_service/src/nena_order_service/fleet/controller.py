@@ -233,20 +233,20 @@ class RobotControl:
         return self._seen[1]
 
     def _view(self, now: float) -> RobotView:
-        robot, run = self.robot, self._run
+        robot, run, away = self.robot, self._run, self._away(now)
         link = robot.link(now)
         return RobotView(
             key=robot.key,
             link=link,
             vehicle_state=availability.vehicle_state(robot.state, link, self._instant_actions.ids),
-            availability=self._availability(now),
+            availability=self._availability(now, away),
             state=robot.state,
             state_at=robot.state_at,
             factsheet=robot.factsheet,
             malformed=robot.malformed,
             order_id=run.vda_order.order_id if run else None,
             order_phase=run.phase if run else None,
-            wait_reason=self._wait_reason(now),
+            wait_reason=self._wait_reason(now, away),
             stale=robot.stale,
             deviations=self._deviations(robot.key),
         )
@@ -335,19 +335,17 @@ class RobotControl:
         ours = self._instant_actions
         return availability.away(link, self.robot.unreadable, broker=ours.broker, unread=ours.unread)
 
-    def _availability(self, now: float) -> Availability:
+    def _availability(self, now: float, away: str | None) -> Availability:
+        if away is None and self._run:
+            return self._run.occupies_robot
         state = self.robot.state
-        reason = self._away(now)
-        if reason is None and self._run:
-            reason = Reason(R.WORKS_ON_VDA_ORDER, order=self._run.vda_order.order_id)
-        reason = reason or self._obstacle(now) or (availability.cannot_drive(state) if state else None)
+        reason = away or self._obstacle(now) or (availability.cannot_drive(state) if state else None)
         return Availability(reason is None, reason or Reason(R.IS_FREE))
 
-    def _wait_reason(self, now: float) -> str:
+    def _wait_reason(self, now: float, away: str | None) -> str:
         run = self._run
         if run is None:
             return ""
-        away = self._away(now)
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             reason = self._obstacle(now)
             reason = reason or (Reason(R.ORDER_UNCONFIRMED) if run.sent_again else None)
@@ -370,19 +368,19 @@ class RobotControl:
         actions.cancel(state.order_id)
 
     def _report_change(self, now: float) -> Iterator[FleetOutput]:
-        self._reported_link = self.robot.link(now)
-        signature = self._signature(now)
+        view = self.view(now)
+        self._reported_link = view.link
+        signature = self._signature(view)
         if signature != self._reported:
             self._reported = signature
             yield RobotChanged(self.robot.key)
 
-    def _signature(self, now: float) -> tuple[object, ...]:
+    def _signature(self, view: RobotView) -> tuple[object, ...]:
         """Return the fields whose changes are reported: not position, speeds or fractions of the charge."""
-        state, run = self.robot.state, self._run
-        vda_order = (run.vda_order.order_id, run.phase, self._wait_reason(now)) if run else None
-        abilities = self.robot.abilities
+        state, abilities = view.state, self.robot.abilities
+        vda_order = view.order_id, view.order_phase, view.wait_reason
         transforms = abilities and abilities.transforms_itself
-        common = (self.robot.link(now), self._availability(now), vda_order, transforms)
+        common = (view.link, view.availability, vda_order, transforms)
         if state is None:
             return common
         power, position = state.power_supply, state.mobile_robot_position

@@ -52,9 +52,10 @@ class Fitter:
 
     def __init__(self) -> None:
         self._abilities: Abilities | None = None
-        self._nodes: dict[int, tuple[Node, float, Node]] = {}
-        """By the identity of a node: the node, its heading, and the node as fitted."""
-        self._edges: dict[int, tuple[Edge, tuple[Node, Node], Edge]] = {}
+        self._nodes: dict[int, tuple[Node, Node | None, float, float, Node]] = {}
+        """By the identity of a node: the node, the one before it, the headings at that one and at the node, and
+        the node as fitted."""
+        self._edges: dict[int, tuple[Edge, Node, Node, Edge]] = {}
         """By the identity of an edge: the edge, its ends, and the edge as fitted."""
 
     def fitted(self, vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
@@ -64,35 +65,28 @@ class Fitter:
         if abilities is not self._abilities:
             self._abilities = abilities
             self._nodes, self._edges = {}, {}
-        nodes = [
-            self._node(node, heading, abilities)
-            for node, heading in zip(vda_order.nodes, _headings(vda_order.nodes), strict=True)
-        ]
-        edges = [
-            self._edge(edge, ends, abilities)
-            for edge, ends in zip(vda_order.edges, pairwise(vda_order.nodes), strict=True)
-        ]
+        nodes, before, arrived = [], None, 0.0
+        for node in vda_order.nodes:
+            known = self._nodes.get(id(node))
+            if known is None or known[1] is not before or known[2] != arrived:
+                heading = _heading(before, node, arrived)
+                fit = known[4] if known and known[3] == heading else _fitted_node(node, heading, abilities)
+                known = node, before, arrived, heading, fit
+            nodes.append(known)
+            before, arrived = node, known[3]
+        edges = []
+        for edge, (start, end) in zip(vda_order.edges, pairwise(vda_order.nodes), strict=True):
+            between = self._edges.get(id(edge))
+            if between is None or between[1] is not start or between[2] is not end:
+                between = edge, start, end, _fitted_edge(edge, (start, end), abilities)
+            edges.append(between)
         self._nodes = {id(each[0]): each for each in nodes}
         self._edges = {id(each[0]): each for each in edges}
         return VdaOrder(
             order_id=vda_order.order_id,
-            nodes=tuple(each[2] for each in nodes),
-            edges=tuple(each[2] for each in edges),
+            nodes=tuple([each[4] for each in nodes]),
+            edges=tuple([each[3] for each in edges]),
         )
-
-    def _node(self, node: Node, heading: float, abilities: Abilities) -> tuple[Node, float, Node]:
-        known = self._nodes.get(id(node))
-        if known and known[1] == heading:
-            return known
-        return node, heading, _fitted_node(node, heading, abilities)
-
-    def _edge(
-        self, edge: Edge, ends: tuple[Node, Node], abilities: Abilities
-    ) -> tuple[Edge, tuple[Node, Node], Edge]:
-        known = self._edges.get(id(edge))
-        if known and known[1][0] is ends[0] and known[1][1] is ends[1]:
-            return known
-        return edge, ends, _fitted_edge(edge, ends, abilities)
 
 
 def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
@@ -261,17 +255,16 @@ _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
 """Neutral values for edge fields that the robot requires; they do not change the order."""
 
 
-def _headings(nodes: tuple[Node, ...]) -> Iterator[float]:
-    """Yield the heading, rad, with which a robot arrives at each node when it drives straight and forwards.
+def _heading(before: Node | None, node: Node, arrived: float) -> float:
+    """Return the heading, rad, with which a robot arrives at a node when it drives straight and forwards.
 
-    It does not depend on later nodes, so that an update can repeat the node unchanged.
+    ``arrived`` is that at the node before. It does not depend on later nodes, so that an update can repeat
+    the node unchanged.
     """
-    yield 0.0
-    heading = 0.0
-    for start, end in pairwise(node.node_position for node in nodes):
-        if start and end and (start.x, start.y) != (end.x, end.y):
-            heading = atan2(end.y - start.y, end.x - start.x)
-        yield heading
+    start, end = before and before.node_position, node.node_position
+    if start and end and (start.x, start.y) != (end.x, end.y):
+        return atan2(end.y - start.y, end.x - start.x)
+    return arrived
 
 
 def _typed(parameter: ActionParameter, wanted: ActionParameterDescription | None) -> ActionParameter:

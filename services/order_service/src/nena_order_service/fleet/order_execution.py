@@ -23,7 +23,7 @@ from nena_order_service.fleet.outputs import (
     VdaOrderFailed,
     VdaOrderFinished,
 )
-from nena_order_service.fleet.robot import VdaOrderPhase
+from nena_order_service.fleet.robot import Availability, VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder, grown, held_by, update_of
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
@@ -167,6 +167,10 @@ class OrderExecution:
     ) -> None:
         self.vda_order = vda_order
         self.update_id = update_id
+        self.occupies_robot = Availability(
+            can_take_order=False, reason=Reason(R.WORKS_ON_VDA_ORDER, order=vda_order.order_id)
+        )
+        """The availability of its robot."""
         self._pending: PendingUpdate | None = None
         self._plan: VdaOrder | None = None
         self._base_wanted = False
