@@ -93,10 +93,18 @@ class Codec:
             MalformedMessageError: an order violates the graph rules, or this version has no such message.
             ValidationError: this version cannot express the message.
         """
-        kind = self._kind_of(message)
-        if isinstance(message, Order) and (problems := violations(message)):
-            raise MalformedMessageError(kind.__name__, problems)
-        form = self.forms[kind]
+        if isinstance(message, Order):
+            self.check(message)
+        return self.write(message)
+
+    def check(self, order: Order) -> None:
+        """Raise MalformedMessageError if an order violates the graph rules."""
+        if problems := violations(order):
+            raise MalformedMessageError(Order.__name__, problems)
+
+    def write(self, message: Header) -> bytes:
+        """Encode a message, or part of an order, as :meth:`encode` does, without the graph rules."""
+        form = self.forms[self._kind_of(message)]
         if message.version != self.version:
             message = message.model_copy(update={"version": self.version})
         wire = form.from_neutral(message)

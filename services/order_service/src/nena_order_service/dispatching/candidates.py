@@ -488,7 +488,7 @@ class Candidates:
     def _group(self, before: LocatedCandidate | None, found: LocatedCandidate) -> None:
         """Move a free vehicle to its kind in :attr:`alike`."""
         name = found.vehicle.name
-        if before and (alike := self.alike.get(before.free_kind)):
+        if before and not before.seen.obstacle and (alike := self.alike.get(before.free_kind)):
             alike.pop(name, None)
             if not alike:
                 del self.alike[before.free_kind]

@@ -281,8 +281,9 @@ class Dispatching:
         None if it is not unloading, cannot continue, or has no known position.
         """
         last = order.index == len(order.status.drive_orders) - 1
-        unloads = self._planner.action_type(order.current.destination.operation) == DROP
-        if not (last and unloads and order.is_operating):
+        if not (last and order.is_operating):
+            return None
+        if self._planner.action_type(order.current.destination.operation) != DROP:
             return None
         view = self._view(vehicle)
         processed = order.state is TransportOrderState.BEING_PROCESSED and not order.held

@@ -53,8 +53,7 @@ class Fitter:
     def __init__(self) -> None:
         self._abilities: Abilities | None = None
         self._nodes: dict[int, tuple[Node, Node | None, float, float, Node]] = {}
-        """By the identity of a node: the node, the one before it, the headings at that one and at the node, and
-        the node as fitted."""
+        """By the identity of a node: the node, the one before it, the headings at both, and it as fitted."""
         self._edges: dict[int, tuple[Edge, Node, Node, Edge]] = {}
         """By the identity of an edge: the edge, its ends, and the edge as fitted."""
 
