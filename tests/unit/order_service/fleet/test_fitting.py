@@ -326,7 +326,7 @@ class TestFitter:
         kept = [one is other for one, other in zip(before.nodes, after.nodes, strict=True)]
         assert kept == [True, True, False, True, True]
         kept = [one is other for one, other in zip(before.edges, after.edges, strict=True)]
-        assert kept == [True, False, False, True]
+        assert kept == [True, False, True, True]
 
     def test_a_new_factsheet_applies_to_the_next_update(self) -> None:
         fitter, other = Fitter(), abilities(demands=("nodes.nodeDescriptor",))

@@ -43,6 +43,9 @@ ACTION_DESCRIPTOR: Final = "nodes.actions.actionDescriptor"
 
 P = TypeVar("P", bound=BaseModel)
 
+_Ends = tuple[NodePosition | None, NodePosition | None]
+"""The positions of an edge's nodes."""
+
 
 class Fitter:
     """Fits the VDA orders of one robot to its factsheet (section 7.1.1).
@@ -54,8 +57,8 @@ class Fitter:
         self._abilities: Abilities | None = None
         self._nodes: dict[int, tuple[Node, Node | None, float, float, Node]] = {}
         """By the identity of a node: the node, the one before it, the headings at both, and it as fitted."""
-        self._edges: dict[int, tuple[Edge, Node, Node, Edge]] = {}
-        """By the identity of an edge: the edge, its ends, and the edge as fitted."""
+        self._edges: dict[int, tuple[Edge, NodePosition | None, NodePosition | None, Edge]] = {}
+        """By the identity of an edge: the edge, the positions of its ends, and the edge as fitted."""
 
     def fitted(self, vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
         """Return a VDA order as :func:`fitted` does."""
@@ -76,8 +79,9 @@ class Fitter:
         edges = []
         for edge, (start, end) in zip(vda_order.edges, pairwise(vda_order.nodes), strict=True):
             between = self._edges.get(id(edge))
-            if between is None or between[1] is not start or between[2] is not end:
-                between = edge, start, end, _fitted_edge(edge, (start, end), abilities)
+            begin, goal = start.node_position, end.node_position
+            if between is None or between[1] is not begin or between[2] is not goal:
+                between = edge, begin, goal, _fitted_edge(edge, (begin, goal), abilities)
             edges.append(between)
         self._nodes = {id(each[0]): each for each in nodes}
         self._edges = {id(each[0]): each for each in edges}
@@ -183,7 +187,7 @@ def _fitted_position(
     return _changed(position, changes)
 
 
-def _fitted_edge(edge: Edge, ends: tuple[Node, Node], abilities: Abilities) -> Edge:
+def _fitted_edge(edge: Edge, ends: _Ends, abilities: Abilities) -> Edge:
     changes: dict[str, object] = {
         field: None for path, field in _RULED.items() if not abilities.lists_field(path)
     }
@@ -217,8 +221,8 @@ _RULED: Final[Mapping[str, str]] = MappingProxyType(
 """Edge fields that layouts define; sent only to robots that list them, because others may refuse them."""
 
 
-def _distance(_: Edge, ends: tuple[Node, Node], __: Abilities) -> float | None:
-    start, end = (node.node_position for node in ends)
+def _distance(_: Edge, ends: _Ends, __: Abilities) -> float | None:
+    start, end = ends
     return hypot(end.x - start.x, end.y - start.y) if start and end else None
 
 
@@ -228,17 +232,17 @@ def _limits_speed(speed: float, abilities: Abilities) -> bool:
     return abilities.lists_field("edges.maximumSpeed") and (not own or speed < own)
 
 
-def _speed(edge: Edge, _: tuple[Node, Node], abilities: Abilities) -> float | None:
+def _speed(edge: Edge, _: _Ends, abilities: Abilities) -> float | None:
     if edge.maximum_speed is not None and _limits_speed(edge.maximum_speed, abilities):
         return edge.maximum_speed
     return abilities.factsheet.physical_parameters.maximum_speed or None
 
 
-def _rotation_speed(_: Edge, __: tuple[Node, Node], abilities: Abilities) -> float | None:
+def _rotation_speed(_: Edge, __: _Ends, abilities: Abilities) -> float | None:
     return abilities.factsheet.physical_parameters.maximum_angular_speed or None
 
 
-_Fill = Callable[[Edge, tuple[Node, Node], Abilities], object]
+_Fill = Callable[[Edge, _Ends, Abilities], object]
 _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
     {
         "edges.edgeDescriptor": ("edge_descriptor", lambda edge, *_: edge.edge_id),

@@ -110,13 +110,15 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
     does not count: robots also report actions as FAILED that ended with their edge.
     """
     ids, final = vda_order.action_ids, vda_order.final_action_ids
-    ahead = {each.sequence_id for each in state.edge_states}
-    left_behind = {
-        action.action_id
-        for edge in vda_order.edges
-        if edge.actions and edge.sequence_id not in ahead
-        for action in edge.actions
-    }
+    left_behind: set[str] = set()
+    if vda_order.edges_with_actions:
+        ahead = {each.sequence_id for each in state.edge_states}
+        left_behind = {
+            action.action_id
+            for edge in vda_order.edges_with_actions
+            if edge.sequence_id not in ahead
+            for action in edge.actions
+        }
     own = [each for each in state.action_states if each.action_id in ids] if ids else []
     left = bool(state.node_states or state.edge_states)
     passed = state.last_node_sequence_id

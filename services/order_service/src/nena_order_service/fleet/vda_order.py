@@ -65,6 +65,11 @@ class VdaOrder(WireObject):
         return frozenset(action.action_id for action in self.nodes[-1].actions)
 
     @cached_property
+    def edges_with_actions(self) -> tuple[Edge, ...]:
+        """The edges that have actions; usually none."""
+        return tuple([each for each in self.edges if each.actions])
+
+    @cached_property
     def as_horizon(self) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
         """Its nodes and edges, not released; the same objects each time, so that what fits is known."""
         nodes = tuple(_released(each, released=False) for each in self.nodes)
