@@ -416,6 +416,23 @@ def test_the_view_is_rebuilt_only_after_possible_changes() -> None:
     assert bench.view().malformed == 1
 
 
+def test_whether_a_robot_is_free_is_determined_once_per_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench().online()
+    bench.start(make_vda_order("m", "A", "B", "C"))
+    calls: list[float] = []
+    original = RobotControl._availability
+
+    def counted(control: RobotControl, now: float, *more: Any) -> Any:
+        calls.append(now)
+        return original(control, now, *more)
+
+    monkeypatch.setattr(RobotControl, "_availability", counted)
+    bench.robot.last_node_id = "B"
+    bench.report()
+    assert bench.view().state == bench.fleet.state(ROBOT)
+    assert len(calls) == 1
+
+
 def test_a_robot_executing_its_order_is_quiet() -> None:
     settings = FleetSettings()
     control = RobotControl(ROBOT, settings, lambda: "id", broker=True)

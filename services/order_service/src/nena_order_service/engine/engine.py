@@ -78,7 +78,7 @@ leave it out."""
 FIRST_LOOKS = 0.2
 """Seconds between checks while the first states of robots are awaited after the start."""
 
-LOOKED_AT_ONCE = 100
+LOOKED_AT_ONCE = 25
 """Number of vehicles checked before other tasks run; each takes about 0.1 ms."""
 
 UNPUBLISHED_AT_MOST = 20
