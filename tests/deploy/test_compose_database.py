@@ -14,7 +14,7 @@ from nena_order_service.store.schema import open_database
 from support.postgres import Postgres
 from support.waiting import PATIENCE
 
-SCRIPT = Path(__file__).parents[2] / "deploy/containers/postgres/nena.sh"
+SCRIPT = Path(__file__).parents[2] / "deploy/containers/postgres/nena.sql"
 
 pytestmark = pytest.mark.postgres
 
@@ -22,10 +22,14 @@ pytestmark = pytest.mark.postgres
 @pytest.fixture(scope="module")
 def made() -> Iterator[Postgres]:
     server = Postgres("postgres")
-    # Run, not by a shell: the image would read a script that is not executable into its own one.
-    environment = {**server.environment, "POSTGRES_USER": "postgres", "POSTGRES_PASSWORD": "it's secret"}
+    as_image = "psql -v ON_ERROR_STOP=1 --no-psqlrc --username postgres --no-password --dbname postgres -f"
     done = subprocess.run(
-        [str(SCRIPT)], env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+        [*as_image.split(), SCRIPT],
+        env={**server.environment, "POSTGRES_PASSWORD": "it's secret"},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     yield server
