@@ -533,7 +533,7 @@ class RobotAgent:
                 will=lambda: self._messages.connection(ConnectionState.CONNECTION_BROKEN),
                 on_connected=self._greet,
                 on_subscribed=self._on_subscribed,
-                on_lost=lambda: self._mailbox.put(events.LinkReport(connected=False)),
+                on_lost=self._on_lost,
             ),
         )
         for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
@@ -549,6 +549,10 @@ class RobotAgent:
             yield self._map
         self._greeting = True
         self._mailbox.wake()
+
+    def _on_lost(self) -> None:
+        self._greeting = False  # a state of now would be outdated after the next connection
+        self._mailbox.put(events.LinkReport(connected=False))
 
     def _on_subscribed(self) -> None:
         self._mailbox.put(events.SubscriptionsReport(self._link.state.refused))

@@ -373,7 +373,7 @@ class ReasonCode(Enum):
     RUNS_SKIPPED = "{count} skipped: the order service was not active at their planned times"
     RUNS_LONG_AGO = "skipped with all other runs that were missed more than {days} days ago"
     ORDER_EXISTS = "there is already an order {order}"
-    ORDERS_OPEN = "{count} of its orders have not ended (maxOpenOrders)"
+    ORDERS_OPEN = "open orders: {count} (maxOpenOrders)"
 
     @property
     def code(self) -> str:

@@ -14,10 +14,10 @@ CATCH_UP_LIMIT: Final = 100
 """Maximum number of missed runs that a schedule catches up."""
 
 OPEN_ORDERS: Final = 100
-"""Default of the orders of a schedule that may be open."""
+"""Default of ``maxOpenOrders``."""
 
 OPEN_ORDERS_LIMIT: Final = 1000
-"""Maximum of the same."""
+"""Maximum of ``maxOpenOrders``."""
 
 
 class ScheduleDefinition(CamelCase):
@@ -36,7 +36,7 @@ class ScheduleDefinition(CamelCase):
     catch_up: Annotated[int, Field(ge=0, le=CATCH_UP_LIMIT)] = 0
     """Number of runs to catch up after an outage of the order service, the latest ones; 0: skip them all."""
     max_open_orders: Annotated[int, Field(ge=1, le=OPEN_ORDERS_LIMIT)] = OPEN_ORDERS
-    """A run is skipped while so many of the schedule's orders have not ended, so that they do not pile up."""
+    """A run is skipped while this many orders of the schedule are open, so that they do not pile up."""
     enabled: bool = True
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from enum import StrEnum
 from math import pi
-from typing import Annotated, Self
+from typing import Annotated, Final, Self
 
 from pydantic import AfterValidator, Field, StrictBool, model_validator
 
@@ -254,6 +254,12 @@ class HistoryEntry(Resource):
     """The last supplement as a code, if it is a reason."""
 
 
+GAVE_WAY: Final = frozenset(
+    each.code for each in (ReasonCode.GIVES_WAY, ReasonCode.RELEASED, ReasonCode.BASE_FINISHED)
+)
+"""Causes of the end of an order that was dropped for another one; with others, something has failed, too."""
+
+
 class TransportOrderStatus(Resource):
     """State of a transport order."""
 
@@ -302,9 +308,9 @@ class TransportOrderStatus(Resource):
 
     @property
     def gave_way(self) -> bool:
-        """Whether it was dropped for another order, as drives to parking places are: no failure."""
-        why = self.coded_reason
-        return why is not None and any(each.code == ReasonCode.GIVES_WAY.code for each in why.causes)
+        """Whether it was dropped for another order, as drives to parking places are, and nothing failed."""
+        codes = [each.code for each in self.coded_reason.causes] if self.coded_reason else []
+        return ReasonCode.GIVES_WAY.code in codes and GAVE_WAY.issuperset(codes)
 
 
 class Problem(Resource):

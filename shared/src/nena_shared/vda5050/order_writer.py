@@ -56,7 +56,7 @@ class OrderWriter:
         return _ENCODER.encode({**members, "nodes": nodes, "edges": edges})
 
     def _new_part(self, order: Order) -> tuple[int, int]:
-        """Return the range of nodes that has all new nodes, and the ends of all new edges; at least one."""
+        """Return the smallest range of nodes with all new nodes and the ends of new edges; at least one."""
         new = [index for index, node in enumerate(order.nodes) if id(node) not in self._nodes]
         for index, (edge, ends) in enumerate(zip(order.edges, pairwise(order.nodes), strict=True)):
             known = self._edges.get(id(edge))

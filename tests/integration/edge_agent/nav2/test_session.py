@@ -16,6 +16,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.nav2 import executor
 from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.session_control import SessionError
 from nena_shared.vda5050.own_actions import (
@@ -271,3 +272,20 @@ async def test_an_incompatible_publisher_is_noticed_when_events_are_read(domain_
             await until(lambda: read == ["open"], what="a message, which wakes the thread")
             assert not noticed
             await until(seen, what="the event")
+
+
+async def test_with_another_rclpy_its_own_executor_does_all_the_work(
+    domain_id: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(executor, "INTERNALS", ("_not_in_this_rclpy",))
+    async with session_with_node(domain_id) as (session, node):
+        assert not isinstance(session._executor, executor.TopicExecutor)
+        with RosPeer(domain_id) as peer:
+            heard: list[str] = []
+            session.subscribe(
+                node, String, "talk", RELIABLE, read=lambda message: message.data, handle=heard.append
+            )
+            publisher = peer.node.create_publisher(String, "talk", RELIABLE)
+            await until(publisher.get_subscription_count, what="the subscription")
+            publisher.publish(String(data="first"))
+            await until(lambda: heard == ["first"], what="the message")

@@ -455,6 +455,20 @@ async def test_a_robot_whose_localisation_dies_during_a_drive_is_reported_as_mov
     assert (lost.localized, lost.vx) == (False, 0.5)
 
 
+async def test_a_standing_robot_whose_localisation_restarts_is_localised_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told = list[MapDriverEvent]()
+    async with started(monkeypatch, told, Nav2Options()) as driver:
+        driver._on_velocity((0.0, 0.0))
+        driver._on_pose(READING)
+        for publishers in (frozenset({"amcl"}), frozenset[str](), frozenset[str]()):
+            driver._watch_localiser(Presence(frozenset(), 1, Lifecycle.ABSENT, localisers=publishers))
+        driver._on_pose(READING)  # within a second, where it stood
+        await turn_passes()
+    assert [each.localized for each in told if isinstance(each, MapPoseReport)] == [True, False, True]
+
+
 async def test_an_arrival_is_judged_after_the_poses_that_a_delay_held_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -136,6 +136,15 @@ async def test_a_run_is_skipped_while_too_many_orders_of_the_schedule_are_open(
     assert (await orders(client))[-1] == "milk-run-20260402T040000Z"
 
 
+async def test_of_caught_up_runs_the_latest_create_orders_if_only_some_may_be_open(
+    client: httpx.AsyncClient, service: OrderService, clock: ManualClock
+) -> None:
+    await put(client, catchUp=5, maxOpenOrders=2)
+    clock.advance(3 * DAY + HOUR)
+    await run_due(service)
+    assert await orders(client) == ["milk-run-20260330T040000Z", "milk-run-20260331T040000Z"]
+
+
 async def test_run_that_was_missed_long_ago_is_passed(
     client: httpx.AsyncClient, service: OrderService, clock: ManualClock
 ) -> None:

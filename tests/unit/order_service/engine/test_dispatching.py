@@ -16,6 +16,7 @@ from nena_order_service.routing import graph
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
+from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
 
@@ -202,6 +203,25 @@ async def test_a_fleet_that_changes_as_a_whole_is_read_in_parts_before_it_gets_o
     (orders,) = engine._dispatching.due()
     assert [each.name for each in orders] == ["T"]
     assert (len(engine.state.touched), engine.state.dispatch_later) == (0, False)
+
+
+async def test_an_order_that_comes_while_the_fleet_is_read_overtakes_no_urgent_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    engine, fleet = await make(energy={"respected": False})
+    fleet.out_of_order.update(("V1", "V2"))
+    engine.create(request("C", priority=5), "urgent")
+    fleet.out_of_order.clear()
+    monkeypatch.setattr(dispatching, "VEHICLES_AT_ONCE", 1)
+    fleet.out_of_order.add("V1")
+    engine.state.touched.update(("V1", "V2"))
+    engine.create(request("C"), "later")
+    for _ in range(3):
+        await turn_passes()
+    assert [(robot, status_of(engine, "later").state) for robot, *_ in fleet.sent] == [
+        ("V2", TransportOrderState.DISPATCHABLE)
+    ]
+    assert status_of(engine, "urgent").state is TransportOrderState.BEING_PROCESSED
 
 
 async def test_a_repeated_decision_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:

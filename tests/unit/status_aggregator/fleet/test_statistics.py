@@ -46,6 +46,9 @@ def test_an_order_that_gave_way_is_no_failure() -> None:
     statistics = Statistics()
     given_up = CodedReason(code="withdrawn", causes=(CodedReason(code="gives_way"),))
     by_a_person = CodedReason(code="withdrawn", causes=(CodedReason(code="said", values={"text": "broken"}),))
-    for reason in (given_up, by_a_person):
+    broken = CodedReason(
+        code="withdrawn", causes=(CodedReason(code="gives_way"), CodedReason(code="details"))
+    )
+    for reason in (given_up, by_a_person, broken):
         statistics.count_end(order_status(state=TransportOrderState.FAILED, coded_reason=reason))
-    assert statistics.orders_ended == {"FAILED": 1}
+    assert statistics.orders_ended == {"FAILED": 2}

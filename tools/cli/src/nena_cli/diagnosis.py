@@ -31,8 +31,8 @@ DEEPEST: Final = 20
 OPEN: Final = tuple(each for each in TransportOrderState if not each.final)
 """States of unfinished orders."""
 UNDONE: Final = (TransportOrderState.FAILED, TransportOrderState.UNROUTABLE)
-NEWEST: Final = 50
-"""Orders that ended undone and are looked at: those created last."""
+NEWEST: Final = 1000
+"""Orders that ended undone and are read: those created last, as many as fit on a page."""
 GONE: Final = ("OFFLINE", "CONNECTION_BROKEN", "SILENT")
 CONTROLLED: Final = (None, "AUTOMATIC", "SEMIAUTOMATIC")
 """Operating modes in which fleet control commands a robot (VDA 5050 6.10.6; None: not reported)."""

@@ -45,10 +45,11 @@ def narrow(console: Console, table: Table) -> list[Text]:
 
 
 def brief(console: Console, table: Table) -> list[Text]:
-    """Return a table as a line per row, cut off where the terminal ends."""
+    """Return a table as a line per row, cut off where the terminal ends; the last rows, as they fit it."""
     widths, columns = _widths(table), _columns_with_values(table)
     rows = ([each.__rich__() for each in row] for row in table.rows)
-    lines = [_header(table, widths, columns), *(_line(each, widths, columns) for each in rows)]
+    lines = [_line(each, widths, columns) for each in rows][-max(1, console.height - 2) :]
+    lines = [_header(table, widths, columns), *lines]
     for each in lines:
         each.truncate(console.width - len("^C"), overflow="ellipsis")  # the terminal writes it there
     return lines

@@ -78,14 +78,9 @@ def put(
         int,
         typer.Option(min=0, max=CATCH_UP_LIMIT, help="Missed runs to catch up after an outage, the latest."),
     ] = 0,
-    max_open: Annotated[
+    max_open_orders: Annotated[
         int,
-        typer.Option(
-            "--max-open-orders",
-            min=1,
-            max=OPEN_ORDERS_LIMIT,
-            help="Skip runs while so many of its orders have not ended.",
-        ),
+        typer.Option(min=1, max=OPEN_ORDERS_LIMIT, help="Skip runs while this many orders are open."),
     ] = OPEN_ORDERS,
     disabled: Annotated[bool, typer.Option("--disabled", help="Store it, but create no orders.")] = False,
     vehicle: option.Vehicle = None,
@@ -102,7 +97,7 @@ def put(
         "validFrom": _moment(valid_from),
         "validUntil": _moment(valid_until),
         "catchUp": catch_up,
-        "maxOpenOrders": max_open,
+        "maxOpenOrders": max_open_orders,
         "enabled": not disabled,
     }
     with service.connected() as connection:

@@ -156,7 +156,7 @@ class Nav2Driver:
         self._feedback = FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
         self._battery, self._readings = Battery(settings.battery_scale), READINGS
-        self._looking_since, self._blocked, self._repetition = -inf, False, Repetition()
+        self._looking_since, self._blocked = -inf, False
         self._forget_position()
         self._navigation: NavigationReport | None = None
         self._node: Nav2Node | None = None
@@ -356,7 +356,7 @@ class Nav2Driver:
         """Discard the robot's position: it may be another robot, or may have been moved."""
         settings = self._settings
         self._localisation = Localisation(settings, self._map_id)
-        self._localiser_watch = LocaliserWatch()
+        self._localiser_watch, self._repetition = LocaliserWatch(), Repetition()
         self._movement = MovementWatch(settings.goals.blocked_after)
         self._pose_watch = PoseWatch(
             timeout=settings.localisation.pose_timeout, wait=settings.goals.pose_wait

@@ -10,11 +10,15 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.waitable import NumberOfEntities
 
+from nena_shared.log import get_logger
+
 KINDS = ("subscription", "guard_condition", "timer", "client", "service")
 """The kinds of entities in a wait set, in the order of its constructor; events belong to waitables."""
 FOREVER = -1
 INTERNALS = ("_context", "_guard", "_tasks")
-"""What is used of rclpy's executor and not public: it may differ from Jazzy's in other versions."""
+"""Private attributes of rclpy's executor that are used here; since Jazzy's rclpy 7.1.9 it has other ones."""
+
+log = get_logger(__name__)
 
 
 def make_executor(topics: Any, asked: Any, context: Any) -> SingleThreadedExecutor:  # noqa: ANN401 - rclpy carries no types
@@ -22,6 +26,7 @@ def make_executor(topics: Any, asked: Any, context: Any) -> SingleThreadedExecut
     executor = TopicExecutor(topics, asked, context=context)
     if all(hasattr(executor, each) for each in INTERNALS) and hasattr(rclpy_implementation, "WaitSet"):
         return executor
+    log.info("each message of a topic takes a new wait set: this rclpy has other internals")
     executor.shutdown()
     return SingleThreadedExecutor(context=context)
 
@@ -30,19 +35,20 @@ class TopicExecutor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy carri
     """Calls the callbacks of the subscriptions in one callback group directly: plain functions of a message.
 
     For each message rclpy builds its wait set twice and makes a task. Here a wait set is kept until there is
-    something else to do, which may have changed the node.
+    something else to do, which may have changed the node. Guard conditions of the node are not served.
     """
 
     def __init__(self, topics: Any, asked: Any, **options: Any) -> None:  # noqa: ANN401 - rclpy carries no types
-        """Create the executor; ``topics`` is the callback group, what is in ``asked`` wakes nobody."""
+        """Create the executor; entities of the callback group ``asked`` do not wake it."""
         super().__init__(**options)
         self._topics, self._asked = topics, asked
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Pass on messages until something else is ready, then do that; ``timeout_sec`` is ignored."""
         del timeout_sec
-        with suppress(InvalidHandle), ExitStack() as stack:  # invalid: just destroyed
-            self._pass_on_messages(stack)
+        if not self._has_tasks():
+            with suppress(InvalidHandle), ExitStack() as stack:  # invalid: just destroyed
+                self._pass_on_messages(stack)
         with suppress(TimeoutException):
             while True:
                 task, _, _ = self.wait_for_ready_callbacks(0)
@@ -62,7 +68,7 @@ class TopicExecutor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy carri
         sizes = (getattr(count, f"num_{kind}s") for kind in (*KINDS, "event"))
         wait_set = rclpy_implementation.WaitSet(*sizes, self._context.handle)
         subscriptions = {each.handle.pointer: each for each in found}
-        while all(task.done() for task, _, _ in self._tasks):  # one may have come while the others were done
+        while not self._has_tasks():  # one may have come while the others were done
             wait_set.clear_entities()
             for kind, of_kind in zip(KINDS, handles, strict=True):
                 for handle in of_kind:
@@ -78,6 +84,9 @@ class TopicExecutor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy carri
             for each in topics:
                 if taken := each.handle.take_message(each.msg_type, each.raw):
                     each.callback(taken[0])
+
+    def _has_tasks(self) -> bool:
+        return not all(task.done() for task, _, _ in self._tasks)
 
     def _entities(self, kinds: str) -> list[Any]:
         found = (each for node in self.get_nodes() for each in getattr(node, kinds))

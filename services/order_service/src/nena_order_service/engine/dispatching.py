@@ -107,8 +107,13 @@ class Dispatching:
         """Vehicles that give up dispensable orders, by the number of the order for which each is reserved."""
         self._explained_to = 0
         """Position in the queue up to which wait reasons have been updated."""
-        self._read_again: list[str] = []
+        self._read_again: dict[str, None] = {}
         """Changed vehicles that have been read again since orders were last due."""
+
+    @property
+    def reads_fleet(self) -> bool:
+        """Whether so many vehicles have changed that they are read in parts, before any order is assigned."""
+        return bool(self._read_again) or len(self._state.touched) > VEHICLES_AT_ONCE
 
     def due(self) -> Iterator[Sequence[TransportOrder]]:
         """Yield orders that may be assigned now, or whose wait reason may have changed.
@@ -119,11 +124,11 @@ class Dispatching:
         all orders. If a whole fleet has changed, no order is due before all vehicles have been read again,
         which takes several turns of the event loop.
         """
-        self._read_again += self._refresh(VEHICLES_AT_ONCE)
+        self._read_again.update(dict.fromkeys(self._refresh(VEHICLES_AT_ONCE)))
         if self._state.touched:
             self._state.dispatch_later = True
             return
-        touched, self._read_again = self._read_again, []
+        touched, self._read_again = self._read_again, {}
         self._forget_kept()
         numbers = self._with_new_reasons(touched)
         numbers.update(self._fresh_orders())

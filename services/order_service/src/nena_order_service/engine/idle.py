@@ -81,6 +81,8 @@ class IdleVehicles:
         """Send idle vehicles with low energy to recharge, and the others to park."""
         if not (self._settings.recharging.enabled or self._settings.parking.enabled):
             return
+        if self._dispatching.reads_fleet:
+            return  # orders may wait for these vehicles
         round_ = _IdleRound(self._context.clock.monotonic(), self._goals())
         for vehicle in vehicles:
             candidate = self._dispatching.consider(vehicle)

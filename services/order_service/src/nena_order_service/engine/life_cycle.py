@@ -114,7 +114,11 @@ class LifeCycle:
         self._orders.put(order)
         if not order.state.final:
             self._watch(order)
-        if order.state is S.DISPATCHABLE and not order.held:
+        if order.state is not S.DISPATCHABLE or order.held:
+            return order
+        if self._dispatching.reads_fleet:
+            self._state.dispatch_due = True  # more urgent orders wait for vehicles, too
+        else:
             self._dispatch((order,))  # free vehicles were already offered all other orders
         return order
 

@@ -217,7 +217,13 @@ class Schedules:
         elif not found.runs:
             long_ago = ScheduleRun(planned=planned.next_runs[0], **explained(LONG_AGO))
             self._record(schedule.after(long_ago).model_copy(update={"last": now - LOOK_BACK}))
-        for each in found.runs:
+        open_orders = tuple(filter(self._is_open, schedule.open_orders))
+        room = max(0, schedule.definition.max_open_orders - len(open_orders))
+        first = max(0, len(found.runs) - room)
+        for each in found.runs[:first]:
+            skipped = ScheduleRun(planned=each, **explained(Reason(R.ORDERS_OPEN, count=len(open_orders))))
+            self._record(self._known[name].schedule.after(skipped, 1))
+        for each in found.runs[first:]:
             late = LATE if now - each > ON_TIME else ""
             await self._create(self._known[name].schedule, each, late)
 
@@ -229,11 +235,8 @@ class Schedules:
     async def _create(self, schedule: Schedule, planned: datetime, late: str) -> None:
         """Create the order of a planned time, or record why it is not created."""
         name = schedule.order_name(planned)
-        open_orders = tuple(filter(self._is_open, schedule.open_orders))
-        if len(open_orders) >= schedule.definition.max_open_orders:
-            refused: str = Reason(R.ORDERS_OPEN, count=len(open_orders))
-        elif await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
-            refused = Reason(R.ORDER_EXISTS, order=name)
+        if await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
+            refused: str = Reason(R.ORDER_EXISTS, order=name)
         else:
             try:
                 request = self._prepared(schedule.definition.transport_order)
@@ -242,7 +245,8 @@ class Schedules:
             else:
                 self._engine.unit_of_work.require_store()
                 done = schedule.after(ScheduleRun(planned=planned, transport_order=name, **explained(late)))
-                done = done.model_copy(update={"open_orders": (*open_orders, name)})
+                open_orders = (*filter(self._is_open, schedule.open_orders), name)
+                done = done.model_copy(update={"open_orders": open_orders})
                 self._engine.create_with(partial(self._put, schedule.name, done), request, name)
                 self.outcomes[CREATED] += 1
                 log.info("order created by schedule", schedule=schedule.name, order=name, late=bool(late))

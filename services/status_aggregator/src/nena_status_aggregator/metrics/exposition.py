@@ -225,7 +225,7 @@ ORDERS: Final[Section[Aggregator]] = Section(
         ),
         counter(
             "nena_transport_orders_ended_total",
-            "Orders that ended while the aggregator was running; without those that gave way to another one.",
+            "Orders that ended while the aggregator was running, except those that gave way to another one.",
             _orders_ended,
             "state",
         ),

@@ -7,9 +7,12 @@ export function shownState(order) {
   return order.held && !order.final ? "HELD" : order.state;
 }
 
-/** Return whether an order was dropped for another one, as drives to parking places are: no failure. */
+const GAVE_WAY = ["gives_way", "released", "base_finished"];
+
+/** Return whether an order was dropped for another one, as drives to parking places are, and nothing failed. */
 export function gaveWay({ codedReason }) {
-  return Boolean(codedReason?.causes.some(({ code }) => code === "gives_way"));
+  const codes = (codedReason?.causes ?? []).map(({ code }) => code);
+  return codes.includes("gives_way") && codes.every((code) => GAVE_WAY.includes(code));
 }
 
 /** Return the job that a device executes, else the first one that waits for it; undefined if it has none. */

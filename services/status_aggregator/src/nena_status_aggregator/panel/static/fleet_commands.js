@@ -4,6 +4,7 @@ import { command, newKey } from "./api.js";
 import { button, element, foreign, setText, verbatim } from "./dom.js";
 import { orderOf, reasonOf } from "./explanations.js";
 import { byName, number, plural, t } from "./i18n.js";
+import { reasonElement } from "./reasons.js";
 
 const LINES = 12; // of a confirmation
 
@@ -207,8 +208,8 @@ function parkingJob({ name, vehicle }, place) {
 // A robot that has not done it (yet), and why.
 function unfinished(name, action, { reason, value }) {
   if (value) {
-    const words = [value.reason, value.result].filter(Boolean).join(" – ");
-    return element("li", {}, t(`command.${value.status}`, { name, action }), " ", foreign("span", words));
+    const result = value.result ? [" – ", foreign("span", value.result)] : [];
+    return element("li", {}, t(`command.${value.status}`, { name, action }), " ", reasonElement("span", value), ...result);
   }
   return element("li", {}, verbatim("span", name), ": ", reason.message ? foreign("span", reason.message) : t("command.unanswered"));
 }

@@ -1035,7 +1035,7 @@ export const TEXTS = {
   "because.runs_skipped": "{count} skipped: the order service was not active at their planned times",
   "because.runs_long_ago": "skipped with all other runs that were missed more than {days} days ago",
   "because.order_exists": "there is already an order {order}",
-  "because.orders_open": "{count} of its orders have not ended (maxOpenOrders)",
+  "because.orders_open": "open orders: {count} (maxOpenOrders)",
   "because.or": " or ",
   "measure.RETRY": "RETRY",
   "measure.REPLAN": "REPLAN",
