@@ -20,7 +20,7 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
-from support.panel import Hall, becomes, opened, seconds_now
+from support.panel import WITHIN, Hall, becomes, opened, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -35,6 +35,15 @@ async def test_empty_page_has_advice(hall: Hall, browser: Browser) -> None:
         await page.get_by_role("tab", name="Orders").click()
         await expect(page.get_by_text("No transport orders yet")).to_be_visible()
         await expect(page.locator("nena-link-banner")).to_be_hidden()
+
+
+async def test_page_loads_again_if_a_module_could_not_be_loaded(hall: Hall, browser: Browser) -> None:
+    async with hall.connected():
+        page = await browser.new_page()
+        await page.route("**/i18n.js", lambda route: route.abort("connectionreset"), times=1)
+        await page.goto(hall.url)
+        await expect(page.get_by_text("No robots yet")).to_be_visible(timeout=1e3 * WITHIN)
+        await page.close()
 
 
 async def test_robots_and_orders_are_updated_live(hall: Hall, browser: Browser) -> None:
