@@ -26,7 +26,7 @@ def make_executor(topics: Any, asked: Any, context: Any) -> SingleThreadedExecut
     executor = TopicExecutor(topics, asked, context=context)
     if all(hasattr(executor, each) for each in INTERNALS) and hasattr(rclpy_implementation, "WaitSet"):
         return executor
-    log.info("each message of a topic takes a new wait set: this rclpy has other internals")
+    log.info("using rclpy's own executor: this rclpy has other internals than 7.1.8")
     executor.shutdown()
     return SingleThreadedExecutor(context=context)
 
