@@ -52,4 +52,4 @@ async def test_pose_topic_takes_precedence_over_transforms(bench: Bench) -> None
             await fleet.state(ready)
             await until(lambda: bench.ros.node.count_publishers("tf") == 1, what="transforms")
             # While the pose topic is not discovered yet, transforms are used.
-            await until(lambda: bench.ros.node.count_subscribers("tf") == 0, what="nobody needs transforms")
+            await until(lambda: bench.ros.node.count_subscribers("tf") == 0, what="its end")

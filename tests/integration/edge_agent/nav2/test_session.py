@@ -178,6 +178,17 @@ async def session_with_node(domain_id: int) -> AsyncIterator[tuple[RosSession, A
     await session.stop()
 
 
+async def hearing(session: RosSession, node: Any, peer: RosPeer) -> tuple[Any, list[str]]:
+    """Subscribe to a topic; return its publisher and the messages heard, of which the first has arrived."""
+    heard: list[str] = []
+    session.subscribe(node, String, "talk", RELIABLE, read=lambda message: message.data, handle=heard.append)
+    publisher = peer.node.create_publisher(String, "talk", RELIABLE)
+    await until(publisher.get_subscription_count, what="the subscription")
+    publisher.publish(String(data="first"))
+    await until(lambda: heard == ["first"], what="the first message")
+    return publisher, heard
+
+
 MESSAGES = 20
 
 
@@ -194,14 +205,7 @@ async def test_messages_of_topics_need_no_new_wait_set(
     monkeypatch.setattr(rclpy_implementation, "WaitSet", counted)
     async with session_with_node(domain_id) as (session, node):
         with RosPeer(domain_id) as peer:
-            heard: list[str] = []
-            session.subscribe(
-                node, String, "talk", RELIABLE, read=lambda message: message.data, handle=heard.append
-            )
-            publisher = peer.node.create_publisher(String, "talk", RELIABLE)
-            await until(publisher.get_subscription_count, what="the subscription")
-            publisher.publish(String(data="first"))
-            await until(lambda: heard == ["first"], what="the first message")
+            publisher, heard = await hearing(session, node, peer)
             before = made.count("ros agent_under_test")
             for number in range(MESSAGES):
                 publisher.publish(String(data=str(number)))
@@ -281,11 +285,4 @@ async def test_with_another_rclpy_its_own_executor_does_all_the_work(
     async with session_with_node(domain_id) as (session, node):
         assert not isinstance(session._executor, executor.TopicExecutor)
         with RosPeer(domain_id) as peer:
-            heard: list[str] = []
-            session.subscribe(
-                node, String, "talk", RELIABLE, read=lambda message: message.data, handle=heard.append
-            )
-            publisher = peer.node.create_publisher(String, "talk", RELIABLE)
-            await until(publisher.get_subscription_count, what="the subscription")
-            publisher.publish(String(data="first"))
-            await until(lambda: heard == ["first"], what="the message")
+            await hearing(session, node, peer)
