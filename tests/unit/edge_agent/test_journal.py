@@ -113,6 +113,23 @@ def test_a_longer_record_gets_a_larger_file(tmp_path: Path) -> None:
     assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
 
 
+def test_a_record_that_the_disk_takes_in_part_is_reported_and_leaves_the_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    record(journal, old := bench.core.memory())
+    bench.arrive()
+    write_all = os.pwrite
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "pwrite", lambda file, data, offset: write_all(file, data[:BLOCK], offset))
+        with pytest.raises(OSError, match="only a part"):
+            journal.write(bench.core.memory())
+    assert Journal(tmp_path, ROBOT).read() == old
+
+    record(journal, bench.core.memory())
+    assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
+
+
 def test_an_interrupted_write_leaves_the_old_record(tmp_path: Path) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     for _ in range(2):

@@ -20,8 +20,8 @@ from nena_shared.histogram import SHORT, Histogram
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
 
-MINIMUM_RECORD_SPACE = 16 * 1024
-"""Minimum space for one record, bytes."""
+MINIMUM_RECORD_SPACE = 4 * 1024
+"""Minimum space for one record, bytes. An order of a few nodes fits; more space would delay each record."""
 BLOCK = 512
 """Size of a block that a disk writes atomically, bytes."""
 LABEL = 23
@@ -134,7 +134,7 @@ class Journal:
         Raises:
             OSError: the disk has failed, and may not have the record.
         """
-        with self._file.open("rb") as file:
+        with self._file.open("rb", buffering=0) as file:
             os.fdatasync(file.fileno())
         if self._made:
             sync_folder(self._folder)
@@ -151,11 +151,11 @@ class Journal:
 
     def _overwrite(self, number: int, record: bytes) -> bool:
         """Overwrite the older record; return False if the file is missing or too small."""
-        with suppress(FileNotFoundError), self._file.open("r+b") as file:
+        with suppress(FileNotFoundError), self._file.open("r+b", buffering=0) as file:
             half = os.fstat(file.fileno()).st_size // 2
             if len(record) <= half // BLOCK * (BLOCK - LABEL):
-                file.seek(number % 2 * half)
-                file.write(_framed(number, record, half))
+                if os.pwrite(file.fileno(), _framed(number, record, half), number % 2 * half) < half:
+                    raise OSError(errno.EIO, "the disk took only a part of the record")
                 return True
         return False
 
