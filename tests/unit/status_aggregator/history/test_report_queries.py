@@ -53,8 +53,8 @@ def test_range_and_outages(shift: Engine) -> None:
 
 def test_orders(shift: Engine) -> None:
     # Finished: WMS-1 (6:15, repeated after the restart), WMS-2 (6:39), WMS-3 (7:20), WMS-7 (7:50, from an
-    # earlier release). Failed: WMS-5 (6:12), WMS-4 (7:40). Not counted: Park-1 (automatic), WMS-6 (ended
-    # before), WMS-8 (at the end of the range).
+    # earlier release). Failed: WMS-5 (6:12), WMS-4 (7:40). Not counted: Park-1 (automatic), WMS-9 (gave
+    # way), WMS-6 (ended before), WMS-8 (at the end of the range).
     assert report(shift)["orders"] == {
         "finished": 4,
         "failed": 2,

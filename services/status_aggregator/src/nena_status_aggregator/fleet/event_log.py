@@ -125,6 +125,7 @@ def _end_values(order: TransportOrderStatus) -> Values:
         "leadTime": None if seconds is None else max(0.0, seconds),
         "late": order.late if order.deadline else None,
         "automatic": order.automatic,
+        "gaveWay": order.gave_way,
     }
 
 

@@ -446,7 +446,10 @@ def _rounded(value: float | None) -> float | None:
 
 
 def _ended_orders(period: Period) -> Subquery:
-    """Return the orders that ended in the range, each once, without parking and recharging."""
+    """Return the orders that ended in the range, each once.
+
+    Parking, recharging and orders that gave way to another one are left out.
+    """
     table, values = event_table.c, period.values
     events = (
         select(
@@ -460,6 +463,7 @@ def _ended_orders(period: Period) -> Subquery:
             values.number("leadTime").label("lead"),
             values.truth("late").label("late"),
             values.truth("automatic").label("automatic"),
+            values.truth("gaveWay").label("gave_way"),
         )
         .where(period.has(Code.TRANSPORT_ORDER.value))
         .subquery("order_events")
@@ -468,7 +472,7 @@ def _ended_orders(period: Period) -> Subquery:
     ends = (
         select(events, repetition.label("repetition"))
         .where(events.c.state.in_(FINAL), func.coalesce(events.c.before, "").not_in(FINAL))
-        .where(func.coalesce(events.c.automatic, 0) == 0)
+        .where(func.coalesce(events.c.automatic, 0) == 0, func.coalesce(events.c.gave_way, 0) == 0)
         .subquery("ends")
     )
     return select(ends).where(ends.c.repetition == 1).subquery("orders")

@@ -112,7 +112,7 @@ const PROBLEMS = {
   historyGap: () => true,
   link: ({ connected }) => !connected,
   orderEnded: ({ outcome }) => outcome === "abandoned",
-  transportOrder: ({ state }) => ["FAILED", "UNROUTABLE"].includes(state),
+  transportOrder: ({ state, gaveWay }) => ["FAILED", "UNROUTABLE"].includes(state) && !gaveWay,
 };
 
 // Whether an entry fits the chosen filters.
