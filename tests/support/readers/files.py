@@ -25,7 +25,7 @@ from nena_edge_agent.actions.builtin import ZoneSetDownload
 from nena_edge_agent.actions.plugin import WorkFailedError
 from nena_edge_agent.doctor.broker import map_ids
 from nena_edge_agent.download import DownloadSettings
-from nena_edge_agent.journal import Journal, UnreadableJournalError
+from nena_edge_agent.journal import Journal, UnreadableJournalError, record_of
 from nena_edge_agent.map_store import FolderMapStore
 from nena_edge_agent.nav2.session_control import SessionStore
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
@@ -89,7 +89,7 @@ def _journal(place: Place) -> tuple[Path, Path]:
     folder, bench = place.new(), Bench()
     bench.send(order("n0", "n1", "n2", node_actions={"n1": [action("a", "HARD")]}))
     journal = Journal(folder, ROBOT)
-    journal.write(bench.core.memory())
+    journal.write(record_of(bench.core.memory()))
     (file,) = folder.iterdir()
     return folder, file
 

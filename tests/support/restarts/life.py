@@ -16,7 +16,6 @@ from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.agent import Equipment, RobotAgent
 from nena_edge_agent.driver.port import Emit, Pose
 from nena_edge_agent.journal import Journal
-from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.topics import RobotKey
 from support.pausing import time_passes
@@ -67,7 +66,7 @@ class FatedJournal(Journal):
     disk_fails = range(0)
     records = 0
 
-    def write(self, memory: Memory) -> None:
+    def write(self, record: bytes) -> None:
         """Write, if the writer lives long enough."""
         number, self.records = self.records, self.records + 1
         if not self.fate.spares("before: write the journal"):
@@ -75,10 +74,9 @@ class FatedJournal(Journal):
         if number in self.disk_fails:
             raise OSError(ENOSPC, strerror(ENOSPC))
         if not self.fate.spares("amid: write the journal"):
-            content = memory.model_dump_json(exclude_defaults=True).encode()
-            self._file.with_suffix(".new").write_bytes(content[: len(content) // 2])
+            self._file.with_suffix(".new").write_bytes(record[: len(record) // 2])
             return
-        super().write(memory)
+        super().write(record)
         self.fate.spares("after: write the journal")
 
     def sync(self) -> None:

@@ -21,6 +21,7 @@ from nena_edge_agent.journal import (
     check_frame,
     lock_journal,
     read_journal,
+    record_of,
 )
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -40,7 +41,7 @@ def busy() -> Bench:
 
 
 def record(journal: Journal, memory: Memory) -> None:
-    journal.write(memory)
+    journal.write(record_of(memory))
     journal.sync()
 
 
@@ -123,7 +124,7 @@ def test_a_record_that_the_disk_takes_in_part_is_reported_and_leaves_the_old_one
     with monkeypatch.context() as disk:
         disk.setattr(os, "pwrite", lambda file, data, offset: write_all(file, data[:BLOCK], offset))
         with pytest.raises(OSError, match="only a part"):
-            journal.write(bench.core.memory())
+            journal.write(record_of(bench.core.memory()))
     assert Journal(tmp_path, ROBOT).read() == old
 
     record(journal, bench.core.memory())
@@ -136,7 +137,7 @@ def test_an_interrupted_write_leaves_the_old_record(tmp_path: Path) -> None:
         record(journal, bench.core.memory())
     old, before = bench.core.memory(), (tmp_path / FILE).read_bytes()
     bench.arrive()
-    journal.write(bench.core.memory())
+    journal.write(record_of(bench.core.memory()))
     new, after = bench.core.memory(), (tmp_path / FILE).read_bytes()
 
     seen = []
@@ -169,7 +170,7 @@ def test_blocks_of_two_failed_records_are_not_mistaken_for_one_record(
         raise OSError(errno.EIO, "Input/output error")
 
     bench.arrive()
-    journal.write(bench.core.memory())
+    journal.write(record_of(bench.core.memory()))
     with monkeypatch.context() as disk:
         disk.setattr(os, "fdatasync", fail)
         with pytest.raises(OSError, match="Input/output"):
@@ -180,7 +181,7 @@ def test_blocks_of_two_failed_records_are_not_mistaken_for_one_record(
         assert journal.read() == old
     first = (tmp_path / FILE).read_bytes()
     bench.arrive()
-    journal.write(bench.core.memory())
+    journal.write(record_of(bench.core.memory()))
     new, after = bench.core.memory(), (tmp_path / FILE).read_bytes()
     assert Journal(tmp_path, ROBOT).read() == new
 
@@ -249,7 +250,7 @@ def test_an_unsynced_record_is_never_the_only_one(tmp_path: Path, monkeypatch: p
         patch.setattr(os, "fdatasync", full)
         with pytest.raises(OSError, match="No space"):
             record(journal, bench.core.memory())
-    journal.write(bench.core.memory())  # and is torn
+    journal.write(record_of(bench.core.memory()))  # and is torn
     after = (tmp_path / FILE).read_bytes()
     (tmp_path / FILE).write_bytes(every_other_block(before, after))
 
@@ -389,9 +390,9 @@ class SlowDisk(Journal):
         self.may_write, self.may_sync = threading.Event(), threading.Event()
         self.records = 0
 
-    def write(self, memory: Memory) -> None:
+    def write(self, record: bytes) -> None:
         assert self.may_write.wait(WAIT)
-        super().write(memory)
+        super().write(record)
         self.records += 1
 
     def sync(self) -> None:

@@ -113,7 +113,7 @@ class Journal:
         message = f"the journal is from another version of the agent: reinstall that version, or {remedy}"
         raise UnreadableJournalError(message)
 
-    def write(self, memory: Memory) -> None:
+    def write(self, record: bytes) -> None:
         """Write a record: it survives the process on return, and a power failure after :meth:`sync`.
 
         Both methods block until the disk responds: call them outside the event loop's thread.
@@ -121,7 +121,6 @@ class Journal:
         Raises:
             OSError: the record could not be written; the old one is kept.
         """
-        record = memory.model_dump_json(exclude_defaults=True).encode()
         self._on_record(record)
         self._begun = number = self._next()
         if not self._overwrite(number, record):
@@ -169,6 +168,11 @@ class Journal:
             file.flush()
             os.fsync(file.fileno())
         new.replace(self._file)
+
+
+def record_of(memory: Memory) -> bytes:
+    """Return the record of a memory."""
+    return memory.model_dump_json(exclude_defaults=True).encode()
 
 
 def read_journal(journal: Journal | None) -> tuple[Memory | None, str]:
@@ -357,7 +361,7 @@ class Recorder:
         self._begun, self._deadline = version, loop.time() + WRITE_TIMEOUT
         self._written = self._durable = None  # a failed record may have overwritten the previous one
         written: SimpleQueue[bool] = SimpleQueue()
-        self._record = loop.run_in_executor(None, _work, self._journal, memory(), written)
+        self._record = loop.run_in_executor(None, _work, self._journal, record_of(memory()), written)
         self._record.add_done_callback(_consume)
         try:
             outlives = written.get(timeout=INLINE_WAIT)
@@ -400,11 +404,11 @@ class Recorder:
         return self._record is not None and not self._record.done()
 
 
-def _work(journal: Journal, memory: Memory, written: SimpleQueue[bool]) -> None:
+def _work(journal: Journal, record: bytes, written: SimpleQueue[bool]) -> None:
     """Write a record in a thread: report when the kernel has it, then wait for the disk."""
     taken = False
     try:
-        journal.write(memory)
+        journal.write(record)
         taken = True
     finally:
         written.put(taken)

@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from nena_edge_agent.black_box.box import FetchRecording, RobotBlackBox, Trigger, Triggers
 from nena_edge_agent.black_box.settings import BlackBoxSettings
 from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure
+from nena_edge_agent.journal import record_of
 from nena_edge_agent.protocol.events import ActionReport, Event, SafetyReport
 from nena_shared import log
 from nena_shared.black_box import box as module
@@ -54,7 +55,7 @@ async def test_a_failed_drive_is_written_with_messages_journal_and_log(tmp_path:
     box.record(TOPIC, b'{"headerId":1}')
     journal = box.make_journal(tmp_path / "journal", ROBOT)
     journal.read()
-    journal.write(Bench().core.memory())
+    journal.write(record_of(Bench().core.memory()))
     log.get_logger("nena.example").warning("wheel slips")
 
     box.note(FAILED, (), Bench().core.robot)
