@@ -49,27 +49,25 @@ def _invalid(error: InvalidRequestError) -> Problem:
     )
 
 
+def response_to(request: Request, error: Exception) -> Response:
+    """Return the answer to a request that raised an error; an unexpected error is logged."""
+    if isinstance(error, RequestValidationError):
+        return answer(_problem_of_validation(request, error))
+    if isinstance(error, HTTPException):
+        return answer(_problem_of_status(request, error), dict(error.headers or {}))
+    if not isinstance(error, FORESEEN):
+        log.error("request failed", path=request.url.path, exc_info=error)
+    return answer(problem_of(error))
+
+
 def install(app: FastAPI) -> None:
     """Answer every error of ``app`` with a problem."""
 
-    @app.exception_handler(RequestValidationError)
-    async def invalid(request: Request, error: RequestValidationError) -> Response:
-        return answer(_problem_of_validation(request, error))
+    async def answered(request: Request, error: Exception) -> Response:
+        return response_to(request, error)
 
-    @app.exception_handler(HTTPException)
-    async def refused(request: Request, error: HTTPException) -> Response:
-        return answer(_problem_of_status(request, error), dict(error.headers or {}))
-
-    async def foreseen(_request: Request, error: Exception) -> Response:
-        return answer(problem_of(error))
-
-    for kind in FORESEEN:
-        app.add_exception_handler(kind, foreseen)
-
-    @app.exception_handler(Exception)
-    async def failed(request: Request, error: Exception) -> Response:
-        log.error("request failed", path=request.url.path, exc_info=error)
-        return answer(problem_of(error))
+    for kind in (RequestValidationError, HTTPException, *FORESEEN, Exception):
+        app.add_exception_handler(kind, answered)
 
 
 def _problem_of_validation(request: Request, error: RequestValidationError) -> Problem:

@@ -8,31 +8,33 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import re
-from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from http import HTTPStatus
 from importlib.metadata import version
-from inspect import Parameter, Signature
 from typing import Annotated, Any
-from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, FastAPI, Header, Query, Request, Response
 from pydantic import BaseModel
-from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, PlainTextResponse, StreamingResponse
 from starlette.routing import Mount
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp
 
 from nena_order_service.api import problems
 from nena_order_service.api.audit import ChangingRequest, OpenRequest, Trail, masked, origin_of
 from nena_order_service.api.audit_csv import FILTERS, audit_csv
+from nena_order_service.api.body_limit import BodyLimit
 from nena_order_service.api.documentation import DOCS, FILES, REDOC, describe_login, documentation
-from nena_order_service.api.encoding import EncodedPage, encode
 from nena_order_service.api.events import EventKind, EventStream, Interest
-from nena_order_service.api.examples import examples_of
-from nena_order_service.api.host_requests import ETag
-from nena_order_service.api.operations import Call, Handler, HostOperations, Reply
+from nena_order_service.api.operation_routes import (
+    READING,
+    OperationRoute,
+    RestApp,
+    refusals_of,
+    refuse_unknown_query,
+)
+from nena_order_service.api.operations import HostOperations
 from nena_order_service.plant_file import read_plant
 from nena_shared.fleet_api.audit import AuditInterface
 from nena_shared.fleet_api.base import ObjectName, Role
@@ -43,12 +45,11 @@ from nena_shared.fleet_api.operations import (
     Operation,
 )
 from nena_shared.fleet_api.plant import PlantModelChange
-from nena_shared.fleet_api.refusals import PROBLEMS, Refusal, by_status
-from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, DispatchRequest, Readiness
-from nena_shared.fleet_api.transport_order import TransportOrderBatch, TransportOrderRequest
-from nena_shared.web.access import KnownUser, RoleNeeded
+from nena_shared.fleet_api.refusals import PROBLEMS, Refusal
+from nena_shared.fleet_api.requests import Readiness
+from nena_shared.web.access import RoleNeeded
 from nena_shared.web.metrics import METRICS, metrics_response
-from nena_shared.web.problem import describe_problems, problem_response, refusal
+from nena_shared.web.problem import describe_problems
 from nena_shared.web.server_sent_events import HEADERS
 from nena_shared.web.settings import HttpSettings
 
@@ -59,7 +60,6 @@ ChangePlant = Callable[..., Awaitable[None]]
 ALIVE = f"ok\nnena-order-service {version('nena-order-service')}\n"
 """Answer of ``/healthz``."""
 OPEN = frozenset({"/", "/healthz", "/readyz", DOCS, REDOC})
-READING = frozenset({"GET", "HEAD", "OPTIONS"})
 GUARDED: tuple[Operation[Any], ...] = (*OPERATIONS, CHANGE_PLANT)
 ROLES_KEPT = 1000
 """Number of paths whose roles are cached."""
@@ -80,9 +80,6 @@ PAGES = {
     "/readyz": "what is ready",
 }
 """Where the start page leads."""
-TRACEPARENT_HEADER = re.compile(
-    r"(?!ff|00.{53}-)[0-9a-f]{2}(-(?!0{32})[0-9a-f]{32}-(?!0{16})[0-9a-f]{16}-[0-9a-f]{2})(?=-|$)"
-)
 START_PAGE = f"""<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>NeNa order service</title>
 <h1>NeNa order service</h1>
@@ -102,14 +99,6 @@ PLANT_BODY: dict[str, Any] = {
         },
     }
 }
-
-IfMatch = Annotated[
-    str | None, Header(alias="If-Match", max_length=1000, description="ETag of the version to change.")
-]
-IfNoneMatch = Annotated[
-    str | None, Header(alias="If-None-Match", max_length=1000, description="ETag of the version you have.")
-]
-IdempotencyKey = Annotated[str | None, Header(alias="Idempotency-Key", min_length=1, max_length=200)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +121,9 @@ class Service:
 
 def make_app(operations: HostOperations, stream: EventStream, service: Service) -> FastAPI:
     """Create the ASGI application."""
-    app = FastAPI(
+    handlers, limit = operations.handlers, service.max_body
+    app = RestApp(
+        [OperationRoute(each, handlers[each.name], max_body=limit) for each in OPERATIONS],
         title="NeNa order service",
         description="Transport orders and vehicles. Errors are problems (RFC 9457) of documented types.",
         version="1",
@@ -146,14 +137,12 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
         if each.max_body is not None
         for prefix in ("", *service.mounted)
     }
-    app.add_middleware(BodyLimit, limit=service.max_body, larger=larger)
+    app.add_middleware(BodyLimit, limit=limit, larger=larger)
     problems.install(app)
-    for each in OPERATIONS:
-        _add_route(app.router, each, operations.handlers[each.name])
     app.include_router(
         audit_csv(operations.trail),
         dependencies=[_known_query(*FILTERS)],
-        responses=_refusals((Refusal.NOT_SAVED,)),
+        responses=refusals_of((Refusal.NOT_SAVED,)),
     )
     app.include_router(_events(stream))
     app.include_router(plant_model_router(service.plant_json, service.change_plant, operations.trail))
@@ -197,132 +186,13 @@ def rule_of(settings: HttpSettings) -> RoleNeeded:
     return needed
 
 
-def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -> None:
-    known_query = operation.request.model_fields if operation.request and operation.method in READING else {}
-    names = {field.alias or name for name, field in known_query.items()}
-
-    async def endpoint(http: Request, **given: Any) -> Response:  # noqa: ANN401 - by the signature
-        _refuse_unknown_query(http, names)
-        call = _call(operation, http, given)
-        known = given.get("if_none_match")
-        return await _response(operation, await handler(call), known=None if known is None else ETag(known))
-
-    endpoint.__signature__ = Signature([*_parameters(operation)])  # type: ignore[attr-defined]
-    successes: dict[int | str, dict[str, Any]] = {
-        int(status): {"model": operation.answer, "description": text}
-        for status, text in operation.also.items()
-    }
-    status = HTTPStatus.CREATED if operation.creates else HTTPStatus.OK
-    router.add_api_route(
-        operation.path,
-        endpoint,
-        methods=[operation.method],
-        name=operation.name,
-        operation_id=operation.name,
-        summary=operation.summary,
-        tags=[operation.tag],
-        status_code=status,
-        response_model=operation.answer,
-        responses=successes | _refusals(operation.refusals),
-        openapi_extra=examples_of(operation, status),
-    )
-
-
-def _refuse_unknown_query(request: Request, known: Collection[str]) -> None:
-    """Raise HTTPException for an unknown query parameter: a misspelt filter would find everything."""
-    for name in request.query_params:
-        if name not in known:
-            names = ", ".join(sorted(known)) or "none"
-            raise HTTPException(
-                HTTPStatus.BAD_REQUEST, f"Unknown query parameter {name[:100]!r}. Known here: {names}."
-            )
-
-
 def _known_query(*names: str) -> Any:  # noqa: ANN401 - FastAPI's own type
     """Return the dependency of a route that refuses all query parameters but these."""
 
     def check(request: Request) -> None:
-        _refuse_unknown_query(request, names)
+        refuse_unknown_query(request, names)
 
     return Depends(check)
-
-
-def _refusals(refusals: Iterable[Refusal]) -> dict[int | str, dict[str, Any]]:
-    """Return the refusals of an operation as FastAPI's ``responses``."""
-    return {int(status): problem_response(text) for status, text in by_status(refusals).items()}
-
-
-def _parameters(operation: Operation[Any]) -> Iterator[Parameter]:
-    """Return the parameters that FastAPI reads from a request, in the form of an endpoint's signature."""
-    reads = operation.method in READING
-
-    def parameter(name: str, kind: Any, default: Any = Parameter.empty) -> Parameter:  # noqa: ANN401 - types
-        return Parameter(name, Parameter.KEYWORD_ONLY, annotation=kind, default=default)
-
-    yield parameter("http", Request)
-    if "{" in operation.path:
-        yield parameter("name", operation.name_type)
-    if operation.request and reads:
-        yield parameter("request", Annotated[operation.request, Query()])
-    elif operation.may_be_empty:
-        yield parameter("request", operation.request | None, None)
-    elif operation.request:
-        yield parameter("request", operation.request)
-    if operation.creates and not operation.subject:
-        yield parameter("idempotency_key", IdempotencyKey, None)
-    elif operation.versioned:
-        yield parameter("if_none_match" if reads else "if_match", IfNoneMatch if reads else IfMatch, None)
-
-
-def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) -> Call[Any]:
-    request, key, seen = given.get("request"), given.get("idempotency_key"), given.get("if_match")
-    if request is None and operation.may_be_empty:
-        request = operation.request()
-    if key and request is not None and request.idempotency_key is None:
-        request = request.model_copy(update={"idempotency_key": key})
-    if trace := _traceparent(http):
-        request = _traced(request, trace)
-    user: KnownUser | None = getattr(http.state, "user", None)
-    caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # an issuer's long subject is cut
-    version = None if seen is None else ETag(seen)
-    return Call(given.get("name", ""), request, caller, version, origin_of(http, AuditInterface.REST))
-
-
-def _traced(request: Any, trace: str) -> Any:  # noqa: ANN401 - the body of any operation
-    """Return a request with the caller's trace for each order that it creates without one of its own."""
-    match request:
-        case TransportOrderRequest(traceparent=None) | DispatchRequest(traceparent=None):
-            return request.model_copy(update={"traceparent": trace})
-        case TransportOrderBatch(transport_orders=orders):
-            return request.model_copy(
-                update={"transport_orders": tuple(_traced(each, trace) for each in orders)}
-            )
-        case _:
-            return request
-
-
-def _traceparent(http: Request) -> str | None:
-    """Return the header ``traceparent`` in version 00; None without a valid one, which is ignored.
-
-    Only later versions may be longer; they begin like version 00 (W3C Trace Context, sections 3.2 and 4.3).
-    """
-    found = TRACEPARENT_HEADER.match(http.headers.get("traceparent", ""))
-    return f"00{found[1]}" if found else None
-
-
-async def _response(operation: Operation[Any], reply: Reply, *, known: ETag | None) -> Response:
-    headers: dict[str, str] = {}
-    body: Any = reply.body
-    if isinstance(body, EncodedPage):
-        headers["Content-Length"] = str(body.size)
-        return StreamingResponse(body.parts(), reply.status, headers, "application/json")
-    if operation.versioned or hasattr(body, "version"):
-        headers["ETag"] = ETag.of(body.version).value
-        if known and known.fits(body.version):
-            return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
-    if operation.creates:
-        headers["Location"] = f"{operation.creates}/{quote(body.name)}"
-    return Response(await encode(body), reply.status, headers, "application/json")
 
 
 def as_json(
@@ -349,7 +219,7 @@ def plant_model_router(plant_json: bytes, change: ChangePlant | None, trail: Tra
         operation_id=CHANGE_PLANT.name,
         summary=CHANGE_PLANT.summary,
         response_model=CHANGE_PLANT.answer,
-        responses=_refusals(CHANGE_PLANT.refusals),
+        responses=refusals_of(CHANGE_PLANT.refusals),
         openapi_extra=PLANT_BODY,
         dependencies=[_known_query("check")],
     )
@@ -400,7 +270,7 @@ def _events(stream: EventStream) -> APIRouter:
         "/events",
         operation_id="events",
         response_class=StreamingResponse,
-        responses=_refusals((Refusal.TOO_MANY_CLIENTS, Refusal.NOT_SAVED)),
+        responses=refusals_of((Refusal.TOO_MANY_CLIENTS, Refusal.NOT_SAVED)),
         dependencies=[_known_query("kind", "transportOrder", "vehicle", "after")],
     )
     async def events(
@@ -477,44 +347,3 @@ def _mounted(path: str, app: ASGIApp) -> Mount:
     # Starlette's pattern excludes names with line breaks, which would get an answer in another form.
     mount.path_regex = re.compile(mount.path_regex.pattern, re.DOTALL)
     return mount
-
-
-class BodyLimit:
-    """ASGI middleware: answers 413 to a body of more than ``limit`` bytes before it is in memory.
-
-    ``larger`` contains the paths that have their own limit.
-    """
-
-    def __init__(self, app: ASGIApp, limit: int, larger: Mapping[str, int] | None = None) -> None:
-        self._app = app
-        self._limit = limit
-        self._larger = larger or {}
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward the request and count its bytes."""
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
-        limit = self._larger.get(scope["path"], self._limit)
-        detail = f"The body is longer than {limit} bytes. Send a shorter one, or raise max_body."
-        if _content_length(scope) > limit:
-            await refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)(scope, receive, send)
-            return
-        received = 0
-
-        async def counted() -> Message:
-            nonlocal received
-            message = await receive()
-            received += len(message.get("body", b""))
-            if received > limit:
-                raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)
-            return message
-
-        await self._app(scope, counted, send)
-
-
-def _content_length(scope: Scope) -> int:
-    for name, value in scope["headers"]:
-        if name == b"content-length" and value.isdigit():
-            return int(value)
-    return 0

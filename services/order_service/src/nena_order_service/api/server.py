@@ -14,7 +14,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from nena_order_service.api import problems
 from nena_order_service.api.metrics import Waiting, standing_by
 from nena_order_service.api.opentcs import AccessKey
-from nena_order_service.api.rest import ALIVE, READING, rule_of
+from nena_order_service.api.operation_routes import READING
+from nena_order_service.api.rest import ALIVE, rule_of
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.tasks import Supervisor

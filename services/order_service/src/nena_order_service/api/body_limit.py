@@ -1,0 +1,78 @@
+"""Limit of request bodies: a longer one is refused before it is in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from http import HTTPStatus
+
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from nena_shared.web.problem import refusal
+
+
+class BodyLimit:
+    """ASGI middleware: answers 413 to a body of more than ``limit`` bytes.
+
+    ``larger`` contains the paths that have their own limit.
+    """
+
+    def __init__(self, app: ASGIApp, limit: int, larger: Mapping[str, int] | None = None) -> None:
+        self._app = app
+        self._limit = limit
+        self._larger = larger or {}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Forward the request and count its bytes."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        limit = self._larger.get(scope["path"], self._limit)
+        try:
+            check_content_length(scope, limit)
+        except HTTPException as error:
+            await refusal(HTTPStatus(error.status_code), error.detail)(scope, receive, send)
+            return
+        received = 0
+
+        async def counted() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > limit:
+                raise _too_long(limit)
+            return message
+
+        await self._app(scope, counted, send)
+
+
+async def read_body(scope: Scope, receive: Receive, limit: int) -> bytes:
+    """Return the body of a request.
+
+    Raises:
+        HTTPException: it has more than ``limit`` bytes, or its client has disconnected.
+    """
+    check_content_length(scope, limit)
+    body = bytearray()
+    more = True
+    while more:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            raise HTTPException(HTTPStatus.BAD_REQUEST, "The connection was closed before the body ended.")
+        body += message.get("body", b"")
+        if len(body) > limit:
+            raise _too_long(limit)
+        more = message.get("more_body", False)
+    return bytes(body)
+
+
+def check_content_length(scope: Scope, limit: int) -> None:
+    """Raise HTTPException if a request announces a body of more than ``limit`` bytes."""
+    for name, value in scope["headers"]:
+        if name == b"content-length" and value.isdigit() and int(value) > limit:
+            raise _too_long(limit)
+
+
+def _too_long(limit: int) -> HTTPException:
+    detail = f"The body is longer than {limit} bytes. Send a shorter one, or raise max_body."
+    return HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)
