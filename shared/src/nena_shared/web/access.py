@@ -10,7 +10,6 @@ from http.cookies import CookieError, SimpleCookie
 from math import ceil
 from typing import TYPE_CHECKING, Protocol
 
-from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_shared.clock import Clock, SystemClock
@@ -18,6 +17,7 @@ from nena_shared.fleet_api.base import Role
 from nena_shared.log import get_logger
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
+from nena_shared.web.headers import header_of
 from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.problem import refusal
 from nena_shared.web.server_sent_events import LastingAnswer
@@ -126,9 +126,8 @@ class AccessControl:
 
     async def _authenticate(self, scope: Scope) -> KnownUser | None:
         address = scope["client"][0] if scope.get("client") else "unknown"
-        headers = Headers(scope=scope)
         role = self.role_needed(scope["method"], scope["path"])
-        token = token_of(headers, cookies=self.cookies)
+        token = token_of(scope, cookies=self.cookies)
         user = await self._who(token, address) if token and role else None
         self._check_rate(self._requests, f"user {user.known_as}" if user else f"address {address}")
         if not self._login_required or role is None:
@@ -153,7 +152,7 @@ class AccessControl:
 
     def _has_access(self, scope: Scope) -> bool:
         role = self.role_needed(scope["method"], scope["path"])
-        token = token_of(Headers(scope=scope), cookies=self.cookies)
+        token = token_of(scope, cookies=self.cookies)
         try:
             user = self.users.user_of(token) if self.users else None
         except ConfigurationError:
@@ -225,15 +224,21 @@ def protect(app: ASGIApp, settings: HttpSettings, role_needed: RoleNeeded) -> Ac
     return AccessControl(app, settings, role_needed, users_of(settings), oidc=oidc)
 
 
-def token_of(headers: Headers, *, cookies: bool) -> str:
+def user_of(scope: Scope) -> KnownUser | None:
+    """Return the user that :class:`AccessControl` has found; None: no user."""
+    user: KnownUser | None = scope.get("state", {}).get("user")
+    return user
+
+
+def token_of(scope: Scope, *, cookies: bool) -> str:
     """Return the token of a request, from its header, else its cookie; empty: none."""
-    scheme, _, token = headers.get("authorization", "").partition(" ")
+    scheme, _, token = (header_of(scope, b"authorization") or "").partition(" ")
     if scheme.lower() == "bearer":
         return token.strip()
     if not cookies:
         return ""
     try:
-        found = SimpleCookie(headers.get("cookie", ""))
+        found = SimpleCookie(header_of(scope, b"cookie") or "")
     except CookieError:
         return ""
     return found[COOKIE].value if COOKIE in found else ""

@@ -9,7 +9,7 @@ import resource
 import socket
 import ssl
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -19,6 +19,7 @@ import h11
 import uvicorn
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.server import ServerState
 
 from nena_shared.certificates import remember_http
 from nena_shared.log import get_logger
@@ -91,6 +92,11 @@ class HttpConnection(H11Protocol):
     _head = b""
     """The head of a response, kept to be written together with its body."""
 
+    def __init__(self, config: uvicorn.Config, state: ServerState, answers: Counter[int]) -> None:
+        """``answers`` counts the answers by status."""
+        super().__init__(config, state, {})
+        self._answers = answers
+
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start waiting for the first request."""
         super().connection_made(transport)
@@ -125,7 +131,7 @@ class HttpConnection(H11Protocol):
                 message = "a line ends without CR"
                 raise h11.RemoteProtocolError(message)
         event = self._next_event()
-        if isinstance(event, h11.Request) and len({name for name, _ in event.headers} & _LENGTHS) > 1:
+        if isinstance(event, h11.Request) and len(_names_of(event) & _LENGTHS) > 1:
             message = "both Content-Length and Transfer-Encoding"
             raise h11.RemoteProtocolError(message)
         return event
@@ -133,9 +139,11 @@ class HttpConnection(H11Protocol):
     def _joined(self, event: h11.Event) -> bytes | None:
         """Return the bytes to write now: the head of a response of known length waits for its body."""
         data = self._encode(event)
-        if isinstance(event, h11.Response) and any(name == b"content-length" for name, _ in event.headers):
-            self._head = data or b""
-            return b""
+        if isinstance(event, h11.Response):
+            self._answers[event.status_code] += 1
+            if b"content-length" in _names_of(event):
+                self._head = data or b""
+                return b""
         data, self._head = self._head + (data or b""), b""
         return data
 
@@ -151,6 +159,11 @@ class HttpConnection(H11Protocol):
         self._awaited = part
         seconds = BODY_TIMEOUT if part is h11.SEND_BODY else HEAD_TIMEOUT
         self._deadline = self.loop.call_later(seconds, self.transport.abort) if part else None
+
+
+def _names_of(event: h11.Request | h11.Response) -> set[bytes]:
+    """Return the names of the headers; iterating over h11's own takes two function calls for each."""
+    return {name.lower() for name, _ in event.headers.raw_items()}
 
 
 class Listener:
@@ -287,6 +300,7 @@ class _Server(uvicorn.Server):
         super().__init__(config)
         self.encryption = encryption
         """TLS context of new connections; None: no TLS."""
+        self.answers: Final[Counter[int]] = Counter()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start accepting connections."""
@@ -294,12 +308,11 @@ class _Server(uvicorn.Server):
         self.started = True
 
     def _listener(self, listening: socket.socket) -> Listener:
-        config = self.config
         return Listener(
             listening,
-            lambda: HttpConnection(config, self.server_state, {}),
+            lambda: HttpConnection(self.config, self.server_state, self.answers),
             encryption=lambda: self.encryption,
-            per_address=None if config.proxy_headers else PER_ADDRESS,
+            per_address=None if self.config.proxy_headers else PER_ADDRESS,
         )
 
     @contextmanager
@@ -342,6 +355,11 @@ class HttpServer:
         self._host = settings.host
         self._scheme = "https" if settings.tls_certificate else "http"
         self._socket = _listen(settings)
+
+    @property
+    def answers(self) -> Counter[int]:
+        """Number of answers by status, including refusals."""
+        return self._server.answers
 
     @property
     def port(self) -> int:

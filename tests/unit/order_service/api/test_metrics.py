@@ -16,14 +16,16 @@ from prometheus_client.parser import text_string_to_metric_families
 from nena_order_service.api import metrics
 from nena_order_service.api.metrics import SECTIONS, _answers
 from nena_order_service.api.rest import role_needed, rule_of
-from nena_order_service.api.server import CountedAnswers, make_standby_app, make_starting_app
+from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.service import OrderService
 from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.web.settings import HttpSettings
 from support.order_service import NOW, assigned_order, dispatchable_order
+from support.waiting import PATIENCE
 
 MOVE = {"destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
 ORDER = TransportOrderRequest.model_validate(MOVE)
@@ -161,13 +163,14 @@ def test_metrics_need_a_viewer_unless_they_are_public() -> None:
 
 
 async def test_answers_are_counted_by_status_refused_ones_too() -> None:
-    counts: Counter[int] = Counter()
-    transport = httpx.ASGITransport(CountedAnswers(make_standby_app(lambda: "", lambda: ""), counts))
-    async with httpx.AsyncClient(transport=transport, base_url="http://standby") as client:
+    server = RestServer(make_standby_app(lambda: "", lambda: ""), HttpSettings(port=0))
+    async with Supervisor() as supervisor, httpx.AsyncClient(base_url=server.url, timeout=PATIENCE) as client:
+        server.open(supervisor)
         await client.get("/healthz")
         await client.get("/v1/vehicles")
+        await server.close()
 
-    assert counts == {HTTPStatus.OK: 1, HTTPStatus.SERVICE_UNAVAILABLE: 1}
+    assert server.answers == {HTTPStatus.OK: 1, HTTPStatus.SERVICE_UNAVAILABLE: 1}
 
 
 def test_rate_limited_requests_are_counted_from_zero() -> None:

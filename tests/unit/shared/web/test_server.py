@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 import ssl
+from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
@@ -126,7 +127,7 @@ async def test_head_and_body_of_an_answer_are_written_together() -> None:
     config.load()
     transport, written = Mock(), asyncio.Queue[bytes]()
     transport.write = lambda data: written.put_nowait(data) if data else None
-    connection = HttpConnection(config, ServerState(), {})
+    connection = HttpConnection(config, ServerState(), Counter())
     connection.connection_made(transport)
 
     connection.data_received(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n")

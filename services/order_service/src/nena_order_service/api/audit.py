@@ -29,7 +29,8 @@ from nena_order_service.store.store import Store
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.audit import ANONYMOUS, AuditInterface, AuditPage, AuditQuery, AuditResult
 from nena_shared.log import get_logger
-from nena_shared.web.access import KnownUser
+from nena_shared.web.access import user_of
+from nena_shared.web.headers import header_of
 
 log = get_logger(__name__)
 
@@ -282,8 +283,9 @@ def _masked(content: Any) -> Any:  # noqa: ANN401 - of JSON
 
 def origin_of(http: HTTPConnection, interface: AuditInterface) -> Origin:
     """Return the origin of a request over HTTP."""
-    user: KnownUser | None = getattr(http.state, "user", None)
-    return Origin(interface, user.known_as if user else ANONYMOUS, http.headers.get("user-agent", ""))
+    user = user_of(http.scope)
+    client = header_of(http.scope, b"user-agent") or ""
+    return Origin(interface, user.known_as if user else ANONYMOUS, client)
 
 
 def kind_of(path: str) -> str:

@@ -50,7 +50,11 @@ class EncodedPage:
 
 async def encode(body: BaseModel, *, exclude_none: bool = False) -> bytes:
     """Return an answer as JSON."""
-    long = {name for name, value in vars(body).items() if _is_long(value)}
+    long = {
+        name
+        for name, value in vars(body).items()
+        if isinstance(value, (tuple, BaseModel)) and _is_long(value)
+    }
     short = body.model_dump_json(by_alias=True, exclude_none=exclude_none, exclude=long or None).encode()
     if not long:
         return short

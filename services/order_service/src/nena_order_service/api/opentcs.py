@@ -9,8 +9,7 @@ from typing import Annotated, Any, Self, TypeVar
 
 from fastapi import FastAPI, Query, Response
 from pydantic import BaseModel, Field, TypeAdapter
-from starlette.datastructures import MutableHeaders
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Scope
 
 from nena_order_service import errors
 from nena_order_service.api import opentcs_devices, opentcs_events, opentcs_peripherals, opentcs_plant
@@ -48,6 +47,7 @@ from nena_shared.fleet_api.vehicle import (
 from nena_shared.log import get_logger
 from nena_shared.plant import BoundingBox, PlantModel, Vehicle
 from nena_shared.plant.track import MM_PER_M
+from nena_shared.web.headers import header_of
 
 log = get_logger(__name__)
 
@@ -365,25 +365,16 @@ LISTED = 1000
 
 REASON = "withdrawn by a host of openTCS's web API"
 
-KEY_HEADER = "x-api-access-key"
+KEY_HEADER = b"x-api-access-key"
 
 _VEHICLES = TypeAdapter(list[VehicleState])
 
 
-class AccessKey:
-    """ASGI middleware: accepts openTCS's access key in place of this program's token."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward a request with its access key as its token."""
-        if scope["type"] == "http":
-            headers = MutableHeaders(scope=scope)
-            key = headers.get(KEY_HEADER)
-            if key and "authorization" not in headers:
-                headers["authorization"] = f"Bearer {key}"
-        await self._app(scope, receive, send)
+def accept_access_key(scope: Scope) -> None:
+    """Take openTCS's access key of a request for this program's token."""
+    key = header_of(scope, KEY_HEADER)
+    if key and header_of(scope, b"authorization") is None:
+        scope["headers"] = [*scope["headers"], (b"authorization", f"Bearer {key}".encode("latin-1"))]
 
 
 def make_app(

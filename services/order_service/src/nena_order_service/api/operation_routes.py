@@ -38,7 +38,8 @@ from nena_shared.fleet_api.operations import Operation
 from nena_shared.fleet_api.refusals import Refusal, by_status
 from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, DispatchRequest
 from nena_shared.fleet_api.transport_order import TransportOrderBatch, TransportOrderRequest
-from nena_shared.web.access import KnownUser
+from nena_shared.web.access import user_of
+from nena_shared.web.headers import header_of
 from nena_shared.web.problem import problem_response
 
 READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
@@ -127,6 +128,7 @@ class OperationRoute(APIRoute):
         self._max_body = operation.max_body or max_body
         self._parts = tuple(_parts_of(operation))
         self._header = next((each for each in self._parts if each.location[0] == "header"), None)
+        self._header_name = self._header.location[1].lower().encode() if self._header else b""
         self._has_body = any(each.location == BODY for each in self._parts)
         queried = operation.request.model_fields if operation.request and operation.method in READING else {}
         names = {name: field.alias or name for name, field in queried.items()}
@@ -158,7 +160,8 @@ class OperationRoute(APIRoute):
     async def answer(self, request: Request) -> Response:
         """Call the operation; raises what :func:`nena_order_service.api.problems.response_to` answers."""
         given = self._validated(await self._read(request))
-        refuse_unknown_query(request, self._query)
+        if request.scope["query_string"]:
+            refuse_unknown_query(request, self._query)
         reply = await self._handler(_call(self.operation, request, given))
         known = given.get("if_none_match")
         return await _response(self.operation, reply, known=None if known is None else ETag(known))
@@ -166,14 +169,14 @@ class OperationRoute(APIRoute):
     async def _read(self, request: Request) -> dict[str, Any]:
         """Return the given values of the parts."""
         found: dict[str, Any] = dict(request.path_params)
-        if self._header and (value := request.headers.get(self._header.location[1])) is not None:
+        if self._header and (value := header_of(request.scope, self._header_name)) is not None:
             found[self._header.name] = value
         if self._query:
             found["request"] = self._query_of(request)
         if not self._has_body:
             check_content_length(request.scope, self._max_body)
         elif body := await read_body(request.scope, request.receive, self._max_body):
-            found["request"] = _parsed(body) if _is_json(request.headers.get("content-type", "")) else body
+            found["request"] = _parsed(body) if _is_json(header_of(request.scope, b"content-type")) else body
         return found
 
     def _query_of(self, request: Request) -> dict[str, str | list[str]]:
@@ -242,9 +245,9 @@ def _endpoint(parts: Iterable[_Part]) -> Callable[..., Any]:
 
 
 @lru_cache(CONTENT_TYPES_KEPT)
-def _is_json(content_type: str) -> bool:
+def _is_json(content_type: str | None) -> bool:
     message = Message()
-    message["content-type"] = content_type
+    message["content-type"] = content_type or ""
     subtype = message.get_content_subtype()
     return message.get_content_maintype() == "application" and (
         subtype == "json" or subtype.endswith("+json")
@@ -284,7 +287,7 @@ def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) ->
         request = request.model_copy(update={"idempotency_key": key})
     if trace := _traceparent(http):
         request = _traced(request, trace)
-    user: KnownUser | None = getattr(http.state, "user", None)
+    user = user_of(http.scope)
     caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # an issuer's long subject is cut
     version = None if seen is None else ETag(seen)
     return Call(given.get("name", ""), request, caller, version, origin_of(http, AuditInterface.REST))
@@ -308,7 +311,7 @@ def _traceparent(http: Request) -> str | None:
 
     Only later versions may be longer; they begin like version 00 (W3C Trace Context, sections 3.2 and 4.3).
     """
-    found = TRACEPARENT_HEADER.match(http.headers.get("traceparent", ""))
+    found = TRACEPARENT_HEADER.match(header_of(http.scope, b"traceparent") or "")
     return f"00{found[1]}" if found else None
 
 

@@ -8,18 +8,18 @@ from collections.abc import Callable
 from http import HTTPStatus
 
 from fastapi import FastAPI, Request, Response
-from starlette.datastructures import Headers
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_order_service.api import problems
 from nena_order_service.api.metrics import Waiting, standing_by
-from nena_order_service.api.opentcs import AccessKey
+from nena_order_service.api.opentcs import accept_access_key
 from nena_order_service.api.operation_routes import READING
 from nena_order_service.api.rest import ALIVE, rule_of
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.tasks import Supervisor
 from nena_shared.web.access import protect
+from nena_shared.web.headers import header_of
 from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import answer, refusal
 from nena_shared.web.server import SHUTDOWN_TIMEOUT, HttpServer
@@ -31,41 +31,13 @@ DETAIL = (
 )
 
 
-class NoPages:
-    """ASGI middleware: answers 403 to changes requested by a web page, as shown by the browser's ``Origin``.
+def changes_for_page(scope: Scope) -> bool:
+    """Return whether a web page requests a change, as shown by the browser's ``Origin``.
 
     Any page that is open in a browser can send requests here: simple ones to any address, and all others to a
     host name that resolves to this address (DNS rebinding). Only a token distinguishes users from pages.
     """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward requests of programs, and requests that change nothing."""
-        asks = scope["type"] == "http" and scope["method"] not in READING
-        if asks and "origin" in Headers(scope=scope):
-            await refusal(HTTPStatus.FORBIDDEN, DETAIL)(scope, receive, send)
-        else:
-            await self._app(scope, receive, send)
-
-
-class CountedAnswers:
-    """ASGI middleware: counts the answers by status, including refusals."""
-
-    def __init__(self, app: ASGIApp, counts: Counter[int]) -> None:
-        self._app = app
-        self._counts = counts
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward the request."""
-
-        async def counted(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                self._counts[message["status"]] += 1
-            await send(message)
-
-        await self._app(scope, receive, counted)
+    return scope["method"] not in READING and header_of(scope, b"origin") is not None
 
 
 RETRY_AFTER = "1"
@@ -181,13 +153,15 @@ class RestServer:
             ConfigurationError: the address is not protected as required, or a file cannot be used.
             StartError: the port is in use, or the address does not belong to this machine.
         """
-        self.answers: Counter[int] = Counter()
-        """Number of answered requests by status."""
         self._guard = protect(app, settings, rule_of(settings))
-        has_users = settings.users is not None or settings.oidc is not None
-        guarded = AccessKey(self._guard if has_users else NoPages(self._guard))
-        self._http = HttpServer(CountedAnswers(guarded, self.answers), settings)
+        self._has_users = settings.users is not None or settings.oidc is not None
+        self._http = HttpServer(self._answer, settings)
         self._answering: asyncio.Task[None] | None = None
+
+    @property
+    def answers(self) -> Counter[int]:
+        """Number of answered requests by status."""
+        return self._http.answers
 
     @property
     def url(self) -> str:
@@ -197,6 +171,13 @@ class RestServer:
     def show(self, app: ASGIApp) -> None:
         """Serve ``app`` from the next request on."""
         self._guard.app = app
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        accept_access_key(scope)
+        if not self._has_users and changes_for_page(scope):
+            await refusal(HTTPStatus.FORBIDDEN, DETAIL)(scope, receive, send)
+        else:
+            await self._guard(scope, receive, send)
 
     def open(self, supervisor: Supervisor) -> None:
         """Start answering requests; repeated calls have no effect."""

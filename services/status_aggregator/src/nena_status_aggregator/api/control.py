@@ -103,7 +103,7 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
             raise ProblemError(Rejection.COMMANDS_DISABLED, detail)
         path = resource_of(request)
         body = await _body(request) if request.method in ("POST", "PUT") else None
-        token = token_of(request.headers, cookies=True)
+        token = token_of(request.scope, cookies=True)
         return await client.forward(request.method, path, request.url.query, body, token=token)
 
     router.get("/{path:path}", name="ask")(forward)

@@ -71,7 +71,7 @@ def make_router() -> APIRouter:
     @router.post("")
     async def log_in(request: Request, response: Response) -> Session:
         """Sign in: store the token of `Authorization: Bearer TOKEN` in a session cookie."""
-        token = token_of(request.headers, cookies=True)
+        token = token_of(request.scope, cookies=True)
         if len(token) > TOKEN_LIMIT:
             detail = f"Token of {len(token)} characters is too long for a cookie; the limit is {TOKEN_LIMIT}."
             raise ProblemError(Rejection.TOKEN_TOO_LONG, detail)
