@@ -29,7 +29,7 @@ from starlette.types import Receive, Scope, Send
 from nena_order_service.api import problems
 from nena_order_service.api.audit import origin_of
 from nena_order_service.api.body_limit import check_content_length, read_body
-from nena_order_service.api.encoding import EncodedPage, encode
+from nena_order_service.api.encoding import SLICE, EncodedPage, encode
 from nena_order_service.api.examples import examples_of
 from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, Handler, Reply
@@ -319,6 +319,9 @@ async def _response(operation: Operation[Any], reply: Reply, *, known: ETag | No
     headers: dict[str, str] = {}
     body: Any = reply.body
     if isinstance(body, EncodedPage):
+        if len(body.objects) <= SLICE:  # a stream takes as long as the rest of a request
+            content = b"".join([each async for each in body.parts()])
+            return Response(content, reply.status, media_type="application/json")
         headers["Content-Length"] = str(body.size)
         return StreamingResponse(body.parts(), reply.status, headers, "application/json")
     if operation.versioned or hasattr(body, "version"):
