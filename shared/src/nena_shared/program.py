@@ -111,17 +111,20 @@ def run(
     program: str,
     description: str,
     argv: Sequence[str] | None = None,
+    loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None,
 ) -> int:
     """Read the settings, run ``serve`` until SIGINT or SIGTERM, and return the exit status.
 
-    ``serve`` receives the settings and an event that is set when the program must end.
+    ``serve`` receives the settings and an event that is set when the program must end. Without a
+    ``loop_factory``, asyncio's event loop is used.
     """
     try:
         chosen = load(
             settings, sys.argv[1:] if argv is None else argv, program=program, description=description
         )
         configure(chosen.log)
-        asyncio.run(_serve(chosen, serve))
+        with asyncio.Runner(loop_factory=loop_factory) as runner:
+            runner.run(_serve(chosen, serve))
         get_logger(__name__).info("program ended", program=program)
     except ConfigurationError as error:
         return report_misconfigured(program, error)

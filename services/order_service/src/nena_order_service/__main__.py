@@ -8,6 +8,8 @@ gc.disable()  # nothing that modules create is garbage: the search for it took a
 
 import sys
 
+import uvloop
+
 from nena_order_service.app import serve
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.program import run
@@ -29,6 +31,7 @@ def main() -> int:
         serve,
         program="nena-order-service",
         description="Execute transport orders from REST and MQTT on VDA 5050 robots.",
+        loop_factory=uvloop.new_event_loop,
     )
 
 

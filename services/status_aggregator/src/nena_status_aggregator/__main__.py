@@ -10,6 +10,8 @@ import asyncio
 import sys
 from collections.abc import Sequence
 
+import uvloop
+
 from nena_shared.clock import SystemClock
 from nena_shared.program import run
 from nena_shared.tasks import Supervisor, forever
@@ -66,6 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         description="Monitor VDA 5050 robots and NeNa's transport orders over MQTT. Serves the control "
         "panel, a REST API, an event stream and Prometheus metrics.",
         argv=argv,
+        loop_factory=uvloop.new_event_loop,
     )
 
 
