@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from itertools import count, pairwise
+from itertools import chain, count, pairwise
 from typing import TypeVar
 
 from nena_order_service.fleet.controller import FleetController
@@ -79,7 +79,8 @@ class Bench:
 
     def online(self) -> Bench:
         """Connect the broker and the robot, and make the robot known."""
-        self.take(self.fleet.on_broker(connected=True, now=self.now))
+        self.fleet.on_broker(connected=True, now=self.now)
+        self.tick()
         self.connection(ConnectionState.ONLINE)
         self.report()
         return self
@@ -125,7 +126,7 @@ class Bench:
         return self.take(self.fleet.instant_action(self.robot.key, action, self.now))
 
     def tick(self) -> Outputs:
-        return self.take(self.fleet.tick(self.now))
+        return self.take(tuple(chain.from_iterable(self.fleet.tick(self.now))))
 
     def wait(self, seconds: float, *, reporting: bool = False) -> None:
         """Advance the time, with a tick each quarter of a second, and with a state each second on request."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
-from itertools import count
+from itertools import chain, count
 from random import Random
 
 from nena_order_service.engine.engine import Engine
@@ -84,7 +84,8 @@ class CoreFleet:
 
     def connect(self) -> None:
         """Connect to the broker, which reports the connected robots."""
-        self._take(self.core.on_broker(connected=True, now=self.now))
+        self.core.on_broker(connected=True, now=self.now)
+        self.tick()
         for robot in self._robots.values():
             self._take(self.core.on_factsheet(robot.key, robot.factsheet(), self.now))
             away = robot.key in self.away
@@ -101,7 +102,7 @@ class CoreFleet:
             self._wire.bring(("state", robot.key), lambda: self._heard(robot, state))
 
     def tick(self) -> None:
-        self._take(self.core.tick(self.now))
+        self._take(tuple(chain.from_iterable(self.core.tick(self.now))))
 
     def _heard(self, robot: DrivingRobot, state: object) -> None:
         if self.alive and robot.key not in self.away:

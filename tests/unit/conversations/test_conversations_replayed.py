@@ -51,7 +51,8 @@ class Fleet:
             if action.action_type == CANCEL
         ]
         self.controller = FleetController(FleetSettings(), new_id=iter(self.cancel_ids).__next__)
-        self.outputs: list[FleetOutput] = list(self.controller.on_broker(connected=True, now=0.0))
+        self.controller.on_broker(connected=True, now=0.0)
+        self.outputs: list[FleetOutput] = []
 
     def go_through(self) -> None:
         begin = self.messages[0].time

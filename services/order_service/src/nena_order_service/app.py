@@ -10,6 +10,7 @@ from typing import Any
 from nena_order_service.api.decisions import make_black_box
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
 from nena_order_service.fleet.leader import LeaderElection
+from nena_order_service.garbage import short_collections
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import OrderService, ServiceRunner, build
 from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
@@ -163,7 +164,8 @@ async def _begin_and_serve(
             gc.freeze()  # the plant model and its routes stay: each full garbage collection would scan them
             server.show(runner.service.app)
             server.open(supervisor)
-            await supervisor.wait(stop)
+            with short_collections(lambda: len(runner.service.fleet.robots())):
+                await supervisor.wait(stop)
     finally:
         if begun:
             runner.service.close_streams()

@@ -35,7 +35,8 @@ def test_an_idle_online_robot_can_take_an_order() -> None:
 def test_a_robot_that_is_not_connected_has_a_reason() -> None:
     bench = Bench()
     assert "no connection to the MQTT broker" in bench.view().availability.reason
-    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    bench.fleet.on_broker(connected=True, now=bench.now)
+    bench.tick()
     assert bench.view().availability.reason == "has never connected"
     bench.connection(ConnectionState.ONLINE)
     assert bench.view().availability.reason == "has not reported its state yet"

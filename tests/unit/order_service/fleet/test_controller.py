@@ -95,7 +95,8 @@ def test_all_are_known_when_every_connected_robot_has_reported() -> None:
     bench = Bench()
     bench.now += RETAINED_WITHIN
     assert not bench.fleet.all_known(bench.now), "there is no broker yet"
-    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    bench.fleet.on_broker(connected=True, now=bench.now)
+    bench.tick()
     assert not bench.fleet.all_known(bench.now + RETAINED_WITHIN / 2), "it may have more to tell"
     bench.now += RETAINED_WITHIN
     assert bench.fleet.all_known(bench.now)
@@ -108,7 +109,8 @@ def test_all_are_known_when_every_connected_robot_has_reported() -> None:
 
 def test_an_unreachable_robot_is_not_waited_for() -> None:
     bench = Bench()
-    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    bench.fleet.on_broker(connected=True, now=bench.now)
+    bench.tick()
     bench.connection(ConnectionState.OFFLINE)
     assert bench.fleet.all_known(bench.now + RETAINED_WITHIN)
 
@@ -117,7 +119,8 @@ def test_link_duration_counts_from_the_last_connect() -> None:
     bench = Bench()
     assert bench.fleet.connected_for(50.0) == 0.0
     for connected, at, seconds in ((True, 100.0, 20.0), (False, 120.0, 0.0), (True, 130.0, 20.0)):
-        bench.take(bench.fleet.on_broker(connected=connected, now=at))
+        bench.fleet.on_broker(connected=connected, now=at)
+        bench.tick()
         assert bench.fleet.connected_for(at + 20.0) == seconds
 
 
@@ -221,11 +224,13 @@ def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
-    bench.take(bench.fleet.on_broker(connected=False, now=bench.now))
+    bench.fleet.on_broker(connected=False, now=bench.now)
+    bench.tick()
     bench.wait(300)
     assert bench.orders_sent() == ["m"]
     assert "no connection to the MQTT broker" in bench.view().wait_reason
-    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    bench.fleet.on_broker(connected=True, now=bench.now)
+    bench.tick()
     bench.report()
     bench.run()
     assert bench.told(VdaOrderFinished)
@@ -235,8 +240,10 @@ def test_a_new_leader_sends_a_robot_nothing_before_its_report() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
-    bench.take(bench.fleet.on_broker(connected=False, now=bench.now))
-    bench.take(bench.fleet.on_broker(connected=True, now=bench.now, unread=True))
+    bench.fleet.on_broker(connected=False, now=bench.now)
+    bench.tick()
+    bench.fleet.on_broker(connected=True, now=bench.now, unread=True)
+    bench.tick()
     bench.cancel()
     bench.wait(20)
     assert (bench.orders_sent(), bench.instants_sent()) == (["m"], [])
@@ -312,7 +319,8 @@ def broken_link(bench: Bench) -> None:
 
 
 def own_link_down(bench: Bench) -> None:
-    bench.take(bench.fleet.on_broker(connected=False, now=bench.now))
+    bench.fleet.on_broker(connected=False, now=bench.now)
+    bench.tick()
 
 
 @pytest.mark.clause("6.1.2/fleet", "4.1/offline")
@@ -330,7 +338,8 @@ def test_an_update_does_not_fail_while_the_robot_is_unreachable(
     assert bench.view().order_phase is VdaOrderPhase.RUNNING
     assert len(bench.orders_sent()) == 1 + sendings
 
-    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    bench.fleet.on_broker(connected=True, now=bench.now)
+    bench.tick()
     bench.connection(ConnectionState.ONLINE)
     bench.report()
     bench.run()

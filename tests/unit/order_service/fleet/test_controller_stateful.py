@@ -181,7 +181,8 @@ class Conversation(RuleBasedStateMachine):
             )
             if vda_order in self.cancelled:
                 bench.cancel()
-        self.take(bench.fleet.on_broker(connected=self.broker, now=bench.now))
+        bench.fleet.on_broker(connected=self.broker, now=bench.now)
+        bench.tick()
         told = ConnectionState.ONLINE if self.robot_connected else ConnectionState.CONNECTION_BROKEN
         bench.connection(told)
 
@@ -254,7 +255,8 @@ class Conversation(RuleBasedStateMachine):
         if not connected:
             self.bench.wire.clear()
             self.states.clear()
-        self.take(self.bench.fleet.on_broker(connected=connected, now=self.bench.now))
+        self.bench.fleet.on_broker(connected=connected, now=self.bench.now)
+        self.bench.tick()
 
     # what the robot does
 

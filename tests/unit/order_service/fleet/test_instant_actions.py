@@ -299,7 +299,8 @@ def test_a_robot_without_clear_instant_actions_is_not_sent_it(robot: HonestRobot
 def without_factsheet() -> Bench:
     """Return a bench with a robot that is online, and whose factsheet the broker has not retained."""
     bench = Bench()
-    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    bench.fleet.on_broker(connected=True, now=bench.now)
+    bench.tick()
     hello = bench.robot.connection(ConnectionState.ONLINE, bench.now)
     bench.take(bench.fleet.on_connection(bench.robot.key, hello, bench.now))
     bench.report()
@@ -524,7 +525,8 @@ def test_a_robot_may_take_long_to_wake() -> None:
 def test_a_new_leader_wakes_a_robot_that_does_not_report() -> None:
     bench = Bench().online()
     hibernate(bench)
-    bench.take(bench.fleet.on_broker(connected=True, now=bench.now, unread=True))
+    bench.fleet.on_broker(connected=True, now=bench.now, unread=True)
+    bench.tick()
     assert bench.view().availability.reason == "is hibernating"
 
     bench.instruct(action("stopHibernation", "w"))

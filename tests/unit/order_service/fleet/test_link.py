@@ -8,14 +8,21 @@ from typing import Any
 import pytest
 
 from nena_order_service.fleet.failures import RobotBusyError
-from nena_order_service.fleet.link import STANDARD, FleetLink, LastNodes, RobotAddresses
-from nena_order_service.fleet.outputs import VdaOrderFinished
+from nena_order_service.fleet.link import (
+    STANDARD,
+    TICKED_AT_ONCE,
+    FleetLink,
+    LastNodes,
+    RobotAddresses,
+)
+from nena_order_service.fleet.outputs import RobotChanged, VdaOrderFinished
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.mqtt import Handler, Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
 from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.settings import ConfigurationError, MqttSettings
+from nena_shared.tasks import end
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import ConnectionState
@@ -390,3 +397,35 @@ async def test_waiting_messages_are_read_before_an_order_is_sent_again() -> None
     await until(lambda: len(looks) >= 3, what="timeouts are checked")
     running.cancel()
     assert len(sent) == 1
+
+
+async def test_other_tasks_run_between_the_timeouts_of_many_robots(monkeypatch: pytest.MonkeyPatch) -> None:
+    mqtt, codec = Handlers(), codec_for("2.1.0")
+    fleet = [HonestRobot(key=RobotKey("ACME", f"r{number}")) for number in range(3 * TICKED_AT_ONCE)]
+    at_once: list[set[RobotKey]] = [set()]
+    link = FleetLink(
+        mqtt,
+        addresses=RobotAddresses([V2]),
+        settings=FleetSettings(tick_interval=0.001),
+        clock=ManualClock(),
+        on_events=lambda *events: at_once[-1].update(
+            each.robot for each in events if isinstance(each, RobotChanged)
+        ),
+    )
+    for robot in fleet:
+        topic = Topic.CONNECTION
+        payload = codec.encode(robot.connection(ConnectionState.ONLINE))
+        mqtt.by_filter[V2.for_all(topic)](Inbound(V2.of(robot.key, topic), payload, retained=False))
+    at_once.append(set())
+    monkeypatch.setattr(mqtt.state, "connected", True)
+    running = asyncio.create_task(link.run())
+
+    def take_turn() -> None:
+        at_once.append(set())
+        asyncio.get_running_loop().call_soon(take_turn)
+
+    take_turn()
+    await until(lambda: set().union(*at_once[1:]) == {each.key for each in fleet})
+    await end(running)
+
+    assert max(map(len, at_once[1:])) == TICKED_AT_ONCE

@@ -254,7 +254,8 @@ def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*,
         before.deliver()
     after = Bench(robot=before.robot)
     after.now = 500.0
-    after.take(after.fleet.on_broker(connected=True, now=after.now))
+    after.fleet.on_broker(connected=True, now=after.now)
+    after.tick()
     after.take(after.fleet.adopt_vda_order(after.robot.key, base(4), after.now, accepted=True, update_id=1))
     after.online()
 
@@ -307,7 +308,8 @@ def test_after_a_restart_an_update_has_no_speeds_for_a_robot_without_a_factsheet
     after = Bench()
     key = after.robot.key
     after.robot.take_order(order_of(base(2), after.robot))
-    after.take(after.fleet.on_broker(connected=True, now=after.now))
+    after.fleet.on_broker(connected=True, now=after.now)
+    after.tick()
     after.take(after.fleet.adopt_vda_order(key, base(4, whole), after.now, accepted=True, update_id=1))
     after.report()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from itertools import count
+from itertools import chain, count
 
 import pytest
 
@@ -271,7 +271,8 @@ def test_the_controller_answers_once_all_robots_have_reported() -> None:
     fleet.on_broker(connected=True, now=5.0)
 
     def grants(now: float) -> dict[str, str]:
-        messages = (each for each in fleet.tick(now) if isinstance(each, PublishResponses))
+        outputs = chain.from_iterable(fleet.tick(now))
+        messages = (each for each in outputs if isinstance(each, PublishResponses))
         return {each.request_id: each.grant_type.value for message in messages for each in message.responses}
 
     assert grants(5.0) == {"a": "GRANTED", "b": "QUEUED"}, "the broker may know of more robots"

@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
-from itertools import chain
 from typing import Final
 
 from nena_order_service.fleet import availability
@@ -75,17 +74,20 @@ class RobotControl:
         self._reported_link = LinkStatus.UNKNOWN
         self._changes = 0
         """Number of possible changes so far."""
+        self._advance_due = False
+        """Whether our own link to the broker has changed since the robot was last handled."""
         self._significant: tuple[object, ...] = ()
         """The significant fields of the last state."""
         self._left_at = -1
         """The number of changes when the last state was handled."""
         self._seen: tuple[tuple[object, ...], RobotView] | None = None
 
-    def on_broker(self, *, connected: bool, now: float, unread: bool) -> Iterator[FleetOutput]:
-        """Handle the state of our own link; with ``unread`` nothing is sent before the robot's next state."""
+    def on_broker(self, *, connected: bool, unread: bool) -> None:
+        """Note the state of our own link; with ``unread`` nothing is sent before the robot's next state."""
         self._instant_actions.broker = connected
         self._instant_actions.unread = connected and unread
-        yield from self._advance(now)
+        self._changes += 1
+        self._advance_due = True
 
     def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
         """Handle a connection message (section 6.5)."""
@@ -213,7 +215,8 @@ class RobotControl:
     @property
     def quiet(self) -> bool:
         """Whether nothing is due until the robot reports something new."""
-        return (self._run is None or self._run.quiet) and not self._instant_actions.busy
+        busy = self._advance_due or self._instant_actions.busy
+        return not busy and (self._run is None or self._run.quiet)
 
     def view(self, now: float) -> RobotView:
         """Return the known state of the robot; cached until a possible change."""
@@ -254,6 +257,7 @@ class RobotControl:
     def _advance(self, now: float) -> Iterator[FleetOutput]:
         """Send due messages, drop ended actions and orders, and report changes of the robot."""
         self._changes += 1
+        self._advance_due = False
         run = self._run
         if run and run.ended:
             self._ended.append(run.vda_order.order_id)
@@ -460,18 +464,16 @@ class FleetController:
         control = self._control(robot)
         return self._reported(control, control.on_malformed(problem, now))
 
-    def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
-        """Handle a change of our own link to the broker, which is down initially.
+    def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> None:
+        """Note a change of our own link to the broker, which is down initially; :meth:`tick` handles it.
 
         With ``unread`` nothing is sent to a robot before its next state.
         """
         self._broker = connected
         self._broker_since = now
-        outputs = (
-            self._reported(each, each.on_broker(connected=connected, now=now, unread=unread))
-            for each in self._robots.values()
-        )
-        return tuple(chain.from_iterable(outputs))
+        for each in self._robots.values():
+            each.on_broker(connected=connected, unread=unread)
+        self._busy = dict(self._robots)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
         """Send a VDA order as soon as the robot can be sent one; until then the view has the wait reason.
@@ -523,10 +525,15 @@ class FleetController:
         control = self._control(robot)
         return self._reported(control, control.instruct(action, now))
 
-    def tick(self, now: float) -> Outputs:
-        """Resend messages, and handle timeouts and silent robots. Call this several times per second."""
-        ticks = chain.from_iterable(self._reported(each, each.tick(now)) for each in self._due(now))
-        return (*ticks, *(self._answers(now) if self._instant_actions.busy else ()))
+    def tick(self, now: float) -> Iterator[Outputs]:
+        """Resend messages, and handle timeouts and silent robots, one at a time.
+
+        Call this several times per second. Other calls may be made between two robots.
+        """
+        for each in self._due(now):
+            yield self._reported(each, each.tick(now))
+        if self._instant_actions.busy:
+            yield self._answers(now)
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
         """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
