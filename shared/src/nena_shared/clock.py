@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache, partial
 from typing import Protocol
 
 
@@ -23,13 +24,8 @@ class Clock(Protocol):
 class SystemClock:
     """The system clock."""
 
-    def monotonic(self) -> float:
-        """Return seconds since an arbitrary fixed time; never goes back."""
-        return time.monotonic()
-
-    def now(self) -> datetime:
-        """Return the time of day, in UTC."""
-        return datetime.now(UTC)
+    monotonic = staticmethod(time.monotonic)
+    now = staticmethod(partial(datetime.now, UTC))
 
 
 def in_utc(value: datetime) -> datetime:
@@ -45,8 +41,12 @@ def in_utc(value: datetime) -> datetime:
         raise ValueError(message) from error
 
 
+@lru_cache(maxsize=4096)
 def iso(moment: datetime) -> str:
-    """Return a UTC time as ISO 8601 with milliseconds and a four-digit year."""
+    """Return a UTC time as ISO 8601 with milliseconds and a four-digit year.
+
+    The times of an order are written many times: in each of its statuses, and in the store.
+    """
     return f"{moment.isoformat(timespec='milliseconds')[:23]}Z"
 
 

@@ -21,8 +21,6 @@ COMMON: tuple[Processor, ...] = (
     structlog.processors.format_exc_info,
 )
 """Processors applied to each line before rendering."""
-_FIRST = ("timestamp", "level", "event")
-
 
 CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
 """Escape sequences that replace control characters; the renderer escapes line breaks in values."""
@@ -37,20 +35,19 @@ def recent_lines() -> list[str]:
     return list(_recent)
 
 
-class _LossyStream:
-    """A stream that drops lines when the disk is full, instead of ending the program."""
+class _Output:
+    """Writes lines to a stream, and drops them when the disk is full, instead of ending the program."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
 
-    def write(self, text: str) -> int:
+    def write(self, line: str) -> None:
+        """Write a line."""
         with suppress(OSError):
-            return self._stream.write(text)
-        return 0
-
-    def flush(self) -> None:
-        with suppress(OSError):
+            self._stream.write(f"{line}\n")
             self._stream.flush()
+
+    debug = info = warning = error = critical = write
 
 
 def get_logger(name: str) -> FilteringBoundLogger:
@@ -62,11 +59,11 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
     """Configure logging of this process. Call it once, before anything is logged."""
     out = stream or sys.stderr
     level = logging.getLevelNamesMapping()[settings.level.upper()]
-    rendering = _rendering(settings, colours=out.isatty())
+    rendering, output = _rendering(settings, colours=out.isatty()), _Output(out)
     structlog.configure(
-        processors=[*COMMON, _remember, *rendering],
+        processors=[*COMMON, *rendering],
         wrapper_class=structlog.make_filtering_bound_logger(level),
-        logger_factory=structlog.WriteLoggerFactory(cast("TextIO", _LossyStream(out))),
+        logger_factory=lambda: output,
         cache_logger_on_first_use=False,
     )
     handler = logging.StreamHandler(out)
@@ -77,34 +74,44 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
 
 def _rendering(settings: LogSettings, *, colours: bool) -> tuple[Processor, ...]:
     if settings.form == "json":
-        return (structlog.processors.JSONRenderer(),)
+        return _remember_event, structlog.processors.JSONRenderer()
     if not colours:
-        return _without_controls, in_plain_text
+        return (_remembered_line,)
     renderer = structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback)
-    return _without_controls, renderer
+    return _remember_event, _without_controls, renderer
 
 
 def _formatter_for_libraries(rendering: tuple[Processor, ...]) -> logging.Formatter:
     """Return a formatter that formats the standard library's log records like our own."""
     return structlog.stdlib.ProcessorFormatter(
         foreign_pre_chain=[_name_module, *COMMON],
-        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, _remember, *rendering],
+        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *rendering],
     )
 
 
-def _remember(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
-    """Store the line for :func:`recent_lines`."""
-    rest = " ".join(f"{key}={value}" for key, value in event.items() if key not in _FIRST)
-    _recent.append(" ".join((*(str(event.get(key, "")) for key in _FIRST), rest)).strip())
+def _remembered_line(logger: WrappedLogger, method: str, event: EventDict) -> str:
+    """Write a line as plain text, and store it for :func:`recent_lines`."""
+    line = in_plain_text(logger, method, event)
+    _recent.append(line)
+    return line
+
+
+def _remember_event(logger: WrappedLogger, method: str, event: EventDict) -> EventDict:
+    """Store the line of an event that is written in another form."""
+    _remembered_line(logger, method, dict(event))
     return event
 
 
 def _without_controls(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
     """Escape control characters in texts of robots and hosts, which could manipulate a terminal."""
     for key, value in event.items():
-        if isinstance(value, str) and not value.isprintable():
-            event[key] = value.translate(CONTROLS)
+        if isinstance(value, str):
+            event[key] = _escaped(value)
     return event
+
+
+def _escaped(text: str) -> str:
+    return text if text.isprintable() else text.translate(CONTROLS)
 
 
 QUOTED = frozenset(" \t\r\n='\"")
@@ -112,16 +119,20 @@ QUOTED = frozenset(" \t\r\n='\"")
 
 
 def in_plain_text(_logger: WrappedLogger, _method: str, event: EventDict) -> str:
-    """Write a line as structlog's ConsoleRenderer does without colours, at a third of its cost."""
-    time, level, text = (event.pop(key, "") for key in _FIRST)
-    traces = [trace for key in ("stack", "exception") if (trace := event.pop(key, None))]
+    """Write a line as structlog's ConsoleRenderer does without colours, at a third of its cost.
+
+    Control characters in texts of robots and hosts, which could manipulate a terminal, are escaped.
+    """
+    time, level, text = event.pop("timestamp", ""), event.pop("level", ""), str(event.pop("event", ""))
+    traces = [_escaped(trace) for key in ("stack", "exception") if (trace := event.pop(key, None))]
     values = [f"{key}={_quoted(event[key])}" for key in sorted(event)]
-    line = " ".join((time, f"[{level:<9}]", f"{text!s:<30}", *values))
+    line = " ".join((time, f"[{level:<9}]", f"{_escaped(text):<30}", *values))
     return "\n".join((line.rstrip(" "), *traces))
 
 
 def _quoted(value: object) -> str:
-    return value if isinstance(value, str) and QUOTED.isdisjoint(value) else repr(value)
+    plain = isinstance(value, str) and value.isprintable() and QUOTED.isdisjoint(value)
+    return str(value) if plain else repr(value)
 
 
 def _name_module(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:

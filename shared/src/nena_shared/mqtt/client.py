@@ -33,6 +33,7 @@ from nena_shared.mqtt.packets import (
     PINGREQ,
     PINGRESP,
     PacketReader,
+    Published,
     acknowledgements,
     publication,
 )
@@ -237,8 +238,10 @@ class Client:
         self._keeping_alive: asyncio.Task[None] | None = None
         self._reads_on = False
         """Whether the next iteration of the event loop continues reading, even if nothing new arrives."""
+        self._rest_due = False
+        """Whether data is written at the end of this iteration of the event loop."""
         self._wrote = False
-        """Whether data was written in this iteration of the event loop; more is written at its end."""
+        """Whether data was written in this iteration of the event loop already."""
         self._reading = False
         """Whether outgoing messages wait for the end of a read."""
         self._awaits_socket = False
@@ -333,7 +336,8 @@ class Client:
         """Publish messages in the order of the calls; call ``confirmed`` when the broker acknowledges it.
 
         With QoS 0, it is called when the message is written. The first message in an iteration of the event
-        loop is written immediately; later ones, and those sent while receiving, are written together.
+        loop is written immediately unless it is retained, as statuses are; later ones, and those sent while
+        receiving, are written together.
 
         Raises:
             MqttError: the connection has ended.
@@ -344,9 +348,13 @@ class Client:
         if stream is None or self._ended.done():
             raise MqttError(NOT_CONNECTED)
         self._add(stream, message, confirmed)
-        if not self._reading and not self._wrote:
-            self._wrote = True
+        if self._reading:
+            return
+        if not self._rest_due:
+            self._rest_due = True
             self._loop.call_soon(self._write_rest)
+        if not (message.retain or self._wrote):
+            self._wrote = True
             self._flush()
 
     def discard(self) -> None:
@@ -451,14 +459,15 @@ class Client:
             self._arriving = True
         received = []
         for _ in range(READ_AT_ONCE):
-            if message := reader.next_message():
-                self._deliver(Inbound(message.topic, message.payload, message.retained, message.qos))
-                if message.qos:
-                    received.append(message.packet_id)
-            elif packet_id := reader.next_acknowledgement(self._unconfirmed):
-                self._confirm(packet_id)
-            elif kind := reader.offer():
-                stream.ping_sent = stream.ping_sent and kind != PINGRESP
+            packet = reader.next_packet(self._unconfirmed)
+            if isinstance(packet, Published):
+                self._deliver(Inbound(packet.topic, packet.payload, packet.retained, packet.qos))
+                if packet.qos:
+                    received.append(packet.packet_id)
+            elif isinstance(packet, int):
+                self._confirm(packet)
+            elif packet:
+                stream.ping_sent = stream.ping_sent and packet.head != PINGRESP
                 self._let_paho_read()
             elif why := reader.why_ended:
                 self._end(why)
@@ -488,8 +497,8 @@ class Client:
             self.dropped += 1
 
     def _write_rest(self) -> None:
-        """Write the messages sent after the first one of an iteration of the event loop."""
-        self._wrote = False
+        """Write the other messages of an iteration of the event loop."""
+        self._rest_due = self._wrote = False
         self._flush()
 
     def _flush(self) -> None:

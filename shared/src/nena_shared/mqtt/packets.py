@@ -41,6 +41,13 @@ class Published(NamedTuple):
     packet_id: int
 
 
+class Offered(NamedTuple):
+    """A packet that paho must read."""
+
+    head: int
+    """Its first byte."""
+
+
 class PacketReader:
     """Splits data from a socket into packets.
 
@@ -82,34 +89,26 @@ class PacketReader:
         self._data += received
         return bool(received)
 
-    def next_message(self) -> Published | None:
-        """Remove and return the next packet if it is a complete, plain message."""
-        bounds = self._bounds()
-        if bounds is None or self._data[self._at] & 0xF0 != PUBLISH:
-            return None
-        message = _read(self._data, *bounds, head=self._data[self._at])
-        if message:
-            self._at = bounds[1]
-        return message
+    def next_packet(self, awaited: Container[int]) -> Published | int | Offered | None:
+        """Remove and return the next packet: a plain message, or the identifier of an ``awaited`` message.
 
-    def next_acknowledgement(self, awaited: Container[int]) -> int | None:
-        """Remove the next packet and return its identifier if it acknowledges an ``awaited`` message."""
-        bounds = self._bounds()
-        if bounds is None or self._data[self._at] != PUBACK or bounds[1] - bounds[0] != ID_BYTES:
-            return None
-        packet_id = int.from_bytes(self._data[bounds[0] : bounds[1]])
-        if packet_id not in awaited:
-            return None
-        self._at = bounds[1]
-        return packet_id
-
-    def offer(self) -> int:
-        """Offer the next packet to paho; return its first byte, or 0 if it is incomplete."""
+        Any other packet is offered to paho. None: the packet is incomplete.
+        """
         bounds = self._bounds()
         if bounds is None:
-            return 0
-        self._offered = bounds[1]
-        return self._data[self._at]
+            return None
+        (start, end), head = bounds, self._data[self._at]
+        found: Published | int | None = None
+        if head & 0xF0 == PUBLISH:
+            found = _read(self._data, start, end, head=head)
+        elif head == PUBACK and end - start == ID_BYTES:
+            packet_id = int.from_bytes(self._data[start:end])
+            found = packet_id if packet_id in awaited else None
+        if found is None:
+            self._offered = end
+            return Offered(head)
+        self._at = end
+        return found
 
     def read(self, bufsize: int) -> bytes:
         """Return at most ``bufsize`` bytes of the offered packet.
@@ -129,6 +128,9 @@ class PacketReader:
         A malformed length is passed on unchanged.
         """
         data, at, length = self._data, self._at + 1, 0
+        if at < len(data) and data[at] < MORE:  # most packets
+            end = at + 1 + data[at]
+            return (at + 1, end) if end <= len(data) else None
         for place in range(LENGTH_BYTES):
             if at >= len(data):
                 return None

@@ -47,7 +47,8 @@ class EventRing(Generic[E]):
         """Add an event and wake all clients."""
         self._ring.append(event)
         self.count += 1
-        self._wake()
+        if self.clients:
+            self._wake()
 
     @property
     def kept(self) -> int:

@@ -182,7 +182,8 @@ def read_messages(data: bytes | bytearray) -> list[Published]:
 
     reader = PacketReader(receive)
     reader.fill()
-    return list(iter(reader.next_message, None))
+    packets = iter(lambda: reader.next_packet(()), None)
+    return [each for each in packets if isinstance(each, Published)]
 
 
 async def test_busy_connection_is_not_considered_dead() -> None:

@@ -33,7 +33,8 @@ async def test_the_report_contains_the_newest_lines(tmp_path: Path) -> None:
     assert report.status is ActionStatus.FINISHED
     first, *lines = (tmp_path / "reports" / str(report.result)).read_text().splitlines()
     assert first == "log report: it hums"
-    assert lines[-1].endswith("warning stopped module=nena.example robot=r1")
+    assert "[warning  ] stopped " in lines[-1]
+    assert lines[-1].endswith(" module=nena.example robot=r1")
 
 
 def files_of(folder: Path) -> list[str]:

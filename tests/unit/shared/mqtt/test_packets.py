@@ -5,7 +5,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.mqtt.message import Outbound
-from nena_shared.mqtt.packets import LONGEST, PacketReader, Published, acknowledgements, publication
+from nena_shared.mqtt.packets import (
+    LONGEST,
+    PUBACK,
+    Offered,
+    PacketReader,
+    Published,
+    acknowledgements,
+    publication,
+)
 
 PINGRESP = b"\xd0\x00"
 
@@ -56,13 +64,12 @@ def read_all(packets: PacketReader) -> bytes:
 def test_messages_are_extracted_and_other_packets_offered() -> None:
     packets = wire(publish(b"a/b", b"one") + PINGRESP + publish(b"c", b"two", qos=1, retained=True, mid=300))
     assert packets.fill()
-    assert packets.next_message() == Published("a/b", b"one", 0, retained=False, packet_id=0)
-    assert packets.next_message() is None
-    assert packets.offer()
+    assert packets.next_packet(()) == Published("a/b", b"one", 0, retained=False, packet_id=0)
+    assert packets.next_packet(()) == Offered(PINGRESP[0])
     assert read_all(packets) == PINGRESP
-    assert packets.next_message() == Published("c", b"two", 1, retained=True, packet_id=300)
+    assert packets.next_packet(()) == Published("c", b"two", 1, retained=True, packet_id=300)
     assert not packets.ready
-    assert not packets.offer()
+    assert packets.next_packet(()) is None
 
 
 def test_incomplete_packets_are_not_offered() -> None:
@@ -71,13 +78,12 @@ def test_incomplete_packets_are_not_offered() -> None:
     for _ in range(3):
         packets.fill()
         assert not packets.ready
-        assert packets.next_message() is None
-        assert not packets.offer()
+        assert packets.next_packet(()) is None
     packets.fill()
-    assert packets.next_message() == Published("a", bytes(300), 0, retained=False, packet_id=0)
+    assert packets.next_packet(()) == Published("a", bytes(300), 0, retained=False, packet_id=0)
     assert not packets.ready
     packets.fill()
-    assert packets.offer()
+    assert packets.next_packet(()) == Offered(PINGRESP[0])
     assert read_all(packets) == PINGRESP
 
 
@@ -109,8 +115,7 @@ def test_incomplete_packets_are_not_offered() -> None:
 def test_unusual_or_malformed_packets_are_unchanged(packet: bytes) -> None:
     packets = wire(packet)
     packets.fill()
-    assert packets.next_message() is None
-    assert packets.offer()
+    assert packets.next_packet(()) == Offered(packet[0])
     assert read_all(packets) == packet
 
 
@@ -125,10 +130,10 @@ def test_end_of_connection_follows_the_remaining_packets(end: bytes | OSError, w
     packets = wire(PINGRESP, end)
     packets.fill()
     packets.fill()
-    assert packets.offer()
+    assert packets.next_packet(()) == Offered(PINGRESP[0])
     assert packets.read(2) == PINGRESP
     assert packets.ready
-    assert not packets.offer()
+    assert packets.next_packet(()) is None
     assert packets.why_ended == why
 
 
@@ -165,11 +170,9 @@ def test_a_message_that_is_too_long_is_not_written() -> None:
 def test_awaited_acknowledgements_are_extracted() -> None:
     packets = wire(acknowledgements([1, 300, 2]))
     packets.fill()
-    assert packets.next_message() is None
-    assert packets.next_acknowledgement({1, 300}) == 1
-    assert packets.next_acknowledgement({1, 300}) == 300
-    assert packets.next_acknowledgement({1, 300}) is None
-    assert packets.offer()
+    assert packets.next_packet({1, 300}) == 1
+    assert packets.next_packet({1, 300}) == 300
+    assert packets.next_packet({1, 300}) == Offered(PUBACK)
     assert read_all(packets) == acknowledgements([2])
 
 
@@ -182,7 +185,7 @@ def test_other_acknowledgements_are_not_extracted(packet: bytes) -> None:
     packets = wire(packet or PINGRESP)
     if packet:
         packets.fill()
-    assert packets.next_acknowledgement(range(65_536)) is None
+    assert not isinstance(packets.next_packet(range(65_536)), int)
 
 
 @given(
@@ -214,10 +217,11 @@ def test_messages_are_reassembled_from_any_chunks(
     for _ in pieces:
         packets.fill()
         while packets.ready:
-            if message := packets.next_message():
-                found.append(message)
+            packet = packets.next_packet(())
+            if isinstance(packet, Published):
+                found.append(packet)
             else:
-                assert packets.offer()
+                assert packet == Offered(PINGRESP[0])
                 others += read_all(packets)
     assert found == [
         Published(topic, payload, qos, retained, 7 if qos else 0)

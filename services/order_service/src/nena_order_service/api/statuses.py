@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from pydantic import BaseModel
 
+from nena_order_service.api.encoding import as_json
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import StoreNotReadyError
 from nena_shared.clock import Clock
@@ -31,12 +32,6 @@ ENDS_KEPT: Final = 1000
 """Maximum number of ended orders whose status stays retained; beyond, the oldest is cleared at once."""
 
 
-@dataclass(frozen=True, slots=True)
-class _End:
-    status: TransportOrderStatus
-    clearing: asyncio.TimerHandle
-
-
 class EndedOrders:
     """Calls ``clear`` with the name of each order ``kept`` seconds after its end; event loop only.
 
@@ -47,30 +42,38 @@ class EndedOrders:
     def __init__(self, kept: float, clear: Callable[[str], None]) -> None:
         self._kept = kept
         self._clear = clear
-        self._ends: OrderedDict[str, _End] = OrderedDict()
+        self._ends: OrderedDict[str, tuple[float, TransportOrderStatus]] = OrderedDict()
+        """Statuses by order name, the oldest first, with the time at which they are cleared."""
+        self._clearing: asyncio.TimerHandle | None = None
 
     def add(self, status: TransportOrderStatus) -> None:
         """Keep the final status of an order; if it is published again, for the whole time."""
-        if earlier := self._ends.pop(status.name, None):
-            earlier.clearing.cancel()
-        clearing = asyncio.get_running_loop().call_later(self._kept, self._forget, status.name)
-        self._ends[status.name] = _End(status, clearing)
+        self._ends.pop(status.name, None)
+        self._ends[status.name] = asyncio.get_running_loop().time() + self._kept, status
         if len(self._ends) > ENDS_KEPT:
-            self._forget(next(iter(self._ends)))
+            self._forget_oldest()
+        if self._clearing is None:
+            self._clear_in_time()
 
     def statuses(self) -> tuple[TransportOrderStatus, ...]:
         """Return the kept statuses of ended orders, the oldest first."""
-        return tuple(each.status for each in self._ends.values())
+        return tuple(status for _, status in self._ends.values())
 
     def close(self) -> None:
         """Clear no more topics."""
-        for each in self._ends.values():
-            each.clearing.cancel()
+        if self._clearing:
+            self._clearing.cancel()
         self._ends.clear()
 
-    def _forget(self, name: str) -> None:
-        self._ends.pop(name).clearing.cancel()
-        self._clear(name)
+    def _clear_in_time(self) -> None:
+        """Clear the topics whose time has come, and call this again at the time of the next one."""
+        loop = asyncio.get_running_loop()
+        while self._ends and (due := next(iter(self._ends.values()))[0]) <= loop.time():
+            self._forget_oldest()
+        self._clearing = loop.call_at(due, self._clear_in_time) if self._ends else None
+
+    def _forget_oldest(self) -> None:
+        self._clear(self._ends.popitem(last=False)[0])
 
 
 class StatusPublisher:
@@ -155,8 +158,7 @@ class StatusPublisher:
         return self._status(topic, self._engine.peripherals.status(location))
 
     def _status(self, topic: str, status: BaseModel) -> Outbound:
-        body = status.model_dump_json(by_alias=True).encode()
-        return Outbound(topic, with_epoch(body, self.epoch), retain=True)
+        return Outbound(topic, with_epoch(as_json(status), self.epoch), retain=True)
 
 
 class Heartbeat:
@@ -207,8 +209,7 @@ class Heartbeat:
             store_ready=online and self._store_ready(),
             stops=self._stops() if online else (),
         )
-        body = status.model_dump_json(by_alias=True).encode()
-        return Outbound(self._topic, with_epoch(body, self._epoch), retain=True)
+        return Outbound(self._topic, with_epoch(as_json(status), self._epoch), retain=True)
 
 
 TERM_POLL = 0.25
