@@ -41,14 +41,14 @@ class EventRing(Generic[E]):
         """Number of events added so far."""
         self.closed = False
         self._ring: deque[E] = deque(maxlen=size)
-        self._added = asyncio.Event()
+        self._added: asyncio.Event | None = None
+        """Set when an event is added; None: no client waits for the next one."""
 
     def add(self, event: E) -> None:
         """Add an event and wake all clients."""
         self._ring.append(event)
         self.count += 1
-        if self.clients:
-            self._wake()
+        self._wake()
 
     @property
     def kept(self) -> int:
@@ -83,7 +83,7 @@ class EventRing(Generic[E]):
         loop = asyncio.get_running_loop()
         due = loop.time() + HEARTBEAT
         while not self.closed:
-            added = self._added
+            added = self.added()
             if found := await read():
                 yield found
             elif (left := due - loop.time()) > 0 and await set_within(added, left):
@@ -92,9 +92,16 @@ class EventRing(Generic[E]):
                 yield HEARTBEAT_FRAME
             due = loop.time() + HEARTBEAT
 
+    def added(self) -> asyncio.Event:
+        """Return what is set when the next event is added, or the ring is closed."""
+        if self._added is None:
+            self._added = asyncio.Event()
+        return self._added
+
     def _wake(self) -> None:
-        self._added.set()
-        self._added = asyncio.Event()
+        if self._added:
+            self._added.set()
+            self._added = None
 
 
 LOOK_AFTER = 1.0

@@ -135,7 +135,7 @@ class ChangeLog(EventRing[_Change]):
         end = loop.time() + seconds
         with self.client():
             while True:
-                added = self._added
+                added = self.added()
                 if (found := self._messages(first, last)) or self.closed:
                     return found
                 first = max(first, self.count)  # earlier ones do not match
