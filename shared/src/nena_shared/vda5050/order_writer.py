@@ -9,7 +9,7 @@ from msgspec import Raw
 from msgspec.json import Decoder, Encoder
 
 from nena_shared.vda5050.codec import Codec
-from nena_shared.vda5050.order import Edge, Node, Order
+from nena_shared.vda5050.order import Order
 
 _MEMBERS: Final[Decoder[dict[str, Raw]]] = Decoder(dict[str, Raw])
 _PARTS: Final[Decoder[list[Raw]]] = Decoder(list[Raw])
@@ -25,41 +25,55 @@ class OrderWriter:
 
     def __init__(self) -> None:
         self._codec: Codec | None = None
-        self._nodes: dict[int, tuple[Node, Raw]] = {}
-        """By the identity of a node in the last message: the node and its text."""
-        self._edges: dict[int, tuple[Edge, str, str, Raw]] = {}
-        """By the identity of an edge in the last message: the edge, the IDs of its nodes, and its text."""
+        self._last: Order | None = None
+        self._text = b""
+        """The text of the last order."""
 
     def encode(self, order: Order, codec: Codec) -> bytes:
         """Encode an order; raises as :meth:`Codec.encode`."""
         codec.check(order)
-        if codec is not self._codec:
-            self._codec, self._nodes, self._edges = codec, {}, {}
-        begin, end = self._new_part(order)
-        new = {"nodes": order.nodes[begin:end], "edges": order.edges[begin : end - 1]}
-        members = _MEMBERS.decode(codec.write(order.model_copy(update=new)))
-        nodes = [
-            *(self._nodes[id(each)][1] for each in order.nodes[:begin]),
-            *_PARTS.decode(members["nodes"]),
-            *(self._nodes[id(each)][1] for each in order.nodes[end:]),
-        ]
-        edges = [
-            *(self._edges[id(each)][3] for each in order.edges[:begin]),
-            *_PARTS.decode(members["edges"]),
-            *(self._edges[id(each)][3] for each in order.edges[end - 1 :]),
-        ]
-        self._nodes = {id(node): (node, text) for node, text in zip(order.nodes, nodes, strict=True)}
-        self._edges = {
-            id(edge): (edge, before.node_id, after.node_id, text)
-            for edge, (before, after), text in zip(order.edges, pairwise(order.nodes), edges, strict=True)
-        }
-        return _ENCODER.encode({**members, "nodes": nodes, "edges": edges})
+        last = self._last if codec is self._codec else None
+        text = self._updated(order, last, codec) if last and _repeats(order, last) else codec.write(order)
+        self._codec, self._last, self._text = codec, order, text
+        return text
 
-    def _new_part(self, order: Order) -> tuple[int, int]:
-        """Return the smallest range of nodes with all new nodes and the ends of new edges; at least one."""
-        new = [index for index, node in enumerate(order.nodes) if id(node) not in self._nodes]
-        for index, (edge, ends) in enumerate(zip(order.edges, pairwise(order.nodes), strict=True)):
-            known = self._edges.get(id(edge))
-            if known is None or known[1:3] != (ends[0].node_id, ends[1].node_id):
+    def _updated(self, order: Order, last: Order, codec: Codec) -> bytes:
+        """Encode an order of which parts are known from the last one."""
+        members = _MEMBERS.decode(self._text)
+        nodes = dict(zip(map(id, last.nodes), _PARTS.decode(members["nodes"]), strict=True))
+        edges = dict(zip(_identities(last), _PARTS.decode(members["edges"]), strict=True))
+        identities = _identities(order)
+        new = [index for index, node in enumerate(order.nodes) if id(node) not in nodes]
+        for index, identity in enumerate(identities):
+            if identity not in edges:
                 new += (index, index + 1)
-        return (min(new), max(new) + 1) if new else (0, 1)
+        # the smallest range of nodes with all new ones and the ends of new edges; at least one
+        begin, end = (min(new), max(new) + 1) if new else (0, 1)
+        part = {"nodes": order.nodes[begin:end], "edges": order.edges[begin : end - 1]}
+        members = _MEMBERS.decode(codec.write(order.model_copy(update=part)))
+        written = {
+            "nodes": [
+                *(nodes[id(each)] for each in order.nodes[:begin]),
+                *_PARTS.decode(members["nodes"]),
+                *(nodes[id(each)] for each in order.nodes[end:]),
+            ],
+            "edges": [
+                *(edges[each] for each in identities[:begin]),
+                *_PARTS.decode(members["edges"]),
+                *(edges[each] for each in identities[end - 1 :]),
+            ],
+        }
+        return _ENCODER.encode({**members, **written})
+
+
+def _repeats(order: Order, last: Order) -> bool:
+    """Return whether an order has a node of the last one."""
+    return not set(map(id, last.nodes)).isdisjoint(map(id, order.nodes))
+
+
+def _identities(order: Order) -> list[tuple[int, str, str]]:
+    """Return the identity of each edge, and the IDs of its nodes, which some versions write with it."""
+    return [
+        (id(edge), before.node_id, after.node_id)
+        for edge, (before, after) in zip(order.edges, pairwise(order.nodes), strict=True)
+    ]
