@@ -65,3 +65,11 @@ def test_written_time_has_milliseconds_and_a_four_digit_year(moment: datetime) -
 
     assert len(written) == len("2026-01-01T00:00:00.000Z")
     assert datetime.fromisoformat(written) == moment.replace(microsecond=moment.microsecond // 1000 * 1000)
+
+
+def test_a_time_that_is_written_again_is_not_formatted_again() -> None:
+    moment = datetime(2026, 11, 28, 1, 2, 3, 456_789, tzinfo=UTC)
+    iso(moment)
+    formatted = iso.cache_info().misses
+    assert [iso(moment) for _ in range(5)] == ["2026-11-28T01:02:03.456Z"] * 5
+    assert iso.cache_info().misses == formatted

@@ -151,3 +151,12 @@ def test_a_log_on_a_full_disk_does_not_end_the_program() -> None:
     log.get_logger("a").info("lost", robot="r1")
 
     assert "lost" in log.recent_lines()[-1]
+
+
+def test_a_line_of_text_is_made_once_for_all_its_readers() -> None:
+    out = io.StringIO()
+    log.configure(LogSettings(), out)
+
+    log.get_logger("example").info("assigned", order="o1")
+
+    assert out.getvalue() == f"{log.recent_lines()[-1]}\n"

@@ -135,6 +135,23 @@ async def test_messages_of_one_loop_turn_keep_their_order_and_need_two_writes() 
         assert confirmed == []
 
 
+async def test_statuses_wait_for_the_end_of_the_turn_but_no_command_does() -> None:
+    statuses = [Outbound(f"s/{number}", b"x", retain=True) for number in range(3)]
+    command = Outbound("c", b"x", qos=0)
+    async with odd_broker() as broker, client_at(broker.port, timeout=PATIENCE) as client:
+        writings = watch_writings(client)
+        for message in statuses[:2]:
+            client.send(message, lambda: None)
+        assert writings == []
+        client.send(command, lambda: None)
+        client.send(statuses[2], lambda: None)
+        assert [len(read_messages(each)) for each in writings] == [3], "in the order of the calls"
+        async with asyncio.timeout(PATIENCE):
+            while broker.got.count(b"s/") < len(statuses):
+                await turn_passes()
+        assert len(writings) == 2
+
+
 async def test_qos_0_messages_keep_their_position_among_the_others() -> None:
     sent = [Outbound(f"t/{number}", b"x", qos=number % 2) for number in range(6)]
     confirmed: list[str] = []

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 from datetime import UTC, datetime
+from typing import Any
 from unittest.mock import AsyncMock, Mock
 
 import pytest
@@ -67,6 +68,23 @@ async def test_the_oldest_retained_end_is_cleared_beyond_the_limit(monkeypatch: 
     assert cleared == ["T-1"]
     assert [each.name for each in ends.statuses()] == ["T-2", "T-3"]
     ends.close()
+
+
+async def test_one_timer_clears_the_statuses_of_many_orders(monkeypatch: pytest.MonkeyPatch) -> None:
+    ends, timers = EndedOrders(LONG, lambda _: None), list[float]()
+    loop = asyncio.get_running_loop()
+    call_at = loop.call_at
+
+    def counted(when: float, callback: Any, *args: Any) -> asyncio.TimerHandle:
+        timers.append(when)
+        return call_at(when, callback, *args)
+
+    monkeypatch.setattr(loop, "call_at", counted)
+    for number in range(100):
+        ends.add(ended(f"T-{number}"))
+    ends.close()
+
+    assert len(timers) == 1
 
 
 async def test_after_the_close_nothing_is_cleared() -> None:

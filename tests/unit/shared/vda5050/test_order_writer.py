@@ -102,3 +102,21 @@ def test_the_work_of_an_update_does_not_grow_with_the_route(monkeypatch: pytest.
     for order in UPDATES[:4]:
         writer.encode(order, CODECS["2.1.0"])
     assert written == [10, 2, 1, 4]
+
+
+def test_an_order_without_known_parts_is_written_in_one_piece(
+    codec: Codec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[bytes] = []
+    original = Codec.write
+
+    def kept(codec: Codec, message: Any) -> bytes:
+        written.append(original(codec, message))
+        return written[-1]
+
+    monkeypatch.setattr(Codec, "write", kept)
+    writer = OrderWriter()
+    first = writer.encode(update(0, 0, 2), codec)
+    nodes = tuple(each.model_copy() for each in BASE_NODES[:2])
+    other = update(0, 0, 2).model_copy(update={"nodes": nodes, "edges": BASE_EDGES[:1]})
+    assert [first, writer.encode(other, codec)] == written
