@@ -148,12 +148,12 @@ def _write_log(writer: Writer, recording: Recording) -> None:
 
 
 def _logged(lines: Iterable[str]) -> Iterable[tuple[int, int, str]]:
-    """Yield time (ns), level and text of each line; a line without a time is left out."""
+    """Yield time (ns), level and text of each line of the log; a line without a time is left out."""
     for line in lines:
-        time, _, rest = line.partition(" ")
-        level, _, text = rest.partition(" ")
+        time, _, rest = line.partition(" [")
+        level, _, text = rest.partition("] ")
         try:
             moment = datetime.fromisoformat(time)
         except ValueError:
             continue
-        yield _since_1970(in_utc(moment)), _LEVELS.get(level, _UNKNOWN_LEVEL), text
+        yield _since_1970(in_utc(moment)), _LEVELS.get(level.strip(), _UNKNOWN_LEVEL), text

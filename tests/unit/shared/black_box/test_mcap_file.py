@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 
 from nena_shared.black_box.mcap_file import Recording, write_mcap
 from nena_shared.black_box.ring import Channel, Entry
+from nena_shared.log import in_plain_text
 
 UTC_NOW = datetime(2026, 1, 1, 12, 0, 0, tzinfo=UTC)
 STATE, ORDER = Channel("uagv/v2/ACME/1/state"), Channel("uagv/v2/ACME/1/order", own=False)
@@ -68,17 +69,19 @@ def test_ros_messages_keep_their_encoding_with_their_definition(tmp_path: Path) 
 
 
 def test_log_lines_are_shown_in_foxgloves_log_panel(tmp_path: Path) -> None:
+    warning = {"timestamp": "2026-01-01T11:59:59.250000Z", "level": "warning", "event": "reported"}
+    strange = {"timestamp": "2026-01-01T11:59:59.500000Z", "level": "notice", "event": "strange level"}
     lines = (
-        "2026-01-01T11:59:59.250000Z warning error reported robot=ACME/1",
+        in_plain_text(None, "", {**warning, "robot": "ACME/1"}),
         "a line of a traceback",
-        "2026-01-01T11:59:59.500000Z notice strange level",
+        in_plain_text(None, "", {**strange}),
     )
     first, second = written(tmp_path / "a.mcap", lines=lines)
 
     schema, channel, message = first
     assert (schema.name, channel.topic) == ("foxglove.Log", "/nena/log")
     content = json.loads(message.data)
-    assert (content["level"], content["message"]) == (3, "error reported robot=ACME/1")
+    assert (content["level"], content["message"].split()) == (3, ["reported", "robot=ACME/1"])
     assert content["timestamp"] == {"sec": int(UTC_NOW.timestamp()) - 1, "nsec": 250_000_000}
     assert json.loads(second[2].data)["level"] == 0
 
