@@ -25,14 +25,16 @@ def freezes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return found
 
 
-def test_objects_of_many_new_robots_are_left_out_once(freezes: list[int]) -> None:
-    robots = 0
-    with short_collections(lambda: robots):
-        for robots in (0, GROWTH - 1, GROWTH, 2 * GROWTH - 1, 2 * GROWTH, 2 * GROWTH):  # noqa: B007 - read above
+def test_objects_of_many_new_robots_are_left_out_of_two_collections(freezes: list[int]) -> None:
+    counts, found = (0, GROWTH - 1, GROWTH, GROWTH, 3 * GROWTH, 3 * GROWTH, 3 * GROWTH), []
+    robots = iter(counts)
+    with short_collections(lambda: next(robots)):
+        for _ in counts:
             gc.collect()
+            found.append(len(freezes))
     gc.collect()
 
-    assert len(freezes) == 2
+    assert found == [0, 0, 1, 1, 2, 3, 3]
 
 
 def test_what_a_long_collection_kept_is_left_out(freezes: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
