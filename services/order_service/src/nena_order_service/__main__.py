@@ -17,7 +17,7 @@ from nena_shared.program import run
 gc.freeze()
 gc.enable()
 
-GC_THRESHOLDS = (1_500, 5, 200)
+GC_THRESHOLDS = (1_500, 10, 100)
 """An order creates thousands of objects that reference counting frees; with the default of 700, the garbage
 collector took a seventh of the CPU time of an order. With 10,000, it held the event loop for up to 130 ms at
 a time: it counts new objects less freed ones, and many of these are old, so it searched many more."""
