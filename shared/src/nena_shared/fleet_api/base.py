@@ -6,11 +6,12 @@ from datetime import datetime
 from enum import IntEnum
 from typing import Annotated, Final
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
+from pydantic import AfterValidator, ConfigDict, Field, PlainSerializer
 from pydantic.alias_generators import to_camel
 
 from nena_shared import model_building
 from nena_shared.clock import in_utc, iso
+from nena_shared.frozen_model import FrozenModel
 
 
 class Role(IntEnum):
@@ -24,11 +25,10 @@ class Role(IntEnum):
     """Change the plant model and zone sets; read the audit trail."""
 
 
-class CamelCase(BaseModel):
+class CamelCase(FrozenModel):
     """An immutable JSON object with camelCase names on the wire."""
 
     model_config = ConfigDict(
-        frozen=True,
         alias_generator=to_camel,
         validate_by_name=True,
         validate_by_alias=True,

@@ -7,23 +7,23 @@ from datetime import UTC, datetime
 from math import isfinite, pi, remainder
 from typing import Annotated, Any, Final, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, PlainSerializer, WithJsonSchema
+from pydantic import AfterValidator, ConfigDict, Field, JsonValue, PlainSerializer, WithJsonSchema
 from pydantic.alias_generators import to_camel
 
 from nena_shared import model_building
 from nena_shared.clock import in_utc, iso
+from nena_shared.frozen_model import FrozenModel
 
 J = TypeVar("J", bound=JsonValue)
 
 
-class WireObject(BaseModel):
+class WireObject(FrozenModel):
     """An immutable JSON object (section 7.1).
 
     Unknown fields are ignored. Values are not converted from other types.
     """
 
     model_config = ConfigDict(
-        frozen=True,
         strict=True,
         extra="ignore",
         alias_generator=to_camel,

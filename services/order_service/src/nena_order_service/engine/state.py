@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from nena_order_service.dispatching.candidates import WaitingOrders
 from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded
@@ -25,6 +25,7 @@ from nena_order_service.store.database import Changes
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel
+from nena_shared.frozen_model import FrozenModel
 from nena_shared.log import get_logger
 from nena_shared.vda5050.malformed import problems_of
 from nena_shared.vda5050.topics import RobotKey
@@ -282,10 +283,8 @@ class OrderSequences:
             del self._by_key[sequence.idempotency_key]
 
 
-class VehicleRecord(BaseModel):
+class VehicleRecord(FrozenModel):
     """The stored state of one vehicle, available after a restart before its robot reports."""
-
-    model_config = ConfigDict(frozen=True)
 
     manufacturer: str
     serial_number: str

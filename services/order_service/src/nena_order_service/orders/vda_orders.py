@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from nena_order_service.fleet.failures import OrderFailure
 from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
@@ -31,6 +31,7 @@ from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.route_search import Journey, RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
+from nena_shared.frozen_model import FrozenModel
 from nena_shared.plant import BACKWARD_SUFFIX, DirectedEdge, PlantModel, UnknownObjectError
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
@@ -39,7 +40,7 @@ from nena_shared.vda5050.topics import RobotKey
 R = ReasonCode
 
 
-class SentOrder(BaseModel):
+class SentOrder(FrozenModel):
     """A VDA order, its robot, and whether the robot is known to have it.
 
     ``vda_order`` is the whole plan. ``released_to`` is the sequenceId of the last node of its base (None: all
@@ -47,7 +48,7 @@ class SentOrder(BaseModel):
     each node after the first. ``drive_order_index`` is None for an order that only makes room for others.
     """
 
-    model_config = ConfigDict(frozen=True, validate_by_name=True, validate_by_alias=True)
+    model_config = ConfigDict(validate_by_name=True, validate_by_alias=True)
 
     manufacturer: str
     serial_number: str
