@@ -10,11 +10,10 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from time import thread_time
-from typing import Protocol
+from typing import Protocol, Self
 
 from nena_order_service.dispatching.dispatcher import VehicleFit
 from nena_order_service.engine.conditions import Sequences
@@ -147,8 +146,7 @@ class UnitOfWork:
         """Number of committed units that have not published each vehicle, because of later ones."""
         self._published: dict[str, Essentials] = {}
 
-    @contextmanager
-    def begin(self) -> Iterator[None]:
+    def begin(self) -> Self:
         """Collect the changes made in this context, commit them at its end, and publish them afterwards.
 
         Raises:
@@ -157,14 +155,18 @@ class UnitOfWork:
         """
         if self.closed:
             raise StoreNotReadyError(self.closed)
-        try:
-            yield
-        finally:
-            changes = self._state.pending.take()
-            if changes:
-                self.record(changes.stored)
-                self._unpublished.update(changes.vehicles)
-                self._store.commit(changes.stored, lambda: self._committed(changes))
+        return self
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, *_: object) -> None:
+        changes = self._state.pending.take()
+        if changes:
+            self.record(changes.stored)
+            for name in changes.vehicles:
+                self._unpublished[name] += 1
+            self._store.commit(changes.stored, partial(self._committed, changes))
 
     def committed(self) -> asyncio.Future[None]:
         """Return a future that is done when all changes so far are committed."""
@@ -252,14 +254,13 @@ class UnitOfWork:
 
     def _no_longer_unpublished(self, vehicles: Iterable[str]) -> list[str]:
         """Return the vehicles of a committed unit that are to be published now, not by a later unit."""
-        self._unpublished.subtract(vehicles)
-        self._passed_over.update(vehicles)
-        due = [
-            name
-            for name in vehicles
-            if not self._unpublished[name] or self._passed_over[name] >= UNPUBLISHED_AT_MOST
-        ]
-        for name in due:
+        due = []
+        for name in vehicles:
+            self._unpublished[name] -= 1
+            self._passed_over[name] += 1
+            if self._unpublished[name] and self._passed_over[name] < UNPUBLISHED_AT_MOST:
+                continue
+            due.append(name)
             del self._passed_over[name]
             if not self._unpublished[name]:
                 del self._unpublished[name]
@@ -272,6 +273,32 @@ class Timings:
 
     dispatch: Histogram = field(default_factory=lambda: Histogram(SHORT))
     traffic: Histogram = field(default_factory=lambda: Histogram(SHORT))
+
+
+class _Change:
+    """A unit of work that ends with all steps that follow from its changes; no generator, it is frequent."""
+
+    __slots__ = ("_leave_rest", "_settle", "_unit", "_units")
+
+    def __init__(
+        self, units: UnitOfWork, settle: Callable[[], None], leave_rest: Callable[[], None]
+    ) -> None:
+        self._units = units
+        self._settle = settle
+        self._leave_rest = leave_rest
+
+    def __enter__(self) -> None:
+        self._unit = self._units.begin()
+        self._unit.__enter__()
+
+    def __exit__(self, failed: type[BaseException] | None, *_: object) -> None:
+        try:
+            if failed is None:
+                self._settle()
+        finally:
+            self._unit.__exit__(None, None, None)
+        if failed is None:
+            self._leave_rest()
 
 
 class Engine:
@@ -366,12 +393,12 @@ class Engine:
         """Accept no more changes, because another engine takes over the store."""
         self.unit_of_work.closed = reason
 
-    @contextmanager
-    def change(self) -> Iterator[None]:
+    def change(self) -> _Change:
         """Make changes and all steps that follow from them in one unit of work."""
-        with self.unit_of_work.begin():
-            yield
-            self._settle()
+        return _Change(self.unit_of_work, self._settle, self._leave_rest)
+
+    def _leave_rest(self) -> None:
+        """Leave what a change has not finished to the next turn of the event loop."""
         if self.state.dispatch_later or self.state.drive_later:
             dispatch, drive = self.state.dispatch_later, self.state.drive_later
             self.state.dispatch_later = self.state.drive_later = False

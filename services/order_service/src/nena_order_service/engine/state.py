@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 from pydantic import ValidationError
@@ -58,7 +58,15 @@ class PendingChanges:
 
     def take(self) -> PendingChanges:
         """Return the changes so far, and reset them."""
-        taken = replace(self)
+        taken = PendingChanges(
+            self.stored,
+            self.orders,
+            self.sequences,
+            self.jobs,
+            self.vehicles,
+            self.peripherals,
+            self.effects,
+        )
         self.stored, self.vehicles, self.peripherals = Changes(), set(), set()
         self.orders, self.sequences, self.jobs, self.effects = [], [], [], []
         return taken
