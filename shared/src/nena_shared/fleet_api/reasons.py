@@ -378,7 +378,7 @@ class ReasonCode(Enum):
     @property
     def code(self) -> str:
         """The code, as sent."""
-        return self.name.lower()
+        return self._name_.lower()
 
 
 JOINED: Final = {
@@ -404,10 +404,11 @@ class Reason(str):
 
     def __new__(cls, code: ReasonCode, /, *causes: str, **values: str | float | datetime) -> Self:
         """Return the reason of a code; a cause without a code is taken as someone's words."""
-        between = JOINED.get(code, "; ")
-        first, rest = causes[0] if causes else "", between.join(causes[1:])
-        words = {**values, "causes": between.join(causes), "first": first, "rest": rest}
-        reason = str.__new__(cls, code.value.format(**words))
+        words = {**values, "causes": "", "first": "", "rest": ""}
+        if causes:
+            between = JOINED.get(code, "; ")
+            words |= {"causes": between.join(causes), "first": causes[0], "rest": between.join(causes[1:])}
+        reason = str.__new__(cls, code._value_.format_map(words))
         reason._coded, reason._parts = None, (code, causes, values)  # noqa: SLF001 - its own
         return reason
 
@@ -437,8 +438,14 @@ class Reason(str):
         return self._coded
 
 
+_PLAIN: Final = (str, int, float)
+"""Types of values that are the same in JSON, unlike times and enumerations."""
+
+
 def _sent(value: str | float | datetime) -> str | float:
     """Return a value as in JSON; enumerations as text."""
+    if type(value) in _PLAIN:
+        return value  # type: ignore[return-value] # no time is plain
     if isinstance(value, datetime):
         return iso(value)
     return str(value) if isinstance(value, str) else value

@@ -280,9 +280,7 @@ class _Change:
 
     __slots__ = ("_leave_rest", "_settle", "_unit", "_units")
 
-    def __init__(
-        self, units: UnitOfWork, settle: Callable[[], None], leave_rest: Callable[[], None]
-    ) -> None:
+    def __init__(self, units: UnitOfWork, settle: Callable[[], None], leave_rest: Callable[[], None]) -> None:
         self._units = units
         self._settle = settle
         self._leave_rest = leave_rest

@@ -53,9 +53,9 @@ class Positions:
         name = vehicle.name
         if not self._counts(vehicle):
             return self._take_out(vehicle)
-        view, known = self._view(vehicle), self._sightings.get(name)
-        if self._traffic.journey(name) or view.link is not LinkStatus.ONLINE:
+        if self._traffic.journey(name) or (view := self._view(vehicle)).link is not LinkStatus.ONLINE:
             return False
+        known = self._sightings.get(name)
         if view.state is None or (known and known.state is view.state) or self._is_doubted(name, view):
             return False
         sighting = self._sightings[name] = _Sighting(view.state, None, _is_moving(view.state))

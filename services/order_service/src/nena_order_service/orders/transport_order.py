@@ -53,6 +53,11 @@ def sortable_id() -> str:
 S = TransportOrderState
 R = ReasonCode
 
+CREATED = Reason(R.CREATED)
+WAITS_FOR_CONDITIONS = Reason(R.WAITS_FOR_CONDITIONS)
+WAITS_FOR_TURN = Reason(R.WAITS_FOR_TURN)
+WAITS_FOR_ANOTHER_VEHICLE = Reason(R.WAITS_FOR_ANOTHER_VEHICLE)
+
 SUCCESSORS: dict[TransportOrderState, frozenset[TransportOrderState]] = {
     S.RAW: frozenset({S.ACTIVE, S.UNROUTABLE}),
     S.ACTIVE: frozenset({S.DISPATCHABLE, S.FAILED}),
@@ -129,7 +134,7 @@ class TransportOrder:
             name=name,
             version=1,
             state=S.RAW,
-            **explained(Reason(R.CREATED)),
+            **explained(CREATED),
             automatic=automatic,
             drive_orders=tuple(
                 DriveOrderStatus(destination=destination, state=DriveOrderState.PRISTINE)
@@ -173,7 +178,8 @@ class TransportOrder:
     @property
     def index(self) -> int:
         """Return the index of its current destination, from 0; 0 before it was first assigned."""
-        return max(self.status.current_drive_order_index, 0)
+        index = self.status.current_drive_order_index
+        return index if index > 0 else 0  # noqa: FURB136 - it is read too often for a call
 
     @property
     def current(self) -> DriveOrderStatus:
@@ -205,12 +211,12 @@ class TransportOrder:
 
     def activated(self) -> Self:
         """Accept a RAW order; it is ACTIVE while it waits for its conditions."""
-        return self._moved(S.ACTIVE, Reason(R.WAITS_FOR_CONDITIONS))
+        return self._moved(S.ACTIVE, WAITS_FOR_CONDITIONS)
 
     def dispatchable(self) -> Self:
         """Make an ACTIVE order assignable."""
         held = self.status.held
-        return self._moved(S.DISPATCHABLE, why_held(held) if held else Reason(R.WAITS_FOR_TURN))
+        return self._moved(S.DISPATCHABLE, why_held(held) if held else WAITS_FOR_TURN)
 
     def waiting(self, reason: str) -> Self:
         """Return the order with its wait reason; unchanged if it is the same, or if the order is held."""
@@ -229,7 +235,7 @@ class TransportOrder:
             return self
         entry = self.entry(now, EventCode.INTENDED_VEHICLE_CHANGED, vehicle or Reason(R.ANY_VEHICLE))
         history = (*self.status.history, entry)
-        reason = self.reason if self.state is S.ACTIVE or self.held else Reason(R.WAITS_FOR_TURN)
+        reason = self.reason if self.state is S.ACTIVE or self.held else WAITS_FOR_TURN
         return self.changed(intended_vehicle=vehicle, history=history, **explained(reason))
 
     def deferred(self, reason: str, now: datetime) -> Self:
@@ -264,7 +270,7 @@ class TransportOrder:
         waiting = self.current.model_copy(update={"state": DriveOrderState.PRISTINE, "route": None})
         return self._moved(
             S.DISPATCHABLE,
-            Reason(R.WAITS_FOR_ANOTHER_VEHICLE),
+            WAITS_FOR_ANOTHER_VEHICLE,
             entry,
             processing_vehicle=None,
             drive_orders=self.with_current(waiting),
@@ -389,9 +395,9 @@ class TransportOrder:
         entry = self.entry(now, EventCode.RESUMED, by, Reason.of(reason))
         changes: dict[str, object] = {"held": None, "drive_orders": self.with_current(fresh)}
         if self.state is S.DISPATCHABLE:
-            changes |= explained(Reason(R.WAITS_FOR_TURN))
+            changes |= explained(WAITS_FOR_TURN)
         elif self.state is S.ACTIVE:
-            changes |= explained(Reason(R.WAITS_FOR_CONDITIONS))
+            changes |= explained(WAITS_FOR_CONDITIONS)
         return self.changed(history=(*self.status.history, entry), **changes)
 
     def failed_while_held(self, words: str) -> Self:

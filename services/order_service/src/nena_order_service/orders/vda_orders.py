@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple, Self
 
 from pydantic import ConfigDict, Field
@@ -109,7 +110,7 @@ class SentOrder(FrozenModel):
         """Return the record with changes that are sent as an update."""
         return self.model_copy(update={**changes, "update_id": self.update_id + 1})
 
-    @property
+    @cached_property
     def robot(self) -> RobotKey:
         """Return the robot that it was sent to."""
         return RobotKey(self.manufacturer, self.serial_number)

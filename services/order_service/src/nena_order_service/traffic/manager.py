@@ -12,7 +12,7 @@ from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.evasion import Evasion, no_vehicle
 from nena_order_service.traffic.resources import Found, OccupancyFinder, Resources, ResourceSet
 from nena_order_service.traffic.route_search import Journey, RouteRequest
-from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
+from nena_order_service.traffic.scheduler import Refusal, WaitReason
 from nena_order_service.traffic.traffic_control import (
     Displacement,
     MoreClaimed,
@@ -73,6 +73,7 @@ class TrafficManager:
         self._control = TrafficControl(plant, ways, self.resources)
         self._occupancy = OccupancyFinder(plant, self.resources)
         self._journeys = self._control.journeys
+        self._scheduler = self._control.scheduler
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
         """The resource sets where vehicles may be that broke off their routes or are moved by hand, up to the
         next point of their routes."""
@@ -92,10 +93,6 @@ class TrafficManager:
         """By vehicle: when it last held enough; see :meth:`holds_enough`."""
         self._halted: frozenset[str] = frozenset()
         """Vehicles to which nothing is allocated for now; see :meth:`halt`."""
-
-    @property
-    def _scheduler(self) -> Scheduler:
-        return self._control.scheduler
 
     def __contains__(self, vehicle: str) -> bool:
         """Return whether the vehicle holds anything."""
@@ -429,7 +426,10 @@ class TrafficManager:
         for name in self._scheduler.take_changed():
             self._unsettled.add(name)
             self._unsettled.update(self._woken_by.pop(name, ()))
-        found = []
+        found: list[tuple[str, Journey]] = []
+        if not self._to_extend:
+            self._unsettled.clear()
+            return found
         for name in sorted(self._unsettled & self._to_extend.keys(), key=self._to_extend.__getitem__):
             journey = self._journeys.get(name)
             if journey is None or journey.all_allocated:
