@@ -93,9 +93,17 @@ class Codec:
             MalformedMessageError: an order violates the graph rules, or this version has no such message.
             ValidationError: this version cannot express the message.
         """
+        return self.written(self.formed(message))
+
+    def formed(self, message: Header) -> Header:
+        """Return a message in this version's form, for :meth:`written`; raises as :meth:`encode`."""
         if isinstance(message, Order):
             self.check(message)
-        return self.write(message)
+        return self._formed(message)
+
+    def written(self, wire: Header) -> bytes:
+        """Encode a message of this version's form."""
+        return type(wire).__pydantic_serializer__.to_json(wire, by_alias=True, exclude_none=True)
 
     def check(self, order: Order) -> None:
         """Raise MalformedMessageError if an order violates the graph rules."""
@@ -104,11 +112,13 @@ class Codec:
 
     def write(self, message: Header) -> bytes:
         """Encode a message, or part of an order, as :meth:`encode` does, without the graph rules."""
+        return self.written(self._formed(message))
+
+    def _formed(self, message: Header) -> Header:
         form = self.forms[self._kind_of(message)]
         if message.version != self.version:
             message = message.model_copy(update={"version": self.version})
-        wire = form.from_neutral(message)
-        return form.__pydantic_serializer__.to_json(wire, by_alias=True, exclude_none=True)
+        return form.from_neutral(message)
 
     def _kind_of(self, message: Header) -> type[Header]:
         for kind in self.forms:

@@ -502,10 +502,11 @@ class _Round:
         for order in orders:
             if order.number in self._assigned or order.name in self.decisions.reasons:
                 continue
-            kind = self._kind(order)
-            if kind in unassignable and order.number not in self._kept:
-                self.decisions.reasons[order.name] = unassignable[kind]
-                continue
+            if unassignable and order.number not in self._kept:
+                known = unassignable.get(self._kind(order))
+                if known is not None:
+                    self.decisions.reasons[order.name] = known
+                    continue
             wait_reasons = {each.name: self._why_not(order, each) for each in self._meant(order)}
             free = [name for name, wait_reason in wait_reasons.items() if not wait_reason]
             if free:
@@ -513,7 +514,7 @@ class _Round:
                 continue
             reason = self.decisions.reasons[order.name] = self._why_waiting(order, wait_reasons, free)
             if order.number not in self._kept:
-                unassignable[kind] = reason
+                unassignable[self._kind(order)] = reason
 
     def _choose(self, order: TransportOrder, free: Sequence[str], rank: Callable[[Candidate], Rank]) -> None:
         pairs = [*self._possible((order, self._vehicles[name]) for name in free)]
@@ -545,7 +546,7 @@ class _Round:
     def _assign(self, pair: Candidate, why: str) -> None:
         order, vehicle = pair.order, pair.vehicle
         self._assigned.add(order.number)
-        self._vehicles[vehicle.name] = replace(vehicle, obstacle=BUSY)
+        self._vehicles[vehicle.name] = DispatchedVehicle(vehicle.name, BUSY)
         self.decisions.assignments.append(Assignment(order, vehicle.name, why, vehicle.gives_up))
 
     def _kind(self, order: TransportOrder) -> OrderKind:

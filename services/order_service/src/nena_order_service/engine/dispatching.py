@@ -389,9 +389,17 @@ class Dispatching:
                 kept=self._kept,
                 left_out=left_out,
             )
-            chosen = [candidates[each.vehicle].vehicle for each in decisions.assignments]
-            if sum(map(self._candidates.look_at, chosen)) == 0:
+            chosen = [candidates[each.vehicle] for each in decisions.assignments]
+            doubtful = [each.vehicle for each in chosen if not self._is_as_read(each)]
+            if sum(map(self._candidates.look_at, doubtful)) == 0:
                 return decisions, candidates
+
+    def _is_as_read(self, known: LocatedCandidate) -> bool:
+        """Return whether a vehicle that may get orders certainly has not changed since it was last read."""
+        vehicle = known.vehicle
+        if vehicle.name in self._state.touched or self._view(vehicle) is not known.view:
+            return False
+        return not self._obstacle(vehicle, known.view, self._state.order_of(vehicle.key))
 
     def _relevant(self, orders: Sequence[TransportOrder]) -> Mapping[str, LocatedCandidate]:
         """Return the relevant vehicles for orders; only the intended ones if each order has one."""

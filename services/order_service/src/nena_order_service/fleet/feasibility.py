@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
 from math import atan2, hypot, pi
@@ -13,7 +14,7 @@ from typing import Any, Final, TypeVar
 from pydantic import BaseModel, JsonValue, ValidationError
 from pydantic_core import from_json
 
-from nena_order_service.fleet.robot import Abilities
+from nena_order_service.fleet.robot import DEVIATION_THETA, THETA, XY, Abilities
 from nena_order_service.fleet.vda_order import GOAL_PREFIX, STATION_PARAMETERS, VdaOrder
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.action import (
@@ -36,9 +37,6 @@ from nena_shared.vda5050.order import Edge, Node, NodePosition, Order
 
 R = ReasonCode
 
-XY: Final = "nodes.nodePosition.allowedDeviationXY"
-THETA: Final = "nodes.nodePosition.theta"
-DEVIATION_THETA: Final = "nodes.nodePosition.allowedDeviationTheta"
 ACTION_DESCRIPTOR: Final = "nodes.actions.actionDescriptor"
 
 P = TypeVar("P", bound=BaseModel)
@@ -55,6 +53,7 @@ class Fitter:
 
     def __init__(self) -> None:
         self._abilities: Abilities | None = None
+        self._edge_rules = _EdgeRules()
         self._nodes: dict[int, tuple[Node, Node | None, float, float, Node]] = {}
         """By the identity of a node: the node, the one before it, the headings at both, and it as fitted."""
         self._edges: dict[int, tuple[Edge, NodePosition | None, NodePosition | None, Edge]] = {}
@@ -65,7 +64,7 @@ class Fitter:
         if abilities is None:
             return fitted(vda_order, None)
         if abilities is not self._abilities:
-            self._abilities = abilities
+            self._abilities, self._edge_rules = abilities, _EdgeRules.of(abilities)
             self._nodes, self._edges = {}, {}
         nodes, before, arrived = [], None, 0.0
         for node in vda_order.nodes:
@@ -81,7 +80,7 @@ class Fitter:
             between = self._edges.get(id(edge))
             begin, goal = start.node_position, end.node_position
             if between is None or between[1] is not begin or between[2] is not goal:
-                between = edge, begin, goal, _fitted_edge(edge, (begin, goal), abilities)
+                between = edge, begin, goal, _fitted_edge(edge, (begin, goal), abilities, self._edge_rules)
             edges.append(between)
         self._nodes = {id(each[0]): each for each in nodes}
         self._edges = {id(each[0]): each for each in edges}
@@ -137,10 +136,9 @@ def _with_listed_name(
 
 def _changed(part: P, changes: Mapping[str, object]) -> P:
     """Return a part of an order with changes; usually nothing changes, and it is the same object."""
+    before = vars(part)
     new = {
-        name: value
-        for name, value in changes.items()
-        if (before := getattr(part, name)) is not value and before != value
+        name: value for name, value in changes.items() if before[name] is not value and before[name] != value
     }
     return part.model_copy(update=new) if new else part
 
@@ -149,7 +147,7 @@ def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
     changes: dict[str, Any] = {
         "actions": tuple(_fitted_in_order(each, abilities) for each in node.actions),
     }
-    if node.node_position is not None:
+    if node.node_position is not None and not abilities.takes_positions:
         changes["node_position"] = _fitted_position(node, node.node_position, heading, abilities)
     if "nodes.nodeDescriptor" in abilities.required_fields:
         changes["node_descriptor"] = node.node_id
@@ -187,19 +185,16 @@ def _fitted_position(
     return _changed(position, changes)
 
 
-def _fitted_edge(edge: Edge, ends: _Ends, abilities: Abilities) -> Edge:
-    changes: dict[str, object] = {
-        field: None for path, field in _RULED.items() if not abilities.lists_field(path)
-    }
+def _fitted_edge(edge: Edge, ends: _Ends, abilities: Abilities, rules: _EdgeRules) -> Edge:
+    changes: dict[str, object] = dict.fromkeys(rules.unlisted)
     if edge.actions:
         changes["actions"] = tuple(_fitted_in_order(each, abilities) for each in edge.actions)
     if edge.maximum_speed is not None and not _limits_speed(edge.maximum_speed, abilities):
         changes["maximum_speed"] = None
     changes |= {
         field: fill(edge, ends, abilities)
-        for path, (field, fill) in _EDGE_FIELDS.items()
-        if path in abilities.required_fields
-        and (field not in _RULED.values() or getattr(edge, field) is None)
+        for field, fill in rules.required
+        if field not in _RULED.values() or getattr(edge, field) is None
     }
     return _changed(edge, changes)
 
@@ -256,6 +251,23 @@ _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
     }
 )
 """Neutral values for edge fields that the robot requires; they do not change the order."""
+
+
+@dataclass(frozen=True, slots=True)
+class _EdgeRules:
+    """The fields of edges that a robot must not be sent, and those that it requires."""
+
+    unlisted: tuple[str, ...] = ()
+    required: tuple[tuple[str, _Fill], ...] = ()
+
+    @classmethod
+    def of(cls, abilities: Abilities) -> _EdgeRules:
+        """Read the rules from a robot's factsheet."""
+        demanded = abilities.required_fields
+        return cls(
+            tuple(field for path, field in _RULED.items() if not abilities.lists_field(path)),
+            tuple(each for path, each in _EDGE_FIELDS.items() if path in demanded),
+        )
 
 
 def _heading(before: Node | None, node: Node, arrived: float) -> float:
@@ -364,6 +376,8 @@ def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
 def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
     """Yield lists that are too long in the order, or would be in the robot's states."""
     limits = abilities.factsheet.protocol_limits.maximum_array_lengths
+    if not any(vars(limits).values()):
+        return
     yield from _too_many(len(vda_order.nodes), limits.order_nodes, R.NODES)
     yield from _too_many(len(vda_order.edges), limits.order_edges, R.EDGES)
     for node in vda_order.nodes:
@@ -453,7 +467,7 @@ def _filled(part: JsonValue, path: list[str]) -> bool:
 
 def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[str]:
     limits = abilities.factsheet.protocol_limits.maximum_string_lengths
-    for each in ids:
+    for each in ids if limits.maximum_id_length or limits.id_numerical_only else ():
         if limits.maximum_id_length and len(each) > limits.maximum_id_length:
             yield Reason(R.LONG_ID, id=each, limit=limits.maximum_id_length)
         if limits.id_numerical_only and not each.isdecimal():
@@ -478,13 +492,13 @@ def _too_many(count: int, limit: int | None, what: ReasonCode, **values: str) ->
 def _wire_problems(message: Header, abilities: Abilities) -> Iterator[str]:
     if abilities.codec is None:
         return
+    limit = abilities.factsheet.protocol_limits.maximum_string_lengths.maximum_message_length
     try:
-        size = len(abilities.codec.encode(message))
+        wire = abilities.codec.formed(message)
     except (MalformedMessageError, ValidationError) as error:
         yield Reason(R.INEXPRESSIBLE, str(error), version=abilities.codec.version)
         return
-    limit = abilities.factsheet.protocol_limits.maximum_string_lengths.maximum_message_length
-    if limit and size > limit:
+    if limit and (size := len(abilities.codec.written(wire))) > limit:
         yield Reason(R.LONG_MESSAGE, limit=limit, count=size)
 
 

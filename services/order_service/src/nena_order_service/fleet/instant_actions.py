@@ -212,13 +212,13 @@ class InstantActionManager:
         return (
             bool(self._going)
             or self._left_at is not None
-            or any(each.action.action_type in LEAVES for each in self._runs.values())
+            or (bool(self._runs) and any(each.action.action_type in LEAVES for each in self._runs.values()))
         )
 
     @property
     def cancelling(self) -> bool:
         """Whether a cancelOrder is active."""
-        return any(each.cancels for each in self._runs.values())
+        return bool(self._runs) and any(each.cancels for each in self._runs.values())
 
     def unsendable(self, action_type: str, now: float) -> str | None:
         """Return, as a predicate, why the robot must not be sent such an action now; None if it may."""

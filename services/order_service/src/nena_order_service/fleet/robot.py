@@ -179,6 +179,13 @@ LISTS: Final = frozenset({"nodes", "edges"})
 """First parts of paths of an order's fields that leave out the prefix ``order.``."""
 
 
+XY: Final = "nodes.nodePosition.allowedDeviationXY"
+THETA: Final = "nodes.nodePosition.theta"
+DEVIATION_THETA: Final = "nodes.nodePosition.allowedDeviationTheta"
+POSITION_FIELDS: Final = (XY, THETA, DEVIATION_THETA)
+"""The optional fields of a node's position."""
+
+
 class Abilities:
     """What a robot supports according to its factsheet (section 7.10).
 
@@ -214,6 +221,12 @@ class Abilities:
     def lists_field(self, path: str) -> bool:
         """Return whether the factsheet lists an optional field."""
         return bool(self.factsheet.protocol_features.optional_parameters) and self.takes_field(path)
+
+    @cached_property
+    def takes_positions(self) -> bool:
+        """Whether positions of nodes are sent as they are: with all fields, and without filling any."""
+        demanded = set(self.required_fields).intersection(POSITION_FIELDS)
+        return not demanded and all(map(self.takes_field, POSITION_FIELDS))
 
     @cached_property
     def takes_retries(self) -> bool:

@@ -223,10 +223,12 @@ def required_actions(
     rule: track.VehicleTypeAtPoint | track.VehicleTypeOnPath | None, own: Iterable[Action], ids: Iterator[str]
 ) -> tuple[Action, ...]:
     """Return the rule's required actions that are not among ``own``, with new IDs."""
+    if rule is None or not rule.actions:
+        return ()
     known = {action.action_type for action in own}
     required = [
         each
-        for each in (rule.actions if rule else ())
+        for each in rule.actions
         if each.requirement_type is track.RequirementType.REQUIRED and each.action_type not in known
     ]
     return tuple(

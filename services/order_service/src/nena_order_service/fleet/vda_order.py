@@ -21,11 +21,11 @@ from nena_order_service.fleet.type_rules import (
     required_actions,
     required_heading,
 )
-from nena_order_service.routing.graph import Route
+from nena_order_service.routing.graph import Route, Step
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import DirectedEdge, Location, MapPlace, PlantModel, PlantPlace
 from nena_shared.plant.geometry import normalized
-from nena_shared.plant.track import DeviationBounds, VehicleTypeAtPoint, VehicleTypeOnPath
+from nena_shared.plant.track import VehicleTypeAtPoint, VehicleTypeOnPath
 from nena_shared.vda5050.action import STATION_ACTIONS, Action, ActionParameter, BlockingType
 from nena_shared.vda5050.base import Identifier, WireObject
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition
@@ -242,21 +242,11 @@ def build_vda_order(
     if route is not None and route.source != standing.point:
         message = f"the route begins at {route.source!r}, the robot is at {standing.point!r}"
         raise ValueError(message)
-    stops = list(_way(name, plant, standing, profile, route, rules=rules))
-    edges = [step.edge for step in route.steps] if route else []
-    first = len(stops) - len(edges)
-    ruled = list(edge_fields(edges, rules, plant, standing, profile))
-    for index in range(1, len(stops)):
-        on_way = index - first
-        edge = edges[on_way] if on_way >= 0 else None
-        fields = {"maximum_speed": speed_limit(edge), **(ruled[on_way] if edge else {})}
-        edge_rule = rules.along(edge) if edge else None
-        stops[index] = replace(stops[index], edge_fields=fields, edge_rule=edge_rule)
+    stops = list(_way(name, plant, standing, profile, route, rules=rules, speed_limit=speed_limit))
     if coordinate is not None:
-        goal = _goal(name, profile, coordinate, stops[-1].map_id)
-        stops.append(replace(goal, edge_fields={"maximum_speed": speed_limit(None)}))
-    elif len(stops) > 1:
-        stops[-1] = replace(stops[-1], theta=_heading(plant, profile, stops[-1].node_id, rules))
+        stops.append(_goal(name, profile, coordinate, stops[-1].map_id, speed_limit(None)))
+    elif len(stops) > 1 and (heading := _heading(plant, profile, stops[-1].node_id, rules)) is not None:
+        stops[-1] = replace(stops[-1], theta=heading)
     return VdaOrder(
         order_id=name,
         nodes=tuple(_nodes(stops, profile, actions)),
@@ -272,6 +262,7 @@ def _way(
     route: Route | None,
     *,
     rules: TypeRules,
+    speed_limit: SpeedLimit,
 ) -> Iterator[_Stop]:
     """Yield the start and the points of the route.
 
@@ -282,9 +273,13 @@ def _way(
     if pose is not None:
         yield _Stop(START_PREFIX + name, MapPlace(pose.x, pose.y), pose.map_id)
     if pose is None or route is not None:
-        yield _at(plant, profile, rules, standing.point)
-    for step in route.steps if route else ():
-        yield _at(plant, profile, rules, step.destination, step.edge_id)
+        fields: dict[str, object] = {} if pose is None else {"maximum_speed": speed_limit(None)}
+        yield _at(plant, profile, rules, standing.point, fields)
+    steps = route.steps if route else ()
+    ruled = edge_fields([each.edge for each in steps], rules, plant, standing, profile)
+    for step, of_rule in zip(steps, ruled, strict=True):
+        fields = {"maximum_speed": speed_limit(step.edge), **of_rule}
+        yield _at(plant, profile, rules, step.destination, fields, step=step)
 
 
 def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing, rules: TypeRules) -> bool:
@@ -295,12 +290,26 @@ def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing, rul
 
 
 def _at(
-    plant: PlantModel, profile: RobotProfile, rules: TypeRules, point_name: str, edge_id: str | None = None
+    plant: PlantModel,
+    profile: RobotProfile,
+    rules: TypeRules,
+    point_name: str,
+    edge_fields: Mapping[str, Any],
+    *,
+    step: Step | None = None,
 ) -> _Stop:
+    """Return the node of a point; ``step`` leads there, None: the robot is there, or off the paths."""
     point = plant.point(point_name)
     map_id = point.map_id or profile.map_id
-    place = profile.on(map_id).to_map(PlantPlace(point.x_m, point.y_m))
-    return _Stop(point_name, place, map_id, edge_id=edge_id, rule=rules.at(point))
+    return _Stop(
+        point_name,
+        profile.on(map_id).to_map(PlantPlace(point.x_m, point.y_m)),
+        map_id,
+        edge_id=step.edge_id if step else None,
+        edge_fields=edge_fields,
+        edge_rule=rules.along(step.edge) if step else None,
+        rule=rules.at(point),
+    )
 
 
 def _heading(plant: PlantModel, profile: RobotProfile, point_name: str, rules: TypeRules) -> float | None:
@@ -310,11 +319,13 @@ def _heading(plant: PlantModel, profile: RobotProfile, point_name: str, rules: T
     return None if wanted is None else transform.heading_to_map(wanted)
 
 
-def _goal(name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str) -> _Stop:
+def _goal(
+    name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str, maximum_speed: float | None
+) -> _Stop:
     """Return the node of a coordinate, on the map of the node before it."""
     place = profile.on(map_id).to_map(PlantPlace(coordinate.x, coordinate.y))
     theta = None if coordinate.theta is None else profile.on(map_id).heading_to_map(coordinate.theta)
-    return _Stop(GOAL_PREFIX + name, place, map_id, theta)
+    return _Stop(GOAL_PREFIX + name, place, map_id, theta, edge_fields={"maximum_speed": maximum_speed})
 
 
 def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...]) -> Iterator[Node]:
@@ -337,12 +348,10 @@ def _position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePositi
     The layout's bounds do not apply to the start node: a robot outside them would refuse the order.
     """
     deviation = max(profile.deviation_xy, DEFAULT_DEVIATION_XY) if starts else profile.deviation_xy
-    bounds = stop.rule.allowed_deviation_xy if stop.rule else None
-    if bounds is None or starts:
-        bounds = DeviationBounds()
-    a, b = bounds.ellipse(deviation)
     transform = profile.on(stop.map_id)
-    turned = 0.0 if a == b else transform.heading_to_map(bounds.theta or 0.0)
+    bounds = stop.rule.allowed_deviation_xy if stop.rule and not starts else None
+    a, b = bounds.ellipse(deviation) if bounds else (deviation, deviation)
+    turned = transform.heading_to_map(bounds.theta or 0.0) if bounds and a != b else 0.0
     return NodePosition(
         x=stop.place.x_m,
         y=stop.place.y_m,

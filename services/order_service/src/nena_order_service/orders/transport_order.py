@@ -130,6 +130,7 @@ class TransportOrder:
         automatic: bool = False,
     ) -> Self:
         """Create a RAW order; ``automatic``: not requested by a host."""
+        asked = vars(request)
         status = TransportOrderStatus(
             name=name,
             version=1,
@@ -144,7 +145,7 @@ class TransportOrder:
             created=now,
             history=(HistoryEntry(timestamp=now, event_code=EventCode.ORDER_CREATED),),
             traceparent=request.traceparent,
-            **{field: getattr(request, field) for field in REQUEST_FIELDS},
+            **{field: asked[field] for field in REQUEST_FIELDS},
         )
         return cls(number, status, request.idempotency_key)
 

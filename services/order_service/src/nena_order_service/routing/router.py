@@ -253,6 +253,10 @@ def access_points(destination: Destination, plant: PlantModel) -> tuple[str, ...
     return plant.access_points(name, destination.operation) if name in plant.locations_by_name else (name,)
 
 
+UNROUTABLE_KEPT = 10_000
+"""Maximum number of destinations of orders known to be routable or not; hosts mostly repeat a few."""
+
+
 class RouteFinder:
     """Finds routes in one plant: along paths to points and locations, straight to coordinates.
 
@@ -276,6 +280,8 @@ class RouteFinder:
         self.router = router
         self._without_host_locks = without_host_locks or router
         self._locks: Mapping[str, bool] = {}
+        self._unroutable: dict[tuple[object, frozenset[str]], Reason | None] = {}
+        """By destinations and resources to avoid: why no vehicle could reach them."""
         self.planning = Histogram(SHORT)
         """Duration of :meth:`find`."""
 
@@ -285,6 +291,7 @@ class RouteFinder:
         Such a lock closes routes for now, but makes no order permanently unroutable.
         """
         self._without_host_locks.set_locks({path: locked for path, locked in locks.items() if not locked})
+        self._unroutable.clear()
         self._locks = {**locks, **dict.fromkeys(closed, True)}
         self.router.set_locks(self._locks)
 
@@ -371,6 +378,15 @@ class RouteFinder:
 
         As in openTCS, each access point of the first destination is tried as a start.
         """
+        places = tuple([(each.location_name, each.coordinate, each.operation) for each in destinations])
+        key = places, frozenset(avoid)
+        if key not in self._unroutable:
+            if len(self._unroutable) >= UNROUTABLE_KEPT:
+                self._unroutable.clear()
+            self._unroutable[key] = self._why_unroutable(destinations, avoid)
+        return self._unroutable[key]
+
+    def _why_unroutable(self, destinations: Sequence[Destination], avoid: Collection[str]) -> Reason | None:
         first = destinations[0]
         starts = (self.nearest(first.coordinate),) if first.coordinate else access_points(first, self._plant)
         reason = Reason(R.NO_ACCESS_POINT)
