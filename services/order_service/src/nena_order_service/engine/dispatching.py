@@ -171,7 +171,16 @@ class Dispatching:
 
     def look_at(self, vehicles: Iterable[FleetVehicle]) -> None:
         """Update the dispatcher's view of these vehicles, except of those that just drive for their order."""
-        self._candidates.refresh(each.name for each in vehicles if not self._just_drives(each))
+        self._candidates.refresh(each.name for each in vehicles if not self.just_drives(each))
+
+    def just_drives(self, vehicle: FleetVehicle) -> bool:
+        """Return whether a vehicle is busy as before, and only a change of its order can end that."""
+        known, order = self._candidates.get(vehicle.name), self._state.order_of(vehicle.key)
+        if known is None or order is None or vehicle.name in self._state.touched:
+            return False
+        if order.state is not TransportOrderState.BEING_PROCESSED or order.is_operating:
+            return False
+        return known.view is None and known.seen.obstacle == BUSY
 
     def offer_all(self) -> None:
         """Offer all orders to the free vehicles again."""
@@ -220,7 +229,7 @@ class Dispatching:
 
         A new order does not count: the waiting orders were checked when it was assigned.
         """
-        if vehicle.obstacle:
+        if vehicle.obstacle or vehicle.name not in self._state.touched:
             return False
         self._state.touched.discard(vehicle.name)
         is_new = self._candidates.look_at(vehicle)
@@ -362,13 +371,6 @@ class Dispatching:
         if order.state is not TransportOrderState.BEING_PROCESSED or order.held:
             return False
         return order.status.dispensable or (is_automatic_recharge(order) and order.is_operating)
-
-    def _just_drives(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle is busy as before, and only an event can change that."""
-        known, order = self._candidates.get(vehicle.name), self._state.order_of(vehicle.key)
-        if known is None or order is None or vehicle.name in self._state.touched:
-            return False
-        return known.view is None and known.seen.obstacle == BUSY and not order.is_operating
 
     def _refresh(self, at_most: int | None = None) -> list[str]:
         """Update the vehicles that have changed, or some of them; return their names."""

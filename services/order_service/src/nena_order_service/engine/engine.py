@@ -694,7 +694,10 @@ class Engine:
             vehicle = self.registry.discover(robot)
         self._ask_for_state(view)
         self._positions.see(vehicle)
-        self.state.vehicle_changed(vehicle.name)
+        if self._dispatching.just_drives(vehicle):
+            self.state.publish(vehicle.name)
+        else:
+            self.state.vehicle_changed(vehicle.name)
         self._driving.robot_changed(vehicle)
         self.stops.look_at(vehicle)
         self._life_cycle.robot_changed(vehicle)

@@ -601,10 +601,14 @@ class FleetState:
         self.pending.effects.append(effect)
 
     def vehicle_changed(self, name: str | None) -> None:
-        """Publish a vehicle's status once the changes of this unit of work are committed."""
+        """Publish a vehicle's status as :meth:`publish` does, and make the dispatcher check the vehicle."""
         if name is not None:
-            self.pending.vehicles.add(name)
+            self.publish(name)
             self.touched.add(name)
+
+    def publish(self, name: str) -> None:
+        """Publish a vehicle's status once the changes of this unit of work are committed."""
+        self.pending.vehicles.add(name)
 
     def peripheral_changed(self, location: str) -> None:
         """Publish a device's status once the changes of this unit of work are committed."""

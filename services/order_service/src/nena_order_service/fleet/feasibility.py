@@ -48,16 +48,17 @@ _Ends = tuple[NodePosition | None, NodePosition | None]
 class Fitter:
     """Fits the VDA orders of one robot to its factsheet (section 7.1.1).
 
-    An update repeats most nodes and edges of the order unchanged, so those of the last one are kept.
+    An update repeats most nodes and edges of the order unchanged, so those of the last one are kept: the
+    same objects, as far as it leads through the same positions.
     """
 
     def __init__(self) -> None:
         self._abilities: Abilities | None = None
         self._edge_rules = _EdgeRules()
-        self._nodes: dict[int, tuple[Node, Node | None, float, float, Node]] = {}
-        """By the identity of a node: the node, the one before it, the headings at both, and it as fitted."""
-        self._edges: dict[int, tuple[Edge, NodePosition | None, NodePosition | None, Edge]] = {}
-        """By the identity of an edge: the edge, the positions of its ends, and the edge as fitted."""
+        self._nodes: list[tuple[Node, float, Node]] = []
+        """The nodes of the last order, with the heading at each, and each as fitted."""
+        self._edges: list[tuple[Edge, Edge]] = []
+        """Its edges, and each as fitted."""
 
     def fitted(self, vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
         """Return a VDA order as :func:`fitted` does."""
@@ -65,30 +66,41 @@ class Fitter:
             return fitted(vda_order, None)
         if abilities is not self._abilities:
             self._abilities, self._edge_rules = abilities, _EdgeRules.of(abilities)
-            self._nodes, self._edges = {}, {}
-        nodes, before, arrived = [], None, 0.0
-        for node in vda_order.nodes:
-            known = self._nodes.get(id(node))
-            if known is None or known[1] is not before or known[2] != arrived:
-                heading = _heading(before, node, arrived)
-                fit = known[4] if known and known[3] == heading else _fitted_node(node, heading, abilities)
-                known = node, before, arrived, heading, fit
-            nodes.append(known)
-            before, arrived = node, known[3]
-        edges = []
-        for edge, (start, end) in zip(vda_order.edges, pairwise(vda_order.nodes), strict=True):
-            between = self._edges.get(id(edge))
-            begin, goal = start.node_position, end.node_position
-            if between is None or between[1] is not begin or between[2] is not goal:
-                between = edge, begin, goal, _fitted_edge(edge, (begin, goal), abilities, self._edge_rules)
-            edges.append(between)
-        self._nodes = {id(each[0]): each for each in nodes}
-        self._edges = {id(each[0]): each for each in edges}
+            self._nodes, self._edges = [], []
+        given, same = vda_order.nodes, 0
+        for node, known in zip(given, self._nodes, strict=False):
+            if node.node_position is not known[0].node_position:
+                break
+            same += 1
+        nodes = [
+            (node, heading, fit if node is known else _fitted_node(node, heading, abilities))
+            for node, (known, heading, fit) in zip(given[:same], self._nodes, strict=False)
+        ]
+        for node in given[same:]:
+            before, arrived = nodes[-1][:2] if nodes else (None, 0.0)
+            heading = _heading(before, node, arrived)
+            nodes.append((node, heading, _fitted_node(node, heading, abilities)))
+        edges = [
+            (edge, fit if edge is known else self._fitted_edge(edge, ends, abilities))
+            for edge, (known, fit), ends in zip(
+                vda_order.edges[: max(same - 1, 0)], self._edges, pairwise(given), strict=False
+            )
+        ]
+        ends_ahead = pairwise(given[len(edges) :])
+        edges += [
+            (edge, self._fitted_edge(edge, ends, abilities))
+            for edge, ends in zip(vda_order.edges[len(edges) :], ends_ahead, strict=True)
+        ]
+        self._nodes, self._edges = nodes, edges
         return VdaOrder(
             order_id=vda_order.order_id,
-            nodes=tuple([each[4] for each in nodes]),
-            edges=tuple([each[3] for each in edges]),
+            nodes=tuple([fit for _, _, fit in nodes]),
+            edges=tuple([fit for _, fit in edges]),
         )
+
+    def _fitted_edge(self, edge: Edge, ends: tuple[Node, Node], abilities: Abilities) -> Edge:
+        start, end = ends
+        return _fitted_edge(edge, (start.node_position, end.node_position), abilities, self._edge_rules)
 
 
 def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, pairwise, zip_longest
+from operator import attrgetter, is_
 from types import MappingProxyType
 from typing import Any, Final, TypeVar
 from uuid import uuid4
@@ -32,6 +34,8 @@ from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePositi
 from nena_shared.vda5050.state import State
 
 G = TypeVar("G", Node, Edge)
+
+_SEQUENCE_ID: Final = attrgetter("sequence_id")
 
 
 class VdaOrder(WireObject):
@@ -70,10 +74,23 @@ class VdaOrder(WireObject):
         return tuple([each for each in self.edges if each.actions])
 
     @cached_property
+    def as_base(self) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
+        """Its nodes and edges, all released; the same objects each time, so that what fits is known."""
+        return self._all_released(released=True)
+
+    @cached_property
     def as_horizon(self) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
         """Its nodes and edges, not released; the same objects each time, so that what fits is known."""
-        nodes = tuple(_released(each, released=False) for each in self.nodes)
-        return nodes, tuple(_released(each, released=False) for each in self.edges)
+        return self._all_released(released=False)
+
+    def _all_released(self, *, released: bool) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
+        nodes = tuple(_released(each, released=released) for each in self.nodes)
+        return nodes, tuple(_released(each, released=released) for each in self.edges)
+
+    @cached_property
+    def base_length(self) -> int:
+        """The number of released nodes."""
+        return sum(node.released for node in self.nodes)
 
     @property
     def last_sequence_id(self) -> int:
@@ -390,10 +407,10 @@ def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
         BaseChangedError: the plan is for another VDA order, or does not continue from the base.
 
     """
-    base = _base_length(held)
+    base = held.base_length
     if plan.order_id != held.order_id:
         raise BaseChangedError(held.order_id, f"the plan is that of {plan.order_id!r}")
-    if _base_length(plan) < base or not _same_base(held, plan, base):
+    if plan.base_length < base or not _same_base(held, plan, base):
         raise BaseChangedError(held.order_id, "the plan has a different base")
     nodes = (*held.nodes[:base], *plan.nodes[base:])
     edges = (*held.edges[: base - 1], *plan.edges[base - 1 :])
@@ -406,23 +423,20 @@ def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
     Raises:
         BaseChangedError: as :func:`grown`.
     """
-    whole, begin = grown(held, plan), _base_length(held) - 1
+    whole, begin = grown(held, plan), held.base_length - 1
     return VdaOrder(order_id=whole.order_id, nodes=whole.nodes[begin:], edges=whole.edges[begin:])
 
 
 def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
     """Return the plan with its base ending at the node ``sequence_id`` (section 6.1.1)."""
-    nodes, edges = plan.as_horizon
+    nodes, edges = plan.as_base
+    nodes_ahead, edges_ahead = plan.as_horizon
+    base = bisect_right(nodes, sequence_id, key=_SEQUENCE_ID)
+    on_base = bisect_left(edges, sequence_id, key=_SEQUENCE_ID)
     return VdaOrder(
         order_id=plan.order_id,
-        nodes=tuple(
-            _released(node, released=True) if node.sequence_id <= sequence_id else ahead
-            for node, ahead in zip(plan.nodes, nodes, strict=True)
-        ),
-        edges=tuple(
-            _released(edge, released=True) if edge.sequence_id < sequence_id else ahead
-            for edge, ahead in zip(plan.edges, edges, strict=True)
-        ),
+        nodes=(*nodes[:base], *nodes_ahead[base:]),
+        edges=(*edges[:on_base], *edges_ahead[on_base:]),
     )
 
 
@@ -432,17 +446,13 @@ def held_by(state: State, plan: VdaOrder) -> VdaOrder:
     return released_to(plan, base[-1] if base else state.last_node_sequence_id)
 
 
-def _base_length(vda_order: VdaOrder) -> int:
-    return sum(1 for node in vda_order.nodes if node.released)
-
-
 def _same_base(held: VdaOrder, plan: VdaOrder, base: int) -> bool:
     """Return whether both have the same base; its optional fields may differ, as after a new factsheet."""
     before: tuple[Node | Edge, ...] = (*held.nodes[:base], *held.edges[: base - 1])
     after: tuple[Node | Edge, ...] = (*plan.nodes[:base], *plan.edges[: base - 1])
-    return len(before) == len(after) and all(
-        one is other or _outline(one) == _outline(other) for one, other in zip(before, after, strict=True)
-    )
+    if len(before) != len(after):
+        return False
+    return all(map(is_, before, after)) or [*map(_outline, before)] == [*map(_outline, after)]
 
 
 def _outline(part: Node | Edge) -> tuple[object, ...]:

@@ -293,11 +293,11 @@ class UseIndex:
                 del self._users[resource]
         return gone
 
-    def others(self, vehicle: str, uses: Uses) -> Iterator[tuple[str, str]]:
+    def others(self, vehicle: str, *sets: Uses) -> Iterator[tuple[str, str]]:
         """Yield the other users of resources that ``vehicle`` cannot share with them, as (user, resource)."""
-        for resource, direction in uses.items():
-            if users := self._users.get(resource):
-                for other, their_direction in users:
+        for uses in sets:
+            for resource, direction in uses.items():
+                for other, their_direction in self._users.get(resource, ()):
                     if other != vehicle and (direction is None or direction != their_direction):
                         yield other, resource
 

@@ -281,8 +281,7 @@ class Scheduler:
             self._remove(self._ends, name, each.uses)
 
     def _others(self, index: UseIndex, name: str, sets: Iterable[ResourceSet]) -> Iterator[tuple[str, str]]:
-        for each in sets:
-            yield from index.others(name, each.uses)
+        return index.others(name, *[each.uses for each in sets])
 
     def _resting_on(self, name: str, way: Iterable[ResourceSet]) -> Refusal | None:
         way = tuple(way)
