@@ -130,6 +130,10 @@ class Dispatching:
             return
         touched, self._read_again = self._read_again, {}
         self._forget_kept()
+        if not self._orders.any_waiting:
+            self._candidates.fresh.clear()  # there is nothing to offer
+            self._state.dispatch_later = False
+            return
         numbers = self._with_new_reasons(touched)
         numbers.update(self._fresh_orders())
         limit = self._part_limit()

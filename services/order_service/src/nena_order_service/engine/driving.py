@@ -514,7 +514,7 @@ class Driving:
         record = self._sent.of_robot(vehicle.key)
         if record and record.evasion:
             return Reason(R.MAKES_ROOM_FIRST)
-        if reason := self._gate.reason or self._stops.why(vehicle, self._state.order_of(vehicle.key)):
+        if reason := self._gate.reason or self._stops.why(vehicle):
             return reason
         if vehicle.name in self._pauses:
             return self._pauses.why(vehicle)
@@ -604,7 +604,7 @@ class Driving:
         name = vehicle.name
         unsent = self._unsent.get(name)
         gate: Gate = CLOSED
-        if not self._stops.why(vehicle, self._state.order_of(vehicle.key)):
+        if not self._stops.why(vehicle):
             gate = self._peripherals.gate(vehicle, unsent or self._sent.of_robot(vehicle.key))
         further = self._allocate(vehicle, more, gate)
         journey = self._traffic.journey(name)

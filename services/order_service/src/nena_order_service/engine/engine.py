@@ -700,7 +700,7 @@ class Engine:
             self.state.vehicle_changed(vehicle.name)
         self._driving.robot_changed(vehicle)
         self.stops.look_at(vehicle)
-        self._life_cycle.robot_changed(vehicle)
+        self._life_cycle.robot_changed(vehicle, view)
 
     def _ask_for_state(self, view: RobotView) -> None:
         """Request, once per connection, the state of an online robot that has not reported it."""

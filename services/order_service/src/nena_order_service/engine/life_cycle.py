@@ -19,6 +19,7 @@ from nena_order_service.fleet import outputs
 from nena_order_service.fleet.failures import FailureKind, OrderFailure, with_details
 from nena_order_service.fleet.instant_actions import retry_or_skip
 from nena_order_service.fleet.position import NotLocatedError
+from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders import deadlines
 from nena_order_service.orders.automatic import automatic_name
@@ -332,25 +333,24 @@ class LifeCycle:
         else:
             self.update_reason(vehicle)
 
-    def update_reason(self, vehicle: FleetVehicle) -> None:
-        """Update the wait reason of a vehicle's order."""
+    def update_reason(self, vehicle: FleetVehicle, view: RobotView | None = None) -> None:
+        """Update the wait reason of a vehicle's order; ``view``: what is known about its robot now."""
         order = self._state.order_of(vehicle.key)
         if order is None:
             return
-        changed = order.with_wait_reason(
-            self._context.view(vehicle).wait_reason or self._driving.note(vehicle)
-        )
+        view = view or self._context.view(vehicle)
+        changed = order.with_wait_reason(view.wait_reason or self._driving.note(vehicle))
         if changed is not order:
             self._orders.put(changed)
             self._state.vehicle_changed(order.vehicle)
 
     # Events of robots
 
-    def robot_changed(self, vehicle: FleetVehicle) -> None:
+    def robot_changed(self, vehicle: FleetVehicle, view: RobotView) -> None:
         """Handle a new state of a robot."""
         if vehicle.name in self._pauses or self._dispatching.has_changed(vehicle):
             self._state.dispatch_due = True
-        self.update_reason(vehicle)
+        self.update_reason(vehicle, view)
 
     def on_order_event(self, event: OrderEvent) -> None:
         """Handle an event of a VDA 5050 order."""

@@ -494,7 +494,7 @@ class PeripheralJobs:
 
     def committed(self, jobs: Iterable[PeripheralJob]) -> None:
         """Make these versions visible to hosts, because they are in the store."""
-        self._visible.update((job.name, job) for job in jobs if job.name in self._jobs)
+        self._visible.update([(job.name, job) for job in jobs if job.name in self._jobs])
 
     def named(self, name: str) -> PeripheralJob | None:
         """Return the current job of this name; None if it is not in memory."""

@@ -228,11 +228,13 @@ class Stops:
             return None
         return VehicleStop(name=stop.name, by=stop.by, reason=stop.reason, area=stop.area is not None)
 
-    def why(self, vehicle: FleetVehicle, order: TransportOrder | None = None) -> str:
+    def why(self, vehicle: FleetVehicle) -> str:
         """Return why a vehicle does not drive for its order because of a stop; empty if it may."""
+        if not self._stops:
+            return ""
         if stop := self.stop_of(vehicle):
             return stop.text
-        if stop := self.bar(vehicle, order):
+        if stop := self.bar(vehicle, self._state.order_of(vehicle.key)):
             return Reason(R.CROSSES_PAUSED_AREA, stop.reason, by=stop.by)
         return ""
 

@@ -90,7 +90,7 @@ class VdaOrder(WireObject):
     @cached_property
     def base_length(self) -> int:
         """The number of released nodes."""
-        return sum(node.released for node in self.nodes)
+        return [node.released for node in self.nodes].count(True)
 
     @property
     def last_sequence_id(self) -> int:

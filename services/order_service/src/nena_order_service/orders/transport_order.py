@@ -93,6 +93,8 @@ A repeated request has all of these again, but usually another ``traceparent``.
 Urgency = tuple[int, float, int]
 """Lower is more urgent; the last element is the order's number."""
 
+NOTHING = frozenset[str]()
+
 RESOURCES_TO_AVOID = "tcs:resourcesToAvoid"
 """Property of an order: comma-separated names of points, paths and locations that its routes must not use."""
 
@@ -200,9 +202,12 @@ class TransportOrder:
     @property
     def resources_to_avoid(self) -> frozenset[str]:
         """Names of points, paths and locations that routes must not use, with those of the drive order."""
+        avoided = self.current.avoided
+        if not self.status.properties and not avoided:
+            return NOTHING
         listed = next((each.value for each in self.status.properties if each.key == RESOURCES_TO_AVOID), "")
         named = frozenset(name for part in listed.split(",") if (name := part.strip()))
-        return named.union(self.current.avoided)
+        return named.union(avoided)
 
     @property
     def urgency(self) -> Urgency:

@@ -230,10 +230,6 @@ class VehicleKinds:
         self._kinds = {self._any_vehicle.profile: self._any_vehicle}
         self._of: dict[str, tuple[Vehicle, VehicleKind]] = {}
 
-    def profile(self, number: int) -> RoutingProfile:
-        """Return the profile of a kind."""
-        return next(profile for profile, kind in self._kinds.items() if kind.number == number)
-
     def of(self, vehicle: Vehicle | None) -> VehicleKind:
         """Return the kind of a vehicle; None: any vehicle."""
         if vehicle is None:

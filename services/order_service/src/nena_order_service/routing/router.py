@@ -16,7 +16,6 @@ from nena_order_service.routing.graph import (
     NoRouteError,
     Route,
     RoutingGraph,
-    RoutingProfile,
     Step,
     VehicleKinds,
     distance,
@@ -50,8 +49,8 @@ class Router:
     def __init__(self, plant: PlantModel, costs: Sequence[CostEvaluator] = (distance,)) -> None:
         self._plant = plant
         self._costs = tuple(costs)
-        # As many as there are kinds of vehicle.
-        self._graphs: dict[RoutingProfile, RoutingGraph] = {}
+        self._graphs: dict[int, RoutingGraph] = {}
+        """By the numbers of the kinds of vehicles."""
         self._locks: dict[str, bool] = {}
         self._maps: OrderedDict[tuple[int, frozenset[str], str], CostMap] = OrderedDict()
         self._kinds = VehicleKinds(plant.vehicle_types)
@@ -67,7 +66,7 @@ class Router:
             graph.lock(changed, self._locks)
         for key, costs in tuple(self._maps.items()):
             kind, avoid, goal = key
-            if avoid or not self._graphs[self._kinds.profile(kind)].keeps(costs, goal, changed):
+            if avoid or not self._graphs[kind].keeps(costs, goal, changed):
                 del self._maps[key]
 
     def route(
@@ -170,10 +169,11 @@ class Router:
         return self._kinds.of(vehicle).profile.vehicle_types
 
     def _graph(self, vehicle: Vehicle | None, avoid: Collection[str] = ()) -> RoutingGraph:
-        profile = self._kinds.of(vehicle).profile
-        if profile not in self._graphs:
-            self._graphs[profile] = RoutingGraph(self._plant, self._costs, profile, self._locks)
-        graph = self._graphs[profile]
+        kind = self._kinds.of(vehicle)
+        graph = self._graphs.get(kind.number)
+        if graph is None:
+            graph = RoutingGraph(self._plant, self._costs, kind.profile, self._locks)
+            self._graphs[kind.number] = graph
         return graph.without(*self._resources(avoid)) if avoid else graph
 
     def _check_points(self, names: Iterable[str]) -> None:
