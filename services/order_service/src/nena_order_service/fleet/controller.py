@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
+from math import inf
 from typing import Final
 
 from nena_order_service.fleet import availability
@@ -81,6 +82,8 @@ class RobotControl:
         self._left_at = -1
         """The number of changes when the last state was handled."""
         self._seen: tuple[tuple[object, ...], RobotView] | None = None
+        self._seen_until = -inf
+        """Time, monotonic seconds, until which the last view only changes with messages."""
 
     def on_broker(self, *, connected: bool, unread: bool) -> None:
         """Note the state of our own link; with ``unread`` nothing is sent before the robot's next state."""
@@ -221,12 +224,13 @@ class RobotControl:
     def view(self, now: float) -> RobotView:
         """Return the known state of the robot; cached until a possible change."""
         robot = self.robot
-        moment = (
-            self._changes,
-            robot.link(now),
-            robot.malformed,
-            self._instant_actions.awaits_factsheet(now),
-        )
+        if self._seen and now <= self._seen_until:
+            (changes, *_), seen = self._seen
+            if changes == self._changes and seen.state is robot.state:
+                return seen
+        link = robot.link(now)
+        moment = (self._changes, link, robot.malformed, self._instant_actions.awaits_factsheet(now))
+        self._seen_until = robot.online_until if link is LinkStatus.ONLINE and robot.abilities else -inf
         if self._seen is None or self._seen[0] != moment:
             self._seen = moment, self._view(now)
         elif self._seen[1].state is not robot.state:  # an unchanged one

@@ -386,6 +386,11 @@ class Robot:
         return LinkStatus.UNREADABLE if speaks else LinkStatus.SILENT
 
     @property
+    def online_until(self) -> float:
+        """Until when the robot counts as online without another message."""
+        return -inf if self._heard_at is None else self._heard_at + self._silent_after
+
+    @property
     def silent_from(self) -> float | None:
         """When the robot becomes silent unless it reports again (section 6.5); None if it is offline."""
         if not self.reachable or self._heard_at is None:
