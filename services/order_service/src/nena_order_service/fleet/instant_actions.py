@@ -288,10 +288,12 @@ class InstantActionManager:
             }
             for run in self._runs.values():
                 run.on_states(reported, now)
-        self._note_leaving(state, now)
-        yield from self._drop_ended()
+        if self._runs or self._going or state.instant_action_states:
+            self._note_leaving(state, now)
+            yield from self._drop_ended()
         self._ask_for_factsheet(now)
-        self._clear_ended(state, now)
+        if state.instant_action_states:
+            self._clear_ended(state, now)
 
     def on_tick(self, now: float) -> Iterator[FleetOutput]:
         """Time out instant actions."""

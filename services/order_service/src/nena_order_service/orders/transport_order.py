@@ -259,15 +259,18 @@ class TransportOrder:
         """Assign the order to a vehicle, with the names of the points of each remaining route."""
         self.require("assigning", S.DISPATCHABLE)
         done, left = self.status.drive_orders[: self.index], self.status.drive_orders[self.index :]
-        planned = [each.model_copy(update={"route": route}) for each, route in zip(left, routes, strict=True)]
-        first = planned[0].model_copy(update={"state": DriveOrderState.TRAVELLING})
+        states = (DriveOrderState.TRAVELLING, *(each.state for each in left[1:]))
+        planned = [
+            each.model_copy(update={"route": route, "state": state})
+            for each, route, state in zip(left, routes, states, strict=True)
+        ]
         return self._moved(
             S.BEING_PROCESSED,
             None,
             self.entry(now, EventCode.ASSIGNED_TO_VEHICLE, vehicle, why),
             processing_vehicle=vehicle,
             current_drive_order_index=self.index,
-            drive_orders=(*done, first, *planned[1:]),
+            drive_orders=(*done, *planned),
             assigned=self.status.assigned or now,
         )
 
@@ -318,10 +321,9 @@ class TransportOrder:
 
     def finished(self, now: datetime) -> Self:
         """Finish the order: every drive order is done, or its operation was skipped by the policy."""
+        ended = (DriveOrderState.FAILED, DriveOrderState.FINISHED)
         drive_orders = tuple(
-            each
-            if each.state is DriveOrderState.FAILED
-            else each.model_copy(update={"state": DriveOrderState.FINISHED})
+            each if each.state in ended else each.model_copy(update={"state": DriveOrderState.FINISHED})
             for each in self.status.drive_orders
         )
         left_out = sum(each.state is DriveOrderState.FAILED for each in drive_orders)

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import chain
+from operator import is_
 
 from nena_order_service.orders.transport_order import RESOURCES_TO_AVOID
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
@@ -63,6 +64,8 @@ def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: C
 def set_operations(request: TransportOrderRequest, plant: PlantModel) -> TransportOrderRequest:
     """Return the request with NOP at locations without an operation, unless MOVE is possible there."""
     destinations = tuple(_set_operation(each, plant) for each in request.destinations)
+    if all(map(is_, destinations, request.destinations)):
+        return request
     return request.model_copy(update={"destinations": destinations})
 
 

@@ -104,7 +104,7 @@ class SentOrder(FrozenModel):
     def released(self, journey: Journey) -> Self:
         """Return the record with what its robot may drive as its base."""
         end = None if journey.all_released else 2 * journey.released
-        return self.model_copy(update={"released_to": end})
+        return self if end == self.released_to else self.model_copy(update={"released_to": end})
 
     def updated(self, **changes: object) -> Self:
         """Return the record with changes that are sent as an update."""
