@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, Final
 
 from pydantic import BaseModel
@@ -13,8 +14,8 @@ from pydantic_core import to_json
 SLICE = 25
 """Number of list items encoded at once: orders, the longest items, take about 0.2 ms each."""
 
-CONTAINERS: Final = (tuple, BaseModel)
-"""Types of values that may be long."""
+SCALARS: Final = frozenset({type(None), bool, int, float, str, datetime})
+"""Types of most fields, which need no search for a long list."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,7 @@ def as_json(body: BaseModel) -> bytes:
 
 async def encode(body: BaseModel, *, exclude_none: bool = False) -> bytes:
     """Return an answer as JSON."""
-    long = {name for name, value in vars(body).items() if isinstance(value, CONTAINERS) and _is_long(value)}
+    long = {name for name, value in vars(body).items() if type(value) not in SCALARS and _is_long(value)}
     short = body.model_dump_json(by_alias=True, exclude_none=exclude_none, exclude=long or None).encode()
     if not long:
         return short
@@ -71,10 +72,10 @@ async def encode(body: BaseModel, *, exclude_none: bool = False) -> bytes:
     return b"{%s}" % b",".join(parts)
 
 
-def _is_long(value: tuple[object, ...] | BaseModel) -> bool:
+def _is_long(value: object) -> bool:
     if isinstance(value, tuple):
         return len(value) > SLICE and all(isinstance(each, BaseModel) for each in value)
-    return any(_is_long(each) for each in vars(value).values() if isinstance(each, CONTAINERS))
+    return isinstance(value, BaseModel) and any(map(_is_long, vars(value).values()))
 
 
 async def _encode_long(value: Any, *, exclude_none: bool) -> bytes:  # noqa: ANN401 - checked by _is_long
