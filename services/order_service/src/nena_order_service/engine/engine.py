@@ -10,10 +10,11 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from time import thread_time
-from typing import Protocol, Self
+from typing import Protocol
 
 from nena_order_service.dispatching.dispatcher import VehicleFit
 from nena_order_service.engine.conditions import Sequences
@@ -146,7 +147,7 @@ class UnitOfWork:
         """Number of committed units that have not published each vehicle, because of later ones."""
         self._published: dict[str, Essentials] = {}
 
-    def begin(self) -> Self:
+    def begin(self) -> AbstractContextManager[None]:
         """Collect the changes made in this context, commit them at its end, and publish them afterwards.
 
         Raises:
