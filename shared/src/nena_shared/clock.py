@@ -43,7 +43,7 @@ def in_utc(value: datetime) -> datetime:
 
 @lru_cache(maxsize=4096)
 def iso(moment: datetime) -> str:
-    """Return a UTC time as ISO 8601 with milliseconds and a four-digit year.
+    """Return a UTC time as ISO 8601 with milliseconds and a four-digit year; a time of another zone is wrong.
 
     The times of an order are written many times: in each of its statuses, and in the store.
     """

@@ -16,7 +16,7 @@ class FrozenModel(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with changed fields, which are not validated."""
+        """Return a copy with changed fields, which are not validated; cached properties are copied, too."""
         if deep or self.__pydantic_extra__ is not None or self.__pydantic_private__ is not None:
             return super().model_copy(update=update, deep=deep)
         copy, changes = object.__new__(type(self)), update or {}

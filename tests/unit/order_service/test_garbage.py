@@ -21,6 +21,7 @@ def freezes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Count the freezes, each as 1."""
     found: list[int] = []
     monkeypatch.setattr(gc, "freeze", lambda: found.append(1))
+    monkeypatch.setattr(gc, "get_freeze_count", lambda: 1)
     monkeypatch.setattr(garbage, "LONG", float("inf"))
     return found
 
@@ -66,4 +67,18 @@ def test_garbage_is_collected_before_the_rest_is_left_out(monkeypatch: pytest.Mo
     gc.unfreeze()
     gc.collect()
     gc.freeze()
+    assert kept() is None
+
+
+def test_an_old_plant_model_is_collected_although_many_robots_have_come() -> None:
+    robots = 0
+    with short_collections(lambda: robots):
+        old = Ring()
+        kept = ref(old)
+        gc.freeze()
+        del old
+        robots = 3 * GROWTH
+        gc.unfreeze()
+        gc.collect()
+        gc.freeze()
     assert kept() is None

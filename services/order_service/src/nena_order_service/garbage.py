@@ -24,9 +24,9 @@ seconds; on a slow machine, about 50,000 objects."""
 def short_collections(robots: Callable[[], int]) -> Iterator[None]:
     """Leave old objects out of full collections, which then only search newer ones.
 
-    Reference counting still frees these objects, but their cycles stay: those of the requests and connections
-    that are open at that moment. Therefore this is only done when it matters: when many robots have come, and
-    after a long collection. ``robots`` returns their number.
+    Reference counting still frees these objects, but their cycles stay until the plant model changes: those
+    of open requests and connections, and garbage since the last collection. Therefore this is only done when
+    it matters: when many robots have come, and after a long collection. ``robots`` returns their number.
     """
     before = last = 0
     began = 0.0
@@ -37,8 +37,8 @@ def short_collections(robots: Callable[[], int]) -> Iterator[None]:
             return
         if phase == "start":
             began = thread_time()
-            if (now := robots()) >= before + GROWTH:
-                gc.freeze()
+            if (now := robots()) >= before + GROWTH and gc.get_freeze_count():
+                gc.freeze()  # not after a change of the plant model, which has just unfrozen the old one
             before, last = last, now
         elif thread_time() - began > LONG:
             gc.freeze()

@@ -11,6 +11,7 @@ from nena_order_service.dispatching.settings import DispatchSettings
 from nena_order_service.engine import dispatching
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.engine import Engine
+from nena_order_service.fleet.outputs import BrokerLinkChanged, RobotChanged
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import graph
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
@@ -203,6 +204,16 @@ async def test_a_fleet_that_changes_as_a_whole_is_read_in_parts_before_it_gets_o
     (orders,) = engine._dispatching.due()
     assert [each.name for each in orders] == ["T"]
     assert (len(engine.state.touched), engine.state.dispatch_later) == (0, False)
+
+
+async def test_a_new_link_to_the_broker_offers_an_order_to_the_whole_fleet_at_once() -> None:
+    engine, fleet = await make(energy={"respected": False})
+    fleet.out_of_order.update(("V1", "V2"))
+    engine.create(request("B"), "T")
+    fleet.out_of_order.clear()
+    engine.on_events(BrokerLinkChanged(), RobotChanged(next(iter(engine.registry)).key))
+    reasons = [text for each in status_of(engine, "T").history for text in each.supplements]
+    assert any("of 2 free vehicles" in each for each in reasons), reasons
 
 
 async def test_an_order_that_comes_while_the_fleet_is_read_overtakes_no_urgent_one(

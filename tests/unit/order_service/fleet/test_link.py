@@ -15,7 +15,7 @@ from nena_order_service.fleet.link import (
     LastNodes,
     RobotAddresses,
 )
-from nena_order_service.fleet.outputs import RobotChanged, VdaOrderFinished
+from nena_order_service.fleet.outputs import BrokerLinkChanged, FleetOutput, RobotChanged, VdaOrderFinished
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.mqtt import Handler, Inbound, MqttLink, Outbound
@@ -429,3 +429,41 @@ async def test_other_tasks_run_between_the_timeouts_of_many_robots(monkeypatch: 
     await end(running)
 
     assert max(map(len, at_once[1:])) == TICKED_AT_ONCE
+
+
+async def test_a_new_term_between_two_parts_holds_for_the_robots_after_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mqtt, codec, clock = Handlers(), codec_for("2.1.0"), ManualClock()
+    mqtt.state.connected = True
+    settings, events = FleetSettings(tick_interval=0.001), list[FleetOutput]()
+    link = FleetLink(
+        mqtt,
+        addresses=RobotAddresses([V2]),
+        settings=settings,
+        clock=clock,
+        on_events=lambda *new: events.extend(new),
+    )
+    for number in range(2 * TICKED_AT_ONCE):
+        robot = HonestRobot(key=RobotKey("ACME", f"r{number}"), last_node_id="A")
+        for topic, message in (
+            (Topic.CONNECTION, robot.connection(ConnectionState.ONLINE)),
+            (Topic.FACTSHEET, factsheet()),
+            (Topic.STATE, robot.state()),
+        ):
+            inbound = Inbound(V2.of(robot.key, topic), codec.encode(message), retained=False)
+            mqtt.by_filter[V2.for_all(topic)](inbound)
+        link.start_vda_order(robot.key, make_vda_order("m", "A", "B"))
+    assert events[0] == BrokerLinkChanged(), "before what follows for single robots"
+    sent: list[str] = []
+
+    def publish(message: Outbound) -> None:
+        sent.append(message.topic)
+        mqtt.state.term = 1  # the link was lost and is back
+
+    monkeypatch.setattr(mqtt, "publish", publish)
+    clock.advance(settings.resend_after + 0.1)
+    await link._look()
+
+    assert len(sent) == TICKED_AT_ONCE, "the others have to report first"
+    assert events.count(BrokerLinkChanged()) == 2

@@ -236,10 +236,7 @@ def _endpoint(parts: Iterable[_Part]) -> Callable[..., Any]:
     async def endpoint() -> None: ...
 
     endpoint.__signature__ = Signature(  # type: ignore[attr-defined]
-        [
-            Parameter(each.name, Parameter.KEYWORD_ONLY, annotation=each.kind, default=each.default)
-            for each in parts
-        ]
+        [each.parameter for each in parts]
     )
     return endpoint
 

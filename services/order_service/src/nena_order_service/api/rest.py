@@ -195,7 +195,7 @@ def _known_query(*names: str) -> Any:  # noqa: ANN401 - FastAPI's own type
     return Depends(check)
 
 
-def as_json(
+def _json_response(
     body: BaseModel, status: HTTPStatus = HTTPStatus.OK, headers: Mapping[str, str] | None = None
 ) -> Response:
     """Return a response with this body as JSON."""
@@ -256,7 +256,7 @@ async def _replaced(change: ChangePlant, body: bytes, asked: OpenRequest | None)
         asked.name = model.name
         asked.after = masked({"name": model.name, "points": found.points, "paths": found.paths})
     await change(model, check_only=asked is None)
-    return as_json(found)
+    return _json_response(found)
 
 
 def _digest(body: bytes) -> str:
@@ -337,7 +337,7 @@ def _probes(service: Service) -> APIRouter:
     async def ready() -> Response:
         """Return whether the broker is connected and the store can be written."""
         now = service.readiness()
-        return as_json(now, HTTPStatus.OK if now.ready else HTTPStatus.SERVICE_UNAVAILABLE)
+        return _json_response(now, HTTPStatus.OK if now.ready else HTTPStatus.SERVICE_UNAVAILABLE)
 
     return router
 

@@ -663,6 +663,9 @@ class Engine:
         match event:
             case outputs.RobotChanged(robot):
                 self._robot_changed(robot)
+            case outputs.BrokerLinkChanged():  # no order is assigned before all vehicles are read again
+                self.state.touched.update(vehicle.name for vehicle in self.registry)
+                self.state.dispatch_due = True
             case outputs.InstantActionEnded():
                 self.state.instant_actions.ended(event)
                 self._life_cycle.on_instant_action(event)

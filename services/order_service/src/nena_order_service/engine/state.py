@@ -59,13 +59,13 @@ class PendingChanges:
     def take(self) -> PendingChanges:
         """Return the changes so far, and reset them."""
         taken = PendingChanges(
-            self.stored,
-            self.orders,
-            self.sequences,
-            self.jobs,
-            self.vehicles,
-            self.peripherals,
-            self.effects,
+            stored=self.stored,
+            orders=self.orders,
+            sequences=self.sequences,
+            jobs=self.jobs,
+            vehicles=self.vehicles,
+            peripherals=self.peripherals,
+            effects=self.effects,
         )
         self.stored, self.vehicles, self.peripherals = Changes(), set(), set()
         self.orders, self.sequences, self.jobs, self.effects = [], [], [], []

@@ -15,7 +15,7 @@ from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.feasibility import Fitter, order_problem
 from nena_order_service.fleet.instant_actions import InstantActionManager
 from nena_order_service.fleet.order_execution import OrderExecution
-from nena_order_service.fleet.outputs import FleetOutput, Outputs, RobotChanged
+from nena_order_service.fleet.outputs import BrokerLinkChanged, FleetOutput, Outputs, RobotChanged
 from nena_order_service.fleet.robot import (
     REPORTS_NOTHING,
     Availability,
@@ -468,16 +468,18 @@ class FleetController:
         control = self._control(robot)
         return self._reported(control, control.on_malformed(problem, now))
 
-    def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> None:
-        """Note a change of our own link to the broker, which is down initially; :meth:`tick` handles it.
+    def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
+        """Note a change of our own link to the broker, which is down initially.
 
-        With ``unread`` nothing is sent to a robot before its next state.
+        The views of all robots show it at once. What follows for a robot is done by :meth:`tick`, or with the
+        robot's next message. With ``unread`` nothing is sent to a robot before its next state.
         """
         self._broker = connected
         self._broker_since = now
         for each in self._robots.values():
             each.on_broker(connected=connected, unread=unread)
         self._busy = dict(self._robots)
+        return (BrokerLinkChanged(),)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
         """Send a VDA order as soon as the robot can be sent one; until then the view has the wait reason.
@@ -529,15 +531,16 @@ class FleetController:
         control = self._control(robot)
         return self._reported(control, control.instruct(action, now))
 
-    def tick(self, now: float) -> Iterator[Outputs]:
+    def tick(self, now: Callable[[], float]) -> Iterator[Outputs]:
         """Resend messages, and handle timeouts and silent robots, one at a time.
 
-        Call this several times per second. Other calls may be made between two robots.
+        Call this several times per second. Other calls may be made between two robots, so ``now`` returns the
+        current time.
         """
-        for each in self._due(now):
-            yield self._reported(each, each.tick(now))
+        for each in self._due(now()):
+            yield self._reported(each, each.tick(now()))
         if self._instant_actions.busy:
-            yield self._answers(now)
+            yield self._answers(now())
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
         """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""

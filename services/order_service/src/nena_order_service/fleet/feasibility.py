@@ -14,7 +14,7 @@ from typing import Any, Final, TypeVar
 from pydantic import BaseModel, JsonValue, ValidationError
 from pydantic_core import from_json
 
-from nena_order_service.fleet.robot import DEVIATION_THETA, THETA, XY, Abilities
+from nena_order_service.fleet.robot import DEVIATION_THETA_FIELD, DEVIATION_XY_FIELD, THETA_FIELD, Abilities
 from nena_order_service.fleet.vda_order import GOAL_PREFIX, STATION_PARAMETERS, VdaOrder
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.action import (
@@ -183,16 +183,16 @@ def _fitted_position(
     """Remove or fill fields of a position; a required heading is filled with an unlimited deviation."""
     demanded = abilities.required_fields
     changes: dict[str, Any] = {}
-    if not abilities.takes_field(XY):
+    if not abilities.takes_field(DEVIATION_XY_FIELD):
         changes["allowed_deviation_xy"] = None
-    if not abilities.takes_field(THETA) and not node.node_id.startswith(GOAL_PREFIX):
+    if not abilities.takes_field(THETA_FIELD) and not node.node_id.startswith(GOAL_PREFIX):
         changes["theta"] = None
     free = changes.get("theta", position.theta) is None
-    if free and THETA in demanded and abilities.takes_field(DEVIATION_THETA):
+    if free and THETA_FIELD in demanded and abilities.takes_field(DEVIATION_THETA_FIELD):
         changes |= {"theta": heading, "allowed_deviation_theta": pi}
-    elif free and DEVIATION_THETA in demanded:
+    elif free and DEVIATION_THETA_FIELD in demanded:
         changes["allowed_deviation_theta"] = pi
-    if not abilities.takes_field(DEVIATION_THETA):
+    if not abilities.takes_field(DEVIATION_THETA_FIELD):
         changes["allowed_deviation_theta"] = None
     return _changed(position, changes)
 
@@ -459,7 +459,7 @@ def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
     for path in required:
         if not _filled(document, path.split(".")):
             yield Reason(R.MISSING_FIELD, field=path)
-    if not abilities.takes_field(THETA) and any(map(_must_be_headed, vda_order.nodes)):
+    if not abilities.takes_field(THETA_FIELD) and any(map(_must_be_headed, vda_order.nodes)):
         yield Reason(R.NO_HEADINGS)
 
 

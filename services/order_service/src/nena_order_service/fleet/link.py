@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
-from itertools import chain, islice
 from math import pi, remainder, tau
 from typing import Any, Final, Protocol, TypeVar
 
@@ -473,10 +472,17 @@ class FleetLink:
         await self._mqtt.read_waiting(READ_WITHIN)
         self._notice_broker()
         self._rate.read_postponed(self._now())
-        ticks = self._controller.tick(self._now())
-        while part := tuple(islice(ticks, TICKED_AT_ONCE)):
-            self._hand_out(chain.from_iterable(part))
-            await asyncio.sleep(0)
+        outputs: list[FleetOutput] = []
+        try:
+            for number, found in enumerate(self._controller.tick(self._now), 1):
+                outputs += found
+                if number % TICKED_AT_ONCE == 0:
+                    self._hand_out(outputs)
+                    outputs = []
+                    await asyncio.sleep(0)
+                    self._notice_broker()
+        finally:  # what one robot's failure leaves of the others is not lost
+            self._hand_out(outputs)
 
     def _notice_broker(self) -> None:
         """Report changes of our own link to the core, periodically and with each received message.
@@ -491,7 +497,7 @@ class FleetLink:
         self._connected = link.connected
         if link.connected:
             self._term = link.term
-        self._controller.on_broker(connected=link.connected, now=self._now(), unread=unread)
+        self._hand_out(self._controller.on_broker(connected=link.connected, now=self._now(), unread=unread))
 
     def _check_command(self, inbound: Inbound) -> None:
         """Log an error if another program commands robots; the broker returns our own commands as well."""

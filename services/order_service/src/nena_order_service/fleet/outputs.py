@@ -108,6 +108,11 @@ class RobotChanged:
 
 
 @dataclass(frozen=True, slots=True)
+class BrokerLinkChanged:
+    """Our own link to the broker is lost or back, which changes the views of all robots."""
+
+
+@dataclass(frozen=True, slots=True)
 class VdaOrderAccepted:
     """The robot has accepted the VDA order: its state echoes it (section 6.1.2)."""
 
@@ -203,6 +208,7 @@ class InstantActionEnded:
 FleetOutput = (
     Publish
     | RobotChanged
+    | BrokerLinkChanged
     | VdaOrderAccepted
     | NodePassed
     | BaseWanted

@@ -179,10 +179,10 @@ LISTS: Final = frozenset({"nodes", "edges"})
 """First parts of paths of an order's fields that leave out the prefix ``order.``."""
 
 
-XY: Final = "nodes.nodePosition.allowedDeviationXY"
-THETA: Final = "nodes.nodePosition.theta"
-DEVIATION_THETA: Final = "nodes.nodePosition.allowedDeviationTheta"
-POSITION_FIELDS: Final = (XY, THETA, DEVIATION_THETA)
+DEVIATION_XY_FIELD: Final = "nodes.nodePosition.allowedDeviationXY"
+THETA_FIELD: Final = "nodes.nodePosition.theta"
+DEVIATION_THETA_FIELD: Final = "nodes.nodePosition.allowedDeviationTheta"
+POSITION_FIELDS: Final = (DEVIATION_XY_FIELD, THETA_FIELD, DEVIATION_THETA_FIELD)
 """The optional fields of a node's position."""
 
 

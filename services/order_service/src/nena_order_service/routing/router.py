@@ -253,7 +253,7 @@ def access_points(destination: Destination, plant: PlantModel) -> tuple[str, ...
     return plant.access_points(name, destination.operation) if name in plant.locations_by_name else (name,)
 
 
-UNROUTABLE_KEPT = 10_000
+UNROUTABLE_KEPT = 1000
 """Maximum number of destinations of orders known to be routable or not; hosts mostly repeat a few."""
 
 
@@ -281,7 +281,7 @@ class RouteFinder:
         self._without_host_locks = without_host_locks or router
         self._locks: Mapping[str, bool] = {}
         self._unroutable: dict[tuple[object, frozenset[str]], Reason | None] = {}
-        """By destinations and resources to avoid: why no vehicle could reach them."""
+        """By destinations and resources to avoid: why no vehicle could reach them; None: one could."""
         self.planning = Histogram(SHORT)
         """Duration of :meth:`find`."""
 
@@ -378,8 +378,9 @@ class RouteFinder:
 
         As in openTCS, each access point of the first destination is tried as a start.
         """
-        places = tuple([(each.location_name, each.coordinate, each.operation) for each in destinations])
-        key = places, frozenset(avoid)
+        if any(each.coordinate for each in destinations):  # hosts seldom repeat one
+            return self._why_unroutable(destinations, avoid)
+        key = tuple([(each.location_name, each.operation) for each in destinations]), frozenset(avoid)
         if key not in self._unroutable:
             if len(self._unroutable) >= UNROUTABLE_KEPT:
                 self._unroutable.clear()
