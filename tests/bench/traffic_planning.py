@@ -24,7 +24,8 @@ from typing import Any
 from bench.traffic import Extent, case_of
 from bench.traffic_halls import HALLS, Hall, grid_point, large_hall
 from nena_order_service.__main__ import GC_THRESHOLDS
-from nena_order_service.engine.engine import Timings, UnitOfWork
+from nena_order_service.engine.engine import Timings
+from nena_order_service.engine.unit_of_work import UnitOfWork
 from nena_shared import log
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.settings import LogSettings

@@ -199,6 +199,13 @@ class Client:
     resumes, each would take over the client ID of the previous one, and all last wills would be published.
     """
 
+    _rest_due = False
+    """Whether data is written at the end of this iteration of the event loop."""
+    _wrote = False
+    """Whether data was written in this iteration of the event loop already."""
+    _reading = False
+    """Whether outgoing messages wait for the end of a read."""
+
     def __init__(
         self,
         settings: MqttSettings,
@@ -238,12 +245,6 @@ class Client:
         self._keeping_alive: asyncio.Task[None] | None = None
         self._reads_on = False
         """Whether the next iteration of the event loop continues reading, even if nothing new arrives."""
-        self._rest_due = False
-        """Whether data is written at the end of this iteration of the event loop."""
-        self._wrote = False
-        """Whether data was written in this iteration of the event loop already."""
-        self._reading = False
-        """Whether outgoing messages wait for the end of a read."""
         self._awaits_socket = False
         self._arriving = False
         """Whether data has arrived since the last keep-alive check."""

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.engine.engine import UnitOfWork
+from nena_order_service.engine.unit_of_work import UnitOfWork
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.engine import state as state_module
-from nena_order_service.engine.engine import UnitOfWork
 from nena_order_service.engine.state import FleetState
+from nena_order_service.engine.unit_of_work import UnitOfWork
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import pytest
 from structlog.testing import capture_logs
 
-from nena_order_service.engine.engine import UNPUBLISHED_AT_MOST, UnitOfWork
 from nena_order_service.engine.state import FleetState
 from nena_order_service.engine.status import Essentials
+from nena_order_service.engine.unit_of_work import UNPUBLISHED_AT_MOST, UnitOfWork
 from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from support.order_service import dispatchable_order

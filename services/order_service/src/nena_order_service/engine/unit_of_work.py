@@ -1,0 +1,233 @@
+"""Units of work: changes that are committed together; then their effects run, and they are published."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
+from functools import partial
+from typing import Protocol
+
+from nena_order_service.engine.state import Effect, FleetState, PendingChanges
+from nena_order_service.engine.status import Essentials
+from nena_order_service.errors import StoreNotReadyError
+from nena_order_service.fleet import outputs
+from nena_order_service.store.database import Changes
+from nena_order_service.store.store import Store
+from nena_shared.fleet_api.peripherals import PeripheralJobStatus
+from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+UNPUBLISHED_AT_MOST = 20
+"""Units of work after which a vehicle is published even if later ones that change it are pending."""
+
+
+class Listener(Protocol):
+    """Receives each change, once it is committed."""
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Handle the new version of an order."""
+        ...
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        """Handle the new version of an order sequence."""
+        ...
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Handle the new status of a vehicle."""
+        ...
+
+
+class PeripheralListener(Protocol):
+    """Receives each change of peripheral jobs and devices, once it is committed."""
+
+    def job_changed(self, status: PeripheralJobStatus) -> None:
+        """Handle the new version of a job."""
+        ...
+
+    def peripheral_changed(self, location: str) -> None:
+        """Handle a change of a device or its jobs."""
+        ...
+
+
+class UnitOfWork:
+    """Commits changes together, then runs their effects and publishes them; units are never nested.
+
+    Only the current status of a vehicle is published: if several uncommitted units change it, the last one
+    publishes it, or every :data:`UNPUBLISHED_AT_MOST`-th one.
+    """
+
+    def __init__(
+        self,
+        state: FleetState,
+        store: Store,
+        vehicle_status: Callable[[str], VehicleStatus | None],
+        on_event: Callable[[outputs.FleetOutput], None],
+        *,
+        timeout: float,
+    ) -> None:
+        """``on_event`` receives the events that effects return; ``timeout`` is for commits, seconds."""
+        self.listeners: list[Listener] = []
+        self.peripheral_listeners: list[PeripheralListener] = []
+        self.closed = ""
+        """Why no more changes are accepted; empty while they are."""
+        self.record: Callable[[Changes], None] = lambda _: None
+        """Adds to changes who requested them; called before they are committed."""
+        self._state = state
+        self._store = store
+        self._vehicle_status = vehicle_status
+        self._on_event = on_event
+        self._timeout = timeout
+        self._unpublished: Counter[str] = Counter()
+        """Number of uncommitted units that change each vehicle."""
+        self._passed_over: Counter[str] = Counter()
+        """Number of committed units that have not published each vehicle, because of later ones."""
+        self._published: dict[str, Essentials] = {}
+
+    def begin(self) -> AbstractContextManager[None]:
+        """Collect the changes made in this context, commit them at its end, and publish them afterwards.
+
+        Raises:
+            StoreNotReadyError: this engine accepts no more changes.
+
+        """
+        if self.closed:
+            raise StoreNotReadyError(self.closed)
+        return self
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, *_: object) -> None:
+        changes = self._state.pending.take()
+        if changes:
+            self.record(changes.stored)
+            for name in changes.vehicles:
+                self._unpublished[name] += 1
+            self._store.commit(changes.stored, partial(self._committed, changes))
+
+    def committed(self) -> asyncio.Future[None]:
+        """Return a future that is done when all changes so far are committed."""
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        with self.begin():
+            self._state.after_commit(lambda: None if future.done() else future.set_result(None))
+        return future
+
+    def require_store(self) -> None:
+        """Raise StoreNotReadyError if no change can be committed."""
+        if not self._store.ready:
+            raise StoreNotReadyError(self._store.why_not_ready)
+        if self.closed:
+            raise StoreNotReadyError(self.closed)
+
+    async def wait_committed(self) -> None:
+        """Wait until all changes so far are committed; raises StoreNotReadyError."""
+        await self._answered(self.committed())
+
+    async def commit(self, changes: Changes, then: Callable[[], None]) -> None:
+        """Commit changes of documents outside the state, then call ``then``.
+
+        Raises:
+            StoreNotReadyError: the changes may be lost.
+
+        """
+        self.require_store()
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        def committed() -> None:
+            if not future.done():
+                future.set_result(None)
+            then()
+
+        self.record(changes)
+        self._store.commit(changes, committed)
+        await self._answered(future)
+
+    async def _answered(self, answer: asyncio.Future[None]) -> None:
+        self._store.fail_on_loss(answer)
+        try:
+            async with asyncio.timeout(self._timeout):
+                await answer
+        except TimeoutError:
+            raise StoreNotReadyError(self._store.why_not_answered) from None
+
+    def is_published(self, name: str, now: Essentials) -> bool:
+        """Return whether this status of a vehicle is published, or is about to be."""
+        return name in self._unpublished or self._published.get(name) == now
+
+    @property
+    def published(self) -> Iterable[Essentials]:
+        """The last published status of each vehicle."""
+        return self._published.values()
+
+    def _committed(self, changes: PendingChanges) -> None:
+        self._state.orders.committed(changes.orders)
+        self._state.sequences.committed(changes.sequences)
+        self._state.peripheral_jobs.committed(changes.jobs)
+        for effect in changes.effects:
+            self._run(effect)
+        due = self._no_longer_unpublished(changes.vehicles)
+        statuses = [status for name in sorted(due) if (status := self._vehicle_status(name))]
+        self._published.update({status.name: Essentials.of(status) for status in statuses})
+        for listener in self.listeners:
+            for sequence in changes.sequences:
+                listener.sequence_changed(sequence.status)
+            for order in changes.orders:
+                listener.order_changed(order.status)
+            for status in statuses:
+                listener.vehicle_changed(status)
+
+        for each in self.peripheral_listeners:
+            for job in changes.jobs:
+                each.job_changed(job.status)
+            for location in sorted(changes.peripherals):
+                each.peripheral_changed(location)
+
+    def _run(self, effect: Effect) -> None:
+        try:
+            if event := effect():
+                self._on_event(event)
+        except Exception:
+            log.exception("effect of a committed change failed")
+
+    def _no_longer_unpublished(self, vehicles: Iterable[str]) -> list[str]:
+        """Return the vehicles of a committed unit that are to be published now, not by a later unit."""
+        due = []
+        for name in vehicles:
+            self._unpublished[name] -= 1
+            self._passed_over[name] += 1
+            if self._unpublished[name] and self._passed_over[name] < UNPUBLISHED_AT_MOST:
+                continue
+            due.append(name)
+            del self._passed_over[name]
+            if not self._unpublished[name]:
+                del self._unpublished[name]
+        return due
+
+
+class UnitWithSteps:
+    """A unit of work that ends with all steps that follow from its changes; no generator, it is frequent."""
+
+    __slots__ = ("_leave_rest", "_settle", "_unit", "_units")
+
+    def __init__(self, units: UnitOfWork, settle: Callable[[], None], leave_rest: Callable[[], None]) -> None:
+        self._units = units
+        self._settle = settle
+        self._leave_rest = leave_rest
+
+    def __enter__(self) -> None:
+        self._unit = self._units.begin()
+        self._unit.__enter__()
+
+    def __exit__(self, failed: type[BaseException] | None, *_: object) -> None:
+        try:
+            if failed is None:
+                self._settle()
+        finally:
+            self._unit.__exit__(None, None, None)
+        if failed is None:
+            self._leave_rest()
