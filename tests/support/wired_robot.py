@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
 
 from nena_order_service.fleet.link import FleetLink, RobotAddresses
-from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
+from nena_order_service.fleet.outputs import BrokerLinkChanged, FleetOutput, RobotChanged
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
@@ -140,8 +140,9 @@ class WiredFleet:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     def story(self) -> list[str]:
-        """Name the news but RobotChanged."""
-        return [type(each).__name__ for each in self.news if not isinstance(each, RobotChanged)]
+        """Name the news of orders and actions."""
+        others = (RobotChanged, BrokerLinkChanged)
+        return [type(each).__name__ for each in self.news if not isinstance(each, others)]
 
     async def wait_for(self, name: str) -> FleetOutput:
         """Return the first news of this kind."""
