@@ -1,12 +1,10 @@
-"""The form of the code that no linter checks: functions, modules, constructors, class names, sleeps."""
+"""The form of the code that no linter checks: class names, sleeps, cancelled tasks."""
 
 from __future__ import annotations
 
 import ast
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cache
 from itertools import chain
 from pathlib import Path
 
@@ -14,12 +12,6 @@ import pytest
 
 from support.reference import PROJECT
 
-LONGEST_FUNCTION = 50
-"""Lines, from ``def`` to the end."""
-LONGEST_MODULE = 700
-"""Lines; of a module of tests, which may show many cases of one thing, nothing is said."""
-MOST_PARAMETERS = 6
-"""Of a constructor that is written by hand, without ``self``."""
 MAY_SLEEP = PROJECT / "tests/support/pausing.py"
 LAST = 1_000_000
 """A line behind all others."""
@@ -41,47 +33,9 @@ def nodes(module: Path, holding: str) -> Iterator[ast.AST]:
     return ast.walk(ast.parse(text, module)) if holding in text else iter(())
 
 
-@dataclass(frozen=True, slots=True)
-class Definition:
-    """A class or function: its first line, its number of lines, and its parameters."""
-
-    name: str
-    line: int
-    lines: int
-    is_class: bool
-    parameters: int = 0
-
-
-@cache
-def definitions(module: Path) -> tuple[Definition, ...]:
-    """Return all definitions of a module; cached, because several tests look at every module."""
-    return tuple(_defined_in(ast.parse(module.read_text(encoding="utf-8"), module)))
-
-
-def _defined_in(tree: ast.Module) -> Iterator[Definition]:
-    """Visit statements only, which are a small part of all nodes."""
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
-        for field in ("body", "orelse", "finalbody", "handlers", "cases"):
-            waiting += getattr(node, field, ())
-        if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            lines = (node.end_lineno or node.lineno) - node.lineno + 1
-            given = None if isinstance(node, ast.ClassDef) else node.args
-            parameters = len([*given.posonlyargs, *given.args, *given.kwonlyargs]) if given else 0
-            yield Definition(node.name, node.lineno, lines, given is None, parameters)
-
-
-def too_long(module: Path) -> Iterator[str]:
-    for each in definitions(module):
-        if not each.is_class and each.lines > LONGEST_FUNCTION:
-            yield f"{module}:{each.line} {each.name} has {each.lines} lines"
-
-
-def wide_constructors(module: Path) -> Iterator[str]:
-    for each in definitions(module):
-        if each.name == "__init__" and each.parameters - 1 > MOST_PARAMETERS:
-            yield f"{module}:{each.line} takes {each.parameters - 1}"
+def class_names(module: Path) -> tuple[str, ...]:
+    """Return the names of the classes of a module."""
+    return tuple(node.name for node in nodes(module, "class ") if isinstance(node, ast.ClassDef))
 
 
 def classes() -> dict[str, list[str]]:
@@ -89,9 +43,8 @@ def classes() -> dict[str, list[str]]:
     found: dict[str, list[str]] = defaultdict(list)
     for folder in SOURCES:
         for module in modules(folder):
-            for each in definitions(module):
-                if each.is_class:
-                    found[f"{folder.parent.name}: {each.name}"].append(module.name)
+            for name in class_names(module):
+                found[f"{folder.parent.name}: {name}"].append(module.name)
     return found
 
 
@@ -130,23 +83,6 @@ def test_there_is_something_to_look_at() -> None:
     assert list(waits_for_whom_it_cancels(MAY_CANCEL_AND_WAIT))
 
 
-def test_functions_are_short() -> None:
-    assert [each for module in modules(*SOURCES, TESTS) for each in too_long(module)] == []
-
-
-def test_modules_are_short() -> None:
-    lines = {
-        module: len(module.read_text(encoding="utf-8").splitlines())
-        for module in modules(*SOURCES, TESTS)
-        if not module.name.startswith("test_")
-    }
-    assert {module: count for module, count in lines.items() if count >= LONGEST_MODULE} == {}
-
-
-def test_constructors_take_few_parameters() -> None:
-    assert [each for module in modules(*SOURCES) for each in wide_constructors(module)] == []
-
-
 def test_a_class_name_stands_once_in_a_distribution() -> None:
     assert {name: places for name, places in classes().items() if len(places) > 1} == {}
 
@@ -181,10 +117,3 @@ def test_who_cancels_only_once_and_waits_is_found(tmp_path: Path, body: tuple[st
     module = tmp_path / "module.py"
     module.write_text("async def f(self):\n" + "".join(f"    {line}\n" for line in body))
     assert len(list(waits_for_whom_it_cancels(module))) == found
-
-
-@pytest.mark.parametrize(("lines", "found"), [(LONGEST_FUNCTION, 0), (LONGEST_FUNCTION + 1, 1)])
-def test_a_function_of_one_line_too_many_is_found(tmp_path: Path, lines: int, found: int) -> None:
-    module = tmp_path / "module.py"
-    module.write_text("class A:\n    async def f(self):\n" + "        pass\n" * (lines - 1))
-    assert len(list(too_long(module))) == found
