@@ -32,7 +32,7 @@ endef
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker browser monitoring alerts-test sbom fuzz faults conformance reference
+.PHONY: help setup action-types wheels lock format lint test test-unit test-all soak soak-cores soak-site soak-pauses soak-nemesis oidc-test docs compose-test colcon-test nav2-test smoke demo bench conversations hooks clean broker brokers browser monitoring alerts-test sbom fuzz faults conformance reference
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -90,10 +90,10 @@ lint: $(STAMP) ## check style, types, import rules and known vulnerabilities
 test-unit: $(STAMP) ## unit tests only: no broker, ROS, browser or simulated plants; about three minutes
 	$(BIN)/pytest tests/unit $(SHARED_OUT) -m "not broker and not postgres and not ros and not e2e and not simulation"
 
-test: $(STAMP) action-types broker browser monitoring ## all tests but the long ones; TESTS=path runs a part of them
+test: $(STAMP) action-types broker brokers browser monitoring ## all tests but the long ones; TESTS=path runs a part of them
 	$(BIN)/pytest $(SHARED_OUT) $(TESTS)
 
-test-all: $(STAMP) action-types broker browser monitoring ## all tests, with long and quarantined ones and branch coverage, then soak-cores, fuzz and faults: several hours
+test-all: $(STAMP) action-types broker brokers browser monitoring ## all tests, with long and quarantined ones and branch coverage, then soak-cores, fuzz and faults: several hours
 	$(BIN)/pytest $(SHARED_OUT) $(COVERED) --long
 	$(MAKE) soak-cores fuzz faults
 
@@ -194,7 +194,10 @@ conversations: $(STAMP) broker ## record the conversations in tests/fixtures aga
 broker:
 	@PATH=$$PATH:/usr/sbin; { command -v mosquitto && command -v mosquitto_pub; } >/dev/null || $(call install,mosquitto mosquitto-clients)
 
-# Debian starts both as services where it can. The tests do not use these, but start their own.
+# Debian starts these as services where it can. The tests do not use these, but start their own.
+brokers:
+	@PATH=$$PATH:/usr/sbin; { command -v rabbitmq-server && command -v nats-server; } >/dev/null || $(call install,rabbitmq-server nats-server)
+
 monitoring:
 	@{ command -v promtool && command -v prometheus-alertmanager; } >/dev/null || $(call install,prometheus prometheus-alertmanager)
 

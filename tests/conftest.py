@@ -12,7 +12,8 @@ import pytest
 import structlog
 from hypothesis import HealthCheck, settings
 
-from support.broker import Broker
+from support.broker import Broker, BrokerAddress
+from support.brokers import Nats, RabbitMq
 from support.postgres import Postgres
 from support.published import Publications, watched
 
@@ -39,6 +40,9 @@ pytest_plugins = ["support.selection"]
 MARKED_BY = {
     "broker": "broker",
     "own_broker": "broker",
+    "nats": "broker",
+    "rabbitmq": "broker",
+    "each_broker": "broker",
     "postgres": "postgres",
     "own_postgres": "postgres",
     "postgres_server": "postgres",
@@ -107,6 +111,27 @@ def own_broker() -> Iterator[Broker]:
     broker = Broker()
     yield broker
     broker.close()
+
+
+@pytest.fixture(scope="session")
+def nats() -> Iterator[Nats]:
+    """Yield a NATS server shared by many tests, as ``broker``."""
+    with Nats() as server:
+        yield server
+
+
+@pytest.fixture(scope="session")
+def rabbitmq() -> Iterator[RabbitMq]:
+    """Yield a RabbitMQ shared by many tests, as ``broker``; it needs 10 to 30 s to start."""
+    with RabbitMq() as server:
+        yield server
+
+
+@pytest.fixture(params=["broker", "nats", "rabbitmq"], ids=["mosquitto", "nats", "rabbitmq"])
+def each_broker(request: pytest.FixtureRequest) -> BrokerAddress:
+    """Return a shared broker, one after the other: use separate topics, see ``interface_name``."""
+    address: BrokerAddress = request.getfixturevalue(request.param)
+    return address
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from support.broker import Broker, MqttPeer
+from support.broker import Broker, BrokerAddress, MqttPeer
+from support.brokers import Nats
 
 pytestmark = pytest.mark.broker
 
@@ -33,3 +34,18 @@ async def test_frozen_broker_answers_again_when_thawed(own_broker: Broker) -> No
         own_broker.thaw()
         peer.publish("after", "z")
         assert (await peer.wait_for("after")).payload == b"z"
+
+
+async def test_each_broker_delivers(each_broker: BrokerAddress, interface_name: str) -> None:
+    with MqttPeer(each_broker, f"{interface_name}/#") as peer:
+        peer.publish(f"{interface_name}/a", "x")
+        assert (await peer.wait_for(f"{interface_name}/a")).payload == b"x"
+
+
+async def test_nats_keeps_retained_messages_over_a_restart() -> None:
+    with Nats() as own_nats:
+        with MqttPeer(own_nats) as peer:
+            peer.publish("kept", "x", retain=True)
+        own_nats.restart()
+        with MqttPeer(own_nats, "kept") as peer:
+            assert (await peer.wait_for("kept")).retained
