@@ -27,13 +27,17 @@ class Bench:
         time_factor: float = 1.0,
         replan_period: float = 0.0,
         recovery_time: float = 0.0,
+        server_timeout: float = 0.02,
         **settings: Any,
     ) -> None:
         self.now = 100.0
         self.robot = Robot(
             RobotSettings(**settings),
             SimulatorSettings(
-                time_factor=time_factor, replan_period=replan_period, recovery_time=recovery_time
+                time_factor=time_factor,
+                replan_period=replan_period,
+                recovery_time=recovery_time,
+                server_timeout=server_timeout,
             ),
             hall=HALL,
             now=self.now,

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nena_robot_simulator.motion import OCCUPIED, GridMap, Limits, Motion, Pose, hall, step
+from nena_robot_simulator.motion import OCCUPIED, GridMap, Limits, Motion, Pose, command_to, hall, obey
 from nena_shared.ros import wrap, yaw_of
 
 metres = st.floats(-1000, 1000)
@@ -97,6 +98,11 @@ DT = 0.02
 motions = st.builds(Pose, st.floats(-20, 20), st.floats(-20, 20), st.floats(-3.1, 3.1))
 
 
+def step(motion: Motion, target: Pose | None, limits: Limits, dt: float, *, behind: float = 0.0) -> Motion:
+    command = (0.0, 0.0) if target is None else command_to(motion.pose, target, limits, behind=behind)
+    return obey(motion, command, limits, dt)
+
+
 def drive(motion: Motion, target: Pose | None, seconds: float) -> list[Motion]:
     track = [motion]
     for _ in range(round(seconds / DT)):
@@ -132,6 +138,17 @@ def test_without_a_target_the_robot_brakes_over_its_braking_distance() -> None:
     assert not track[40].standing
     assert track[-1].standing
     assert track[-1].pose.x == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_heavy_base_brakes_longer_than_it_accelerates() -> None:
+    heavy = replace(LIMITS, deceleration=0.25)
+    motion = Motion(Pose(0, 0, 0))
+    for _ in range(round(1.0 / DT)):
+        motion = obey(motion, (1.0, 0.0), heavy, DT)
+    assert motion.speed == pytest.approx(1.0)
+    for _ in range(round(2.0 / DT)):
+        motion = obey(motion, (0.0, 0.0), heavy, DT)
+    assert motion.speed == pytest.approx(0.5)
 
 
 def test_a_goal_behind_is_turned_to_before_driving() -> None:

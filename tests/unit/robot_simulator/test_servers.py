@@ -81,6 +81,57 @@ def test_without_a_controller_the_base_stops_after_its_own_timeout(
     assert bench.until_ended(seconds=BOND_TIMEOUT) == 6, "the lifecycle manager has deactivated Nav2"
 
 
+@pytest.mark.parametrize("server", [Server.CONTROLLER, Server.PLANNER])
+@pytest.mark.parametrize("fault", [faults.ServerDied, faults.ServerHung])
+def test_a_server_without_an_answer_at_the_replanning_ends_the_drive_without_a_code(
+    server: Server, fault: type[faults.ServerDied | faults.ServerHung]
+) -> None:
+    bench = driving(replan_period=1.0, recovery_time=18.0, server_timeout=0.2)
+    bench.apply(fault(server=server))
+    assert 0.2 <= bench.run(5.0, lambda: ended(bench)[0] == 6) <= 1.25, "no recoveries"
+    assert ended(bench) == (6, 0)
+
+
+@pytest.mark.parametrize("fault", [faults.ServerDied, faults.ServerHung])
+def test_a_base_without_a_command_timeout_drives_on_after_its_goal_has_failed(
+    fault: type[faults.ServerDied | faults.ServerHung],
+) -> None:
+    bench = driving(drive={"command_timeout": 0.0})
+    bench.apply(fault(server=Server.CONTROLLER))
+    assert bench.until_ended() == 6
+    x = bench.robot.pose.x
+    bench.run(10.0)
+    assert bench.robot.pose.x == pytest.approx(x + 10.0, abs=0.1)
+
+
+def test_a_restarted_controller_does_not_stop_a_base_that_drives_on_before_its_next_goal() -> None:
+    bench = driving(drive={"command_timeout": 0.0})
+    die_and_come_back(bench, Server.CONTROLLER)
+    bench.run(BRING_UP)
+    assert bench.robot.servers.works(Server.CONTROLLER)
+    assert bench.robot.velocity[0] == pytest.approx(1.0)
+    bench.take(B, bench.robot.pose.x + 2.0, 0.0)
+    assert bench.until_ended(B) == 4
+    assert bench.run(5.0, stands(bench)) < 1.5
+
+
+@pytest.mark.parametrize("command", [Command.PAUSE, Command.RESET, Command.SHUTDOWN])
+def test_a_controller_that_is_deactivated_stops_a_base_without_a_command_timeout(command: Command) -> None:
+    bench = driving(drive={"command_timeout": 0.0})
+    bench.robot.manage(Server.MANAGER, command, bench.now)
+    assert bench.run(5.0, stands(bench)) < 1.3
+
+
+def test_a_goal_is_reached_at_full_speed_and_a_heavy_robot_rolls_past_it() -> None:
+    bench = Bench(drive={"acceleration": 2.5, "deceleration": 0.4})
+    bench.take(A, 5.0, 0.0)
+    assert bench.until_ended() == 4
+    assert bench.robot.velocity[0] == pytest.approx(1.0)
+    assert bench.robot.pose.x < 5.0
+    assert 2.0 < bench.run(5.0, stands(bench)) < 3.0
+    assert bench.robot.pose.x > 5.5
+
+
 def test_without_a_planner_the_drive_ends_at_the_next_replanning() -> None:
     bench = driving(replan_period=1.0)
     bench.apply(faults.ServerDied(server=Server.PLANNER))

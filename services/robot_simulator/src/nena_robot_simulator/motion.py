@@ -126,7 +126,8 @@ class Limits:
     """Limits of the drive: m/s, m/s², rad/s, rad/s².
 
     ``approach``: distance (m) to the end of the path below which the speed falls with the distance, as with
-    Regulated Pure Pursuit.
+    Regulated Pure Pursuit. ``deceleration``: what the base reaches if that is not ``acceleration``, on which
+    the controller counts.
     """
 
     speed: float
@@ -134,6 +135,7 @@ class Limits:
     yaw_rate: float
     yaw_acceleration: float
     approach: float = 0.0
+    deceleration: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,18 +152,11 @@ class Motion:
         return self.speed == 0.0 and self.yaw_rate == 0.0
 
 
-def step(motion: Motion, target: Pose | None, limits: Limits, dt: float, *, behind: float = 0.0) -> Motion:
-    """Move for ``dt`` seconds towards ``target`` (same frame); without a target, brake to standstill.
-
-    ``behind`` is the length of the path beyond the target, m: above 0 the robot passes without a stop.
-    """
-    wanted = (0.0, 0.0) if target is None else _wanted(motion.pose, target, limits, behind)
-    return obey(motion, wanted, limits, dt)
-
-
 def obey(motion: Motion, command: tuple[float, float], limits: Limits, dt: float) -> Motion:
     """Move for ``dt`` seconds with the commanded velocity (m/s, rad/s), as far as the limits allow."""
-    speed = _approach(motion.speed, command[0], limits.acceleration * dt)
+    brakes = abs(command[0]) < abs(motion.speed)
+    change = limits.deceleration if brakes and limits.deceleration is not None else limits.acceleration
+    speed = _approach(motion.speed, command[0], change * dt)
     yaw_rate = _approach(motion.yaw_rate, command[1], limits.yaw_acceleration * dt)
     heading = motion.pose.yaw + yaw_rate * dt / 2.0
     return replace(
@@ -176,8 +171,11 @@ def obey(motion: Motion, command: tuple[float, float], limits: Limits, dt: float
     )
 
 
-def _wanted(pose: Pose, target: Pose, limits: Limits, behind: float) -> tuple[float, float]:
-    """Return the forward speed and yaw rate that lead to the target."""
+def command_to(pose: Pose, target: Pose, limits: Limits, *, behind: float = 0.0) -> tuple[float, float]:
+    """Return the velocity (m/s, rad/s) with which a controller heads for ``target`` (same frame).
+
+    ``behind`` is the length of the path beyond the target, m: above 0 the robot passes without a stop.
+    """
     distance = pose.distance(target)
     if distance <= AT_PLACE and not behind:
         return 0.0, _turn(wrap(target.yaw - pose.yaw), limits)

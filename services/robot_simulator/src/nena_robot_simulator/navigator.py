@@ -288,6 +288,8 @@ class Drive:
         self._abort_within = None if failure.abort_after is None else (1.0 - failure.abort_after) * whole
         self._at_place = False
         self._reached = False
+        self.unanswered_at: float | None = None
+        """When bt_navigator called a server for it that has not answered."""
         self.cancelled = False
         """Whether the controller's own goal was cancelled, which the behaviour tree treats as success."""
 

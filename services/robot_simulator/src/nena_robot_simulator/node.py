@@ -69,6 +69,7 @@ class RobotNode:
         self._settings = settings
         self._hall = self._first_hall = hall
         self._offers = simulator.actions
+        self._server_timeout = simulator.server_timeout
         self._clock = clock
         self._log = log.bind(robot=settings.name)
         self._robot = Robot(
@@ -143,6 +144,7 @@ class RobotNode:
             planner_tolerance=tolerance.planner,
             speed=drive.speed,
             approach=drive.approach,
+            server_timeout=self._server_timeout,
         )
         work = {
             Server.BEHAVIOURS: self._open_behaviours,

@@ -20,7 +20,7 @@ from nena_robot_simulator.goals import (
     answer_cancel,
     of_several,
 )
-from nena_robot_simulator.motion import GridMap, Limits, Motion, Pose, obey, step
+from nena_robot_simulator.motion import GridMap, Limits, Motion, Pose, command_to, obey
 from nena_robot_simulator.navigator import (
     FOLLOWED_WITHIN,
     Drive,
@@ -39,8 +39,6 @@ HALTING = (0.020, 0.050)
 """Minimum and maximum time that halting the behaviour tree takes, seconds."""
 SEVERAL_SLOWER = 3.0
 """How much longer the replanning period of NavigateThroughPoses is than that of NavigateToPose."""
-COMMAND_TIMEOUT = 0.7
-"""Time for which the base keeps the last command of a dead controller, seconds."""
 TRANSFORM_TIMEOUT = 1.0
 """Time without a localisation after which the controller fails, seconds."""
 NO_PATH_YET = 0.02
@@ -87,7 +85,7 @@ class Robot:
         self._hall = hall
         self._time_factor = simulator.time_factor
         self._noise = noise
-        self._own_limits = self._limits = Limits(**settings.drive.model_dump())
+        self._own_limits = self._limits = Limits(**settings.drive.model_dump(exclude={"command_timeout"}))
         self._navigators = {action: self._navigator(action, simulator.result_timeout) for action in Action}
         self._localisation = Localisation(
             known=settings.localisation.known_at_start,
@@ -111,7 +109,12 @@ class Robot:
         self.docked = False
         self._stuck_for = self._unlocalised_for = 0.0
         self._poses_left = 1
+        self._command = (0.0, 0.0)
+        """Last command to the base, m/s and rad/s."""
+        self._commander: Server | None = None
+        """The server that gave it and has not ended it yet."""
         self._advanced_at = self._commanded_at = now
+        self._server_timeout = simulator.server_timeout
         self._recovery_time = simulator.recovery_time
         self._replan_period = simulator.replan_period / simulator.time_factor
         self._replan_at = now
@@ -347,6 +350,7 @@ class Robot:
         if changed := self.servers.advance(now):
             self.set_navigators()
         self._follow(now)
+        self._look_for_answers(now)
         self._look_for_transform(seconds)
         self._move(seconds * self._time_factor, now)
         own = self._driven_for is Action.FOLLOW_PATH
@@ -392,6 +396,12 @@ class Robot:
         if frame_id == self._settings.odom_frame:
             return self._odom_origin.then(pose)
         return pose if frame_id == self._settings.map_frame else None
+
+    def _look_for_answers(self, now: float) -> None:
+        """Make the behaviour tree fail, without a code, if a server that it called is silent for too long."""
+        called_at = self._drive.unanswered_at if self._drive is not None and not self._alone else None
+        if self._drive is not None and called_at is not None and now - called_at >= self._server_timeout:
+            self._drive.fail(ErrorCode.NONE)
 
     def _look_for_transform(self, seconds: float) -> None:
         """Make the controller give up if the robot has had no position for a while."""
@@ -439,10 +449,11 @@ class Robot:
             return
         self._replan_at = now + self._replan_period * (SEVERAL_SLOWER if several else 1.0)
         drive = self._drive
-        planless = drive is not None and drive.end is not None and not self.servers.works(Server.PLANNER)
-        if drive is None or drive.target != target or planless:
+        if drive is None or drive.target != target:
             drive = self._drive = self._planned(target, several=several, now=now)
             self._stuck_for, self._alone = 0.0, False
+        answered = self.servers.works(Server.PLANNER) and self.servers.works(Server.CONTROLLER)
+        drive.unanswered_at = None if answered else drive.unanswered_at or now
         self._poses_left = drive.places_left
 
     def _see(self, target: Target, now: float) -> None:
@@ -483,8 +494,7 @@ class Robot:
         self.faults.spend(faults.AbortHalfway)
         if end is not None and abort is not None:
             code = abort.error_code
-        tried = end is None and code in (ErrorCode.NONE, ErrorCode.NO_VALID_PATH)
-        recovers = tried and self._recovery_time > 0 and self.servers.works(Server.BEHAVIOURS)
+        recovers = end is None and code == ErrorCode.NO_VALID_PATH and self.servers.works(Server.BEHAVIOURS)
         return Drive(
             target,
             self.pose,
@@ -492,7 +502,9 @@ class Robot:
             failure=DriveFailure(
                 error_code=of_several(code) if several else code,
                 abort_after=None if abort is None else abort.fraction,
-                recovery=Recovery(now, self._recovery_time, self._time_factor) if recovers else None,
+                recovery=Recovery(now, self._recovery_time, self._time_factor)
+                if recovers and self._recovery_time > 0
+                else None,
             ),
             tolerances=(self._settings.tolerance.xy, self._settings.tolerance.yaw),
         )
@@ -519,31 +531,47 @@ class Robot:
         """Move the robot for ``seconds`` of its own time."""
         before = self.pose
         steps = max(1, math.ceil(seconds / LONGEST_STEP))
-        if self.servers.works(Server.CONTROLLER):
-            self._commanded_at = now
         for _ in range(steps):
-            self._motion = self._moved(seconds / steps, now)
+            self._command_base(now)
+            self._motion = obey(self._motion, self._command, self._limits, seconds / steps)
+            if self._drive is not None and self._commander is Server.CONTROLLER:
+                self._drive.move_to(self.pose)
         if not self.docked:
             self.battery.drain(before.distance(self.pose), seconds)
 
-    def _moved(self, seconds: float, now: float) -> Motion:
-        """Return the motion after a step commanded by the controller, by a recovery, or by nothing."""
-        motion, limits, drive = self._motion, self._limits, self._drive
-        recovery = drive.recovery if drive is not None else None
-        stuck = self.faults.on(faults.Stuck) or self.faults.on(faults.CollisionStop)
-        if drive is None and self.behaviour is not None and not stuck:
-            return obey(motion, self.behaviour, limits, seconds)
-        if drive is None or stuck:
-            return step(motion, None, limits, seconds)
-        if recovery is not None:
-            works = self.servers.works(Server.BEHAVIOURS)
-            return obey(motion, recovery.command(now) if works else (0.0, 0.0), limits, seconds)
-        if not self.servers.works(Server.CONTROLLER):
-            coasts = now - self._commanded_at < COMMAND_TIMEOUT
-            return obey(motion, (motion.speed, motion.yaw_rate) if coasts else (0.0, 0.0), limits, seconds)
-        motion = step(motion, drive.next_place, limits, seconds, behind=drive.behind)
-        drive.move_to(motion.pose)
-        return motion
+    def _command_base(self, now: float) -> None:
+        """Give the base the command of the server at work.
+
+        A server stops the base when its work ends. One that has died or hangs says nothing, so that the base
+        keeps the last command, up to its command time-out.
+        """
+        commander, command = self._commanded(now)
+        if commander is None and self._commander is not None and self.servers.runs(self._commander):
+            command = (0.0, 0.0)
+        if command is not None:
+            self._commander, self._command, self._commanded_at = commander, command, now
+            return
+        if self._commander is not None and not self.servers.there(self._commander):
+            self._commander = None
+        timeout = self._settings.drive.command_timeout
+        if timeout and now - self._commanded_at >= timeout:
+            self._command = (0.0, 0.0)
+
+    def _commanded(self, now: float) -> tuple[Server | None, tuple[float, float] | None]:
+        """Return which server commands the base, and how, m/s and rad/s; None if no server does."""
+        drive = self._drive
+        if self.faults.on(faults.Stuck) or self.faults.on(faults.CollisionStop):
+            return None, (0.0, 0.0)
+        if drive is None:
+            return (None, None) if self.behaviour is None else (Server.BEHAVIOURS, self.behaviour)
+        server = Server.CONTROLLER if drive.recovery is None else Server.BEHAVIOURS
+        if not self.servers.works(server):
+            return None, None
+        if drive.recovery is not None:
+            return server, drive.recovery.command(now)
+        if drive.next_place is None:
+            return server, (0.0, 0.0)
+        return server, command_to(self.pose, drive.next_place, self._limits, behind=drive.behind)
 
 
 def _server_of(action: Action) -> Server:

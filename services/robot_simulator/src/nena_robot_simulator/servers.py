@@ -270,9 +270,15 @@ Value = bool | int | float | str | list[str]
 
 
 def parameters(
-    *, xy_tolerance: float, yaw_tolerance: float, planner_tolerance: float, speed: float, approach: float
+    *,
+    xy_tolerance: float,
+    yaw_tolerance: float,
+    planner_tolerance: float,
+    speed: float,
+    approach: float,
+    server_timeout: float,
 ) -> dict[Server, dict[str, Value]]:
-    """Return the parameters that Nav2's servers would have: m, rad, m/s."""
+    """Return the parameters that Nav2's servers would have: m, rad, m/s, s."""
     return {
         Server.CONTROLLER: {
             "controller_frequency": 20.0,
@@ -291,7 +297,7 @@ def parameters(
             "GridBased.tolerance": planner_tolerance,
         },
         Server.NAVIGATOR: {
-            "default_server_timeout": 20,
+            "default_server_timeout": round(1000 * server_timeout),
             "bt_loop_duration": 10,
             "global_frame": "map",
             "robot_base_frame": "base_link",

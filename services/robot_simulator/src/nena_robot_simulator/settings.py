@@ -55,6 +55,17 @@ class DriveSettings(SettingsGroup):
         description="Distance to the goal at which the robot starts to slow down, metres; "
         "0.6 with Nav2's Regulated Pure Pursuit. 0: brakes as late as possible.",
     )
+    deceleration: Positive | None = Field(
+        None,
+        description="Deceleration that the base reaches, m/s². Unset: that of 'acceleration', on which the "
+        "controller counts; below it, the robot rolls past its goals.",
+    )
+    command_timeout: float = Field(
+        0.7,
+        ge=0,
+        description="Time for which the base obeys the last command of a controller that has died or hangs, "
+        "seconds. 0: for ever.",
+    )
 
 
 class ToleranceSettings(SettingsGroup):
@@ -181,6 +192,13 @@ class SimulatorSettings(ProgramSettings):
         le=600,
         description="Time in which a robot without a path spins, waits and backs up before its goal is "
         "aborted, seconds; 17 to 21 with Nav2's default behaviour tree. 0: at once.",
+    )
+    server_timeout: float = Field(
+        0.02,
+        gt=0,
+        le=60,
+        description="Time for which bt_navigator waits for an answer of its servers, seconds "
+        "(default_server_timeout).",
     )
     actions: bool = Field(
         default=True,
