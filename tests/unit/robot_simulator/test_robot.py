@@ -1,15 +1,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from uuid import UUID
 
 import pytest
 
 from nena_robot_simulator import faults
 from nena_robot_simulator.goals import Action
-from nena_robot_simulator.motion import Pose
+from nena_robot_simulator.motion import OCCUPIED, GridMap, Pose
+from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.servers import Server
 from support.timed_robot import A, B, Bench
+
+
+def code_of(bench: Bench, goal_id: UUID, action: Action = Action.TO_POSE) -> int:
+    entry = bench.robot.goals(action).find(goal_id, bench.now)
+    assert entry is not None
+    return entry.error_code
 
 
 def test_a_drive_ends_at_the_goal_within_the_tolerance() -> None:
@@ -76,6 +84,70 @@ def test_the_robot_does_not_jump_after_the_program_was_frozen() -> None:
     bench.now += 5.0
     bench.robot.advance(bench.now)
     assert bench.robot.pose.distance(before) <= 0.2 + 1e-9
+
+
+MASK = GridMap(
+    width=20, height=20, resolution=0.1, origin_x=4.0, origin_y=-1.0, cells=bytes([OCCUPIED]) * 400
+)
+"""Forbids x from 4 to 6 m and y from -1 to 1 m."""
+
+
+def test_goals_deep_in_a_keep_out_zone_end_with_208_after_the_recoveries() -> None:
+    bench = Bench(recovery_time=18.0)
+    bench.robot.keep_out(MASK)
+    bench.take(A, 5.0, 0.0)
+    assert bench.until_ended() == 6
+    assert 17.0 <= bench.now - 100.0 <= 19.0
+    assert code_of(bench, A) == 208
+    bench.take(B, 8.0, 0.0)
+    assert bench.until_ended(B) == 4
+
+
+def test_a_goal_at_the_border_of_a_keep_out_zone_is_reached_short_of_it() -> None:
+    bench = Bench()
+    bench.robot.keep_out(MASK)
+    bench.take(A, 4.2, 0.0)
+    assert bench.until_ended() == 4
+    assert 0.3 <= bench.robot.pose.distance(Pose(4.2, 0.0, 0.0)) <= 0.75
+    assert not MASK.forbids(bench.robot.pose.x, bench.robot.pose.y)
+
+
+def test_no_path_leads_through_poses_of_which_one_is_forbidden() -> None:
+    bench = Bench()
+    bench.robot.keep_out(MASK)
+    goal = Goal(A, Pose(8.0, 0.0, 0.0), "map", via=(Pose(5.0, 0.0, 0.0),))
+    bench.robot.take_goal(goal, 1, bench.now, Action.THROUGH_POSES)
+    bench.run(0.1)
+    assert code_of(bench, A, Action.THROUGH_POSES) == 308
+
+
+@pytest.mark.parametrize("value", [0, 50, 255], ids=["free", "weighted", "unknown"])
+def test_a_mask_forbids_only_closed_cells(value: int) -> None:
+    assert not replace(MASK, cells=bytes([value]) * 400).forbids(5.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("limit", "percentage", "speed"),
+    [
+        (0.25, False, 0.25),
+        (50.0, True, 0.25),
+        (0.8, False, 0.8),
+        (150.0, True, 0.75),
+        (0.02, False, 0.02),
+        (-0.3, False, -0.3),
+        (0.0, False, 0.5),
+        (0.0, True, 0.5),
+    ],
+)
+def test_speed_limits_are_obeyed_as_regulated_pure_pursuit_does(
+    limit: float, speed: float, *, percentage: bool
+) -> None:
+    bench = Bench(drive={"speed": 0.5, "acceleration": 2.5, "approach": 0.6})
+    bench.take(A, 15.0, 0.0)
+    bench.run(3.0)
+    bench.robot.limit_speed(limit, percentage=percentage)
+    bench.run(2.0)
+    assert bench.robot.velocity[0] == pytest.approx(speed)
 
 
 @pytest.mark.parametrize(

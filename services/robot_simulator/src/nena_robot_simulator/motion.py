@@ -58,31 +58,39 @@ class GridMap:
         """Return whether a position (m) is on the map and free."""
         if not self.covers(x, y):
             return False
-        column, row = map(math.floor, self._in_cells(x, y))
-        return self.cells[row * self.width + column] == FREE
+        return self._cell(x, y) == FREE
 
-    def closed(self, x: float, y: float) -> bool:
-        """Return whether a position is in the grid and its cell is not free."""
-        return self.covers(x, y) and not self.is_free(x, y)
+    def _cell(self, x: float, y: float) -> int:
+        column, row = map(math.floor, self._in_cells(x, y))
+        return self.cells[row * self.width + column]
+
+    def forbids(self, x: float, y: float) -> bool:
+        """Return whether a position is in this mask of a keep-out filter and its cell is closed."""
+        return self.covers(x, y) and self._cell(x, y) == OCCUPIED
 
     def covers(self, x: float, y: float) -> bool:
         """Return whether a position (m) is on the map; NaN and infinity are not."""
         across, up = self._in_cells(x, y)
         return 0 <= across < self.width and 0 <= up < self.height
 
-    def free_near(self, goal: Pose, tolerance: float) -> Pose | None:
+    def free_near(self, goal: Pose, tolerance: float, mask: GridMap | None = None) -> Pose | None:
         """Return the goal, or the nearest free position within ``tolerance`` metres, as NavFn does.
 
-        None if the goal is outside the map or too deep in a wall.
+        A position that the ``mask`` of a keep-out filter forbids is not free. None if the goal is outside the
+        map or too deep in a wall.
         """
+
+        def is_free(place: Pose) -> bool:
+            return self.is_free(place.x, place.y) and not (mask and mask.forbids(place.x, place.y))
+
         if not self.covers(goal.x, goal.y):
             return None
-        if self.is_free(goal.x, goal.y):
+        if is_free(goal):
             return goal
         reach = math.ceil(tolerance / self.resolution)
         steps = [offset * self.resolution for offset in range(-reach, reach + 1)]
         places = [Pose(goal.x + dx, goal.y + dy, goal.yaw) for dx in steps for dy in steps]
-        near = [p for p in places if p.distance(goal) <= tolerance and self.is_free(p.x, p.y)]
+        near = [p for p in places if p.distance(goal) <= tolerance and is_free(p)]
         return min(near, key=goal.distance, default=None)
 
     def _in_cells(self, x: float, y: float) -> tuple[float, float]:

@@ -104,8 +104,9 @@ class RobotNode:
         self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
         self._make_timers()
         self._behaviours = Behaviours(self._session, self._robot, settings.docks, self._loop.reset)
-        self._endpoints = Offers(self._session, self._robot) if self._offers else None
+        self._endpoints: Offers | None = None
         if self._offers:
+            self._endpoints = Offers(self._session, self._robot, settings.filter_info_topic)
             self._open_offers()
         for fault in (*simulator.faults, *settings.faults):
             self._apply(fault)
@@ -326,8 +327,6 @@ class RobotNode:
         now = self._clock.monotonic()
         self._robot.apply(fault, goal_id=uuid.uuid4(), accepted_ns=self._stamp(), now=now)
         self._log.info("fault", **fault.model_dump())
-        if self._endpoints is not None and isinstance(fault, faults.CollisionStop):
-            self._endpoints.show_collision()
         if was_silent and not self._silent:
             self._publish_map()
 
@@ -345,6 +344,8 @@ class RobotNode:
         now = self._clock.monotonic()
         self._advance(now)
         if not self._silent:
+            if self._endpoints is not None:
+                self._endpoints.show_collision()
             frame = self._settings.map_frame
             self._navigator.publish_progress(
                 lambda action: self._robot.feedback(action, now), frame, self._stamp

@@ -131,20 +131,27 @@ def costmap_parameters(session: RosSession, footprint: str) -> None:
     session.serve(GetParameters, "local_costmap/local_costmap/get_parameters", answer)
 
 
+def _of_costmap(topic: str) -> str:
+    """Return the name of a costmap's topic: a relative one is in the namespace of its own node."""
+    return topic if topic.startswith("/") else f"global_costmap/{topic}"
+
+
 class Offers:
     """The endpoints of one robot."""
 
-    def __init__(self, session: RosSession, robot: Robot) -> None:
+    def __init__(self, session: RosSession, robot: Robot, filter_info_topic: str | None) -> None:
         self._robot = robot
         self._session = session
         self._mask: Any = None
         if kind := interface("nav2_msgs/msg/CostmapFilterInfo"):
-            session.subscribe(kind, "zone_filter_info", self._on_filter_info, LATCHED)
+            topic = _of_costmap(filter_info_topic) if filter_info_topic else "zone_filter_info"
+            session.subscribe(kind, topic, self._on_filter_info, LATCHED)
         self._transforms: Any = None
         self._transforms_kind: Any = interface("tf2_msgs/msg/TFMessage")
         if self._transforms_kind:
             self._transforms = session.publisher(self._transforms_kind, "tf", TRANSFORMS)
         self._collision: Any = None
+        self._collision_stop: str | None = None
         self._collision_kind = interface("nav2_msgs/msg/CollisionMonitorState")
         if self._collision_kind:
             self._collision = session.publisher(self._collision_kind, "collision_monitor_state", RELIABLE)
@@ -154,9 +161,8 @@ class Offers:
     def _on_filter_info(self, message: Any) -> None:  # noqa: ANN401
         """Subscribe to the mask of a keep-out filter, like the costmaps."""
         if self._mask is None and message.type == 0:
-            self._mask = self._session.subscribe(
-                OccupancyGrid, message.filter_mask_topic, self._on_mask, LATCHED
-            )
+            topic = _of_costmap(message.filter_mask_topic)
+            self._mask = self._session.subscribe(OccupancyGrid, topic, self._on_mask, LATCHED)
 
     def _on_mask(self, message: OccupancyGrid) -> None:
         info, origin = message.info, message.info.origin.position
@@ -175,12 +181,19 @@ class Offers:
         self._transforms.publish(self._transforms_kind(transforms=transforms))
 
     def show_collision(self) -> None:
-        """Publish the state of the collision monitor."""
+        """Publish the state of the collision monitor if it has changed.
+
+        The monitor looks only while a server commands the base: a stop that ends while the robot has no goal
+        stays its last word until the next one.
+        """
         stop = self._robot.faults.get(faults.CollisionStop)
-        if self._collision_kind:
-            polygon = stop.polygon if stop else ""
-            message = self._collision_kind(action_type=1 if stop else 0, polygon_name=polygon)
-            self._collision.publish(message)
+        polygon = stop.polygon if stop else None
+        if self._collision is None or polygon == self._collision_stop or not self._robot.commanded:
+            return
+        self._collision_stop = polygon
+        self._collision.publish(
+            self._collision_kind(action_type=int(polygon is not None), polygon_name=polygon or "")
+        )
 
     def _on_speed_limit(self, message: Any) -> None:  # noqa: ANN401
         """Apply a limit like Regulated Pure Pursuit: one above the robot's own speed makes it faster."""

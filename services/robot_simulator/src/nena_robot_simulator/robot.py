@@ -237,7 +237,7 @@ class Robot:
         self._hall = hall
 
     def keep_out(self, mask: GridMap) -> None:
-        """Plan no path to a position that is closed in the costmaps' mask."""
+        """Plan no path to a position that the mask of the costmaps' filter forbids."""
         self._mask = mask
 
     def limit_speed(self, limit: float, *, percentage: bool) -> None:
@@ -252,6 +252,11 @@ class Robot:
         self._motion = Motion(pose, self._motion.speed, self._motion.yaw_rate)
         self._odom_origin = pose.then(odometry.inverse())
         self._localisation.initialise()
+
+    @property
+    def commanded(self) -> bool:
+        """Whether a server commands the base."""
+        return self._drive is not None or self.behaviour is not None
 
     def force_estimate(self) -> None:
         """Make the next scan yield an estimate even at standstill."""
@@ -519,9 +524,10 @@ class Robot:
         if unreachable is not None and any(map(unreachable.concerns, (*target.via, target.pose))):
             self.faults.spend(faults.Unreachable)
             return None, unreachable.error_code
-        if self._mask is not None and self._mask.closed(target.pose.x, target.pose.y):
+        tolerance = self._settings.tolerance.planner
+        if not all(self._hall.free_near(place, tolerance, self._mask) for place in target.via):
             return None, ErrorCode.NO_VALID_PATH
-        end = self._hall.free_near(target.pose, self._settings.tolerance.planner)
+        end = self._hall.free_near(target.pose, tolerance, self._mask)
         if end is not None:
             return end, ErrorCode.NONE
         inside = self._hall.covers(target.pose.x, target.pose.y)

@@ -119,6 +119,11 @@ class RobotSettings(SettingsGroup):
         "[[0.4, 0.3], [-0.4, 0.3], [-0.4, -0.3], [0.4, -0.3]]",
         description="Parameter footprint of the local costmap: corners, m. Empty: none.",
     )
+    filter_info_topic: str | None = Field(
+        None,
+        description="Topic of the costmaps' keep-out filter. Without a leading '/' it is in the namespace of "
+        "the costmap, as in Nav2: global_costmap/NAME. Unset: zone_filter_info in the robot's namespace.",
+    )
     docks: tuple[str, ...] = Field(("dock",), description="Docks that the docking server knows, by name.")
     map_frame: str = Field("map", min_length=1, description="Frame of map, goals and pose estimates.")
     odom_frame: str = Field("odom", min_length=1, description="Frame of the odometry.")
