@@ -35,6 +35,7 @@ def simulated_robot(
     *,
     time_factor: float = 5.0,
     result_timeout: float = 900.0,
+    recovery_time: float = 0.0,
     actions: bool = True,
     **robot: Any,
 ) -> Iterator[RobotNode]:
@@ -42,7 +43,12 @@ def simulated_robot(
     settings = RobotSettings(domain_id=domain_id, namespace=namespace, **robot)
     node = RobotNode(
         settings,
-        simulator=SimulatorSettings(time_factor=time_factor, result_timeout=result_timeout, actions=actions),
+        simulator=SimulatorSettings(
+            time_factor=time_factor,
+            result_timeout=result_timeout,
+            recovery_time=recovery_time,
+            actions=actions,
+        ),
         hall=HALL,
         clock=SystemClock(),
     )

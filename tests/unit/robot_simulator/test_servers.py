@@ -204,6 +204,155 @@ def test_a_path_without_its_navigator_ends_when_the_controller_is_deactivated() 
     assert bench.robot.pose.x < 10.0
 
 
+def kill(bench: Bench, server: Server) -> None:
+    bench.apply(faults.ServerDied(server=server, lease=20.0))
+
+
+def revive(bench: Bench, server: Server) -> None:
+    bench.apply(faults.ServerDied(server=server, active=False))
+
+
+def test_a_killed_server_stays_listed_for_its_lease() -> None:
+    bench = driving()
+    kill(bench, Server.NAVIGATOR)
+    servers = bench.robot.servers
+    bench.run(19.0)
+    assert servers.listed(Server.NAVIGATOR)
+    assert not servers.runs(Server.NAVIGATOR)
+    bench.run(1.1)
+    assert not servers.listed(Server.NAVIGATOR)
+
+
+def test_a_killed_server_that_is_back_within_the_bond_time_is_brought_up() -> None:
+    bench = Bench()
+    kill(bench, Server.NAVIGATOR)
+    bench.run(BOND_TIMEOUT - 0.5)
+    revive(bench, Server.NAVIGATOR)
+    bench.run(BRING_UP)
+    assert bench.robot.servers.group_active(Server.MANAGER)
+
+
+@pytest.mark.parametrize("server", [Server.NAVIGATOR, Server.CONTROLLER, Server.PLANNER, Server.BEHAVIOURS])
+def test_a_killed_server_that_is_back_later_needs_its_lifecycle_manager_restarted(server: Server) -> None:
+    bench = Bench()
+    servers = bench.robot.servers
+    kill(bench, server)
+    bench.run(BOND_TIMEOUT + 0.5)
+    revive(bench, server)
+    bench.run(30.0)
+    assert servers.state(server) is LifecycleState.UNCONFIGURED
+    assert not servers.runs(Server.MANAGER), "it waits for the old process"
+    kill(bench, Server.MANAGER)
+    revive(bench, Server.MANAGER)
+    bench.run(BRING_UP)
+    assert servers.group_active(Server.MANAGER)
+
+
+def test_servers_that_hang_for_ten_seconds_are_brought_up_again_without_the_goal() -> None:
+    bench = driving()
+    for server in MANAGED[Server.MANAGER]:
+        bench.apply(faults.ServerHung(server=server))
+    bench.run(10.0)
+    for server in MANAGED[Server.MANAGER]:
+        bench.apply(faults.ServerHung(server=server, active=False))
+    bench.run(16.0)
+    assert bench.robot.servers.group_active(Server.MANAGER)
+    assert bench.robot.goals(Action.TO_POSE).find(A, bench.now) is None
+    assert bench.run(5.0, stands(bench)) < 0.1
+
+
+def test_nav2_that_is_stopped_and_started_needs_a_pose_and_a_goal() -> None:
+    bench = driving()
+    bench.robot.manage(Server.MANAGER, Command.SHUTDOWN, bench.now)
+    bench.apply(faults.Nav2Stopped())
+    assert bench.run(5.0, stands(bench)) < 1.3
+    bench.apply(faults.Nav2Stopped(active=False))
+    bench.run(BRING_UP)
+    assert bench.robot.servers.group_active(Server.MANAGER)
+    assert bench.robot.servers.group_active(Server.LOCALISATION_MANAGER)
+    assert bench.robot.scan() is None
+    bench.robot.take_initial_pose(Pose(0, 0, 0))
+    bench.take(B, 3.0, 0.0)
+    assert bench.until_ended(B) == 4
+
+
+def pose_after(bench: Bench, outage: float) -> None:
+    """Give a localisation that was away a pose."""
+    bench.apply(faults.ServerDied(server=Server.LOCALISATION))
+    bench.run(0.1)
+    revive(bench, Server.LOCALISATION)
+    bench.run(outage)
+    bench.robot.take_initial_pose(Pose(0, 0, 0))
+    bench.run(0.05)
+
+
+@pytest.mark.parametrize(
+    ("outage", "wait", "end"), [(11, 0.5, (6, 102)), (11, 1.1, (4, 0)), (8, 0.0, (4, 0))]
+)
+def test_the_first_second_after_a_pose_is_too_early_if_nav2_has_no_older_transform(
+    outage: float, wait: float, end: tuple[int, int]
+) -> None:
+    bench = Bench()
+    pose_after(bench, outage)
+    bench.run(wait)
+    bench.take(A, 3.0, 0.0)
+    bench.until_ended()
+    assert ended(bench) == end
+
+
+def test_the_first_pose_of_all_is_too_early_as_well_if_nav2_has_waited_for_it() -> None:
+    bench = Bench(localisation={"known_at_start": False})
+    bench.run(11.0)
+    bench.robot.take_initial_pose(Pose(0, 0, 0))
+    bench.take(A, 3.0, 0.0)
+    bench.until_ended()
+    assert ended(bench) == (6, 102)
+
+
+def test_a_pose_for_an_inactive_localisation_counts_from_its_activation() -> None:
+    bench = Bench(localisation={"known_at_start": False})
+    bench.robot.servers.change(Server.LOCALISATION, Transition.DEACTIVATE)
+    bench.robot.set_navigators()
+    bench.robot.take_initial_pose(Pose(2, 1, 0))
+    bench.run(1.0)
+    assert bench.robot.scan() is None
+    bench.robot.servers.change(Server.LOCALISATION, Transition.ACTIVATE)
+    bench.run(0.1)
+    assert bench.robot.scan() is not None
+
+
+def test_a_goal_that_is_cancelled_in_a_recovery_has_the_code_of_the_failed_plan() -> None:
+    bench = Bench(recovery_time=18.0)
+    bench.apply(WALLED_IN)
+    bench.take(A, 5.0, 0.0)
+    bench.run(3.0)
+    bench.robot.cancel(A, 0, bench.now)
+    assert bench.until_ended() == 5
+    assert ended(bench) == (5, 208)
+
+
+@pytest.mark.parametrize("fault", [None, faults.AbortHalfway(fraction=0.9)])
+def test_a_goal_that_is_cancelled_on_its_way_has_no_code(fault: faults.AbortHalfway | None) -> None:
+    bench = Bench()
+    if fault is not None:
+        bench.apply(fault)
+    bench.take(A, 15.0, 0.0)
+    bench.run(3.0)
+    bench.robot.cancel(A, 0, bench.now)
+    bench.until_ended()
+    assert ended(bench) == (5, 0)
+
+
+def test_a_restarted_controller_has_no_speed_limit() -> None:
+    bench = Bench()
+    bench.robot.limit_speed(0.3, percentage=False)
+    die_and_come_back(bench, Server.CONTROLLER)
+    bench.run(BRING_UP)
+    bench.take(A, 10.0, 0.0)
+    bench.run(3.0)
+    assert bench.robot.velocity[0] == pytest.approx(1.0)
+
+
 def test_a_server_that_is_back_after_the_reset_is_brought_up_too() -> None:
     bench = Bench()
     servers = bench.robot.servers
@@ -217,7 +366,7 @@ def test_a_server_that_is_back_after_the_reset_is_brought_up_too() -> None:
         LifecycleState.INACTIVE,
     ]
     bench.apply(faults.ServerDied(server=Server.PLANNER, active=False))
-    bench.run(RESPAWN_CHECK + 0.1)
+    bench.run(2 * RESPAWN_CHECK + CLEANING + 0.1)
     assert servers.group_active(Server.MANAGER)
 
 

@@ -140,7 +140,7 @@ class ActionEndpoints:
         answer(response)
 
     def _on_get_result(self, request: Any, answer: Answer) -> None:  # noqa: ANN401
-        if len(self._result_requests) < RESULT_REQUESTS:
+        if not self._server.hangs and len(self._result_requests) < RESULT_REQUESTS:
             self._answer_or_keep(messages.goal_id_of(request), answer)
 
     def _answer_or_keep(self, goal_id: UUID, answer: Answer) -> None:

@@ -46,6 +46,8 @@ class Work:
     left: float
     velocity: tuple[float, float]
     error_code: int = 0
+    fails: bool = False
+    """Whether it is ABORTED, with or without a code."""
 
 
 class Behaviours:
@@ -135,9 +137,12 @@ class Behaviours:
         match name:
             case "dock_robot":
                 known = goal.dock_id in self._docks
-                code = 0 if known else NOT_IN_DATABASE
-                return Work(name, goal_id, DOCK_DISTANCE if known else 0.0, (DOCK_SPEED, 0.0), code)
+                if not known:
+                    return Work(name, goal_id, 0.0, (0.0, 0.0), NOT_IN_DATABASE, fails=True)
+                return Work(name, goal_id, DOCK_DISTANCE, (DOCK_SPEED, 0.0))
             case "undock_robot":
+                if not self._robot.docked:
+                    return Work(name, goal_id, 0.0, (0.0, 0.0), fails=True)
                 return Work(name, goal_id, DOCK_DISTANCE, (-DOCK_SPEED, 0.0))
             case "spin":
                 turn = float(goal.target_yaw)
@@ -150,11 +155,14 @@ class Behaviours:
         work = self._work
         if work is None:
             return
+        if work.name not in DOCKING and not self._robot.servers.there(Server.BEHAVIOURS):
+            self._work = self._robot.behaviour = None  # its goal never ends
+            return
         before, self._pose = self._pose, self._robot.pose
         turned = abs(math.remainder(self._pose.yaw - before.yaw, math.tau))
         work.left -= turned if work.velocity[1] else before.distance(self._pose)
         if work.left <= 0.0:
-            self._end(Status.ABORTED if work.error_code else Status.SUCCEEDED)
+            self._end(Status.ABORTED if work.fails else Status.SUCCEEDED)
 
     def _end(self, status: Status) -> None:
         work, self._work, self._robot.behaviour = self._work, None, None
@@ -163,8 +171,7 @@ class Behaviours:
             if work.name == "dock_robot" and status is Status.SUCCEEDED:
                 self._robot.docked = True
             log.info("behaviour ended", name=work.name, status=status.name)
-            if work.name in DOCKING or self._robot.servers.there(Server.BEHAVIOURS):
-                self._show(work.name, work.goal_id, status)
+            self._show(work.name, work.goal_id, status)
             self._answer(work.name)
 
     def _answer(self, name: str) -> None:

@@ -47,6 +47,8 @@ class ControllerServer:
 
     def show(self) -> None:
         """Join or leave the ROS graph, depending on whether the process runs and is configured."""
+        if self._robot.servers.listed(Server.CONTROLLER):
+            return
         there = self._robot.servers.configured(Server.CONTROLLER)
         if there and not self._there:
             self._endpoints.open()

@@ -164,6 +164,22 @@ class ServerDied(Lasting):
 
     kind: Literal["server_died"] = "server_died"
     server: Server = Field(description="Name of its node.")
+    lease: float = Field(
+        0.0,
+        ge=0,
+        le=60,
+        description="Time for which its endpoints stay in the ROS graph without answering, seconds: 20 for a "
+        "process that is killed (DDS lease), 0 for one that ends in order.",
+    )
+
+
+class Nav2Stopped(Lasting):
+    """Nav2 is stopped in order: its goals are ABORTED, then all processes leave the ROS graph.
+
+    When the fault ends, they start, and their lifecycle managers bring them up; AMCL has no pose.
+    """
+
+    kind: Literal["nav2_stopped"] = "nav2_stopped"
 
 
 class ServerHung(Lasting):
@@ -239,6 +255,7 @@ AnyFault = (
     | BatteryScale
     | Unconfigured
     | ServerDied
+    | Nav2Stopped
     | ServerHung
     | ControllerDeaf
     | BringUp

@@ -81,6 +81,7 @@ class Navigator:
         self._path: tuple[Pose, ...] | None = None
         self._began_at = 0.0
         self._halted_at: float | None = None
+        self._code_when_halted = 0
 
     @property
     def active(self) -> bool:
@@ -138,17 +139,18 @@ class Navigator:
     def tick(self, now: float, progress: Progress, error_code: int = 0) -> None:
         """Run one cycle.
 
-        ``progress`` is towards :attr:`target`, ``error_code`` is the reason of a failure.
+        ``progress`` is towards :attr:`target`, ``error_code`` is the reason of a failure, also of a plan that
+        is tried again: a goal that is cancelled then has it in its result.
         """
         if self._current is None:
             return
         if self._halted_at is not None:
             if now >= self._halted_at:
-                self._terminate_all(now)
+                self._terminate_all(now, self._code_when_halted)
         elif self._path is None:
             self._begin(self._current, now)
         elif self._cancel_requested(self._pending or self._current):
-            self._halted_at = now + self._halting()
+            self._halted_at, self._code_when_halted = now + self._halting(), error_code
         else:
             current = self._preempted(self._current, now)
             if progress is not Progress.UNDERWAY:
@@ -189,11 +191,11 @@ class Navigator:
             self._terminate(goal, now, error_code)
         self._current, self._pending, self._path, self._began_at = self._pending, None, None, now
 
-    def _terminate_all(self, now: float) -> None:
+    def _terminate_all(self, now: float, error_code: int = 0) -> None:
         ending = [goal for goal in (self._current, self._pending) if goal is not None]
         self._current = self._pending = self._path = self._halted_at = None
         for goal in ending:
-            self._terminate(goal, now)
+            self._terminate(goal, now, error_code)
 
     def _terminate(self, goal: Goal, now: float, error_code: int = 0) -> None:
         """End a goal without success: CANCELED if a client requested it, else ABORTED."""

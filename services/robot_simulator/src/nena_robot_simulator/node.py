@@ -35,7 +35,7 @@ from nena_robot_simulator.offers import Offers, costmap_parameters, costmap_serv
 from nena_robot_simulator.planner_server import PlannerServer
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.server_endpoints import ServerEndpoints
-from nena_robot_simulator.servers import Server, parameters
+from nena_robot_simulator.servers import Command, Server, parameters
 from nena_robot_simulator.session import RosSession
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 from nena_robot_simulator.waypoint_follower import WaypointFollower
@@ -325,6 +325,8 @@ class RobotNode:
             return
         was_silent = self._silent
         now = self._clock.monotonic()
+        if isinstance(fault, faults.Nav2Stopped) and fault.active:
+            self.manage(Server.MANAGER, Command.SHUTDOWN)  # ends the goals, and tells their clients
         self._robot.apply(fault, goal_id=uuid.uuid4(), accepted_ns=self._stamp(), now=now)
         self._log.info("fault", **fault.model_dump())
         if was_silent and not self._silent:
@@ -332,7 +334,8 @@ class RobotNode:
 
     def _show_servers(self) -> None:
         self._servers.show()
-        self._navigator.show(there=self._robot.servers.configured(Server.NAVIGATOR))
+        if not self._robot.servers.listed(Server.NAVIGATOR):
+            self._navigator.show(there=self._robot.servers.configured(Server.NAVIGATOR))
         self._controller.show()
 
     @property

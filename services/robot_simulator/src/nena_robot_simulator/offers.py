@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from nena_robot_simulator.settings import RobotSettings
 
 
-NO_FILE, BAD_IMAGE, BAD_DESCRIPTION = 1, 2, 3
+NO_NAME, BAD_IMAGE, BAD_DESCRIPTION = 1, 2, 3
 _ENTRY = re.compile(r"^(?P<key>[a-z_]+)\s*:\s*(?P<value>.*?)\s*(#.*)?$", re.MULTILINE)
 _PGM = re.compile(rb"P5\s+(?:#.*\n)*(\d+)\s+(\d+)\s+(\d+)\s")
 DARK = 127
@@ -44,14 +44,18 @@ class BadMapError(Exception):
 def read_map(path: str) -> GridMap:
     """Read a map like map_server: a YAML file, and a greyscale image (PGM) beside it.
 
+    A file that does not exist is a bad description, as in Nav2.
+
     Raises:
         BadMapError: the file does not exist or is not a map.
 
     """
+    if not path:
+        raise BadMapError(NO_NAME)
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
-        raise BadMapError(NO_FILE) from None
+        raise BadMapError(BAD_DESCRIPTION) from None
     entries = {found["key"]: found["value"] for found in _ENTRY.finditer(text)}
     try:
         resolution = float(entries["resolution"])

@@ -41,6 +41,10 @@ SEVERAL_SLOWER = 3.0
 """How much longer the replanning period of NavigateThroughPoses is than that of NavigateToPose."""
 TRANSFORM_TIMEOUT = 1.0
 """Time without a localisation after which the controller fails, seconds."""
+TRANSFORM_BUFFER = 10.0
+"""Time for which Nav2 keeps transforms, seconds."""
+TRANSFORM_AHEAD = 1.0
+"""Time by which AMCL dates its transform ahead (``transform_tolerance``), seconds."""
 NO_PATH_YET = 0.02
 """Time during which the feedback of a new goal has no path, seconds."""
 LONGEST_STEP = 0.02
@@ -108,6 +112,8 @@ class Robot:
         """Velocity commanded by a behaviour or the docking server, m/s and rad/s; None: no command."""
         self.docked = False
         self._stuck_for = self._unlocalised_for = 0.0
+        self._transform_from = now
+        """Start of the transforms that Nav2 has."""
         self._poses_left = 1
         self._command = (0.0, 0.0)
         """Last command to the base, m/s and rad/s."""
@@ -295,7 +301,11 @@ class Robot:
         if isinstance(fault, faults.Freeze):
             return  # handled by the node
         if isinstance(fault, faults.ServerDied):
-            self.servers.set_dead(fault.server, dead=fault.active)
+            listed_until = now + fault.lease if fault.lease else 0.0
+            self.servers.set_dead(fault.server, dead=fault.active, listed_until=listed_until)
+        elif isinstance(fault, faults.Nav2Stopped):
+            for server in Server:
+                self.servers.set_dead(server, dead=fault.active)
         elif isinstance(fault, faults.ServerHung):
             self.servers.set_hung(fault.server, hung=fault.active)
         else:
@@ -321,6 +331,8 @@ class Robot:
             gone = not self.servers.configured(server)
             if gone:
                 navigator.restart()
+                if server is Server.CONTROLLER:
+                    self._limits = self._own_limits
             active = self.servers.state(server) is LifecycleState.ACTIVE
             navigator.set_active(active=active and not gone)
 
@@ -340,6 +352,8 @@ class Robot:
         if manager is Server.MANAGER and command in STOPPING:
             for navigator in self._navigators.values():
                 navigator.abort(now)
+            if self.servers.works(Server.CONTROLLER):  # it stops the base when it is deactivated
+                self._commander, self._command = None, (0.0, 0.0)
         on_goals_ended()
         done = self.servers.manage(manager, command)
         self.set_navigators()
@@ -356,7 +370,7 @@ class Robot:
             self.set_navigators()
         self._follow(now)
         self._look_for_answers(now)
-        self._look_for_transform(seconds)
+        self._look_for_transform(seconds, now)
         self._move(seconds * self._time_factor, now)
         own = self._driven_for is Action.FOLLOW_PATH
         if self._tree_lost:
@@ -372,8 +386,10 @@ class Robot:
             drive = self._drive if navigator.driving and own else None
             if drive is None:
                 navigator.tick(now, Progress.UNDERWAY)
-            else:
-                navigator.tick(now, drive.progress(self.pose, now), drive.error_code)
+                continue
+            progress = drive.progress(self.pose, now)
+            failed = progress is Progress.FAILED or drive.end is None
+            navigator.tick(now, progress, drive.error_code if failed else ErrorCode.NONE)
         self._follow(now)
         return changed
 
@@ -408,11 +424,17 @@ class Robot:
         if self._drive is not None and called_at is not None and now - called_at >= self._server_timeout:
             self._drive.fail(ErrorCode.NONE)
 
-    def _look_for_transform(self, seconds: float) -> None:
-        """Make the controller give up if the robot has had no position for a while."""
+    def _look_for_transform(self, seconds: float, now: float) -> None:
+        """Make the controller give up if the robot has had no position for a while.
+
+        AMCL dates its transforms ahead: if Nav2 has no older one, it has none at first.
+        """
         lost = not self._localisation.known or not self.servers.works(Server.LOCALISATION)
+        if not lost and self._unlocalised_for >= TRANSFORM_BUFFER:
+            self._transform_from = now + TRANSFORM_AHEAD
         self._unlocalised_for = self._unlocalised_for + seconds if lost else 0.0
-        if self._drive is not None and self._unlocalised_for >= TRANSFORM_TIMEOUT:
+        missing = self._unlocalised_for >= TRANSFORM_TIMEOUT or now < self._transform_from
+        if self._drive is not None and missing:
             self._drive.fail(ErrorCode.CONTROLLER_TF)
 
     @property

@@ -73,6 +73,8 @@ class ServerEndpoints:
         """Make each server join or leave the ROS graph, and publish its transitions."""
         servers = self._robot.servers
         for server in Server:
+            if servers.listed(server):
+                continue
             self._keep(self._open, server, there=servers.there(server), of=partial(self._common, server))
             work = self._work.get(server)
             if work is not None:

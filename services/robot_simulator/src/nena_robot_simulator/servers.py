@@ -4,8 +4,11 @@ Each can die or hang alone, as in a Nav2 that is not composed. One that starts a
 after its lifecycle manager has configured and activated it.
 
 A lifecycle manager misses a server that is dead, hangs or was started again, by its bond. Then it resets the
-group as Nav2's does: it deactivates the servers in reverse order up to the first one without an answer, and
-cleans them up if all have answered. When all run again, it brings up those that are not active.
+group as Nav2's does: it deactivates the servers in reverse order, waits for one without an answer, and cleans
+them up. When all run again, it brings them up.
+
+A process that was killed stays listed in the ROS graph until its DDS lease ends. A lifecycle manager that
+tells a listed one to deactivate waits for its answer for ever, and has to be started again.
 """
 
 from __future__ import annotations
@@ -125,6 +128,7 @@ class Servers:
 
     def __init__(self) -> None:
         self._dead: set[Server] = set()
+        self._listed_until: dict[Server, float] = {}
         self._hung: set[Server] = set()
         self._unbound: set[Server] = set()
         self._states = dict.fromkeys(Server, LifecycleState.ACTIVE)
@@ -134,6 +138,10 @@ class Servers:
     def there(self, server: Server) -> bool:
         """Return whether the process is in the ROS graph."""
         return server not in self._dead
+
+    def listed(self, server: Server) -> bool:
+        """Return whether the process has died and its endpoints are still in the ROS graph."""
+        return server in self._listed_until
 
     def configured(self, server: Server) -> bool:
         """Return whether the process is in the ROS graph with the endpoints of its work."""
@@ -161,12 +169,19 @@ class Servers:
         )
         return watch.reset_at is None and not watch.idle and all(held)
 
-    def set_dead(self, server: Server, *, dead: bool) -> None:
-        """Make a process die, or restart it: unconfigured, and without a bond to its lifecycle manager."""
+    def set_dead(self, server: Server, *, dead: bool, listed_until: float = 0.0) -> None:
+        """Make a process die, or restart it: unconfigured, and without a bond to its lifecycle manager.
+
+        A process that dies stays :meth:`listed` until a time.
+        """
+        self._listed_until.pop(server, None)
         if not dead:
             self._dead.discard(server)
             return
         self._dead.add(server)
+        self._hung.discard(server)
+        if listed_until:
+            self._listed_until[server] = listed_until
         if server in MANAGED:
             self._watches[server] = _Watch()
         else:
@@ -224,12 +239,15 @@ class Servers:
         return all(self.runs(server) and self.change(server, transition) for server in order)
 
     def advance(self, now: float) -> bool:
-        """Run the lifecycle managers' checks; return whether a state has changed."""
+        """Run the lifecycle managers' checks; return whether a state or the ROS graph has changed."""
+        left = [server for server, end in self._listed_until.items() if now >= end]
+        for server in left:
+            del self._listed_until[server]
         before = len(self._changes)
         for manager, watch in self._watches.items():
             if self.runs(manager) and not watch.idle:
                 self._check(manager, watch, now)
-        return len(self._changes) > before
+        return bool(left) or len(self._changes) > before
 
     def _check(self, manager: Server, watch: _Watch, now: float) -> None:
         group = MANAGED[manager]
@@ -239,22 +257,26 @@ class Servers:
             watch.missed_since = (watch.missed_since or now) if missing else None
             if watch.missed_since is not None and now - watch.missed_since >= BOND_TIMEOUT:
                 watch.reset_at = watch.checked_at = now
-                watch.complete = self._deactivate(group)
+                watch.complete = self._deactivate(manager)
         elif watch.complete and now - watch.reset_at >= CLEANING:
             watch.complete = False
             for server in reversed(group):
                 self.change(server, Transition.CLEANUP)
         elif now - watch.checked_at >= RESPAWN_CHECK:
             watch.checked_at = now
-            if running:
+            if running and any(self._states[server] is LifecycleState.ACTIVE for server in group):
+                watch.reset_at, watch.complete = now, self._deactivate(manager)  # the rest of the reset
+            elif running:
                 self._bring_up(manager)
             elif not all(map(self.there, group)):
                 watch.idle = now - watch.reset_at >= RESPAWN_WAIT
 
-    def _deactivate(self, group: tuple[Server, ...]) -> bool:
+    def _deactivate(self, manager: Server) -> bool:
         """Deactivate the active ones up to the first one without an answer; return whether all answer."""
-        for server in reversed(group):
+        for server in reversed(MANAGED[manager]):
             if not self.runs(server):
+                if self.listed(server):
+                    self._hung.add(manager)
                 return False
             self.change(server, Transition.DEACTIVATE)
         return True
