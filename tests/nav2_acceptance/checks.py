@@ -167,7 +167,6 @@ async def deaths(site: Nav2Site) -> str:
     told = []
     for server in SERVERS:
         async with site.agent():
-            here = site.here
             order_id = site.send(site.far)
             await site.moves()
             since, seen = len(site.bench.fleet.states), len(site.bench.odometry)
@@ -177,7 +176,7 @@ async def deaths(site: Nav2Site) -> str:
             told.append(f"{server}: {state} after {_moved_for(site, seen):.1f} s")
             await site.live(server)
             if server == "amcl":
-                await site.put_at(here)
+                await site.put_back()
             await site.instant("cancelOrder")
     return "; ".join(told)
 
@@ -231,15 +230,14 @@ async def pause(site: Nav2Site) -> str:
 
 async def place_lost(site: Nav2Site) -> str:
     async with site.agent():
-        here = site.here
-        state = await site.put_at(here)
+        state = await site.put_back()
         assert status_of(state, state["actionStates"][-1]["actionId"]) == "FINISHED"
         since = len(site.bench.fleet.states)
         await site.die("amcl")
         lost = await site.when(lambda state: not state["agvPosition"]["positionInitialized"], since=since)
         since = len(site.bench.fleet.states)
         await site.live("amcl")
-        await site.put_at(here)
+        await site.put_back()
         await site.when(ready, since=since)
         done = await site.done(site.send(site.far))
         assert error_types(done) == [], error_codes(done)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from itertools import count
 from math import dist
 from typing import Any
 
+from action_msgs.srv import CancelGoal
 from lifecycle_msgs.srv import GetState
 
 from nena_shared.vda5050.order import NodePosition
 from support.edge_agent import FleetControl, ended, status_of
 from support.nav2_agent import ROS, Bench, ready
+from support.pausing import time_passes
 from support.robot_core import action, order, position
 from support.waiting import PATIENCE, until
 
@@ -22,8 +25,27 @@ Place = tuple[float, float]
 FORGIVING = 0.6
 """Allowed deviation of the nodes, metres."""
 
+MANAGERS = ("lifecycle_manager_navigation", "lifecycle_manager_localization")
+OF_LOCALISATION = ("amcl", "map_server")
+"""Servers of the second lifecycle manager."""
+BOND = 4.0
+"""Time after which a lifecycle manager misses a process that is down, seconds.
+
+One that is killed and back later stays unconfigured: its manager waits for the old one.
+"""
+RESPAWN = 20.0
+"""Time within which a Nav2 that restarts by itself is active again, seconds."""
+ACTIONS = ("navigate_to_pose", "navigate_through_poses", "follow_path")
 NO_POSE = "no pose received"
 """Part of the error of a robot that is not localised."""
+
+
+LEASE = 20.0
+"""Time for which a killed process stays in the ROS graph, seconds."""
+TRANSFORM = 1.5
+"""Time after a new pose in which Nav2 may not have its transform yet, seconds."""
+DISCOVERY = 2.0
+"""Time within which a service is discovered, seconds."""
 
 
 class LeftOutError(Exception):
@@ -65,6 +87,12 @@ class Nav2Site:
     pose: Place | None = None
     speed: float | None = None
     """Speed of its controller, m/s; None: unknown."""
+    tell: Callable[[str], None] = lambda _: None
+    """Receives the progress, a line at a time."""
+    respawn: float = RESPAWN
+    """Time for which a server that was started again may take to become active by itself, seconds."""
+    _down: dict[str, float] = field(default_factory=dict)
+    """When the processes were killed that have not been started again."""
     _orders: Any = field(default_factory=lambda: count(1))
 
     async def die(self, server: str) -> None:
@@ -74,23 +102,70 @@ class Nav2Site:
             LeftOutError: there is no command for it.
 
         """
-        await self._run(self.kill, server)
+        self.tell(f"{server} is killed")
+        await self._end(server)
+        self._down[server] = time.monotonic()
 
     async def live(self, server: str) -> None:
-        """Restart the process, and wait until it is active; raises as :meth:`die`."""
-        await self._run(self.revive, server)
+        """Restart the process, and wait until it is active; raises as :meth:`die`.
+
+        A process that was down for longer than its bond needs its lifecycle manager restarted as well.
+        """
+        self.tell(f"{server} is started")
+        await self._start(server)
+        down = time.monotonic() - self._down.pop(server, time.monotonic())
+        if server in MANAGERS:
+            return  # which have no lifecycle of their own
+        if down >= BOND:
+            try:
+                await self._brought_up(server, within=self.respawn)
+            except AssertionError:
+                manager = MANAGERS[server in OF_LOCALISATION]
+                await self.die(manager)
+                await self.live(manager)
         await self._brought_up(server)
 
-    async def _brought_up(self, server: str) -> None:
-        """Wait until a server is active; lifecycle managers have no lifecycle of their own."""
-        if server.startswith("lifecycle_manager"):
-            return
+    async def _brought_up(self, server: str, *, within: float = PATIENCE) -> None:
+        """Wait until a server is active."""
         name = f"{self.namespace.rstrip('/')}/{server}/get_state"
         client = self.bench.ros.client(GetState, name)
         await until(
             lambda: self.bench.ros.call(client, GetState.Request()).current_state.label == "active",
+            timeout=within,
             what=f"{server} active",
         )
+
+    async def _end(self, server: str) -> None:
+        """Kill a process."""
+        await self._run(self.kill, server)
+
+    async def _start(self, server: str) -> None:
+        """Start a process again."""
+        await self._run(self.revive, server)
+
+    async def reset(self) -> None:
+        """Bring Nav2, robot and agent to a state in which a check can begin, whatever a failed one has left.
+
+        All processes run, no goal is active, the robot stands and is localised, and no order is stored.
+        """
+        self.tell("robot and agent are reset")
+        for server in sorted(self._down, key=MANAGERS.__contains__):  # managers last
+            if server in self._down:
+                await self.live(server)
+        await self.open_up()
+        self._cancel_goals()
+        await self.stands()
+        self.bench.forget()
+        async with self.agent():
+            await time_passes(TRANSFORM)
+
+    def _cancel_goals(self) -> None:
+        """Cancel all goals of Nav2."""
+        for action_name in ACTIONS:
+            name = f"{self.namespace.rstrip('/')}/{action_name}/_action/cancel_goal"
+            client = self.bench.ros.node.create_client(CancelGoal, name)
+            if client.wait_for_service(DISCOVERY):
+                self.bench.ros.call(client, CancelGoal.Request())
 
     async def close_in(self) -> None:
         """Make ``course.obstacle`` unreachable, unless it already is."""
@@ -116,14 +191,22 @@ class Nav2Site:
             yield fleet
 
     async def _located(self, begun: int) -> None:
-        """Wait until the robot accepts orders; set its initial position first if it needs one."""
-        if self.pose is not None:
+        """Wait until the robot accepts orders; set its last known or initial position if it needs one."""
+        pose = self._last_pose or (None if self.pose is None else (*self.pose, 0.0))
+        if pose is not None:
             state = await self.when(
                 lambda state: ready(state) or NO_POSE in str(state["errors"]), since=begun
             )
             if not ready(state):
-                await self.put_at(self.pose)
+                await self._set_pose(*pose)
         await self.when(ready, since=begun)
+
+    @property
+    def _last_pose(self) -> tuple[float, float, float] | None:
+        """Return x, y and theta of the last state with a known position."""
+        told = (state.get("agvPosition") for state in reversed(self.bench.fleet.states))
+        at = next((each for each in told if each and each["positionInitialized"]), None)
+        return None if at is None else (at["x"], at["y"], at["theta"])
 
     async def when(self, accept: Any, *, since: int, within: float = PATIENCE) -> dict[str, Any]:
         """Wait for a state after the first ``since`` for which ``accept`` is true."""
@@ -191,21 +274,24 @@ class Nav2Site:
         self.bench.fleet.instant(action(action_id, "NONE", action_type, **parameters))
         return await self.when(lambda state: status_of(state, action_id) in ("FINISHED", "FAILED"), since=0)
 
-    async def put_at(self, place: Place, theta: float = 0.0) -> dict[str, Any]:
-        """Set the robot's pose in the localisation."""
-        x, y = place
+    async def put_back(self) -> dict[str, Any]:
+        """Set the robot's last known pose in the localisation."""
+        pose = self._last_pose
+        assert pose is not None, "no state had a known position"
+        return await self._set_pose(*pose)
+
+    async def _set_pose(self, x: float, y: float, theta: float) -> dict[str, Any]:
         return await self.instant("initPosition", x=x, y=y, theta=theta, mapId="hall", lastNodeId="n0")
 
 
 class SimulatedSite(Nav2Site):
     """The robot simulator; its faults kill and restart processes."""
 
-    async def die(self, server: str) -> None:
-        self.bench.fault("server_died", server=server)
+    async def _end(self, server: str) -> None:
+        self.bench.fault("server_died", server=server, lease=LEASE)
 
-    async def live(self, server: str) -> None:
+    async def _start(self, server: str) -> None:
         self.bench.fault("server_died", server=server, active=False)
-        await self._brought_up(server)
 
     async def close_in(self) -> None:
         if self.course.obstacle is not None:

@@ -71,8 +71,8 @@ class BrokerAddress:
 
     host = "127.0.0.1"
 
-    def __init__(self) -> None:
-        self.port = free_port()
+    def __init__(self, port: int | None = None) -> None:
+        self.port = port or free_port()
 
     @property
     def settings(self) -> MqttSettings:
@@ -88,9 +88,14 @@ class Broker(BrokerAddress):
     """
 
     def __init__(
-        self, *, users: dict[str, str] | None = None, more: str = "", addresses: Sequence[str] = ()
+        self,
+        *,
+        users: dict[str, str] | None = None,
+        more: str = "",
+        addresses: Sequence[str] = (),
+        port: int | None = None,
     ) -> None:
-        super().__init__()
+        super().__init__(port)
         self._users = users or {}
         self._more = more
         self._addresses = addresses

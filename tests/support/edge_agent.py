@@ -64,6 +64,7 @@ async def running_agent(settings: EdgeAgentSettings) -> AsyncIterator[asyncio.Ev
         await asyncio.wait_for(task, PATIENCE)
     finally:
         task.cancel()
+        await asyncio.wait((task,), timeout=PATIENCE)  # the next agent has the same name
 
 
 class AgentProcess:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from datetime import datetime
@@ -91,6 +92,10 @@ class Bench:
     def odometry(self) -> list[Any]:
         """Return all messages of its odometry."""
         return self._odometry.messages
+
+    def forget(self) -> None:
+        """Remove what the agents have stored, so that the next one has no order."""
+        shutil.rmtree(self._folder / "journal", ignore_errors=True)
 
     async def moves(self) -> None:
         """Wait until the robot drives, so that navigation has accepted its goal."""
