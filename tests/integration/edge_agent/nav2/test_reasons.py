@@ -43,6 +43,28 @@ async def test_recoveries_are_reported_while_they_run(bench: Bench) -> None:
     assert not entry(failed, "DRIVE_RECOVERS")
 
 
+async def test_agent_that_starts_during_a_collision_stop_says_that_it_cannot_know(bench: Bench) -> None:
+    stopped = '[{"kind": "collision_stop", "polygon": "PolygonFront"}]'
+    with bench.simulator("--faults", stopped, time_factor=1.0):
+        async with bench.agent() as fleet:
+            await fleet.state(ready)
+            assert not unknown_stop(fleet.states[-1]), "without an order nobody asks why it stands"
+            fleet.send(order("n0", "n1", positions={"n1": position(20.0)}))
+            state = await fleet.state(unknown_stop)
+            assert not entry(state, "COLLISION_STOP")
+            bench.fault("collision_stop", polygon="PolygonRear")
+            state = await fleet.state(lambda state: entry(state, "COLLISION_STOP"))
+            assert "'PolygonRear'" in entry(state, "COLLISION_STOP")["errorDescription"]
+            assert not unknown_stop(state)
+            bench.fault("collision_stop", active=False)
+            await bench.moves()
+            assert not unknown_stop(fleet.states[-1])
+
+
+def unknown_stop(state: dict[str, Any]) -> bool:
+    return any(each["infoType"] == "collisionMonitor" for each in state["information"])
+
+
 async def test_collision_monitor_stop_is_reported_as_the_reason(bench: Bench) -> None:
     async with bench.robot(time_factor=1.0) as fleet:
         fleet.send(order("n0", "n1", positions={"n1": position(20.0)}))

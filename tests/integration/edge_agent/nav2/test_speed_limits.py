@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from nena_edge_agent.nav2.settings import Navigation
 from support.action_types import needs_nav2_types
 from support.edge_agent import ended, error_types
 from support.nav2_agent import Bench, ready
@@ -50,6 +51,23 @@ async def test_an_edge_with_a_limit_is_driven_slowly_and_the_next_one_not(bench:
     assert max(bench.speeds(0.0, 1.5)) > 2 * SLOW
     assert max(bench.speeds(7.0, 9.0)) > 2 * SLOW
     assert {each.percentage for each in told.messages} == {False}
+
+
+@pytest.mark.parametrize("navigation", [*Navigation])
+@pytest.mark.parametrize("strategy", ["pass_through", "stop_at_nodes"])
+async def test_a_limit_holds_up_to_the_end_of_its_edge(
+    bench: Bench, strategy: str, navigation: Navigation
+) -> None:
+    places = {f"n{number}": position(4.0 * number, radius=1.0) for number in range(3)}
+    drive = {"strategy": strategy, "pass_radius": 1.0}
+    with bench.simulator(time_factor=1.0):
+        async with bench.agent(drive=drive, ros={"navigation": navigation}) as fleet:
+            await fleet.state(ready)
+            fleet.send(limited("n0", "n1", "n2", slow=0, places=places))
+            done = await fleet.state(ended("o1"))
+    assert error_types(done) == []
+    assert max(bench.speeds(1.0, 3.95)) <= SLOW + 0.05
+    assert max(bench.speeds(4.5, 7.0)) > 2 * SLOW
 
 
 async def test_speed_limit_survives_a_restart_and_is_lifted_after_its_edge(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -62,6 +63,24 @@ def test_a_limit_above_the_own_speed_would_make_the_robot_faster_and_is_none(
 ) -> None:
     limiter.for_goal(limit)
     assert controller.sent == [0.0]
+
+
+@pytest.mark.parametrize("limit", [-0.5, -math.inf, math.nan, 0.0])
+def test_a_limit_with_which_the_robot_would_reverse_is_the_lowest_one(
+    limiter: SpeedLimiter, controller: Controller, limit: float
+) -> None:
+    limiter.for_goal(0.5)
+    limiter.for_place(limit)
+    limiter.for_place(None)
+    limiter.for_goal(limit)
+    assert controller.sent == [0.5, SLOWEST, 0.5, SLOWEST]
+
+
+@pytest.mark.parametrize("limit", [math.inf, 1e308])
+def test_an_endless_limit_is_none(limiter: SpeedLimiter, controller: Controller, limit: float) -> None:
+    limiter.for_goal(limit)
+    limiter.for_place(0.5)
+    assert controller.sent == [0.0, 0.5]
 
 
 def test_a_limit_of_zero_does_not_withdraw_the_limit(limiter: SpeedLimiter, controller: Controller) -> None:

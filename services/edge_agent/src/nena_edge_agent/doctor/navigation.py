@@ -54,6 +54,8 @@ class RosView:
     """Whether nav2_msgs/action/FollowPath is installed here."""
     path_servers: int = 0
     """Number of publishers of the status of the controller's FollowPath action."""
+    collision_monitor: bool = False
+    """Whether a collision monitor publishes its state."""
     clock_offset: float | None = None
     """Seconds by which the newest odometry stamp is ahead of this program's clock; None: no odometry."""
 
@@ -211,7 +213,7 @@ def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFindi
 
 
 def _drives(view: RosView) -> str:
-    """Return Nav2's parameters as text."""
+    """Return Nav2's parameters and its collision monitor as text."""
     notes = []
     if view.tolerance is not None:
         notes.append(f"goal tolerance {view.tolerance:g} m (no node may allow less)")
@@ -219,6 +221,8 @@ def _drives(view: RosView) -> str:
         notes.append(f"heading tolerance {view.theta_tolerance:g} rad (likewise)")
     if view.server_timeout is not None:
         notes.append(f"waits {view.server_timeout:g} ms for its servers")
+    if view.collision_monitor:
+        notes.append("has a collision monitor, which reports a stop only when it begins or ends")
     return "".join(f"; {each}" for each in notes)
 
 

@@ -109,6 +109,7 @@ class _Probe:
             server_timeout=parameters.server_timeout,
             path_types=interface(FOLLOW_PATH) is not None,
             path_servers=self._path_servers(),
+            collision_monitor=self._node.count_publishers(self._settings.names.collision_monitor) > 0,
             clock_offset=self._clock_offset,
         )
 

@@ -267,9 +267,9 @@ class DriveProgress:
 
 @dataclass(frozen=True, slots=True)
 class CollisionReport:
-    """Whether a collision monitor stops the robot, and which of its polygons is violated."""
+    """Whether a collision monitor stops the robot (None: unknown), and which of its polygons is violated."""
 
-    stops: bool
+    stops: bool | None
     polygon: str
 
 

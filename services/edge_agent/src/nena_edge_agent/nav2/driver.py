@@ -162,6 +162,7 @@ class Nav2Driver:
         self._node: Nav2Node | None = None
         self._transforms = TransformWatch(settings, self._on_pose)
         self._parameters: ParameterReader | None = None
+        self._collision: CollisionMonitor | None = None
         self._tasks, self._stack = Supervisor(), AsyncExitStack()
         self._ticking: asyncio.TimerHandle | None = None
         self._listening: asyncio.TimerHandle | None = None
@@ -321,7 +322,8 @@ class Nav2Driver:
         found = (self._transforms, self._parameters, self._limiter, self._map_server, self._keep_out)
         own: list[NodeExtension] = [each for each in found if each is not None]
         if interface(COLLISION_MONITOR) is not None:
-            own.append(CollisionMonitor(self._settings.names.collision_monitor, self._report))
+            self._collision = CollisionMonitor(self._settings.names.collision_monitor, self._report)
+            own.append(self._collision)
         extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
         if self._paths is not None:
             extensions = (*extensions, self._paths.new_path_client(self._settings))
@@ -398,6 +400,8 @@ class Nav2Driver:
                 self._on_navigation(seen.servers, self._while_map_stays(report))
                 self._watch_localiser(seen)
                 self._watch_drive()
+                if self._collision is not None:
+                    self._collision.look()
         await asyncio.sleep(self._settings.watch_period)
 
     async def _check_servers(self) -> None:

@@ -206,7 +206,10 @@ STOP = 1
 
 
 class CollisionMonitor:
-    """Reports each change in the state of Nav2's collision monitor."""
+    """Reports each change in the state of Nav2's collision monitor.
+
+    It publishes changes only, and does not latch them: until the first one, its state is unknown.
+    """
 
     def __init__(self, topic: str, on_report: Callable[[CollisionReport], None]) -> None:
         self._topic = topic
@@ -216,10 +219,18 @@ class CollisionMonitor:
         """Subscribe on a new node."""
         from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
 
+        self._node, self._reported = node, False
         kind = interface(COLLISION_MONITOR)
         session.subscribe(node, kind, self._topic, RELIABLE, read=report_of, handle=self._on_collision)
 
+    def look(self) -> None:
+        """Report a monitor that has not published its state yet."""
+        if not self._reported and self._node.count_publishers(self._topic):
+            self._reported = True
+            self._on_report(CollisionReport(stops=None, polygon=""))
+
     def _on_collision(self, report: CollisionReport) -> None:
+        self._reported = True
         log.info("collision monitor", stops=report.stops, polygon=report.polygon)
         self._on_report(report)
 

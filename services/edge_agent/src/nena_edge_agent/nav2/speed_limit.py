@@ -72,9 +72,10 @@ class SpeedLimiter:
     @property
     def limit(self) -> float:
         """Return the current limit, m/s; 0: none."""
-        limits = [each for each in (self._of_goal, self._of_place) if each is not None]
-        lowest = min(limits, default=self._own_speed)
-        return NO_LIMIT if lowest >= self._own_speed else max(lowest, SLOWEST)
+        given = (each for each in (self._of_goal, self._of_place) if each is not None)
+        # in this order, NaN becomes the lowest limit as well; with a negative one, the robot would reverse
+        lowest = min((max(SLOWEST, each) for each in given), default=self._own_speed)
+        return NO_LIMIT if lowest >= self._own_speed else lowest
 
     def reclaim(self) -> None:
         """Keep the limit until the next goal or the end of all goals."""

@@ -23,6 +23,7 @@ from nena_shared.vda5050.state import InfoLevel, Information
 ROBOT_NOT_STOPPED = "ROBOT_NOT_STOPPED"
 ROBOT_BLOCKED = "ROBOT_BLOCKED"
 COLLISION_STOP = "COLLISION_STOP"
+COLLISION_MONITOR = "collisionMonitor"
 DRIVE_RECOVERS = "DRIVE_RECOVERS"
 DRIVE_RETRIED = "DRIVE_RETRIED"
 DEVIATION_TOO_SMALL = "DEVIATION_TOO_SMALL"
@@ -92,6 +93,22 @@ def session_information(session: SessionReport | None) -> tuple[Information, ...
             info_descriptor=f"{text}: {session.reason}" if session.reason else text,
         ),
     )
+
+
+_UNKNOWN_COLLISION = Information(
+    info_type=COLLISION_MONITOR,
+    info_level=InfoLevel.INFO,
+    info_descriptor="it is unknown whether the collision monitor stops the robot: it publishes only changes, "
+    "and none since the agent was started",
+)
+
+
+def collision_information(robot: RobotState) -> tuple[Information, ...]:
+    """Return the information entry of a robot that stands with a goal and may be stopped unreported."""
+    report = robot.reports.collision
+    unknown = report is not None and report.stops is None
+    stands = robot.goal.target is not None and not robot.reports.velocity.moves
+    return (_UNKNOWN_COLLISION,) if unknown and stands else ()
 
 
 def journal_lost(problem: str) -> ErrorEntry:
@@ -168,7 +185,7 @@ def _blocked(robot: RobotState) -> ErrorEntry | None:
 def _collision(robot: RobotState) -> ErrorEntry | None:
     """Report that the collision monitor stops the robot on its route."""
     stop, node = robot.reports.collision, robot.progress.next_node
-    if stop is None or node is None or robot.goal.target is None:
+    if stop is None or not stop.stops or node is None or robot.goal.target is None:
         return None
     return error(
         COLLISION_STOP,

@@ -19,7 +19,7 @@ from nena_edge_agent.protocol.geometry import (
     radius,
     turn,
 )
-from nena_edge_agent.protocol.robot_state import RobotState
+from nena_edge_agent.protocol.robot_state import EdgeEnd, RobotState
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.order import Edge, Node, NodePosition
 from nena_shared.vda5050.own_actions import BEHAVIOR_TREE, USE_BEHAVIOR_TREE
@@ -347,6 +347,7 @@ def _fail(
     robot: RobotState, failure: port.DriveFailure, description: str, hint: str = "", code: int = 0
 ) -> None:
     node = robot.progress.nodes[0]
+    _keep_speed_limit(robot, node, edge)
     robot.goal.failed_at, robot.goal.target = node.sequence_id, None
     robot.errors.report(
         error(
@@ -430,9 +431,24 @@ def limit_speed(robot: RobotState) -> None:
 
     The limit of the current edge is part of its goal.
     """
-    if not robot.capabilities.limits_speed or robot.reports.localized_pose is None:
+    pose = robot.reports.localized_pose
+    if not robot.capabilities.limits_speed or pose is None:
         return
-    limit = min((*zones.speed_limits(robot), *_edge_speed_limits(robot)), default=None)
+    robot.edge_ends = tuple(each for each in robot.edge_ends if each.is_ahead_of(pose))
+    left = (each.maximum_speed for each in robot.edge_ends)
+    limit = min((*zones.speed_limits(robot), *_edge_speed_limits(robot), *left), default=None)
+def _keep_speed_limit(robot: RobotState, node: Node, edge: Edge) -> None:
+    """Keep the limit of a traversed edge until the robot has left it, also for the next goal."""
+    pose, position, limit = robot.reports.localized_pose, node.node_position, edge.maximum_speed
+    if limit is None or pose is None or position is None or not robot.capabilities.limits_speed:
+        return
+    within = max(radius(position, robot.capabilities.default_deviation_xy), distance(pose, position))
+    robot.edge_ends = (*robot.edge_ends, EdgeEnd(limit, position, pose, within))
+    if robot.speed_limit is None or limit < robot.speed_limit:
+        robot.speed_limit = limit
+        robot.effects.append(LimitSpeed(limit))
+
+
     if limit != robot.speed_limit:
         robot.speed_limit = limit
         robot.effects.append(LimitSpeed(limit))

@@ -308,7 +308,7 @@ def _battery_reported(robot: RobotState, event: port.BatteryReport) -> None:
 
 
 def _collision_reported(robot: RobotState, event: port.CollisionReport) -> None:
-    robot.reports.collision = event if event.stops else None
+    robot.reports.collision = None if event.stops is False else event
 
 
 def _progress_reported(robot: RobotState, event: port.DriveProgress) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from enum import StrEnum
+from math import hypot
 
 from nena_edge_agent.driver import port
 from nena_edge_agent.protocol.action_states import ActionQueue, ActionStates
@@ -15,6 +16,7 @@ from nena_edge_agent.protocol.order_progress import OrderHistory, OrderProgress
 from nena_edge_agent.protocol.zone_sets import ZoneRequests, ZoneSets
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorLevel
+from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode
 from nena_shared.vda5050.topics import Topic
 
@@ -163,6 +165,26 @@ class CurrentGoal:
 @dataclass(slots=True)
 class LinkWatch:
     """The connection to the broker (section 4.1); ``lost_since`` is monotonic, s, None while connected.
+@dataclass(frozen=True, slots=True)
+class EdgeEnd:
+    """The end of a traversed edge with a speed limit, m/s: the robot was at ``pose`` when it was traversed.
+
+    Within ``radius`` m of the node the robot counts as there (section 6.6.2), but may still be on the edge.
+    """
+
+    maximum_speed: float
+    node: NodePosition
+    pose: port.Pose
+    radius: float
+
+    def is_ahead_of(self, pose: port.Pose) -> bool:
+        """Return whether a robot at ``pose`` has neither passed the node nor left its surroundings."""
+        node, since = self.node, self.pose
+        x, y = pose.x - node.x, pose.y - node.y
+        before = x * (node.x - since.x) + y * (node.y - since.y) < 0
+        return before and hypot(x, y) <= self.radius and pose.map_id == node.map_id
+
+
 
     Without the broker, the robot may drive for ``timeout`` seconds.
     """
@@ -251,6 +273,7 @@ class RobotState:
         areas: areas that navigation plans around, by the zone sets of ``areas_revision``.
         utc: time of day with the monotonic time, s, at which it was read; None: unknown.
         now: monotonic time of the current event, s.
+        edge_ends: ends of traversed edges whose speed limits still hold.
         effects: effects of the current event.
     """
 
@@ -287,6 +310,7 @@ class RobotState:
     areas: tuple[port.Area, ...] = ()
     areas_revision: int = 0
     utc: tuple[datetime, float] | None = None
+    edge_ends: tuple[EdgeEnd, ...] = ()
     now: float = 0.0
     effects: list[Effect] = field(default_factory=list)
     maps: tuple[Map, ...] = field(init=False)

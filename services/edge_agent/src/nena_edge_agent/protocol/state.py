@@ -7,7 +7,7 @@ from typing import Any
 
 from nena_edge_agent.driver.port import BatteryReport, GoalReport, GoalTable
 from nena_edge_agent.protocol import driving, route_progress
-from nena_edge_agent.protocol.conditions import session_information
+from nena_edge_agent.protocol.conditions import collision_information, session_information
 from nena_edge_agent.protocol.events import SafetyReport
 from nena_edge_agent.protocol.geometry import turn
 from nena_edge_agent.protocol.robot_state import Reports, RobotState
@@ -68,6 +68,7 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
             *route_progress.information(robot),
             *_information(robot.reports.goals),
             *session_information(robot.reports.session),
+            *collision_information(robot),
         ),
         safety_state=_safety_state(robot.reports.safety),
     )
