@@ -26,9 +26,11 @@ Told = MapDriverEvent | GoalReport
 E = TypeVar("E", bound=Told)
 
 MAP = "hall"
-QUICK = GoalSettings(confirmation_time=0.5, settle_time=0.3, pose_wait=1.0, cancel_time=0.5)
+QUICK = GoalSettings(
+    confirmation_time=0.5, settle_time=0.3, pose_wait=1.0, cancel_time=0.5, localisation_wait=0.1
+)
 """Short timeouts, for tests in which something never arrives."""
-PATIENT = GoalSettings(settle_time=0.3, pose_wait=3.0)
+PATIENT = GoalSettings(settle_time=0.3, pose_wait=3.0, localisation_wait=0.1)
 """Long timeouts, so that a slow machine fails nothing that is still coming."""
 
 

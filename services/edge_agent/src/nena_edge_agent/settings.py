@@ -108,7 +108,13 @@ class DriveSettings(SettingsGroup):
     link_loss_patience: Seconds = Field(
         10.0, description="Time without the broker after which a preventive robot stops, seconds."
     )
-    retries: int = Field(0, ge=0, le=100, description="Retries of a failed drive before it is reported.")
+    retries: int = Field(
+        0,
+        ge=0,
+        le=100,
+        description="Retries of a failed drive before it is reported; at least 3 if Nav2 has ended it for a "
+        "reason that passes, such as its restart.",
+    )
     retry_wait: Seconds = Field(5.0, description="Delay before each retry, seconds.")
 
 

@@ -98,10 +98,11 @@ async def test_missing_controller_is_reported_and_the_robot_stands(
     fleet.send(edges(ALONG))
     await bench.moves()
     bench.fault(fault, server="controller_server")
-    state = await fleet.state(lambda state: failure_of(state) is not None)
-    assert failure_of(state) == "NAVIGATION_GONE"
+    await fleet.state(lambda state: "(NAVIGATION_GONE)" in str(state["errors"]))
     await until(lambda: bench.speed < 0.01, what="the robot at rest")
     bench.fault(fault, server="controller_server", active=False)
+    state = await fleet.state(ended("o1"))
+    assert (state["lastNodeId"], error_types(state)) == ("n1", [])
 
 
 async def test_reason_of_an_abort_is_reported(bench: Bench, fleet: FleetControl) -> None:
@@ -110,6 +111,17 @@ async def test_reason_of_an_abort_is_reported(bench: Bench, fleet: FleetControl)
     state = await fleet.state(lambda state: failure_of(state) is not None)
     assert failure_of(state) == "ABORTED"
     assert "makes no progress" in str(state["errors"])
+
+
+async def test_controllers_abort_without_a_code_does_not_end_the_order(
+    bench: Bench, fleet: FleetControl
+) -> None:
+    bench.fault("abort_halfway", goals=1, fraction=0.5, error_code=0)
+    fleet.send(edges(ALONG))
+    await fleet.state(lambda state: "DRIVE_RETRIED" in error_types(state))
+    state = await fleet.state(ended("o1"))
+    assert (state["lastNodeId"], error_types(state)) == ("n1", [])
+    assert all(failure_of(each) is None for each in fleet.states)
 
 
 async def test_path_is_resumed_after_an_operator_took_over(bench: Bench, fleet: FleetControl) -> None:

@@ -11,7 +11,7 @@ from nena_edge_agent.nav2.settings import Navigation
 from nena_shared.vda5050.topics import Topic
 from support.action_types import needs_action_types
 from support.edge_agent import ended, error_types, status_of
-from support.nav2_agent import ROS, Bench, failure_of, ready
+from support.nav2_agent import ROS, Bench, ready
 from support.robot_core import action, order, position
 from support.ros import BEST_EFFORT
 from support.simulator import goal, publisher_to
@@ -110,7 +110,7 @@ async def test_abort_without_a_reason_names_likely_causes(bench: Bench) -> None:
         fleet.send(LONG_WAY)
         await bench.moves()
         bench.fault("inactive")
-        state = await fleet.state(lambda state: failure_of(state) is not None)
+        state = await fleet.state(lambda state: "DRIVE_RETRIED" in error_types(state))
         assert "default_server_timeout" in str(state["errors"])
 
 

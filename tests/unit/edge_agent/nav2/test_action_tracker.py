@@ -156,10 +156,68 @@ def test_waiting_for_a_missing_reason_has_a_timeout(talk: Conversation) -> None:
     assert not talk.tracker.busy
 
 
-def test_an_aborted_goal_without_a_code_fails_at_once(talk: Conversation) -> None:
+@pytest.mark.parametrize("code", [0, 102, 107, 202, 207, 302, 307])
+def test_an_abort_whose_cause_passes_is_transient(talk: Conversation, code: int) -> None:
     goal_id = talk.driving()
-    talk.result(goal_id, GoalStatus.ABORTED)
-    assert [type(end) for end in talk.ends] == [DriveFailed]
+    talk.result(goal_id, GoalStatus.ABORTED, code)
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert (failed.failure, failed.transient) == (DriveFailure.ABORTED, True)
+
+
+@pytest.mark.parametrize("code", [100, 101, 103, 105, 106, 203, 204, 206, 208, 308, 309, 9000])
+def test_an_abort_for_a_reason_that_stays_fails_at_once(talk: Conversation, code: int) -> None:
+    goal_id = talk.driving()
+    talk.array(**{f"g{goal_id}": 6})
+    talk.result(goal_id, GoalStatus.ABORTED, code)
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert not failed.transient
+
+
+def gone(talk: Conversation) -> None:
+    report = NavigationReport(available=False, reason="Nav2 is not active")
+    talk.said += talk.tracker.on_navigation(report, talk.now)
+
+
+@pytest.mark.parametrize("by_action", [True, False])
+@pytest.mark.parametrize("first", ["abort", "unavailable"])
+def test_an_abort_without_a_result_is_transient_if_nav2_is_not_available(
+    talk: Conversation, first: str, *, by_action: bool
+) -> None:
+    talk.tracker.by_action = by_action
+    talk.go_to(goal(1))
+    if by_action:
+        talk.answer()
+    goal_id = talk.sent[-1] if by_action else THEIRS
+    talk.array(**{f"g{goal_id}": 2})
+    if first == "unavailable":
+        gone(talk)
+    talk.array(**{f"g{goal_id}": 6})
+    if first == "abort":
+        talk.later(REASON_WAIT - 0.1)
+        assert talk.ends == []
+        gone(talk)
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert (failed.failure, failed.transient) == (DriveFailure.ABORTED, True)
+
+
+def test_an_abort_for_another_clients_goal_is_told_at_once(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.array(**{f"g{goal_id}": 6, f"g{THEIRS}": 2})
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert (failed.failure, failed.transient) == (DriveFailure.TAKEN_OVER, False)
+
+
+def test_a_result_without_a_code_as_in_humble_is_not_transient(talk: Conversation) -> None:
+    goal_id = talk.driving()
+    talk.said += talk.tracker.on_result(goal_id, GoalStatus.ABORTED, None, talk.now)
+    talk.later(REASON_WAIT + 0.1)
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert not failed.transient
 
 
 def test_a_goal_of_ours_that_replaces_another_one_is_no_failure(talk: Conversation) -> None:
@@ -277,10 +335,23 @@ def test_without_the_action_goals_are_sent_by_topic(talk: Conversation) -> None:
     assert any(isinstance(command, PublishGoal) for command in talk.said)
     talk.array(**{f"g{THEIRS}": 2})
     assert talk.tracker.goal_id == THEIRS
+    assert RequestResult(THEIRS) in talk.said
     talk.array(**{f"g{THEIRS}": 6})
+    talk.later(REASON_WAIT + 0.1)
     (failed,) = talk.ends
     assert isinstance(failed, DriveFailed)
-    assert failed.failure is DriveFailure.ABORTED
+    assert (failed.failure, failed.transient) == (DriveFailure.ABORTED, False)
+
+
+def test_a_goal_sent_by_topic_fails_with_the_code_of_its_result(talk: Conversation) -> None:
+    talk.tracker.by_action = False
+    talk.go_to(goal(1))
+    talk.array(**{f"g{THEIRS}": 2})
+    talk.array(**{f"g{THEIRS}": 6})
+    talk.result(THEIRS, GoalStatus.ABORTED, 208)
+    (failed,) = talk.ends
+    assert isinstance(failed, DriveFailed)
+    assert (failed.code, failed.transient) == (208, False)
 
 
 def way(generation: int, *xs: float) -> MapGoal:
@@ -560,9 +631,9 @@ def test_without_its_types_there_is_no_client(monkeypatch: pytest.MonkeyPatch) -
 
 
 @needs_action_types
-@pytest.mark.parametrize(("navigation", "clients"), [("auto", 1), ("action", 1), ("topics", 0)])
-def test_a_node_gets_an_action_client_if_configured(navigation: str, clients: int) -> None:
-    assert len(side().new_client(RosSettings(navigation=Navigation(navigation)))) == clients
+@pytest.mark.parametrize("navigation", Navigation)
+def test_a_node_gets_an_action_client_also_for_results_and_feedback_alone(navigation: Navigation) -> None:
+    assert len(side().new_client(RosSettings(navigation=navigation))) == 1
 
 
 async def test_without_an_action_client_a_goal_gets_no_response() -> None:

@@ -368,6 +368,51 @@ class TestConfirmation:
         assert talk.given == [1]
 
 
+class TestLocalisation:
+    """AMCL dates its transform 1 s ahead: until then, Nav2 aborts goals with 102."""
+
+    WAIT = GoalSettings().localisation_wait
+
+    def test_a_goal_waits_for_the_transforms_of_a_localisation_that_was_lost(
+        self, talk: Conversation
+    ) -> None:
+        talk.tracker.forget_pose()
+        talk.later(20.0)
+        talk.at(0.0)
+        talk.go_to(goal(1))
+        talk.later(self.WAIT - 0.1)
+        assert talk.given == []
+        assert talk.tracker.busy
+        talk.at(0.0)
+        talk.later(0.2)
+        assert talk.given == [1]
+
+    def test_a_pose_that_follows_another_delays_nothing(self, talk: Conversation) -> None:
+        talk.at(0.3)
+        talk.go_to(goal(1))
+        assert talk.given == [1]
+
+    def test_a_goal_of_an_earlier_run_is_continued_at_once(self) -> None:
+        talk = Conversation()
+        talk.tracker.reclaim(MapOwnGoals(("A",), goal(1).pose))
+        talk.servers(frozenset({"gid"}))
+        talk.said += talk.tracker.on_navigation(READY, talk.now)
+        talk.array("A:2")
+        talk.at(0.0)
+        talk.go_to(goal(1))
+        assert talk.tracker.driving
+
+    def test_the_wait_does_not_count_as_a_refusal(self) -> None:
+        settings = GoalSettings(confirmation_time=0.1, resends=0, settle_time=0.1)
+        talk = Conversation(tracker=GoalTracker(settings)).ready()
+        talk.tracker.forget_pose()
+        talk.at(0.0)
+        talk.go_to(goal(1))
+        talk.later(self.WAIT + 0.05)
+        talk.array("A:2")
+        assert talk.tracker.driving
+
+
 class TestForeignGoals:
     def test_stale_success_never_touches_a_new_goal(self) -> None:
         talk = Conversation()

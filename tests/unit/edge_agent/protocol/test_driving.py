@@ -21,7 +21,7 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals, LinkLossPolicy
 from nena_edge_agent.protocol.conditions import DRIVE_RETRIED, EXTERNAL_GOAL
-from nena_edge_agent.protocol.driving import POSES_AHEAD
+from nena_edge_agent.protocol.driving import POSES_AHEAD, TRANSIENT_WAIT
 from nena_edge_agent.protocol.events import Drive, Halt, LinkReport, StartAction, Started, TimePassed
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import MAP, Bench, action, at, order, position
@@ -559,6 +559,64 @@ def test_a_drive_is_retried_when_its_navigation_returns(bench: Bench) -> None:
     bench.do(Halted())
     bench.do(NavigationReport(available=True, reason=""))
     assert (len(bench.goals), bench.errors) == (2, [DRIVE_RETRIED])
+
+
+def interrupted(bench: Bench) -> None:
+    bench.do(DriveFailed(bench.goal.generation, DriveFailure.ABORTED, "no reason", transient=True))
+
+
+@pytest.mark.clause("6.6.5.1/keeps")
+def test_a_drive_that_a_transient_cause_ends_is_retried_three_times_without_any_setting() -> None:
+    bench = Bench(retry_wait=5.0)
+    bench.send(order("n0", "n1", "n2"))
+    for number in (1, 2, 3):
+        interrupted(bench)
+        (error,) = bench.state.errors
+        assert error.error_type == DRIVE_RETRIED
+        assert f"retry {number} of 3" in str(error.error_description)
+        later(bench, 5.0)
+        assert len(bench.goals) == number + 1
+
+    interrupted(bench)
+    assert bench.errors == [ErrorType.NODE_UNREACHABLE]
+    later(bench, 60.0)
+    assert len(bench.goals) == 4
+
+
+def test_a_real_failure_after_a_transient_one_fails_at_once() -> None:
+    bench = Bench(retry_wait=5.0)
+    bench.send(order("n0", "n1"))
+    interrupted(bench)
+    later(bench, 5.0)
+    fail(bench)
+    assert bench.errors == [ErrorType.NODE_UNREACHABLE]
+
+
+def test_more_retries_than_three_also_count_for_a_transient_cause() -> None:
+    bench = Bench(drive_retries=5, retry_wait=0.1)
+    bench.send(order("n0", "n1"))
+    for _ in range(5):
+        interrupted(bench)
+        assert bench.errors == [DRIVE_RETRIED]
+        later(bench, TRANSIENT_WAIT)
+
+
+def test_retries_for_a_transient_cause_outlast_the_bond_of_a_dead_server() -> None:
+    bench = Bench(retry_wait=0.1)
+    bench.send(order("n0", "n1"))
+    since = bench.now
+    while ErrorType.NODE_UNREACHABLE not in bench.errors:
+        interrupted(bench)
+        if ErrorType.NODE_UNREACHABLE not in bench.errors:
+            later(bench, TRANSIENT_WAIT)
+    assert bench.now - since > 4.0
+
+
+def test_a_goal_that_another_client_has_replaced_is_not_retried_as_transient() -> None:
+    bench = Bench(external_goals=ExternalGoals.FAIL)
+    bench.send(order("n0", "n1"))
+    bench.do(DriveFailed(bench.goal.generation, DriveFailure.TAKEN_OVER, "RViz", transient=True))
+    assert bench.errors == [ErrorType.NODE_UNREACHABLE]
 
 
 def test_a_pause_delays_a_retry(bench: Bench) -> None:

@@ -116,6 +116,7 @@ class DriveFailed:
     """The drive to the goal of ``generation`` has failed and ended.
 
     ``hint`` is what to do about it, if known; ``code`` is navigation's error code, 0: none.
+    ``transient``: the cause is likely to pass, so the drive is worth another attempt.
     """
 
     generation: int
@@ -123,6 +124,7 @@ class DriveFailed:
     description: str
     hint: str = ""
     code: int = 0
+    transient: bool = False
 
 
 @dataclass(frozen=True, slots=True)

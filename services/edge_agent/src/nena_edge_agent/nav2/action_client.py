@@ -31,12 +31,11 @@ FEEDBACK = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 @dataclass(frozen=True, slots=True)
 class GoalResult:
-    """How a goal ended, and why."""
+    """How a goal ended, and why: ``error_code`` and ``error_msg``; None if the distribution has no codes."""
 
     goal_id: str
     status: GoalStatus
-    error_code: int
-    error_message: str
+    reason: tuple[int, str] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,8 +139,9 @@ class ActionClient:
             return
         outcome = answer.result
         # Humble has neither field, Iron the code alone.
-        code, message = int(getattr(outcome, "error_code", 0)), str(getattr(outcome, "error_msg", ""))
-        result = GoalResult(goal_id, GoalStatus.of(answer.status), code, message)
+        code, message = getattr(outcome, "error_code", None), str(getattr(outcome, "error_msg", ""))
+        reason = None if code is None else (int(code), message)
+        result = GoalResult(goal_id, GoalStatus.of(answer.status), reason)
         self._session.post(lambda: self._listeners.result(result))
 
 

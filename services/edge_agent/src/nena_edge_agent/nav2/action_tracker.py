@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.driver.port import DriveFailure, DriveProgress
 from nena_edge_agent.nav2.commands import Command, RequestResult, SendGoal
-from nena_edge_agent.nav2.error_codes import Meaning, meaning_of
+from nena_edge_agent.nav2.error_codes import TRANSIENT, Meaning, meaning_of
 from nena_edge_agent.nav2.goal_tracker import (
     GIVEN_UP_AFTER,
     OBEYED_AFTER,
@@ -201,8 +201,12 @@ class FeedbackFilter:
 
 log = get_logger(__name__)
 
-REASON_WAIT = 1.0
-"""Timeout for the result of an aborted goal after the array with its end, seconds."""
+REASON_WAIT = 2.0
+"""Timeout for the reason of an aborted goal after the array with its end, seconds.
+
+It is the error code of its result, or that Nav2 is no longer available, which the agent checks once a second.
+Without nav2_msgs, and in Humble, there is no code.
+"""
 
 
 class ActionTracker(GoalTracker):
@@ -282,12 +286,13 @@ class ActionTracker(GoalTracker):
         return self._advance(now)
 
     def on_result(
-        self, goal_id: str, status: GoalStatus, reason: tuple[int, str], now: float
+        self, goal_id: str, status: GoalStatus, reason: tuple[int, str] | None, now: float
     ) -> list[Command]:
-        """Handle the result of a goal: its last status, the ``error_code`` and the ``error_msg``."""
+        """Handle the result of a goal: its last status, and its ``error_code`` and ``error_msg``, if any."""
         self._registry.settle(goal_id, status)
-        if status.terminal:
+        if status.terminal and reason is not None:
             self._reason = (goal_id, reason[0], meaning_of(*reason))
+        if status.terminal:
             self._report_table()
         drive = self._drive
         if drive is not None and drive.goal_id == goal_id and drive.reached_at is None:
@@ -344,16 +349,20 @@ class ActionTracker(GoalTracker):
         return super()._advance(now)
 
     def _request_result(self) -> None:
-        """Request the result of the current goal once, including a goal of an earlier run."""
+        """Request the result of the current goal once, also of one of an earlier run or sent by topic."""
         goal_id = self.goal_id
-        if goal_id is not None and goal_id != self._result_requested and self._prefix.matches(goal_id):
+        if goal_id is not None and goal_id != self._result_requested:
             self._result_requested = goal_id
             self._out.append(RequestResult(goal_id))
 
     def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
-        """Delay the end of an aborted goal until its reason arrives."""
-        aborted = self._registry.status(goal_id) is GoalStatus.ABORTED and self._prefix.matches(goal_id)
-        if aborted and not lost and self._reason[0] != goal_id:
+        """Delay the end of an aborted goal until its reason is known.
+
+        Nav2 aborts goals without a reason when it is deactivated or stopped, and only then says so.
+        """
+        aborted = self._registry.status(goal_id) is GoalStatus.ABORTED and not lost
+        known = self._reason[0] == goal_id or self._registry.taken_over(goal_id) is not None
+        if aborted and not known and self._navigation.available:
             self._aborted = self._aborted or (goal_id, now)
             if now - self._aborted[1] < REASON_WAIT:
                 return
@@ -362,11 +371,12 @@ class ActionTracker(GoalTracker):
 
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
         failed_id, code, meaning = self._reason
-        if failed_id == goal_id and meaning is not None:
-            text = f"Nav2 has aborted the goal {goal_id}: {meaning.reason}"
-            self._fail(drive, DriveFailure.ABORTED, text, hint=meaning.hint, code=code)
-        elif failed_id == goal_id and self._registry.taken_over(goal_id) is None:
-            self._fail(drive, DriveFailure.ABORTED, f"Nav2 has aborted the goal {goal_id}: {WITHOUT_REASON}")
+        known, text = failed_id == goal_id, f"Nav2 has aborted the goal {goal_id}"
+        if known and meaning is not None:
+            text, transient = f"{text}: {meaning.reason}", code in TRANSIENT
+            self._fail(drive, DriveFailure.ABORTED, text, hint=meaning.hint, code=code, transient=transient)
+        elif (known or not self._navigation.available) and self._registry.taken_over(goal_id) is None:
+            self._fail(drive, DriveFailure.ABORTED, f"{text}: {WITHOUT_REASON}", transient=True)
         else:
             super()._fail_aborted(drive, goal_id)
 
@@ -395,6 +405,7 @@ class ActionSide:
         self._on_feedback = on_feedback
         self._clock = clock
         self._client: ActionClient | None = None
+        self._sends = False
 
     @staticmethod
     def check(settings: RosSettings) -> None:
@@ -413,19 +424,20 @@ class ActionSide:
             raise StartError(message)
 
     def new_client(self, settings: RosSettings) -> list[ActionClient]:
-        """Return the extensions for a new node: none if goals are sent by topic only."""
+        """Return the extensions for a new node: none without nav2_msgs.
+
+        Goals sent by topic have results and feedback as well.
+        """
         from nena_edge_agent.nav2.action_client import ActionClient, ActionListeners, action_type  # noqa: PLC0415
 
-        types = None
-        if settings.navigation is not Navigation.TOPICS:
-            types = action_type(settings.navigation)
+        self._sends, types = settings.navigation is not Navigation.TOPICS, action_type(settings.navigation)
         listeners = ActionListeners(self._on_result, self._take_feedback)
         self._client = None if types is None else ActionClient(settings, types, listeners)
         return [self._client] if self._client else []
 
     def look(self) -> bool:
         """Check whether a server accepts goals; if so, the next goal is sent to it."""
-        self._tracker.by_action = self._client is not None and self._client.ready
+        self._tracker.by_action = self._sends and self._client is not None and self._client.ready
         return self._tracker.by_action
 
     def on_other_statuses(self, entries: list[GoalEntry]) -> None:
@@ -448,9 +460,8 @@ class ActionSide:
             self._client.request_result(goal_id)
 
     def _on_result(self, result: GoalResult) -> None:
-        reason = (result.error_code, result.error_message)
         now = self._clock.monotonic()
-        self._apply(self._tracker.on_result(result.goal_id, result.status, reason, now))
+        self._apply(self._tracker.on_result(result.goal_id, result.status, result.reason, now))
 
     def _take_feedback(self, reading: FeedbackReading) -> None:
         self._tracker.on_places(reading.goal_id, reading.places_left)

@@ -418,6 +418,8 @@ class Nav2Driver:
     def _check_transforms(self) -> None:
         lost = bool(self._transforms.problem)
         self._transforms.look()
+        if self._transforms.problem:
+            self._tracker.forget_pose()
         if lost or self._transforms.problem:
             self._report_pose()
 
@@ -500,8 +502,10 @@ class Nav2Driver:
         unsure = report is not None and not report.localized
         if self._pose_watch.look(driving=driving, unsure=unsure, now=now):
             self._apply([RequestPose()])
-        if self._pose_watch.lost and not lost:
-            self._report_pose()
+        if self._pose_watch.lost:
+            self._tracker.forget_pose()  # also one from feedback: goals wait for the localisation
+            if not lost:
+                self._report_pose()
 
     def _on_failure(self, reason: str) -> None:
         self._node = None

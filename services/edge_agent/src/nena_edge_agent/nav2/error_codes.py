@@ -59,6 +59,12 @@ _FAMILIES = {
     9000: "the navigator has failed",
 }
 """Ranges of codes, by their first one, whose specific meanings do not help a person at the robot."""
+TRANSIENT = frozenset({0, 102, 107, 202, 207, 302, 307})
+"""Codes of aborts whose cause is likely to pass.
+
+Nav2 gives none if it is deactivated or a server does not answer in time (107, 207 or 307 after Jazzy), and
+102, 202 or 302 while a transform is missing, as in the second after the localisation's first pose.
+"""
 _UNKNOWN = "unknown Nav2 error code"
 
 

@@ -160,7 +160,7 @@ class GoalTracker:
         self._no_server_since: float | None = None
         self._server_found = False
         self._pose: MapPose | None = None
-        self._pose_at = -float("inf")
+        self._pose_at = self._localised_at = -float("inf")
         self._table = GoalTable()
         self._reclaimed: MapOwnGoals | None = None
         self._reclaimed_until: float | None = None
@@ -305,6 +305,8 @@ class GoalTracker:
         """Handle a pose of the localisation."""
         if self._drive and self._pose:
             self._drive.on_pose(pose, self._pose, now)
+        if self._pose is None:
+            self._localised_at = now
         self._pose, self._pose_at = pose, now
         return self._advance(now)
 
@@ -537,12 +539,13 @@ class GoalTracker:
             drive.counted_from, drive.give_up_at = drive.times_sent, None
             return
         timeout = self._settings.confirmation_time * (self._settings.resends + 1)
-        drive.give_up_at = now + timeout if drive.give_up_at is None else drive.give_up_at
+        localised = self._localised_at + self._settings.localisation_wait
+        drive.give_up_at = max(now, localised) + timeout if drive.give_up_at is None else drive.give_up_at
         if self._registry.awaiting(now):
             return
         if now >= drive.give_up_at or drive.tries > self._settings.resends:
             self._fail(drive, DriveFailure.NOT_TAKEN_UP, self._refusal(drive))
-        elif self._may_send(now) and not self._continue_earlier(drive, now):
+        elif self._may_send(now) and not self._continue_earlier(drive, now) and now >= localised:
             drive.times_sent += 1
             drive.preempts = drive.preempts or self._registry.running
             self._publish(drive, now)
@@ -629,10 +632,20 @@ class GoalTracker:
         self._report(Arrived(drive.goal.generation))
 
     def _fail(
-        self, drive: GoalDrive, failure: DriveFailure, description: str, *, hint: str = "", code: int = 0
+        self,
+        drive: GoalDrive,
+        failure: DriveFailure,
+        description: str,
+        *,
+        hint: str = "",
+        code: int = 0,
+        transient: bool = False,
     ) -> None:
+        """End the drive; a navigation that is gone may be restarted, by a person or its lifecycle manager."""
         self._drive = None
-        self._report(DriveFailed(drive.goal.generation, failure, description, hint, code))
+        transient = transient or failure is DriveFailure.NAVIGATION_GONE
+        log.info("drive failed", generation=drive.goal.generation, reason=description, transient=transient)
+        self._report(DriveFailed(drive.goal.generation, failure, description, hint, code, transient))
 
     def _report_table(self) -> None:
         """Report the listed goals before their effects on a drive."""

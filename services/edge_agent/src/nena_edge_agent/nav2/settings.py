@@ -181,6 +181,11 @@ class GoalSettings(SettingsGroup):
     )
     cancel_time: Seconds = Field(2.0, description="Time until a cancel without effect is repeated, seconds.")
     pose_wait: Seconds = Field(2.0, description="Timeout for the pose that confirms an arrival, seconds.")
+    localisation_wait: Seconds = Field(
+        1.5,
+        description="Time from the first pose of the localisation, also after a loss, until a goal is sent, "
+        "seconds. AMCL dates its transform 1 s ahead (transform_tolerance); Nav2 aborts earlier goals (102).",
+    )
     standstill_timeout: Seconds = Field(
         3.0,
         description="Time after a stop request until a robot without confirmed standstill is reported as not "

@@ -218,10 +218,9 @@ def _retry(robot: RobotState) -> ErrorEntry | None:
     node, goal = robot.progress.next_node, robot.goal
     if not goal.failures or goal.failed_at is not None or node is None:
         return None
-    number, most = goal.failures, robot.capabilities.drive_retries
     return error(
         DRIVE_RETRIED,
-        f"retry {number} of {most} to reach node '{node.node_id}': {goal.problem}",
+        f"retry {goal.failures} of {goal.retries} to reach node '{node.node_id}': {goal.problem}",
         hint="check the robot's path; the drive fails after the last retry",
         node_id=node.node_id,
         order_id=robot.progress.order_id,

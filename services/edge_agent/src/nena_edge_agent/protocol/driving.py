@@ -30,7 +30,7 @@ POSES_AHEAD = 20
 """Maximum number of poses ahead in a goal; later ones are sent while the robot drives."""
 CORNER_CUT_DISTANCE = 0.7
 """Distance from a pose at which Nav2's default tree drops it and heads for the next one, metres."""
-TRANSIENT = frozenset(
+RETRIED = frozenset(
     {
         port.DriveFailure.ABORTED,
         port.DriveFailure.NOT_TAKEN_UP,
@@ -39,6 +39,11 @@ TRANSIENT = frozenset(
     }
 )
 """Failures that are retried; a cancelled or replaced goal was ended on purpose."""
+TRANSIENT_RETRIES = 3
+"""Least number of retries if the cause of a failure is transient, as at a restart of navigation."""
+TRANSIENT_WAIT = 2.0
+"""Shortest delay of these retries, seconds: Nav2 says that it is not active up to 4 s after the death of a
+server (the time-out of its bond), and then the last retry waits for it."""
 
 
 def advance(robot: RobotState) -> None:
@@ -121,11 +126,14 @@ def failed(robot: RobotState, event: port.DriveFailed) -> None:
     if event.failure is port.DriveFailure.NAVIGATION_GONE:
         request_halt(robot)  # the controller may drive on without the navigator
     pauses = robot.capabilities.external_goals is ExternalGoals.PAUSE
+    retries, wait = robot.capabilities.drive_retries, robot.capabilities.retry_wait
+    if event.transient:
+        retries, wait = max(retries, TRANSIENT_RETRIES), max(wait, TRANSIENT_WAIT)
     if event.failure is port.DriveFailure.TAKEN_OVER and pauses:
         robot.goal.target = None  # resent when the other drive has ended
-    elif event.failure in TRANSIENT and robot.goal.failures < robot.capabilities.drive_retries:
+    elif event.failure in RETRIED and robot.goal.failures < retries:
         problem = f"{event.description} ({event.failure})"
-        robot.goal.retry(robot.now + robot.capabilities.retry_wait, problem)
+        robot.goal.retry(robot.now + wait, problem, retries)
     else:
         _fail(robot, event.failure, event.description, event.hint, event.code)
 
@@ -339,6 +347,7 @@ def _traverse(robot: RobotState) -> None:
     robot.goal.settle()
     robot.goal.forget_failures()
     node, edge = robot.progress.traverse()
+    _keep_speed_limit(robot, node, edge)
     actions.end_with_edge(robot, edge)
     actions.enqueue(robot, node.actions)
 
@@ -347,7 +356,6 @@ def _fail(
     robot: RobotState, failure: port.DriveFailure, description: str, hint: str = "", code: int = 0
 ) -> None:
     node = robot.progress.nodes[0]
-    _keep_speed_limit(robot, node, edge)
     robot.goal.failed_at, robot.goal.target = node.sequence_id, None
     robot.errors.report(
         error(
@@ -426,17 +434,6 @@ def _corner_cut(before: port.Pose | NodePosition, here: NodePosition, there: Nod
     return CORNER_CUT_DISTANCE * sin(min(bend, pi / 2))
 
 
-def limit_speed(robot: RobotState) -> None:
-    """Apply the lowest speed limit of zones and edges within the braking distance (section 6.4).
-
-    The limit of the current edge is part of its goal.
-    """
-    pose = robot.reports.localized_pose
-    if not robot.capabilities.limits_speed or pose is None:
-        return
-    robot.edge_ends = tuple(each for each in robot.edge_ends if each.is_ahead_of(pose))
-    left = (each.maximum_speed for each in robot.edge_ends)
-    limit = min((*zones.speed_limits(robot), *_edge_speed_limits(robot), *left), default=None)
 def _keep_speed_limit(robot: RobotState, node: Node, edge: Edge) -> None:
     """Keep the limit of a traversed edge until the robot has left it, also for the next goal."""
     pose, position, limit = robot.reports.localized_pose, node.node_position, edge.maximum_speed
@@ -449,6 +446,17 @@ def _keep_speed_limit(robot: RobotState, node: Node, edge: Edge) -> None:
         robot.effects.append(LimitSpeed(limit))
 
 
+def limit_speed(robot: RobotState) -> None:
+    """Apply the lowest speed limit of zones and edges within the braking distance (section 6.4).
+
+    The limit of the current edge is part of its goal.
+    """
+    pose = robot.reports.localized_pose
+    if not robot.capabilities.limits_speed or pose is None:
+        return
+    robot.edge_ends = tuple(each for each in robot.edge_ends if each.is_ahead_of(pose))
+    left = (each.maximum_speed for each in robot.edge_ends)
+    limit = min((*zones.speed_limits(robot), *_edge_speed_limits(robot), *left), default=None)
     if limit != robot.speed_limit:
         robot.speed_limit = limit
         robot.effects.append(LimitSpeed(limit))

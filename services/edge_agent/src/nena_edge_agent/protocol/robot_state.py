@@ -75,6 +75,7 @@ class CurrentGoal:
         halt_problem: why standstill cannot be confirmed, if the driver has reported that.
         failed_at: sequenceId of a node that was not reached; it is not retried until the order changes.
         failures: number of failed drives to the next node.
+        retries: maximum number of retries after the last failure.
         retry_at: time of the next retry.
         problem: reason of the last failure.
         pose: pose of the last goal.
@@ -91,6 +92,7 @@ class CurrentGoal:
     halt_problem: str = ""
     failed_at: int | None = None
     failures: int = 0
+    retries: int = 0
     retry_at: float | None = None
     problem: str = ""
     pose: port.Pose | None = None
@@ -134,9 +136,10 @@ class CurrentGoal:
         """Reset the failures, because the next node or the order has changed."""
         self.failed_at, self.failures, self.retry_at, self.problem = None, 0, None, ""
 
-    def retry(self, at: float, problem: str) -> None:
+    def retry(self, at: float, problem: str, retries: int) -> None:
         """Record that the drive has failed and is retried at the monotonic time ``at``, s."""
         self.target, self.failures, self.retry_at, self.problem = None, self.failures + 1, at, problem
+        self.retries = retries
 
     def restore(self, own: port.OwnGoals) -> None:
         """Restore the goals of an earlier run, whose result is pending."""
@@ -162,9 +165,6 @@ class CurrentGoal:
         return self.target is not None and generation == self.generation
 
 
-@dataclass(slots=True)
-class LinkWatch:
-    """The connection to the broker (section 4.1); ``lost_since`` is monotonic, s, None while connected.
 @dataclass(frozen=True, slots=True)
 class EdgeEnd:
     """The end of a traversed edge with a speed limit, m/s: the robot was at ``pose`` when it was traversed.
@@ -185,6 +185,9 @@ class EdgeEnd:
         return before and hypot(x, y) <= self.radius and pose.map_id == node.map_id
 
 
+@dataclass(slots=True)
+class LinkWatch:
+    """The connection to the broker (section 4.1); ``lost_since`` is monotonic, s, None while connected.
 
     Without the broker, the robot may drive for ``timeout`` seconds.
     """
@@ -270,10 +273,10 @@ class RobotState:
         header_ids: first headerId of each topic for the next run of the program.
         zones_checked: zones were relevant at the last event.
         speed_limit: speed limit of zones and edges, m/s.
+        edge_ends: ends of traversed edges whose speed limits still hold.
         areas: areas that navigation plans around, by the zone sets of ``areas_revision``.
         utc: time of day with the monotonic time, s, at which it was read; None: unknown.
         now: monotonic time of the current event, s.
-        edge_ends: ends of traversed edges whose speed limits still hold.
         effects: effects of the current event.
     """
 
@@ -307,10 +310,10 @@ class RobotState:
     zone_requests: ZoneRequests = field(default_factory=ZoneRequests)
     zones_checked: bool = False
     speed_limit: float | None = None
+    edge_ends: tuple[EdgeEnd, ...] = ()
     areas: tuple[port.Area, ...] = ()
     areas_revision: int = 0
     utc: tuple[datetime, float] | None = None
-    edge_ends: tuple[EdgeEnd, ...] = ()
     now: float = 0.0
     effects: list[Effect] = field(default_factory=list)
     maps: tuple[Map, ...] = field(init=False)
