@@ -98,6 +98,8 @@ def judge_clock(*, kept: bool | None, ros_offset: float | None) -> LinkFinding:
     return ok(Link.CLOCK, f"{'synchronised' if kept else 'runs'}; {seen}")
 
 
+LOADED = 200.0
+"""Value of ``default_server_timeout``, ms, below which Nav2 aborts drives on a loaded computer."""
 ROS_LINKS = (Link.DOMAIN, Link.NAMESPACE, Link.LOCALISATION, Link.NAVIGATION)
 NODES_SHOWN = 3
 
@@ -183,7 +185,10 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
         )
         return missing(Link.NAVIGATION, f"Nav2 {state}, and the robot has no pose", POSE_FIRST)
     if view.lifecycle is Lifecycle.INACTIVE:
-        remedy = "activate it: ros2 service call .../manage_nodes, or autostart: true in Nav2's parameters"
+        remedy = (
+            "activate it: ros2 service call .../manage_nodes, or autostart: true in Nav2's parameters; if "
+            "one of its servers was started again, restart the lifecycle manager as well"
+        )
         return missing(Link.NAVIGATION, f"{names.lifecycle} reports that Nav2 is not active", remedy)
     if view.lifecycle is Lifecycle.SILENT:
         return missing(Link.NAVIGATION, f"{names.lifecycle} does not answer", "Nav2 hangs: restart it")
@@ -220,7 +225,8 @@ def _drives(view: RosView) -> str:
     if view.theta_tolerance is not None:
         notes.append(f"heading tolerance {view.theta_tolerance:g} rad (likewise)")
     if view.server_timeout is not None:
-        notes.append(f"waits {view.server_timeout:g} ms for its servers")
+        better = " (200 to 500 ms suit a loaded computer)" if view.server_timeout < LOADED else ""
+        notes.append(f"waits {view.server_timeout:g} ms for its servers{better}")
     if view.collision_monitor:
         notes.append("has a collision monitor, which reports a stop only when it begins or ends")
     return "".join(f"; {each}" for each in notes)

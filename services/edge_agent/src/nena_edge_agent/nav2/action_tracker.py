@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
 WITHOUT_REASON = (
     "no reason reported. Probably its lifecycle manager deactivated or paused it, or one of its servers "
-    "did not answer in time: default_server_timeout of bt_navigator is 20 ms, too short for a loaded computer"
+    "did not answer in time: the default of 20 ms for bt_navigator's default_server_timeout is too short for "
+    "a loaded computer; set 200 to 500 ms"
 )
 """Explanation of a goal that is aborted with error code 0."""
 SAME = 0.001

@@ -37,7 +37,8 @@ class Lifecycle(Enum):
 
 
 LIFECYCLE_PROBLEMS = {
-    Lifecycle.INACTIVE: "reports that Nav2 is not active: activate it on the robot",
+    Lifecycle.INACTIVE: "reports that Nav2 is not active: activate it on the robot, and if one of its "
+    "servers was started again, restart the lifecycle manager as well",
     Lifecycle.STARTING: "does not answer yet: Nav2 is starting",
     Lifecycle.SILENT: "does not answer: does Nav2 hang?",
 }
