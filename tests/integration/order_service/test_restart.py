@@ -111,6 +111,23 @@ async def test_unpublished_end_is_published_after_the_restart(fleet: Fleet) -> N
     assert json.loads(host.payloads(topic)[0])["state"] == "FAILED"
 
 
+async def test_a_status_under_the_topic_of_an_older_version_is_cleared(fleet: Fleet) -> None:
+    """It did not encode the name."""
+    program = fleet.order_service()
+    client = await program.client()
+    await client.post("/v1/transportOrders", json={"name": "T-1.5", "destinations": [LOAD]})
+    topic, old = (f"{fleet.prefix}/transportOrders/{level}/status" for level in ("T-1%2E5", "T-1.5"))
+    host = fleet.peer(topic, old)
+    status = await host.wait_for(topic)
+    host.publish(old, status.payload, retain=True)
+    program.kill()
+    host.clear()
+
+    fleet.order_service()
+    await host.wait_for(old, lambda message: message.payload == b"")
+    assert json.loads((await host.wait_for(topic)).payload)["name"] == "T-1.5"
+
+
 @pytest.mark.long
 async def test_unpublished_end_of_a_sequence_is_published_after_the_restart(fleet: Fleet) -> None:
     program = fleet.order_service()

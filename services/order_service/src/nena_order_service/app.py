@@ -20,6 +20,7 @@ from nena_order_service.store.leadership import begin_epoch, store_id
 from nena_order_service.store.schema import is_shared, open_database
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
+from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Term, always
 from nena_shared.plant import PlantModel
@@ -208,7 +209,7 @@ def _runner(
 def _start_election(
     settings: OrderServiceSettings, supervisor: Supervisor, store: str, epoch: int, term: Term
 ) -> LeaderElection:
-    topic = f"{settings.topic_prefix}/leader/{settings.interface_name}"
+    topic = FleetTopics(settings.topic_prefix).leader(settings.interface_name)
     election = LeaderElection(settings.mqtt, topic, store=store, epoch=epoch, term=term)
     supervisor.start("leader election", election.run())
     return election

@@ -300,13 +300,13 @@ class FleetSubscriber:
         if inbound.payload:
             self._model.on_order_status(TransportOrderStatus.model_validate_json(inbound.payload), at)
         else:
-            self._model.on_order_cleared(inbound.topic.rsplit("/", 2)[1])
+            self._model.on_order_cleared(self._fleet_topics.name_in(inbound.topic))
 
     def _read_peripheral_status(self, inbound: Inbound, at: Timestamp) -> None:
         if not self._epochs.is_current(inbound.payload):
             return
         if not inbound.payload:
-            self._model.on_peripheral_cleared(self._fleet_topics.location_of(inbound.topic))
+            self._model.on_peripheral_cleared(self._fleet_topics.name_in(inbound.topic))
         elif not self._model.on_peripheral_status(PeripheralStatus.model_validate_json(inbound.payload)):
             problem = f"more than {self._model.limits.peripherals} devices; this one is not shown"
             self._malformed(MessageKind.PERIPHERAL_STATUS, inbound.topic, problem, at, None)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from typing import Final
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 from nena_shared.vda5050.topics import RobotKey
 
@@ -28,15 +29,32 @@ class PeripheralTopic(StrEnum):
     """:class:`PeripheralStatus`, from the order service for hosts, retained."""
 
 
-def _level(name: str) -> str:
-    for sign in "%/+#":
-        name = name.replace(sign, f"%{ord(sign):02X}")
-    return name
+ENCODED: Final = frozenset("%/+#.*> ")
+"""Characters that are encoded in a level, besides invisible ones and a leading ``$``.
+
+MQTT excludes ``/``, ``+`` and ``#`` (3.1.1 section 4.7). NATS ends the connection at ``.`` and a space,
+RabbitMQ delivers ``.`` as ``/`` and ``*`` as ``+``, ``>`` is a wildcard of NATS, and Mosquitto ends the
+connection at control characters.
+"""
+
+
+@lru_cache(maxsize=10_000)
+def level_of(name: str) -> str:
+    """Return a name as a topic level that every broker accepts; :func:`unquote` returns the name."""
+    if name.startswith("$"):
+        return f"%24{level_of(name[1:])}"
+    return "".join(
+        f"%{ord(sign):02X}" if sign in ENCODED else sign if sign.isprintable() else quote(sign, safe="")
+        for sign in name
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class FleetTopics:
-    """Topics below one prefix, e.g. ``nena/v1``; each fleet has its own prefix."""
+    """Topics below one prefix, e.g. ``nena/v1``; each fleet has its own prefix.
+
+    Names are encoded by :func:`level_of`, except that of a host, which is answered below its own level.
+    """
 
     prefix: str = "nena/v1"
 
@@ -75,33 +93,33 @@ class FleetTopics:
 
         Retained until ``end_kept`` after the final status; then cleared by an empty message.
         """
-        return f"{self.prefix}/transportOrders/{name}/status"
+        return f"{self.prefix}/transportOrders/{level_of(name)}/status"
 
     def vehicle_status(self, serial_number: str) -> str:
         """Return the topic of a vehicle's :class:`VehicleStatus`, retained."""
-        return f"{self.prefix}/vehicles/{serial_number}/status"
+        return f"{self.prefix}/vehicles/{level_of(serial_number)}/status"
 
     def sequence_status(self, name: str) -> str:
         """Return the topic of an order sequence's :class:`OrderSequenceStatus`.
 
         Retained until the sequence is finished; then cleared by an empty message.
         """
-        return f"{self.prefix}/orderSequences/{name}/status"
+        return f"{self.prefix}/orderSequences/{level_of(name)}/status"
 
     @property
     def all_sequence_statuses(self) -> str:
         """Topic filter of all order sequences' statuses."""
-        return self.sequence_status("+")
+        return f"{self.prefix}/orderSequences/+/status"
 
     @property
     def all_order_statuses(self) -> str:
         """Topic filter of all orders' statuses."""
-        return self.order_status("+")
+        return f"{self.prefix}/transportOrders/+/status"
 
     @property
     def all_vehicle_statuses(self) -> str:
         """Topic filter of all vehicles' statuses."""
-        return self.vehicle_status("+")
+        return f"{self.prefix}/vehicles/+/status"
 
     @property
     def service_status(self) -> str:
@@ -114,51 +132,66 @@ class FleetTopics:
         return f"{self.prefix}/plantModel"
 
     def peripheral(self, location: str, topic: PeripheralTopic) -> str:
-        """Return a topic of a location's peripheral device.
-
-        In the location's name, ``%``, ``/``, ``+`` and ``#`` are percent-encoded.
-        """
-        return f"{self.prefix}/peripherals/{_level(location)}/{topic}"
+        """Return a topic of a location's peripheral device."""
+        return f"{self.prefix}/peripherals/{level_of(location)}/{topic}"
 
     def all_peripherals(self, topic: PeripheralTopic) -> str:
         """Return the topic filter of all devices."""
         return f"{self.prefix}/peripherals/+/{topic}"
 
-    def location_of(self, topic: str) -> str:
-        """Return the location of a device's ``topic``."""
+    def name_in(self, topic: str) -> str:
+        """Return the name of the order, sequence or location, or the serial number, in its ``topic``."""
         return unquote(topic.split("/")[-2])
+
+    def leader(self, interface_name: str) -> str:
+        """Return the topic of the record of the order service that leads a fleet, retained."""
+        levels = map(level_of, interface_name.split("/"))
+        return "/".join((self.prefix, "leader", *levels))
 
     def robot_map(self, robot: RobotKey) -> str:
         """Return the topic of a robot's own map, as :class:`MapImage`, retained; not part of VDA 5050."""
-        return f"{self.prefix}/robots/{robot}/map"
+        return self._of_robot(robot, "map")
 
     @property
     def all_robot_maps(self) -> str:
         """Topic filter of all robots' maps."""
-        return self.robot_map(RobotKey("+", "+"))
+        return f"{self.prefix}/robots/+/+/map"
 
     def recording_chunks(self, robot: RobotKey) -> str:
         """Return the topic of a robot's recordings, as :class:`Chunk`; not part of VDA 5050.
 
         Those of the order service have the key :data:`ORDER_SERVICE`.
         """
-        return f"{self.prefix}/robots/{robot}/recordings/chunk"
+        return self._of_robot(robot, "recordings/chunk")
 
     def recording_answers(self, robot: RobotKey) -> str:
         """Return the topic on which a robot receives the :class:`Answer` to each chunk."""
-        return f"{self.prefix}/robots/{robot}/recordings/answer"
+        return self._of_robot(robot, "recordings/answer")
+
+    @property
+    def all_recording_answers(self) -> str:
+        """Topic filter of the answers to all robots."""
+        return f"{self.prefix}/robots/+/+/recordings/answer"
 
     @property
     def all_recording_chunks(self) -> str:
         """Topic filter of all robots' recordings."""
-        return self.recording_chunks(RobotKey("+", "+"))
+        return f"{self.prefix}/robots/+/+/recordings/chunk"
 
     def robot_of_chunk(self, topic: str) -> RobotKey | None:
         """Return the robot of a recording's ``topic``; None for any other topic."""
-        robot = RobotKey(*levels) if len(levels := topic.split("/")[-4:-2]) == len(RobotKey._fields) else None
-        return robot if robot is not None and topic == self.recording_chunks(robot) else None
+        return self._robot_in(topic, "recordings/chunk")
 
     def robot_of_map(self, topic: str) -> RobotKey | None:
         """Return the robot of a map's ``topic``; None for any other topic."""
-        robot = RobotKey(*levels) if len(levels := topic.split("/")[-3:-1]) == len(RobotKey._fields) else None
-        return robot if robot is not None and topic == self.robot_map(robot) else None
+        return self._robot_in(topic, "map")
+
+    def _of_robot(self, robot: RobotKey, end: str) -> str:
+        return f"{self.prefix}/robots/{'/'.join(map(level_of, robot))}/{end}"
+
+    def _robot_in(self, topic: str, end: str) -> RobotKey | None:
+        levels = topic.removeprefix(f"{self.prefix}/robots/").removesuffix(f"/{end}").split("/")
+        robot = RobotKey(*map(unquote, levels)) if len(levels) == len(RobotKey._fields) else None
+        return (
+            robot if robot is not None and topic == f"{self.prefix}/robots/{'/'.join(levels)}/{end}" else None
+        )

@@ -178,7 +178,7 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             for scheme in topics.schemes:
                 yield f"read {scheme.interface_name}/{scheme.major_version}/#"
             yield f"read {topics.prefix}/#"
-            yield f"write {fleet.recording_answers(ANY_ROBOT)}"
+            yield f"write {fleet.all_recording_answers}"
 
 
 def _of_device(location: str, fleet: FleetTopics) -> Iterator[str]:

@@ -30,12 +30,15 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.fleet_api.vehicle import VehicleStatus
 
+ENCODED = (
+    "in which `% / + # . * >`, spaces, invisible characters and a leading `$` are percent-encoded (UTF-8)"
+)
 PARAMETERS = {
-    "host": "Name chosen by the host.",
-    "transportOrder": "Name of a transport order.",
-    "orderSequence": "Name of an order sequence.",
-    "location": "Location of a peripheral device; `%`, `/`, `+` and `#` are percent-encoded.",
-    "serialNumber": "Serial number of a vehicle's robot.",
+    "host": f"Name chosen by the host, {ENCODED}. It is answered below the level that it has used.",
+    "transportOrder": f"Name of a transport order, {ENCODED}.",
+    "orderSequence": f"Name of an order sequence, {ENCODED}.",
+    "location": f"Location of a peripheral device, {ENCODED}.",
+    "serialNumber": f"Serial number of a vehicle's robot, {ENCODED}.",
 }
 
 EPOCH = {

@@ -55,10 +55,10 @@ class PeripheralLink:
 
     def _answered(self, message: Inbound) -> None:
         if message.payload and (answer := self._read(message, DeviceAnswer)):
-            self._engine.on_device_answer(self._topics.location_of(message.topic), answer)
+            self._engine.on_device_answer(self._topics.name_in(message.topic), answer)
 
     def _reported(self, message: Inbound) -> None:
-        location = self._topics.location_of(message.topic)
+        location = self._topics.name_in(message.topic)
         if not message.payload:  # the device has cleared its state
             self._engine.on_device_state(location, PeripheralState.UNKNOWN)
         elif report := self._read(message, DeviceReport):
@@ -66,7 +66,7 @@ class PeripheralLink:
 
     def _retained(self, message: Inbound) -> None:
         """Clear the retained status of a device that the plant no longer has."""
-        location = self._topics.location_of(message.topic)
+        location = self._topics.name_in(message.topic)
         if message.payload and self._engine.peripherals.operations(location) is None:
             self._mqtt.publish(Outbound(message.topic, b"", retain=True))
 

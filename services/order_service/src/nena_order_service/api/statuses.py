@@ -299,19 +299,27 @@ class RetainedSweep:
         return epoch_of(message.payload) != self._epoch
 
     def _note(self, message: Inbound) -> None:
-        name = message.topic.split("/")[-2]
+        name = self._name_in(message, self._topics.order_status)
         if message.retained and message.payload and (self._is_stale(message) or not self._lives(name)):
             self._names.add(name)
 
     def _note_sequence(self, message: Inbound) -> None:
-        name = message.topic.split("/")[-2]
+        name = self._name_in(message, self._topics.sequence_status)
         known = self._engine.state.sequences.visible(name)
         if message.retained and message.payload and (self._is_stale(message) or not known):
             self._sequences.add(name)
 
     def _note_vehicle(self, message: Inbound) -> None:
+        serial_number = self._name_in(message, self._topics.vehicle_status)
         if message.retained and message.payload and self._is_stale(message):
-            self._vehicles.add(message.topic.split("/")[-2])
+            self._vehicles.add(serial_number)
+
+    def _name_in(self, message: Inbound, topic_of: Callable[[str], str]) -> str:
+        """Return the name in a status's topic; clear a topic of an older version, which did not encode it."""
+        name = self._topics.name_in(message.topic)
+        if message.retained and message.payload and message.topic != topic_of(name):
+            self._mqtt.publish(Outbound(message.topic, b"", retain=True))
+        return name
 
     def _correct_vehicle(self, serial_number: str) -> None:
         found = [each for each in self._engine.registry if each.key.serial_number == serial_number]
