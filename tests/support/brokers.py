@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
 import os
 import shutil
 import signal
@@ -15,7 +18,7 @@ from typing import ClassVar, Self
 import pytest
 
 from support.broker import BrokerAddress, free_port
-from support.waiting import PATIENCE, wait_until
+from support.waiting import PATIENCE, STARTUP, wait_until
 
 PATH = f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin"
 CONNECT = b"\x10\x11\x00\x04MQTT\x04\x02\x00\x0a\x00\x05probe"
@@ -63,7 +66,7 @@ class RealBroker(BrokerAddress):
     def start(self) -> None:
         """Start the process and wait until it answers CONNECT."""
         self._process = self._run(*self._command())
-        wait_until(self._answers, what=f"{self.package} on port {self.port}", every=0.1)
+        wait_until(self._answers, timeout=STARTUP, what=f"{self.package} on port {self.port}", every=0.1)
 
     def stop(self) -> None:
         """End the process as its service manager does."""
@@ -156,6 +159,41 @@ mqtt {{ listen: "127.0.0.1:{self.port}" }}
         return str(self._program), "-c", str(self._folder / "nats.conf")
 
 
+REFUSED = "refused"
+"""Below this first level, :class:`RabbitMq` refuses all publications and subscriptions."""
+UNDELIVERABLE = "undeliverable"
+"""Serial number of a robot whose orders :class:`RabbitMq` refuses."""
+
+
+def _password_hash(password: str) -> str:
+    salt = b"salt"
+    return base64.b64encode(salt + hashlib.sha256(salt + password.encode()).digest()).decode()
+
+
+DEFINITIONS = {
+    "vhosts": [{"name": "/"}],
+    "users": [
+        {
+            "name": "guest",
+            "password_hash": _password_hash("guest"),
+            "hashing_algorithm": "rabbit_password_hashing_sha256",
+            "tags": [],
+        }
+    ],
+    "permissions": [{"user": "guest", "vhost": "/", "configure": ".*", "write": ".*", "read": ".*"}],
+    "topic_permissions": [
+        {
+            "user": "guest",
+            "vhost": "/",
+            "exchange": "amq.topic",
+            "write": rf"^(?!{REFUSED}\.|.*\.{UNDELIVERABLE}\.order$)",
+            "read": rf"^(?!{REFUSED}\.)",
+        }
+    ],
+}
+"""The access list of anonymous clients, who are the user `guest`."""
+
+
 class RabbitMq(RealBroker):
     """A RabbitMQ with the plugin rabbitmq_mqtt and an Erlang port mapper of its own."""
 
@@ -189,10 +227,12 @@ class RabbitMq(RealBroker):
         cookie = self._folder / ".erlang.cookie"
         cookie.write_text("nena-test")
         cookie.chmod(0o400)
+        (self._folder / "definitions.json").write_text(json.dumps(DEFINITIONS))
         (self._folder / "enabled_plugins").write_text("[rabbitmq_mqtt].\n")
         (self._folder / "rabbitmq.conf").write_text(f"""\
 listeners.tcp = none
 mqtt.listeners.tcp.default = 127.0.0.1:{self.port}
+load_definitions = {self._folder}/definitions.json
 {more}
 """)
 

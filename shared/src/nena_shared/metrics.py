@@ -169,6 +169,11 @@ def link_metrics(prefix: str, state: Callable[[S], LinkState]) -> tuple[Metric[S
             "Subscriptions refused by the broker's access list.",
             lambda s: len(state(s).refused),
         ),
+        gauge(
+            f"{prefix}topics_set_aside",
+            "Topics on which nothing is sent any more, because the broker ends the connection at it.",
+            lambda s: len(state(s).set_aside),
+        ),
     )
 
 

@@ -301,8 +301,12 @@ def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0) -> Readiness:
         problems.append(f"The MQTT broker refuses the subscription to {topics}: check its access list.")
     if not store.ready:
         problems.append(f"Database unavailable ({store.why_not_ready}). Orders are refused.")
+    ready = not problems
+    if mqtt.state.set_aside:
+        topics = ", ".join(mqtt.state.set_aside)
+        problems.append(f"The MQTT broker ends the connection at messages on {topics}: they are not sent.")
     return Readiness(
-        ready=not problems,
+        ready=ready,
         broker_connected=mqtt.state.connected,
         store_ready=store.ready,
         loop_lag=round(loop_lag, 4),

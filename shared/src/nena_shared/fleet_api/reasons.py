@@ -113,6 +113,9 @@ class ReasonCode(Enum):
     UNFIT = "the robot cannot execute the order: {causes}"
     NEVER_ACCEPTED = "the order was sent {count} times, but the robot never accepted it"
     UPDATE_NEVER_ACCEPTED = "an update was sent {count} times, but the robot never accepted it"
+    UNDELIVERABLE = (
+        "the MQTT broker ends the connection at messages on {topic}, so the robot cannot be reached"
+    )
     REFUSED = "the robot refuses the order"
     REFUSES_UPDATE = "the robot refuses to continue the order"
     ROBOT_FAILED = "the robot cannot continue the order"

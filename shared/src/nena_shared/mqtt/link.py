@@ -17,6 +17,7 @@ from nena_shared.mqtt.client import Client, MqttError
 from nena_shared.mqtt.identity import tls_context
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.outbox import Outbox
+from nena_shared.mqtt.suspects import ENDS, Suspects
 from nena_shared.settings import ConfigurationError, MqttSettings
 from nena_shared.tasks import end_if_cancelled
 
@@ -75,6 +76,18 @@ FIRST_AT_ONCE = 50
 TERM_POLL = 0.25
 """Interval between checks whether the program may still publish, seconds."""
 
+SOON = 5.0
+"""Seconds within which a broker ends the connection at a message that it refuses."""
+
+STABLE_AFTER = 1.0
+"""Seconds after a connect before a message is sent whose refusal would be concluded from another end."""
+
+SUSPECTED_FOR = 60.0
+"""Seconds after a connect within which a message at which the last connection ended is sent again."""
+
+SET_ASIDE_LIMIT = 1000
+"""Maximum number of topics that are set aside; beyond, the oldest is tried again."""
+
 DROPS_LOGGED_EVERY = 60.0
 """Minimum interval between log lines about messages dropped from a full queue, seconds."""
 
@@ -109,6 +122,8 @@ class LinkState:
     handler_failures: int = 0
     refused: tuple[str, ...] = ()
     """Topic filters of needed subscriptions that the broker refused."""
+    set_aside: dict[str, int] = field(default_factory=dict)
+    """Topics at whose messages the broker ends the connection, with the number of messages not sent."""
     last_error: str = ""
     term: int = 0
     """The term of the connection, see :data:`Term`."""
@@ -120,6 +135,8 @@ class _Subscription:
     handler: Handler
     qos: int
     needed: bool
+    ends: int = 0
+    """Number of connections that ended before this subscription was answered, alone."""
 
 
 @dataclass(slots=True)
@@ -129,10 +146,14 @@ class _Session:
     client: Client
     first: deque[Outbound] = field(default_factory=deque)
     """Messages to publish first; not kept after a disconnect."""
-    deliveries: dict[int, Outbound] = field(default_factory=dict)
-    """Messages not acknowledged by the broker yet, in the order of sending."""
+    deliveries: dict[int, tuple[Outbound, float]] = field(default_factory=dict)
+    """Messages not acknowledged by the broker yet, in the order of sending, with its time (monotonic, s)."""
     sent: int = 0
     """Number of messages sent; numbers the messages."""
+    unacknowledged: deque[tuple[str, float]] = field(default_factory=lambda: deque(maxlen=IN_FLIGHT_LIMIT))
+    """Topics of the last messages with QoS 0, which the broker does not acknowledge, with the same time."""
+    alone: int = 0
+    """Number of the suspect that is in flight; nothing else is sent meanwhile. 0: none."""
     subscribed: int = 0
     """Number of the link's subscriptions sent to the broker."""
     subscribing: asyncio.Task[None] | None = None
@@ -150,6 +171,9 @@ class MqttLink:
     (retained messages, complete states, orders resent until a state echoes them). While the link is down or
     the broker is slow, messages wait in an :class:`Outbox`, which never drops the last retained message of a
     topic, and counts and logs dropped messages. Messages with ``keep=False`` are dropped on a disconnect.
+
+    A broker may end the connection at a message that it refuses; see :class:`Suspects`. The topic of such a
+    message is set aside: messages on it are no longer sent, and ``state.set_aside`` counts them.
 
     A program that may only publish in limited terms, such as one of several order services, passes ``term``,
     which is called before each write to the socket. At the end of a term the connection is closed without
@@ -184,6 +208,11 @@ class MqttLink:
         self._term = term
         self._subscriptions: list[_Subscription] = []
         self._outbox = Outbox(settings.outgoing_limit)
+        self._suspects = Suspects()
+        self._ended_alone = False
+        """Whether the last connection ended while a suspect was alone in flight."""
+        self._subscribes_singly = False
+        """Whether subscriptions are sent one by one, because a connection ended at them."""
         self._drops_to_log = 0
         self._drops_logged_at = -DROPS_LOGGED_EVERY
         self._session: _Session | None = None
@@ -210,7 +239,9 @@ class MqttLink:
         session = self._session
         if self._term() is None:
             self.state.dropped += 1
-        elif session and session.has_room and not session.first and not self._outbox:
+        elif message.topic in self.state.set_aside:
+            self._drop_set_aside(message)
+        elif session and not session.first and not self._outbox and self._may_send(session, message):
             self._send(session, message)
         elif session or message.keep:
             self._queue(message)
@@ -230,8 +261,9 @@ class MqttLink:
                 self._log_failure(error, lost=self.state.connects > connects)
             end_if_cancelled()
             stood = clock() - self._connected_at if self.state.connects > connects else None
-            pause = pauses.after(stood)
-            if pauses.suspicious:
+            ended_alone, self._ended_alone = self._ended_alone, False
+            pause = self._settings.reconnect_min if ended_alone else pauses.after(stood)
+            if pauses.suspicious and not ended_alone:
                 self._log_suspicion()
             silence, self._silence = self._silence, 0.0
             await asyncio.sleep(max(pause, silence))
@@ -285,6 +317,9 @@ class MqttLink:
                 await self._begin(session)
                 end_if_cancelled()
                 await client.receive(self._receive)
+            except MqttError:
+                self._suspect(session)
+                raise
             finally:
                 watching.cancel()
                 self._end(session)
@@ -314,6 +349,9 @@ class MqttLink:
     async def _begin(self, session: _Session) -> None:
         """Publish the first messages, subscribe, then publish the waiting messages."""
         for number, first in enumerate(self._hooks.on_connected(), start=1):
+            if first.topic in self.state.set_aside:
+                self._drop_set_aside(first)
+                continue
             session.first.append(replace(first, keep=False))
             self._send_waiting(session)  # before the next one is made
             if number % FIRST_AT_ONCE == 0:
@@ -327,29 +365,47 @@ class MqttLink:
         self.state.last_error = ""
         log.info("broker connected", host=self._settings.host, port=self._settings.port)
         self._connecting = False
+        if self._suspects:
+            later = asyncio.get_running_loop().call_later
+            later(STABLE_AFTER, self._send_waiting, session)
+            later(SUSPECTED_FOR, self._clear_suspects, session)
         self._send_waiting(session)
         self._settled.set()
 
     async def _subscribe(self, session: _Session) -> None:
         """Send all subscriptions not sent yet, including those added meanwhile."""
+        if session.subscribed == len(self._subscriptions):
+            return
         while new := self._subscriptions[session.subscribed :]:
+            new = new[:1] if self._subscribes_singly else new
             session.subscribed += len(new)
+            if new[0].ends < ENDS or new[0].needed:
+                await self._subscribe_to(session, new)
+        self._hooks.on_subscribed()
+
+    async def _subscribe_to(self, session: _Session, new: list[_Subscription]) -> None:
+        """Subscribe; name the subscription at which the broker ends the connection (RabbitMQ refuses so)."""
+        try:
             granted = await session.client.subscribe([(each.topic_filter, each.qos) for each in new])
-            refused = [
-                each for each, code in zip(new, granted, strict=True) if getattr(code, "is_failure", False)
-            ]
-            self.state.refused += tuple(each.topic_filter for each in refused if each.needed)
-            for each in refused:
-                if each.needed:
-                    log.error(
-                        "the broker refuses a subscription; check its access list", topic=each.topic_filter
-                    )
-                else:
-                    log.warning(
-                        "the broker refuses a subscription; the program works without it",
-                        topic=each.topic_filter,
-                    )
-            self._hooks.on_subscribed()
+        except MqttError as error:
+            self._subscribes_singly = True
+            if len(new) > 1:
+                raise
+            new[0].ends += 1
+            text = f"{error}; the subscription is {new[0].topic_filter}: check the broker's access list"
+            raise MqttError(text) from None
+        refused = [
+            each for each, code in zip(new, granted, strict=True) if getattr(code, "is_failure", False)
+        ]
+        self.state.refused += tuple(each.topic_filter for each in refused if each.needed)
+        for each in refused:
+            if each.needed:
+                log.error("the broker refuses a subscription; check its access list", topic=each.topic_filter)
+            else:
+                log.warning(
+                    "the broker refuses a subscription; the program works without it",
+                    topic=each.topic_filter,
+                )
 
     def _subscribe_late(self, session: _Session) -> None:
         if session.subscribing and not session.subscribing.done():
@@ -365,7 +421,8 @@ class MqttLink:
 
     def _end(self, session: _Session) -> None:
         """Requeue unacknowledged messages, in order, before the waiting ones."""
-        unsent = [*session.deliveries.values(), *session.first, *self._outbox]
+        in_flight = (message for message, _ in session.deliveries.values())
+        unsent = [*in_flight, *session.first, *self._outbox]
         session.deliveries.clear()
         session.first.clear()
         self._connecting = False
@@ -374,7 +431,9 @@ class MqttLink:
             session.subscribing.cancel()
         self._outbox.clear()
         for message in unsent:
-            if message.keep and self._may_write():
+            if message.topic in self.state.set_aside:
+                self._drop_set_aside(message)
+            elif message.keep and self._may_write():
                 self._queue(message)
             else:
                 self.state.dropped += 1
@@ -382,6 +441,34 @@ class MqttLink:
             self._session = None
             self.state.connected = False
             self._hooks.on_lost()
+
+    def _suspect(self, session: _Session) -> None:
+        """Find out whether the connection has ended because of a message."""
+        if self._silence or not self._may_write():
+            return  # the broker has not ended it
+        since = monotonic() - SOON
+        sent = [(message.topic, at) for message, at in session.deliveries.values()]
+        if sent and sent[0][1] < since:
+            return  # the broker had not answered for some time
+        written = {topic for topic, at in session.unacknowledged if at >= since}
+        self._ended_alone = bool(session.alone)
+        alone = len(sent) == 1 and not written
+        refused = self._suspects.note_end(written.union(topic for topic, _ in sent), alone=alone)
+        if refused is None:
+            return
+        self.state.set_aside[refused] = 0
+        if len(self.state.set_aside) > SET_ASIDE_LIMIT:
+            del self.state.set_aside[next(iter(self.state.set_aside))]
+        log.error(
+            "the broker has ended the connection twice at a message; messages on its topic are set aside "
+            "until the program is restarted. Check the broker's access list and limits, and whether it "
+            "accepts such a topic",
+            topic=refused,
+        )
+
+    def _drop_set_aside(self, message: Outbound) -> None:
+        self.state.set_aside[message.topic] += 1
+        self.state.dropped += 1
 
     def _receive(self, inbound: Inbound) -> None:
         self.state.received += 1
@@ -417,10 +504,24 @@ class MqttLink:
             )
             self._drops_to_log, self._drops_logged_at = 0, now
 
+    def _may_send(self, session: _Session, message: Outbound) -> bool:
+        """Return whether the message may be in flight now: a suspect only alone, once subscribed."""
+        if not self._suspects:
+            return session.has_room
+        if message.topic in self._suspects:
+            if session is not self._session or session.deliveries:
+                return False
+            stood = asyncio.get_running_loop().time() - self._connected_at
+            return stood >= STABLE_AFTER or not self._suspects.near_refusal(message.topic)
+        return session.has_room and not session.alone
+
     def _send(self, session: _Session, message: Outbound) -> None:
         session.sent += 1
         number = session.sent
-        session.deliveries[number] = message
+        now = monotonic()
+        session.deliveries[number] = message, now
+        if self._suspects and message.qos == 0:
+            message = replace(message, qos=1)  # the acknowledgement shows that the broker accepts it
         try:
             session.client.send(message, partial(self._confirmed, session, number))
         except MqttError:
@@ -429,24 +530,45 @@ class MqttLink:
             del session.deliveries[number]
             self.state.dropped += 1
             log.error("dropping a message that cannot be sent", topic=message.topic, reason=str(error))  # noqa: TRY400
+            return
+        if message.qos == 0:
+            session.unacknowledged.append((message.topic, now))
+        elif message.topic in self._suspects:
+            session.alone = number
+            asyncio.get_running_loop().call_later(SOON, self._waited_for_end, session, number)
 
     def _confirmed(self, session: _Session, number: int) -> None:
-        if session.deliveries.pop(number, None) is None:
+        delivery = session.deliveries.pop(number, None)
+        if delivery is None:
             return  # it was requeued
+        if number == session.alone:
+            session.alone = 0
+            self._suspects.clear(delivery[0].topic)
         self.state.published += 1
         self._send_waiting(session)
         if not session.deliveries:
             self._settled.set()
 
+    def _waited_for_end(self, session: _Session, number: int) -> None:
+        """Clear a suspect that is not acknowledged, but at which the broker has not ended the connection."""
+        if number == session.alone and session is self._session:
+            session.alone = 0
+            self._suspects.clear(session.deliveries[number][0].topic)
+            self._send_waiting(session)
+
+    def _clear_suspects(self, session: _Session) -> None:
+        """Clear suspects that were not sent again since the connect."""
+        if session is self._session:
+            self._suspects = Suspects()
+            self._send_waiting(session)
+
     def _send_waiting(self, session: _Session) -> None:
-        """Send waiting messages up to the limit of messages in flight."""
-        while session.has_room:
-            if session.first:
-                self._send(session, session.first.popleft())
-            elif self._outbox and session is self._session:
-                self._send(session, self._outbox.pop())
-            else:
+        """Send waiting messages, as far as they may be in flight."""
+        while session.first or (self._outbox and session is self._session):
+            first = session.first[0] if session.first else next(iter(self._outbox))
+            if not self._may_send(session, first):
                 return
+            self._send(session, session.first.popleft() if session.first else self._outbox.pop())
 
     def _log_suspicion(self) -> None:
         log.error(

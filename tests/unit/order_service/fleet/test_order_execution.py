@@ -106,6 +106,26 @@ def test_an_order_that_is_never_accepted_fails_with_the_number_of_attempts() -> 
     assert bench.orders_sent() == ["m"] * 6
 
 
+def test_an_order_that_the_broker_refuses_fails_at_once_and_names_the_topic() -> None:
+    bench = Bench().online()
+    bench.start(make_vda_order("m", "A", "B"))
+    bench.take(bench.fleet.on_undeliverable(bench.robot.key, "uagv/v2/ACME/r.1/order", bench.now))
+    assert "uagv/v2/ACME/r.1/order" in failure(bench).reason
+    bench.wait(60, reporting=True)
+    assert bench.orders_sent() == ["m"]
+
+
+def test_a_refused_message_ends_no_order_that_the_robot_has() -> None:
+    bench = Bench().online()
+    bench.start(make_vda_order("m", "A", "B"))
+    bench.deliver()
+    bench.report()
+    bench.take(bench.fleet.on_undeliverable(bench.robot.key, "uagv/v2/ACME/r.1/order", bench.now))
+    bench.run()
+    assert bench.ends() == {"m": 1}
+    assert bench.told(VdaOrderFailed) == []
+
+
 @pytest.mark.clause("6.1.4/fleet")
 def test_a_refusal_that_names_the_order_fails_the_vda_order_with_the_robots_words() -> None:
     bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()

@@ -192,6 +192,20 @@ def test_an_update_that_is_never_accepted_ends_the_vda_order() -> None:
     assert "an update was sent 6 times" in failed.reason
 
 
+def test_an_update_that_the_broker_refuses_ends_the_vda_order() -> None:
+    bench = started()
+    extend(bench, base(3))
+    bench.lose()
+    bench.take(bench.fleet.on_undeliverable(bench.robot.key, "uagv/v2/ACME/r1/order", bench.now))
+    assert bench.instants_sent() == ["cancelOrder"]
+    bench.deliver()
+    bench.report()
+    bench.tick()
+
+    (failed,) = bench.told(VdaOrderFailed)
+    assert "uagv/v2/ACME/r1/order" in failed.reason
+
+
 @pytest.mark.clause("6.1.4/fleet")
 @pytest.mark.parametrize("named", [True, False])
 def test_an_update_that_the_robot_refuses_ends_the_vda_order(*, named: bool) -> None:

@@ -112,6 +112,12 @@ class RobotControl:
         self._changes += 1
         yield from self._report_change(now)
 
+    def on_undeliverable(self, topic: str, now: float) -> Iterator[FleetOutput]:
+        """Handle an order that the broker refuses to deliver."""
+        if self._run:
+            yield from self._run.on_undeliverable(topic)
+            yield from self._advance(now)
+
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
         """Handle a state (section 6.6): instant actions first, because they may end a VDA order."""
         placed = self.robot.placed
@@ -467,6 +473,11 @@ class FleetController:
         """
         control = self._control(robot)
         return self._reported(control, control.on_malformed(problem, now))
+
+    def on_undeliverable(self, robot: RobotKey, topic: str, now: float) -> Outputs:
+        """End a VDA order that cannot be sent, because the broker ends our connection at it."""
+        control = self._control(robot)
+        return self._reported(control, control.on_undeliverable(topic, now))
 
     def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
         """Note a change of our own link to the broker, which is down initially.

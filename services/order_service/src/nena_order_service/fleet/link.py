@@ -30,6 +30,7 @@ from nena_order_service.fleet.statistics import FleetStatistics
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
+from nena_shared.fleet_api.topics import level_of
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
@@ -192,6 +193,13 @@ class RobotAddresses:
         """
         for robot, vehicle in vehicles:
             _require_storable(robot, vehicle)
+            if any(level_of(name) != name for name in robot):
+                log.warning(
+                    "some brokers refuse or change topics with this manufacturer or serial number: NATS "
+                    "accepts no '.' and no space, RabbitMQ no '.'",
+                    vehicle=vehicle.name,
+                    robot=str(robot),
+                )
             self._dialects[robot] = Dialect.of(vehicle)
             for major, default in self._defaults.items():
                 name = _interface_name(vehicle) or default.interface_name
@@ -635,6 +643,9 @@ class FleetLink:
             )
             return
         place = address.scheme.of(output.robot, topic)
+        if place in self._mqtt.state.set_aside and topic is Topic.ORDER:
+            self._hand_out(self._controller.on_undeliverable(output.robot, place, now))
+            return
         if topic in COMMANDS:
             self._remember(place, payload)
         for listener in self.listeners:

@@ -325,6 +325,14 @@ class OrderExecution:
         elif self.phase is VdaOrderPhase.CANCELLING:
             yield from self._settle_cancel(state)
 
+    def on_undeliverable(self, topic: str) -> Iterator[FleetOutput]:
+        """Fail the order, or cancel it if an update of it cannot be sent: the broker refuses the message."""
+        reason = Reason(R.UNDELIVERABLE, topic=topic)
+        if self.phase is VdaOrderPhase.SENT:
+            yield self._fail(ExecutionFailure(FailureKind.NOT_TAKEN, reason))
+        elif self._pending and self.phase is VdaOrderPhase.RUNNING:
+            self._cancel_for(ExecutionFailure(FailureKind.DRIVE, reason))
+
     def at_end_with_nodes(self, state: State) -> str:
         """Return, as a predicate, why the order of a robot at its last node is not finished.
 

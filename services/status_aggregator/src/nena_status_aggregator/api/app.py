@@ -92,6 +92,11 @@ def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRou
                 f"The MQTT broker refused the subscription to {', '.join(refused)}; check its access list."
             )
             raise ProblemError(Rejection.NOT_READY, detail)
+        if topics := aggregator.link.mqtt.state.set_aside:
+            why = (
+                f"The MQTT broker ends the connection at messages on {', '.join(topics)}: they are not sent."
+            )
+            return {"status": "ready", "problem": why}
         return {"status": "ready"}
 
     @router.get(METRICS, response_class=PlainTextResponse)

@@ -821,6 +821,7 @@ export const TEXTS = {
   "because.unfit": "der Roboter kann den Auftrag nicht ausführen: {causes}",
   "because.never_accepted": "der Auftrag wurde {count}-mal gesendet, aber nie vom Roboter angenommen",
   "because.update_never_accepted": "eine Aktualisierung wurde {count}-mal gesendet, aber nie vom Roboter angenommen",
+  "because.undeliverable": "der MQTT-Broker beendet die Verbindung bei Nachrichten auf {topic}, daher ist der Roboter nicht erreichbar",
   "because.refused": "der Roboter lehnt den Auftrag ab",
   "because.refuses_update": "der Roboter führt den Auftrag nicht weiter",
   "because.robot_failed": "der Roboter kann den Auftrag nicht fortsetzen",

@@ -821,6 +821,7 @@ export const TEXTS = {
   "because.unfit": "the robot cannot execute the order: {causes}",
   "because.never_accepted": "the order was sent {count} times, but the robot never accepted it",
   "because.update_never_accepted": "an update was sent {count} times, but the robot never accepted it",
+  "because.undeliverable": "the MQTT broker ends the connection at messages on {topic}, so the robot cannot be reached",
   "because.refused": "the robot refuses the order",
   "because.refuses_update": "the robot refuses to continue the order",
   "because.robot_failed": "the robot cannot continue the order",

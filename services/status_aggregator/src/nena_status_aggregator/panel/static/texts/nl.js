@@ -821,6 +821,7 @@ export const TEXTS = {
   "because.unfit": "de robot kan de order niet uitvoeren: {causes}",
   "because.never_accepted": "de order is {count} keer verzonden, maar nooit door de robot aangenomen",
   "because.update_never_accepted": "een update is {count} keer verzonden, maar nooit door de robot aangenomen",
+  "because.undeliverable": "de MQTT-broker verbreekt de verbinding bij berichten op {topic}, daarom is de robot niet bereikbaar",
   "because.refused": "de robot weigert de order",
   "because.refuses_update": "de robot weigert de order voort te zetten",
   "because.robot_failed": "de robot kan de order niet voortzetten",
