@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
+from nena_edge_agent.nav2 import action_client
 from support.broker import Broker
 from support.nav2_agent import Bench
 from support.ros import RosPeer, own_domain_id
@@ -37,6 +38,12 @@ def bench(
     made = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path, version=version)
     with made.mqtt:
         yield made
+
+
+@pytest.fixture
+def no_nav2_types(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the agent run where nav2_msgs is missing: without results and feedback."""
+    monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
 
 
 @pytest.fixture

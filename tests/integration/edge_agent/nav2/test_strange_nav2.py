@@ -73,6 +73,7 @@ async def test_success_far_from_the_goal_is_not_an_arrival(robot: DrivenRobot, f
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.OUTSIDE_TOLERANCE
 
 
+@pytest.mark.usefixtures("no_nav2_types")
 async def test_non_finite_pose_is_ignored(robot: DrivenRobot, faults: Faults) -> None:
     with faults.on("nan_pose"):
         robot.driver.go_to(goal_at(1, 6.0))

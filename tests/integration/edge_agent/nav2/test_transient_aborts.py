@@ -11,7 +11,6 @@ import pytest
 from action_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
-from nena_edge_agent.nav2 import action_client
 from nena_edge_agent.nav2.settings import GoalSettings
 from support.action_types import needs_action_types, needs_nav2_types
 from support.edge_agent import FleetControl, ended, error_types, status_of
@@ -33,12 +32,6 @@ IN_EACH_MODE = pytest.mark.parametrize(
 SOON: dict[str, Any] = {"retry_wait": 0.2}
 WAY = {f"n{number}": position(5.0 * number, radius=0.5) for number in range(3)}
 NAVIGATION = "lifecycle_manager_navigation"
-
-
-@pytest.fixture
-def no_nav2_types(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the agent run where nav2_msgs is missing."""
-    monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
 
 
 async def retried(fleet: FleetControl) -> dict[str, Any]:
