@@ -192,12 +192,11 @@ class Offers:
         """
         stop = self._robot.faults.get(faults.CollisionStop)
         polygon = stop.polygon if stop else None
-        if self._collision is None or polygon == self._collision_stop or not self._robot.commanded:
+        kind = self._collision_kind
+        if kind is None or polygon == self._collision_stop or not self._robot.commanded:
             return
         self._collision_stop = polygon
-        self._collision.publish(
-            self._collision_kind(action_type=int(polygon is not None), polygon_name=polygon or "")
-        )
+        self._collision.publish(kind(action_type=int(polygon is not None), polygon_name=polygon or ""))
 
     def _on_speed_limit(self, message: Any) -> None:  # noqa: ANN401
         """Apply a limit like Regulated Pure Pursuit: one above the robot's own speed makes it faster."""
