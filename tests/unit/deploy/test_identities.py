@@ -95,10 +95,10 @@ def test_host_publishes_under_its_own_name() -> None:
 
 def test_a_device_takes_the_jobs_of_its_location() -> None:
     assert rules_of(Kind.DEVICE, device_name("Door 1")) == [
-        "write nena/v1/peripherals/Door 1/jobState",
-        "write nena/v1/peripherals/Door 1/state",
-        "read nena/v1/peripherals/Door 1/job",
-        "read nena/v1/peripherals/Door 1/cancel",
+        "write nena/v1/peripherals/Door%201/jobState",
+        "write nena/v1/peripherals/Door%201/state",
+        "read nena/v1/peripherals/Door%201/job",
+        "read nena/v1/peripherals/Door%201/cancel",
     ]
     with pytest.raises(IdentityError):
         device_name("+")

@@ -154,6 +154,8 @@ class _Session:
     """Topics of the last messages with QoS 0, which the broker does not acknowledge, with the same time."""
     alone: int = 0
     """Number of the suspect that is in flight; nothing else is sent meanwhile. 0: none."""
+    stable: bool = False
+    """Whether the connection has stood for :data:`STABLE_AFTER`, if there are suspects."""
     subscribed: int = 0
     """Number of the link's subscriptions sent to the broker."""
     subscribing: asyncio.Task[None] | None = None
@@ -367,7 +369,7 @@ class MqttLink:
         self._connecting = False
         if self._suspects:
             later = asyncio.get_running_loop().call_later
-            later(STABLE_AFTER, self._send_waiting, session)
+            later(STABLE_AFTER, self._trust, session)
             later(SUSPECTED_FOR, self._clear_suspects, session)
         self._send_waiting(session)
         self._settled.set()
@@ -509,10 +511,8 @@ class MqttLink:
         if not self._suspects:
             return session.has_room
         if message.topic in self._suspects:
-            if session is not self._session or session.deliveries:
-                return False
-            stood = asyncio.get_running_loop().time() - self._connected_at
-            return stood >= STABLE_AFTER or not self._suspects.near_refusal(message.topic)
+            ready = session is self._session and not session.deliveries
+            return ready and (session.stable or not self._suspects.near_refusal(message.topic))
         return session.has_room and not session.alone
 
     def _send(self, session: _Session, message: Outbound) -> None:
@@ -555,6 +555,10 @@ class MqttLink:
             session.alone = 0
             self._suspects.clear(session.deliveries[number][0].topic)
             self._send_waiting(session)
+
+    def _trust(self, session: _Session) -> None:
+        session.stable = True
+        self._send_waiting(session)
 
     def _clear_suspects(self, session: _Session) -> None:
         """Clear suspects that were not sent again since the connect."""
