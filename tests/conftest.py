@@ -12,6 +12,7 @@ import pytest
 import structlog
 from hypothesis import HealthCheck, settings
 
+from nena_shared.tasks import failure_listeners
 from support.broker import Broker, BrokerAddress
 from support.brokers import Nats, RabbitMq
 from support.postgres import Postgres
@@ -80,6 +81,20 @@ def schemas_kept(publications: Publications) -> Iterator[None]:
     publications.take()
     yield
     assert publications.take() == []
+
+
+@pytest.fixture(autouse=True)
+def no_failures_survived(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Fail each test in which a service survives a failure, such as that of a task that restarts."""
+    found: list[str] = []
+
+    def note(event: str, error: BaseException) -> None:
+        found.append(f"{event}: {error!r}")
+
+    failure_listeners.append(note)
+    yield
+    failure_listeners.remove(note)
+    assert not found or request.node.get_closest_marker("provokes_failures"), found
 
 
 @pytest.fixture(autouse=True)

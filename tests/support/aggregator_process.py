@@ -11,6 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from support.programs import require_no_failures
 from support.waiting import PATIENCE, until
 
 END_WITHIN = PATIENCE
@@ -38,7 +39,10 @@ class AggregatorProcess:
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait(END_WITHIN)
+        log = self.output
         self._folder.cleanup()
+        if kind is None:
+            require_no_failures(log)
 
     @property
     def output(self) -> str:

@@ -23,6 +23,17 @@ LOG_SHOWN = 3000
 """Last characters of a log that an error shows."""
 
 
+SURVIVED = ("task restarts after a failure", "message handler failed", "effect of a committed change failed")
+"""Log events of failures after which a service continues; the first line of each."""
+
+
+def require_no_failures(log: str) -> None:
+    """Fail if a service has survived a failure, which only its log tells."""
+    assert not (found := [line for line in log.splitlines() if any(event in line for event in SURVIVED)]), (
+        found
+    )
+
+
 class Program:
     """A console script of the virtual environment; its log goes into a file.
 
@@ -51,13 +62,15 @@ class Program:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
         try:
             self.process.wait(ENDED_WITHIN)
         except subprocess.TimeoutExpired:
             self.kill()
+        if kind is None:
+            require_no_failures(self.log)
 
     @property
     def log(self) -> str:

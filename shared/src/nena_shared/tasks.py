@@ -6,7 +6,7 @@ import asyncio
 import signal
 from collections.abc import Awaitable, Callable, Coroutine
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from nena_shared.log import get_logger
 
@@ -14,6 +14,18 @@ log = get_logger(__name__)
 
 AGAIN_AFTER = 5.0
 """Time for a task to end after its cancellation, before it is cancelled again, seconds."""
+
+
+failure_listeners: Final[list[Callable[[str, BaseException], None]]] = []
+"""Called with the description and the exception of each failure that a program survives. Nobody may notice it
+in the log, so simulations and tests end with it."""
+
+
+def report_failure(event: str, error: BaseException, **values: object) -> None:
+    """Log a failure that the program survives, and tell :data:`failure_listeners`."""
+    log.error(event, exc_info=error, **values)
+    for listener in failure_listeners:
+        listener(" ".join([event, *(f"{name}={value}" for name, value in values.items())]), error)
 
 
 class TaskFailedError(Exception):
@@ -58,8 +70,10 @@ class Supervisor:
         if task.cancelled():
             return
         error = task.exception()
-        if error is not None:
+        if error is not None and vital:
             log.error("task failed", task=task.get_name(), exc_info=error)
+        elif error is not None:
+            report_failure("task failed", error, task=task.get_name())
         if vital and self._failed is not None and not self._failed.done():
             failure = TaskFailedError(task.get_name())
             failure.__cause__ = error
@@ -128,8 +142,8 @@ async def forever(name: str, work: Callable[[], Awaitable[None]], *, pause: floa
     while True:
         try:
             await work()
-        except Exception:
-            log.exception("task restarts after a failure", task=name, pause=pause)
+        except Exception as error:  # noqa: BLE001 - it is reported
+            report_failure("task restarts after a failure", error, task=name, pause=pause)
             await asyncio.sleep(pause)
 
 

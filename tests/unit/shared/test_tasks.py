@@ -46,6 +46,7 @@ async def test_vital_task_that_ends_in_any_way_ends_the_wait(work: object) -> No
     assert [line["task"] for line in logs] == (["the heart"] if work is fail else [])
 
 
+@pytest.mark.provokes_failures
 async def test_failure_of_other_tasks_is_logged_only() -> None:
     stop = asyncio.Event()
     with capture_logs() as logs:
@@ -115,6 +116,7 @@ async def test_waiting_outside_the_supervisor_is_an_error() -> None:
         await Supervisor().wait(asyncio.Event())
 
 
+@pytest.mark.provokes_failures
 async def test_forever_continues_after_a_failure() -> None:
     calls = 0
     third = asyncio.Event()

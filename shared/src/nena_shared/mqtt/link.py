@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from time import monotonic
-from typing import Final
+from typing import Final, Protocol
 
 from paho.mqtt.client import topic_matches_sub
 
@@ -19,7 +19,7 @@ from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.outbox import Outbox
 from nena_shared.mqtt.suspects import ENDS, Suspects
 from nena_shared.settings import ConfigurationError, MqttSettings
-from nena_shared.tasks import end_if_cancelled
+from nena_shared.tasks import end_if_cancelled, report_failure
 
 SUSPICIOUS: Final = 3
 """Number of consecutive short connections after which a client ID conflict is suspected."""
@@ -127,6 +127,36 @@ class LinkState:
     last_error: str = ""
     term: int = 0
     """The term of the connection, see :data:`Term`."""
+
+
+class Link(Protocol):
+    """A program's link to the broker, as :class:`MqttLink` and simulations provide it."""
+
+    state: LinkState
+
+    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
+        """Subscribe to ``topic_filter``; see :meth:`MqttLink.subscribe`."""
+        ...
+
+    def publish(self, message: Outbound) -> None:
+        """Send ``message`` if the link is up, or later; see :meth:`MqttLink.publish`."""
+        ...
+
+    async def run(self) -> None:
+        """Keep the link connected until cancelled."""
+        ...
+
+    def cut(self, seconds: float) -> None:
+        """Interrupt the connection for ``seconds``."""
+        ...
+
+    async def read_waiting(self, seconds: float) -> None:
+        """Wait up to ``seconds`` until all messages received so far are read."""
+        ...
+
+    async def drain(self, seconds: float) -> bool:
+        """Wait up to ``seconds`` until all published messages are acknowledged; return whether they are."""
+        ...
 
 
 @dataclass(slots=True)
@@ -477,9 +507,10 @@ class MqttLink:
         for handler in self._handlers(inbound.topic):
             try:
                 handler(inbound)
-            except Exception:
+            except Exception as error:  # noqa: BLE001 - it is reported
                 self.state.handler_failures += 1
-                log.exception("message handler failed", topic=inbound.topic, size=len(inbound.payload))
+                size = len(inbound.payload)
+                report_failure("message handler failed", error, topic=inbound.topic, size=size)
 
     def _matching_handlers(self, topic: str) -> tuple[Handler, ...]:
         return tuple(

@@ -119,6 +119,7 @@ async def test_subscribes_while_connected(broker: Broker, interface_name: str) -
         peer.publish(f"{interface_name}/c", b"", retain=True)
 
 
+@pytest.mark.provokes_failures
 async def test_failing_handler_does_not_end_the_link(broker: Broker, interface_name: str) -> None:
     seen: list[bytes] = []
 

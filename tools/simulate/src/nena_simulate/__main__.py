@@ -20,6 +20,7 @@ from nena_simulate.heat_map import heat_map
 from nena_simulate.report import Figures, Report
 from nena_simulate.simulation import simulate_all
 from nena_simulate.site import Case, Disturbances
+from nena_simulate.virtual_time import SimulationFailedError
 
 PROGRAM = "nena-simulate"
 app = typer.Typer(add_completion=False, rich_markup_mode=None)  # plain help, as that of nena
@@ -129,6 +130,12 @@ def simulate(
         figures = simulate_all([replace(case, robots=size) for size in sizes], jobs=jobs, parts=parts)
     except (PlantModelError, ValueError) as error:
         typer.echo(f"nena simulate: {error}", err=True)
+        raise typer.Exit(1) from error
+    except SimulationFailedError as error:
+        typer.echo(
+            f"nena simulate: a simulated program has failed, so there are no figures: {error}", err=True
+        )
+        typer.echo("This is a bug; please report it with the traceback above.", err=True)
         raise typer.Exit(1) from error
     _write(Report(model.name, seed, tuple(figures), parts), model, json, markdown, heat_maps)
     typer.echo(f"{hours * len(figures):g} hours simulated in {perf_counter() - begun:.0f} s", err=True)

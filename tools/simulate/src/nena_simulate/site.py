@@ -11,6 +11,8 @@ from pathlib import Path
 from random import Random
 from typing import Any, Self
 
+from sqlalchemy import create_engine
+
 from nena_edge_agent.actions.plugin import PluginContext
 from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.settings import default_operations
@@ -26,10 +28,9 @@ from nena_order_service.fleet.link import FleetLink
 from nena_order_service.service import make_engine, make_fleet
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import Changes, Unfinished
-from nena_order_service.store.store import ChangeNumbers, Store
+from nena_order_service.store.store import Store
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
-from nena_shared.mqtt import MqttLink
 from nena_shared.plant import PlantModel, Point, PointType, Vehicle
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.track import MM_PER_M
@@ -99,15 +100,8 @@ class VolatileStore(Store):
     """Stores nothing: simulated programs are never restarted. A commit takes as long as on a fast disk."""
 
     def __init__(self, commit_seconds: float) -> None:
-        self.problem = self.lead_problem = ""
-        self.numbers = ChangeNumbers()
+        super().__init__(create_engine("sqlite://"))
         self._seconds = commit_seconds
-        self._then: list[Callable[[], None]] = []
-
-    @property
-    def why_not_ready(self) -> str:
-        """Return "": the store is always ready."""
-        return ""
 
     def commit(self, changes: Changes, then: Callable[[], None]) -> None:
         """Call ``then`` a moment later, in the order of commits."""
@@ -228,7 +222,7 @@ class Site:
         broker = Broker(Conditions(loss=case.disturbances.loss), _lot(self._random.random()))
         settings = OrderServiceSettings(plant=Path("-"), **case.settings)
         self.engine = make_engine(settings, plant, VolatileStore(COMMIT_SECONDS), clock)
-        self._mqtt: MqttLink = Link(broker)
+        self._mqtt = Link(broker)
         self.fleet: FleetLink = make_fleet(settings, self._mqtt, self.engine, clock)
         self.robots = [
             SimulatedRobot(vehicle, place, case, broker, self._random)
@@ -236,7 +230,12 @@ class Site:
         ]
 
     async def run(self, seconds: float, watch: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        """Serve for ``seconds`` after all robots are connected; ``watch`` observes meanwhile."""
+        """Serve for ``seconds`` after all robots are connected; ``watch`` observes meanwhile.
+
+        Raises:
+            TaskFailedError: a task of the order service, or a robot, has ended.
+        """
+        over = asyncio.Event()
         async with Supervisor() as supervisor:
             await self.engine.start(self.fleet)
             supervisor.start("mqtt", self._mqtt.run())
@@ -248,7 +247,8 @@ class Site:
             supervisor.start("observer", watch(), vital=False)
             supervisor.start("hosts", self._give_orders(), vital=False)
             supervisor.start("death", self._let_one_die(), vital=False)
-            await asyncio.sleep(seconds)
+            asyncio.get_running_loop().call_later(seconds, over.set)
+            await supervisor.wait(over)
 
     async def _all_there(self) -> None:
         async with asyncio.timeout(READY_SECONDS):

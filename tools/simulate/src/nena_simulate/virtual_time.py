@@ -9,6 +9,8 @@ from concurrent.futures import Executor
 from datetime import UTC, datetime, timedelta
 from typing import Any, TypeVar, TypeVarTuple
 
+from nena_shared.tasks import TaskFailedError, failure_listeners
+
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
@@ -20,6 +22,10 @@ TURN_SECONDS = 1e-6
 
 class TimeStoodStillError(Exception):
     """The simulation waits for an event that cannot happen."""
+
+
+class SimulationFailedError(Exception):
+    """A program of the simulation has failed, although it would continue outside of it."""
 
 
 class _Selector(selectors.SelectSelector):
@@ -90,11 +96,33 @@ def run(work: Callable[[VirtualClock], Coroutine[Any, Any, T]]) -> T:
 
     Raises:
         TimeStoodStillError: ``work`` waits for an event that cannot happen.
+        SimulationFailedError: a task, a callback or a message handler has failed.
     """
     loop = VirtualLoop()
     asyncio.set_event_loop(loop)
+    working = loop.create_task(work(VirtualClock(loop)))
+    failures: list[tuple[str, BaseException]] = []
+
+    def fail(event: str, error: BaseException) -> None:
+        failures.append((event, error))
+        working.cancel()
+
+    def fail_callback(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        if error := context.get("exception"):
+            fail(context["message"], error)
+
+    loop.set_exception_handler(fail_callback)
+    failure_listeners.append(fail)
     try:
-        return loop.run_until_complete(work(VirtualClock(loop)))
+        return loop.run_until_complete(working)
+    except asyncio.CancelledError:
+        event, error = failures[0]
+        message = f"{event}: {error!r}"
+        raise SimulationFailedError(message) from error
+    except TaskFailedError as error:
+        message = f"{error}: {error.__cause__!r}"
+        raise SimulationFailedError(message) from error
     finally:
+        failure_listeners.remove(fail)
         asyncio.set_event_loop(None)
         loop.close()

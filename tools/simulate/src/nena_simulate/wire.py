@@ -10,7 +10,7 @@ from random import Random
 
 from paho.mqtt.client import topic_matches_sub
 
-from nena_shared.mqtt import Handler, Inbound, LinkHooks, LinkState, MqttLink, Outbound
+from nena_shared.mqtt import Handler, Inbound, LinkHooks, LinkState, Outbound
 
 SUBSCRIBING_SECONDS = 0.05
 """Time to connect and to subscribe, seconds."""
@@ -81,8 +81,8 @@ class Broker:
             loop.call_at(self._under_way[0][0], self._deliver)
 
 
-class Link(MqttLink):
-    """Replaces a program's link to a broker."""
+class Link:
+    """Replaces a program's link to a broker; a :class:`nena_shared.mqtt.Link`."""
 
     def __init__(self, broker: Broker, hooks: LinkHooks | None = None) -> None:
         self.state = LinkState()
@@ -94,10 +94,10 @@ class Link(MqttLink):
         self._away_for = 0.0
 
     @classmethod
-    def maker(cls, broker: Broker) -> Callable[..., MqttLink]:
-        """Return a factory with the parameters of :class:`MqttLink`."""
+    def maker(cls, broker: Broker) -> Callable[..., Link]:
+        """Return a factory with the parameters of ``MqttLink``."""
 
-        def make(_settings: object, *, client_id: str, hooks: LinkHooks) -> MqttLink:
+        def make(_settings: object, *, client_id: str, hooks: LinkHooks) -> Link:
             del client_id
             return cls(broker, hooks)
 
@@ -151,6 +151,9 @@ class Link(MqttLink):
         """Cut the link for ``seconds``."""
         self._away_for = seconds
         self._away.set()
+
+    async def read_waiting(self, seconds: float) -> None:
+        """Return at once, because each message is read when it arrives."""
 
     async def drain(self, seconds: float) -> bool:
         """Return at once, because no messages are queued here."""

@@ -18,9 +18,7 @@ from nena_order_service.store.store import Store
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.log import get_logger
-
-log = get_logger(__name__)
+from nena_shared.tasks import report_failure
 
 UNPUBLISHED_AT_MOST = 20
 """Units of work after which a vehicle is published even if later ones that change it are pending."""
@@ -191,8 +189,8 @@ class UnitOfWork:
         try:
             if event := effect():
                 self._on_event(event)
-        except Exception:
-            log.exception("effect of a committed change failed")
+        except Exception as error:  # noqa: BLE001 - it is reported
+            report_failure("effect of a committed change failed", error)
 
     def _no_longer_unpublished(self, vehicles: Iterable[str]) -> list[str]:
         """Return the vehicles of a committed unit that are to be published now, not by a later unit."""
