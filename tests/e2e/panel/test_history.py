@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from contextlib import suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import httpx
@@ -96,6 +97,37 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             await page.evaluate(LEAVE_WHILE_NARROWING)
             await expect(page.get_by_role("button", name="Play")).to_be_hidden()
             assert await page.evaluate("location.hash") == "#/robots/ACME%2Fr1"
+
+
+async def test_the_replay_shows_a_robot_that_waited_at_a_place(hall: Hall, browser: Browser) -> None:
+    """The values of an event may have the name of a field of the replay, such as ``at``, a place."""
+    begin = datetime.now(UTC) - timedelta(minutes=5)
+
+    def entry(seconds: float, code: str, values: dict[str, object]) -> dict[str, object]:
+        time = (begin + timedelta(seconds=seconds)).isoformat()
+        return {"time": time, "code": code, "robot": "ACME/r1", "order": None, "text": "", "values": values}
+
+    busy, waiting = {"before": "IDLE", "condition": "BUSY"}, {"before": "BUSY", "condition": "WAITING"}
+    place = {"at": "Middle 3", "reason": "waits_passing", "vehicles": "r2"}
+    entries = [
+        entry(0, "condition", {**busy, "reason": "driving", "next": "Middle 3"}),
+        entry(1, "position", {"x": 3, "y": 2, "theta": 0, "mapId": "hall", "at": "Middle 1"}),
+        entry(60, "position", {"x": 9, "y": 2, "theta": 0, "mapId": "hall", "at": "Middle 3"}),
+        entry(60, "condition", {**waiting, **place}),
+    ]
+
+    async def answer(route: Route) -> None:
+        await route.fulfill(json={"entries": entries[::-1], "next": None})
+
+    async with hall.connected():
+        hall.send(Topic.CONNECTION, connection(), retain=True)
+        hall.send(Topic.STATE, state(1, at=seconds_now(), mobile_robot_position=position(15, 2)))
+        async with opened(browser, hall.url) as page:
+            await page.route(HISTORY, answer)
+            await page.get_by_role("link", name="History").click()
+            for seconds, shown in ((30, ["ACME/r1", 3, "BUSY"]), (90, ["ACME/r1", 9, "WAITING"])):
+                await page.evaluate(f"({SLIDE})({(begin.timestamp() + seconds) * 1000:.0f})")
+                await becomes(page, SHOWN, None, lambda found, shown=shown: found == [shown])  # type: ignore[misc]
 
 
 async def another_range_and_leaving_abort_the_load(page: Page) -> None:

@@ -59,8 +59,8 @@ class Timeline {
     this.events = entries.filter((entry) => entry.code !== "position");
     for (const entry of entries) {
       const at = Date.parse(entry.time);
-      if (entry.code === "position") append(this.#tracks, entry.robot, { at, ...entry.values });
-      if (entry.code === "condition") append(this.#conditions, entry.robot, { at, ...entry.values });
+      if (entry.code === "position") append(this.#tracks, entry.robot, { ...entry.values, at });
+      if (entry.code === "condition") append(this.#conditions, entry.robot, { ...entry.values, at });
     }
   }
 

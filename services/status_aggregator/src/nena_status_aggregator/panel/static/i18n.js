@@ -51,7 +51,7 @@ const plurals = new Intl.PluralRules(language);
 /** Return a text in the plural form for `count`, which is also one of its values. */
 export function plural(key, count, values = {}) {
   const form = plurals.select(count);
-  return t(`${key}.${form}`, { count, ...values });
+  return t(`${key}.${form}`, { ...values, count });
 }
 
 const numbers = new Map(); // formats by count of decimals: making one takes longer than a hundred uses of it
