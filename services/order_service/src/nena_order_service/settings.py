@@ -11,7 +11,12 @@ from nena_order_service.engine.context import EngineSettings
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.routing.graph import CostKey
 from nena_shared.black_box.settings import OutgoingSettings, RingSettings
-from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderState
+from nena_shared.fleet_api.transport_order import (
+    FailureMeasure,
+    FailurePolicy,
+    FailureStep,
+    TransportOrderState,
+)
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.tracing import TracingSettings
 from nena_shared.web.settings import HttpSettings
@@ -64,7 +69,7 @@ class OrderSettings(SettingsGroup):
     """Defaults of orders."""
 
     on_failure: FailurePolicy = Field(
-        (),
+        (FailureStep(do=FailureMeasure.OTHER_VEHICLE, times=2),),
         description=(
             'Default failure policy: measures tried in turn, such as [{"do": "RETRY", "times": '
             '2}, {"do": "HOLD"}] (docs/order-service.md). Empty: the order fails.'

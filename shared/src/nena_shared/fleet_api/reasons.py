@@ -193,6 +193,10 @@ class ReasonCode(Enum):
     NOT_DISPATCHABLE = "cannot be dispatched: {causes}"
     NOT_IN_PLANT = "is not in the plant model"
     HAS_LEVEL = "has the integration level {level}"
+    TAKEN_OUT = (
+        "was taken out of dispatching, because {count} orders in a row have failed at it: "
+        "check it, and set its integration level to TO_BE_UTILIZED. The last failure: {causes}"
+    )
     UNKNOWN_ORDER = (
         "still works on the order {order!r}, which the order service does not know: "
         "wait for its end or cancel it"

@@ -99,6 +99,8 @@ class VehicleStatus(Resource):
     integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
     acceptable_order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
     """Accepted order types; other orders are not assigned to it."""
+    taken_out: bool = False
+    """Whether it gets no orders because too many in a row have failed at it; see its reason."""
     reason: str
     """Reason for the state, or for being idle, as text."""
     coded_reason: OptionalReason = None
@@ -109,6 +111,13 @@ class VehicleStatus(Resource):
     connection: str
     """ONLINE, OFFLINE, CONNECTION_BROKEN, HIBERNATING; SILENT: no state for too long; UNKNOWN: none ever."""
     operating_mode: str | None = None
+    active_emergency_stop: str | None = None
+    """NONE, MANUAL or REMOTE, as reported; None: not reported yet."""
+    field_violation: bool = False
+    """Whether its protective field is violated."""
+    paused: bool = False
+    localized: bool | None = None
+    """Whether it knows its position; None: it does not report positions."""
     current_position: str | None = None
     """Current or last point."""
     precise_position: PrecisePosition | None = None

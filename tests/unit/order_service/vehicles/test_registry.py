@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from nena_order_service.engine.state import VehicleRecord
 from nena_order_service.engine.status import essentials, vehicle_status
 from nena_order_service.fleet.position import RobotProfile
 from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
@@ -126,7 +127,9 @@ def status(robot: RobotView, *, order: str | None = None, profile: RobotProfile 
         vehicle,
         robot,
         plant=PLANT,
-        level=IntegrationLevel.TO_BE_RESPECTED,
+        record=VehicleRecord(
+            manufacturer="NeNa", serial_number="Tug", integration_level=IntegrationLevel.TO_BE_RESPECTED
+        ),
         order_types=ANY_ORDER_TYPE,
         transport_order=order,
         order_sequence=None,

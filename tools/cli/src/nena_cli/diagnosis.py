@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Annotated, Final, TypeVar
 
@@ -12,12 +12,15 @@ import typer
 from nena_cli.output import REFUSED
 from nena_cli.service import Service, of_service
 from nena_cli.styled import Table, Text
-from nena_cli.tables import STATE_STYLES, STUCK, VEHICLE_STYLES, vehicle_chains
+from nena_cli.tables import STATE_STYLES, VEHICLE_STYLES, is_stuck, vehicle_chains, vehicle_state
 from nena_client import Client, RefusedError, ServiceState
 from nena_client.exchange import Query
 from nena_shared.fleet_api.base import Resource
+from nena_shared.fleet_api.operations.fleet import LIST_STOPS
 from nena_shared.fleet_api.operations.orders import LIST_ORDERS, SHOW_ORDER
 from nena_shared.fleet_api.operations.vehicles import LIST_VEHICLES
+from nena_shared.fleet_api.reasons import ReasonCode
+from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
 from nena_shared.fleet_api.wait_chains import chain_from
@@ -38,9 +41,9 @@ CONTROLLED: Final = (None, "AUTOMATIC", "SEMIAUTOMATIC")
 """Operating modes in which fleet control commands a robot (VDA 5050 6.10.6; None: not reported)."""
 STYLES: Final[dict[str, str]] = {
     **{each.value: style for each, style in STATE_STYLES.items()},
-    **{each.value: style for each, style in VEHICLE_STYLES.items()},
+    **{str(each): style for each, style in VEHICLE_STYLES.items()},
     "NOT READY": "red",
-    "WAITING": "yellow",
+    "STOPPED": "red",
     "HELD": "yellow",
     "LATE": "red",
 }
@@ -95,6 +98,7 @@ def status(service: Service) -> None:
     with service.connected() as connection:
         services = connection.readiness()
         vehicles = connection.call(LIST_VEHICLES).vehicles
+        stops = connection.call(LIST_STOPS).stops
         orders = [
             order
             for page in connection.pages(LIST_ORDERS, {"state": [each.value for each in OPEN]})
@@ -102,7 +106,7 @@ def status(service: Service) -> None:
         ]
         ended: Query = {"state": [each.value for each in UNDONE], "limit": NEWEST}
         failed = connection.call(LIST_ORDERS, query=ended).transport_orders
-    report = report_of(services, vehicles, (*orders, *failed), now=datetime.now(UTC))
+    report = report_of(services, vehicles, (*orders, *failed), datetime.now(UTC), stops)
     service.print_one(report, *_status_tables(report))
     if report.attention:
         raise typer.Exit(REFUSED)
@@ -125,6 +129,7 @@ def report_of(
     vehicles: Sequence[VehicleStatus],
     orders: Sequence[TransportOrderStatus],
     now: datetime,
+    stops: Sequence[StopStatus] = (),
 ) -> StatusReport:
     """Return what runs and what needs a person."""
     known = {each.name: each for each in vehicles}
@@ -132,7 +137,7 @@ def report_of(
     behind = Counter(chain.head for chain in chains.values())
     stuck = sorted(
         (each for each in vehicles if _needs_a_person(each)),
-        key=lambda each: (-behind[each.name], each.state is not VehicleState.ERROR, each.name),
+        key=lambda each: (-behind[each.name], vehicle_state(each) != VehicleState.ERROR, each.name),
     )
     circles = sorted({chain.circle for chain in chains.values() if chain.circle})
     return StatusReport(
@@ -142,6 +147,7 @@ def report_of(
         orders=Counter(each.state for each in orders if not each.state.final),
         attention=(
             *(_of_service(url, each) for url, each in services.items() if not each.healthy),
+            *map(_of_stop, stops),
             *(_of_vehicle(each, behind[each.name]) for each in stuck),
             *(
                 Attention(name=each[0], state="WAITING", reason=_circle(each), advice=_leave_circle(each))
@@ -212,14 +218,49 @@ def _first_unfinished(connection: Client, names: Sequence[str]) -> TransportOrde
 
 
 def _vehicle_step(vehicle: VehicleStatus) -> Step:
-    waits = vehicle.wait is not None and vehicle.state not in STUCK
-    reason = vehicle.wait.reason if vehicle.wait and waits else vehicle.reason
-    state = "WAITING" if waits else vehicle.state
-    return Step(name=vehicle.name, state=state, reason="; ".join(filter(None, (reason, *vehicle.errors))))
+    state = vehicle_state(vehicle)
+    reason = vehicle.wait.reason if vehicle.wait and state == "WAITING" else vehicle.reason
+    told = (reason, *_of_safety(vehicle), *vehicle.errors)
+    return Step(name=vehicle.name, state=state, reason="; ".join(filter(None, told)))
+
+
+def _of_safety(vehicle: VehicleStatus) -> Iterator[str]:
+    """Yield what keeps a robot where it stands, which its reason may not contain."""
+    if vehicle.active_emergency_stop not in (None, "NONE"):
+        yield f"emergency stop {vehicle.active_emergency_stop}"
+    if vehicle.field_violation:
+        yield "protective field violated"
+    if vehicle.paused:
+        yield "paused"
+    if vehicle.localized is False:
+        yield "not localised"
 
 
 def _needs_a_person(vehicle: VehicleStatus) -> bool:
-    return vehicle.state in STUCK and vehicle.connection != "HIBERNATING"
+    if vehicle.connection == "HIBERNATING":
+        return False
+    return is_stuck(vehicle) or ReasonCode.PATH_LOCKED.code in _codes(vehicle) or _is_empty(vehicle)
+
+
+def _is_empty(vehicle: VehicleStatus) -> bool:
+    """Return whether the battery of an idle vehicle is too low for orders."""
+    return vehicle.state is VehicleState.IDLE and ReasonCode.MUST_RECHARGE.code in _codes(vehicle)
+
+
+def _codes(vehicle: VehicleStatus) -> set[str]:
+    """Return the codes of the reason of a vehicle, and of those that it contains."""
+    found, left = set[str](), [*filter(None, (vehicle.coded_reason,))]
+    while left:
+        reason = left.pop()
+        found.add(reason.code)
+        left += reason.causes
+    return found
+
+
+def _of_stop(stop: StopStatus) -> Attention:
+    where = "robots in an area are" if stop.area else "all robots are"
+    reason = f"{where} paused by {stop.by}: {stop.reason}"
+    return Attention(name=stop.name, state="STOPPED", reason=reason, advice=f"nena stops end {stop.name}")
 
 
 def _of_service(url: str, found: ServiceState) -> Attention:
@@ -253,15 +294,29 @@ def _of_order(order: TransportOrderStatus, now: datetime) -> Attention | None:
 
 def _advice(vehicle: VehicleStatus) -> str:
     """Return what to do about a vehicle that stands; empty if it does not need a person."""
-    if vehicle.connection in GONE:
-        return "Check the robot's power, its network and its edge agent."
-    if vehicle.connection == "UNKNOWN":
-        return "Start its edge agent; check broker, manufacturer, serial number and VDA 5050 version."
-    if vehicle.operating_mode not in CONTROLLED:
-        return "Switch the robot to AUTOMATIC."
-    if vehicle.state in STUCK:
-        return f"Go to the robot. Details: nena vehicles show {vehicle.name}"
-    return ""
+    advice = next((advice for applies, advice in ADVICE if applies(vehicle)), "")
+    return advice.format(name=vehicle.name)
+
+
+ADVICE: Final[tuple[tuple[Callable[[VehicleStatus], bool], str], ...]] = (
+    (lambda each: each.connection in GONE, "Check the robot's power, its network and its edge agent."),
+    (
+        lambda each: each.connection == "UNKNOWN",
+        "Start its edge agent; check broker, manufacturer, serial number and VDA 5050 version.",
+    ),
+    (lambda each: each.connection == "UNREADABLE", "Compare its messages with VDA 5050, as its reason says."),
+    (lambda each: each.operating_mode not in CONTROLLED, "Switch the robot to AUTOMATIC."),
+    (
+        lambda each: each.active_emergency_stop not in (None, "NONE"),
+        "Find out why it was triggered; reset it when everyone is safe.",
+    ),
+    (lambda each: each.taken_out, "Check the robot, then: nena vehicles level {name} TO_BE_UTILIZED"),
+    (lambda each: each.localized is False, "Set its position in the control panel."),
+    (is_stuck, "Go to the robot. Details: nena vehicles show {name}"),
+    (lambda each: ReasonCode.PATH_LOCKED.code in _codes(each), "Unlock the path in the control panel."),
+    (_is_empty, "Take it to a charging station."),
+)
+"""What to do about a vehicle; the first that applies."""
 
 
 def _circle(names: Sequence[str]) -> str:

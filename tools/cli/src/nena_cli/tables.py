@@ -36,17 +36,40 @@ STATE_STYLES = {
     TransportOrderState.BEING_PROCESSED: "cyan",
 }
 
+BLOCKED = "BLOCKED"
+"""A robot that reports, but stands until a person helps, as in the panel."""
+
 VEHICLE_STYLES = {
     VehicleState.ERROR: "red",
     VehicleState.UNAVAILABLE: "yellow",
     VehicleState.UNKNOWN: "dim",
     VehicleState.EXECUTING: "cyan",
     VehicleState.CHARGING: "green",
+    BLOCKED: "red",
+    "WAITING": "yellow",
 }
 
 
 STUCK = (VehicleState.ERROR, VehicleState.UNAVAILABLE, VehicleState.UNKNOWN)
 """States in which a vehicle does not continue without help from a person."""
+
+
+def vehicle_state(vehicle: VehicleStatus) -> str:
+    """Return the state of a vehicle: ERROR, BLOCKED or WAITING where the robot's own state says less."""
+    stopped = vehicle.active_emergency_stop not in (None, "NONE")
+    paused = vehicle.paused and vehicle.stop is None
+    if vehicle.state in STUCK:
+        return vehicle.state
+    if vehicle.taken_out or any(each.startswith("CRITICAL ") for each in vehicle.errors):
+        return VehicleState.ERROR
+    if stopped or paused or vehicle.field_violation or vehicle.localized is False:
+        return BLOCKED
+    return "WAITING" if vehicle.wait else vehicle.state
+
+
+def is_stuck(vehicle: VehicleStatus) -> bool:
+    """Return whether a vehicle does not continue without help from a person."""
+    return vehicle_state(vehicle) in (*STUCK, BLOCKED)
 
 
 def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
@@ -145,14 +168,13 @@ def vehicles_table(vehicles: Iterable[VehicleStatus], fleet: Iterable[VehicleSta
 
 def vehicle_chains(fleet: Mapping[str, VehicleStatus]) -> dict[str, WaitChain]:
     """Return the chain of each waiting vehicle of the fleet, by name."""
-    stuck = {name for name, vehicle in fleet.items() if vehicle.state in STUCK}
+    stuck = {name for name, vehicle in fleet.items() if is_stuck(vehicle)}
     return wait_chains({name: each.wait.vehicles for name, each in fleet.items() if each.wait}, stuck)
 
 
 def _vehicle_state(vehicle: VehicleStatus) -> Text:
-    if vehicle.wait and vehicle.state not in STUCK:
-        return Text("WAITING", style="yellow")
-    return Text(vehicle.state, style=VEHICLE_STYLES.get(vehicle.state, ""))
+    state = vehicle_state(vehicle)
+    return Text(state, style=VEHICLE_STYLES.get(state, ""))
 
 
 def _chain(name: str, chains: Mapping[str, WaitChain], fleet: Mapping[str, VehicleStatus]) -> Text:

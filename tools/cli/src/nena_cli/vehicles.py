@@ -1,4 +1,4 @@
-"""``nena vehicles``: list, show, watch, hibernate, wake."""
+"""``nena vehicles``: list, show, watch, set the integration level, hibernate, wake."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from nena_cli.watching import Board, watch
 from nena_shared.clock import iso
 from nena_shared.fleet_api.operations.vehicles import (
     INSTANT_ACTION,
+    INTEGRATION_LEVEL,
     LIST_VEHICLES,
     ORDER_TYPES,
     REROUTE,
     SHOW_VEHICLE,
 )
-from nena_shared.fleet_api.vehicle import ReroutingType, VehicleState, VehicleStatus
+from nena_shared.fleet_api.vehicle import IntegrationLevel, ReroutingType, VehicleState, VehicleStatus
 from nena_shared.vda5050.action import (
     SHUTDOWN,
     START_HIBERNATION,
@@ -107,6 +108,20 @@ def order_types(
         else:
             vehicle = connection.call(SHOW_VEHICLE, name)
     service.print_one(vehicle, tables.order_types_table(vehicle))
+
+
+@app.command()
+@of_service
+def level(
+    service: Service,
+    name: Name,
+    integration_level: Annotated[IntegrationLevel, typer.Argument(help="New integration level.")],
+) -> None:
+    """Set whether a vehicle gets orders, also after too many have failed, and whether others avoid it."""
+    with service.connected() as connection:
+        body: dict[str, JsonValue] = {"integrationLevel": integration_level.value}
+        vehicle = connection.call(INTEGRATION_LEVEL, name, body=body)
+    service.print_one(vehicle, tables.vehicles_table((vehicle,), ()))
 
 
 @app.command()

@@ -184,6 +184,15 @@ class DispatchSettings(SettingsGroup):
         min_length=1,
         description="Sort keys by which a vehicle chooses its order; only with SCARCER.",
     )
+    failed_orders: int = Field(
+        3,
+        ge=0,
+        le=100,
+        description=(
+            "Orders that may fail in a row at a vehicle; then it gets no more until a person sets its "
+            "integration level, or it has finished a drive. 0: no limit."
+        ),
+    )
     deadline_at_risk: float = Field(
         60.0, ge=0, description="Time before its deadline from which an order is at risk, seconds."
     )

@@ -193,7 +193,8 @@ class Mobility:
         vehicle = self._context.registry.named(name)
         if vehicle is None or vehicle.obstacle or name in self._pauses:
             return False
-        if self._positions.obstacle(vehicle, working=wants):
+        goes_on = wants or self._positions.is_taken_out(vehicle)  # making room shows whether it drives again
+        if self._positions.obstacle(vehicle, working=goes_on):
             return False
         if self._traffic.journey(name) or not self._positions.located(vehicle):
             return False

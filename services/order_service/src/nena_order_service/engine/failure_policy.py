@@ -28,6 +28,7 @@ from nena_shared.fleet_api.transport_order import (
     FailurePolicy,
     FailureStep,
 )
+from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import UnknownObjectError
 
 FAIL: Final = FailureStep(do=FailureMeasure.FAIL)
@@ -46,7 +47,7 @@ class Situation:
     carrying: bool = False
     """Whether the vehicle carries something for the order."""
     others: bool = True
-    """Whether other vehicles may execute the order."""
+    """Whether other vehicles may execute the order, and at least one of them is online."""
     other_way: bool = True
     """Whether there is a route around the position of the failure."""
     online: bool = True
@@ -197,7 +198,14 @@ class FailureAssessment:
         if order.status.intended_vehicle is not None or order.status.wrapping_sequence is not None:
             return False  # one vehicle executes a whole sequence
         tried = {order.vehicle, *order.status.excluded_vehicles}
-        return bool(self._context.registry.names() - tried)
+        others = map(self._context.registry.named, self._context.registry.names() - tried)
+        return any(each and self._may_come(each) for each in others)
+
+    def _may_come(self, vehicle: FleetVehicle) -> bool:
+        """Return whether a vehicle may get orders without a person at it."""
+        level = self._context.state.vehicles.of(vehicle.key).integration_level
+        online = self._context.view(vehicle).link is LinkStatus.ONLINE
+        return online and level is IntegrationLevel.TO_BE_UTILIZED
 
     def detour(self, order: TransportOrder, ahead: tuple[str, ...]) -> tuple[str, ...]:
         """Return what a detour around the failure avoids: the path and its end point, or only the path."""

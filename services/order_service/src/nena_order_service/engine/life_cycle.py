@@ -13,6 +13,7 @@ from nena_order_service.engine.conditions import Conditions, Sequences
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.dispatching import GIVES_UP, Dispatched, Dispatching
 from nena_order_service.engine.driving import Driving, Pauses, Stuck
+from nena_order_service.engine.failing_vehicles import FailingVehicles
 from nena_order_service.engine.failure_policy import Decision, FailureAssessment, with_others
 from nena_order_service.engine.recovery import LostOrderError, Recovery
 from nena_order_service.fleet import outputs
@@ -87,6 +88,7 @@ class LifeCycle:
         self._pauses = pauses
         self._conditions = Conditions(context, sequences)
         self._failures = FailureAssessment(context)
+        self._failing_vehicles = FailingVehicles(context)
         self._deadlines = DueTimes(self._orders.is_over)
         self._timeouts = DueTimes(self._orders.is_over)
         self._answers: dict[str, tuple[str, str]] = {}
@@ -373,6 +375,8 @@ class LifeCycle:
             self._on_drive_order(sent, event, ahead)
 
     def _on_evasion(self, vehicle: FleetVehicle, event: OrderEvent) -> None:
+        if isinstance(event, outputs.VdaOrderFinished):
+            self._failing_vehicles.drove(vehicle)
         if isinstance(event, outputs.VdaOrderFailed):
             log.warning("vehicle did not make room", vehicle=vehicle.name, reason=event.reason)
         if isinstance(event, outputs.VdaOrderFinished | outputs.VdaOrderFailed | outputs.VdaOrderCancelled):
@@ -406,6 +410,9 @@ class LifeCycle:
         if sent.partial:  # otherwise the robot has finished everything, in spite of a cancel
             failure = sent.given_up or failure
         order = order if sent.partial else order.drive_order_finished(index, now)
+        if not sent.partial and len(sent.vda_order.nodes) > 1:
+            vehicle = self._registry.discover(sent.robot)
+            self._failing_vehicles.drove(vehicle, order.status.drive_orders[index].destination)
         last = order.current.state is DriveOrderState.FINISHED
         if failure and (last or not order.held):
             self._fail(order, failure)
@@ -438,7 +445,8 @@ class LifeCycle:
 
     def _fail(self, order: TransportOrder, failure: OrderFailure) -> None:
         """Take the next measure of the failure policy for an order that has failed at its vehicle."""
-        if self._registry.employed(order.vehicle) is None:
+        vehicle = self._registry.employed(order.vehicle)
+        if vehicle is None:
             why = Reason(R.ALL, _gone(order), failure.words)
             self._end(order.failed(why, self._clock.now()))
             return
@@ -448,6 +456,8 @@ class LifeCycle:
         decision = self._failures.decide(order, failure)
         step, words, now = decision.step, failure.words, self._clock.now()
         log.info("measure taken", order=order.name, measure=step.do, kind=failure.kind, reason=words)
+        if step.do in (FailureMeasure.OTHER_VEHICLE, FailureMeasure.FAIL):
+            self._failing_vehicles.failed(vehicle, order.current.destination, failure)
         match step.do:
             case FailureMeasure.RETRY:
                 order = order.retried(decision.taken, words, now=now, next_try=self._next_try(step))
@@ -586,6 +596,7 @@ class LifeCycle:
         The newest orders are handled first, so that dependent orders exist when others fail. Orders without a
         VDA 5050 order are handled last, because vehicles may have been renamed since.
         """
+        self._failing_vehicles.restore()
         unsent: list[TransportOrder] = []
         for order in sorted(orders, key=lambda order: -order.number):
             self._watch(order)
@@ -642,7 +653,7 @@ def _failure_of(job: PeripheralJob) -> OrderFailure:
         location=status.location,
         operation=status.operation,
     )
-    return OrderFailure(FailureKind.DRIVE, why, (status.path,) if status.path else ())
+    return OrderFailure(FailureKind.DRIVE, why, (status.path,) if status.path else (), by_device=True)
 
 
 def _gone(order: TransportOrder) -> Reason:

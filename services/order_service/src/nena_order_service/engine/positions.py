@@ -94,9 +94,12 @@ class Positions:
 
         ``working``: it already has an order, which it finishes at TO_BE_RESPECTED, too.
         """
-        level = self._records.of(vehicle.key).integration_level
+        record = self._records.of(vehicle.key)
+        level = record.integration_level
         goes_on = working and level is IntegrationLevel.TO_BE_RESPECTED
         if level is not IntegrationLevel.TO_BE_UTILIZED and not goes_on:
+            if record.taken_out:
+                return Reason.of(record.taken_out, record.coded_taken_out)
             return Reason(R.HAS_LEVEL, level=level.value)
         if not self._traffic.broke_off(vehicle.name):
             return ""
@@ -105,13 +108,18 @@ class Positions:
             return Reason(R.UNKNOWN_ORDER, order=view.state.order_id)
         return Reason(R.OFF_ROUTE)
 
+    def is_taken_out(self, vehicle: FleetVehicle) -> bool:
+        """Return whether the order service itself keeps a vehicle from orders, because too many have failed."""
+        return bool(self._records.of(vehicle.key).taken_out)
+
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:
         """Return the integration level of a vehicle."""
         return self._records.of(vehicle.key).integration_level
 
     def set_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
-        """Set the integration level of a vehicle."""
-        self._records.change(vehicle.key, integration_level=level)
+        """Set the integration level of a vehicle for a host; orders that have failed no longer count."""
+        back = {"failed_at": (), "taken_out": "", "coded_taken_out": None}
+        self._records.change(vehicle.key, integration_level=level, **back)
         self.forget_sighting(vehicle)
         self.see(vehicle)
 

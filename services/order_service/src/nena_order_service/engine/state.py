@@ -24,6 +24,7 @@ from nena_order_service.peripherals.jobs import JobKey, PeripheralJob
 from nena_order_service.store.database import Changes
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import VehicleRegistry
+from nena_shared.fleet_api.reasons import OptionalReason
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel
 from nena_shared.frozen_model import FrozenModel
 from nena_shared.log import get_logger
@@ -299,6 +300,12 @@ class VehicleRecord(FrozenModel):
     name: str = ""
     """The vehicle's last name; empty: not stored."""
     integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
+    failed_at: tuple[str, ...] = ()
+    """The destinations of the orders that have failed at it since its last finished drive, oldest first."""
+    taken_out: str = ""
+    """Why the order service has set its integration level to TO_BE_RESPECTED; empty if a host has set it."""
+    coded_taken_out: OptionalReason = None
+    """The same as a code."""
     acceptable_order_types: tuple[AcceptableOrderType, ...] | None = None
     """As set by hosts; None: those of the plant model."""
     held: tuple[ResourceSet, ...] = ()

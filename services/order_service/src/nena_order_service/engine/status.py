@@ -11,6 +11,7 @@ from nena_order_service.engine.context import Context
 from nena_order_service.engine.dispatching import Dispatching
 from nena_order_service.engine.driving import Driving
 from nena_order_service.engine.idle import IdleVehicles
+from nena_order_service.engine.state import VehicleRecord
 from nena_order_service.engine.stops import Stops
 from nena_order_service.fleet.position import NotLocatedError, locate
 from nena_order_service.fleet.robot import RobotView
@@ -41,12 +42,17 @@ class Essentials(NamedTuple):
     processing_state: ProcessingState
     integration_level: IntegrationLevel
     acceptable_order_types: tuple[AcceptableOrderType, ...]
+    taken_out: bool
     reason: str
     coded_reason: CodedReason | None
     wait: TrafficWait | None
     stop: VehicleStop | None
     connection: str
     operating_mode: str | None
+    active_emergency_stop: str | None
+    field_violation: bool
+    paused: bool
+    localized: bool | None
     current_position: str | None
     maps: tuple[RobotMap, ...] | None
     transport_order: str | None
@@ -67,7 +73,7 @@ def essentials(
     view: RobotView,
     *,
     plant: PlantModel,
-    level: IntegrationLevel,
+    record: VehicleRecord,
     order_types: tuple[AcceptableOrderType, ...],
     transport_order: str | None,
     order_sequence: str | None,
@@ -77,16 +83,22 @@ def essentials(
 ) -> Essentials:
     """Return the essential status of a vehicle."""
     state = view.state
+    position = state.mobile_robot_position if state else None
     return Essentials(
         state=view.vehicle_state,
         processing_state=_processing_state(transport_order, order_sequence),
-        integration_level=level,
+        integration_level=record.integration_level,
         acceptable_order_types=order_types,
+        taken_out=bool(record.taken_out),
         **explained(reason),
         wait=wait,
         stop=stop,
         connection=view.link,
         operating_mode=state.operating_mode if state else None,
+        active_emergency_stop=state.safety_state.active_emergency_stop if state else None,
+        field_violation=state is not None and state.safety_state.field_violation,
+        paused=state is not None and bool(state.paused),
+        localized=position.localized if position else None,
         current_position=current_position(vehicle, state, plant) if state else None,
         maps=robot_maps(state) if state else None,
         transport_order=transport_order,
@@ -191,7 +203,7 @@ class StatusReporter:
             vehicle,
             view,
             plant=self._context.plant,
-            level=self._driving.positions.level(vehicle),
+            record=self._state.vehicles.of(vehicle.key),
             order_types=self._dispatching.fit.order_types(vehicle),
             transport_order=order.name if order else None,
             order_sequence=self._sequences.bound_to(vehicle.name),

@@ -44,6 +44,8 @@ class OrderFailure:
     kind: FailureKind
     words: str
     ahead: tuple[str, ...] = ()
+    by_device: bool = False
+    """Whether a peripheral device has failed, not the robot."""
 
 
 NO_ORDER_REFUSALS: Final = frozenset({ErrorType.NO_ORDER_TO_CANCEL, ErrorType.INVALID_INSTANT_ACTION})

@@ -29,7 +29,7 @@ class Condition(StrEnum):
     MANUAL = "MANUAL"
     """Not under fleet control: MANUAL, SERVICE, TEACH_IN, STARTUP, INTERVENED."""
     ERROR = "ERROR"
-    """An error of level FATAL or CRITICAL is active, or the states are unreadable."""
+    """An error of level FATAL or CRITICAL is active, the states are unreadable, or orders in a row failed."""
     BLOCKED = "BLOCKED"
     """Emergency stop, protective field, not localised or paused."""
     WAITING = "WAITING"
@@ -73,6 +73,7 @@ TEXTS = {
     "driving_free": "Driving without an order.",
     "action_waiting": "Waiting at {place} to start {action}.",
     "charging": "Battery at {charge} %.",
+    "taken_out": "{why}",
     "idle": "No order.",
     "idle_why": "{why}",
 }
@@ -84,7 +85,7 @@ WAITS = {
     WaitCause.GOES_FIRST: "waits_turn",
 }
 
-URGENT = ("emergency_stop", "not_localized", "error", "unreadable")
+URGENT = ("emergency_stop", "not_localized", "error", "unreadable", "taken_out")
 """Reasons that need a person at the robot now."""
 
 COORDINATE_NODES = ("goal:", "start:")
@@ -141,6 +142,8 @@ class ConditionInputs:
     """Vehicles that it waits for, according to the order service."""
     stop: VehicleStop | None = None
     """The stop that pauses it, according to the order service."""
+    taken_out: bool = False
+    """Whether the order service has taken it out of dispatching."""
 
 
 Assessment = tuple[Condition, ConditionReason]
@@ -157,12 +160,7 @@ def assess(inputs: ConditionInputs) -> Assessment:
         return Condition.ERROR, ConditionReason("unreadable", {"problem": inputs.unreadable})
     if inputs.overdue:
         return Condition.SILENT, _silence_reason(inputs)
-    return (
-        _held(state, inputs.stop)
-        or _working(state, inputs)
-        or _assigned(inputs)
-        or _free(state, inputs.fleet_remark, inputs.coded_remark)
-    )
+    return _held(state, inputs.stop) or _working(state, inputs) or _assigned(inputs) or _free(state, inputs)
 
 
 def _away(inputs: ConditionInputs) -> Assessment | None:
@@ -266,7 +264,10 @@ def _wait_reason(inputs: ConditionInputs) -> ConditionReason | None:
     return ConditionReason("waits_other", values, coded=wait.coded_reason)
 
 
-def _free(state: State, remark: str | None, coded: CodedReason | None) -> Assessment:
+def _free(state: State, inputs: ConditionInputs) -> Assessment:
+    remark, coded = inputs.fleet_remark, inputs.coded_remark
+    if inputs.taken_out and remark:
+        return Condition.ERROR, ConditionReason("taken_out", {"why": remark}, coded=coded)
     if state.power_supply.charging:
         return Condition.CHARGING, ConditionReason(
             "charging", {"charge": round(state.power_supply.state_of_charge)}

@@ -313,6 +313,7 @@ class Robot:
                 transport_order=self.vehicle.transport_order if self.vehicle else None,
                 wait=self.vehicle.wait if self.vehicle else None,
                 stop=self.vehicle.stop if self.vehicle else None,
+                taken_out=self.vehicle is not None and self.vehicle.taken_out,
             )
         )
         if condition is not self.condition:

@@ -210,6 +210,7 @@ export const TEXTS = {
   "urgent.not_localized": "Position verloren",
   "urgent.error": "Fehler",
   "urgent.unreadable": "Fehler",
+  "urgent.taken_out": "Keine Aufträge mehr",
 
   "battery.charge": "{charge} %",
   "battery.charging": "lädt",
@@ -342,6 +343,8 @@ export const TEXTS = {
   "reason.charging": "Akku bei {charge} %.",
   "reason.idle": "Kein Auftrag.",
   "reason.idle_why": "{why}",
+  "reason.taken_out": "{why}",
+  "reason.taken_out.plain": "Erhält keine Aufträge mehr: Zu viele sind nacheinander an ihm gescheitert.",
 
   "advice.offline": "Schalten Sie ihn ein oder starten Sie seinen Agenten.",
   "advice.hibernating": "Wecken Sie ihn auf.",
@@ -354,6 +357,7 @@ export const TEXTS = {
   "advice.emergency_stop": "Klären Sie die Ursache. Setzen Sie den Not-Halt erst zurück, wenn niemand gefährdet ist.",
   "advice.field": "Entfernen Sie das Hindernis; der Roboter fährt automatisch weiter.",
   "advice.not_localized": "Verwenden Sie „Position setzen“ und prüfen Sie, ob der Laserscan zur Karte passt.",
+  "advice.taken_out": "Prüfen Sie den Roboter und setzen Sie dann seine Integrationsstufe auf „Im Einsatz“.",
   "advice.paused": "Verwenden Sie „Fortsetzen“ oder die Taste am Roboter.",
   "advice.stopped": "Zum Fortsetzen den Stopp oben auf der Seite beenden.",
   "advice.stopped_area": "Zum Fortsetzen den Stopp des Bereichs oben auf der Seite beenden.",
@@ -892,6 +896,7 @@ export const TEXTS = {
   "because.not_dispatchable": "kann keinen Auftrag erhalten: {causes}",
   "because.not_in_plant": "nicht im Anlagenmodell",
   "because.has_level": "Integrationsstufe: {level}",
+  "because.taken_out": "erhält keine Aufträge mehr, weil {count} nacheinander an ihm gescheitert sind: prüfen und die Integrationsstufe wieder auf „Im Einsatz“ setzen. Letzter Fehler: {causes}",
   "because.unknown_order": "führt noch Auftrag „{order}“ aus, den der Auftragsdienst nicht kennt: Warten Sie auf sein Ende oder brechen Sie ihn ab",
   "because.off_route": "hat die Route verlassen oder fährt selbstständig und hat seitdem nicht gestanden",
   "because.no_map": "hat die Karte „{map}“ nicht (downloadMap, enableMap)",

@@ -210,6 +210,7 @@ export const TEXTS = {
   "urgent.not_localized": "Position lost",
   "urgent.error": "Error",
   "urgent.unreadable": "Error",
+  "urgent.taken_out": "Taken out",
 
   "battery.charge": "{charge} %",
   "battery.charging": "charging",
@@ -342,6 +343,8 @@ export const TEXTS = {
   "reason.charging": "Battery at {charge} %.",
   "reason.idle": "No order.",
   "reason.idle_why": "{why}",
+  "reason.taken_out": "{why}",
+  "reason.taken_out.plain": "Taken out of dispatching: too many orders in a row have failed at it.",
 
   "advice.offline": "Switch it on or start its agent.",
   "advice.hibernating": "Wake it up.",
@@ -354,6 +357,7 @@ export const TEXTS = {
   "advice.emergency_stop": "Find out why it was triggered. Reset it only when everyone is safe.",
   "advice.field": "Remove the obstacle; the robot continues automatically.",
   "advice.not_localized": "Use Set position and check that the laser scan matches the map.",
+  "advice.taken_out": "Check the robot, then set its integration level to “In use”.",
   "advice.paused": "Use Resume, or the button on the robot.",
   "advice.stopped": "To continue, end the stop at the top of the page.",
   "advice.stopped_area": "To continue, end the stop of the area at the top of the page.",
@@ -892,6 +896,7 @@ export const TEXTS = {
   "because.not_dispatchable": "cannot be dispatched: {causes}",
   "because.not_in_plant": "is not in the plant model",
   "because.has_level": "has the integration level {level}",
+  "because.taken_out": "was taken out of dispatching, because {count} orders in a row have failed at it: check it, and set its integration level to TO_BE_UTILIZED. The last failure: {causes}",
   "because.unknown_order": "still works on the order '{order}', which the order service does not know: wait for its end or cancel it",
   "because.off_route": "left its route or moves on its own, and has not been seen standing since",
   "because.no_map": "does not have map '{map}' (downloadMap, enableMap)",

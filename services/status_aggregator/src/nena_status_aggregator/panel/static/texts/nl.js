@@ -210,6 +210,7 @@ export const TEXTS = {
   "urgent.not_localized": "Positie kwijt",
   "urgent.error": "Fout",
   "urgent.unreadable": "Fout",
+  "urgent.taken_out": "Krijgt geen orders",
 
   "battery.charge": "{charge} %",
   "battery.charging": "laadt op",
@@ -342,6 +343,8 @@ export const TEXTS = {
   "reason.charging": "Accu op {charge} %.",
   "reason.idle": "Geen order.",
   "reason.idle_why": "{why}",
+  "reason.taken_out": "{why}",
+  "reason.taken_out.plain": "Krijgt geen orders meer: er zijn er te veel achter elkaar bij hem mislukt.",
 
   "advice.offline": "Schakel hem in of start de agent.",
   "advice.hibernating": "Wek hem.",
@@ -354,6 +357,7 @@ export const TEXTS = {
   "advice.emergency_stop": "Zoek de oorzaak. Reset de noodstop pas als iedereen veilig is.",
   "advice.field": "Verwijder het obstakel; de robot rijdt automatisch verder.",
   "advice.not_localized": "Gebruik ‘Positie instellen’ en controleer of de laserscan op de kaart past.",
+  "advice.taken_out": "Controleer de robot en zet zijn integratieniveau dan op ‘In gebruik’.",
   "advice.paused": "Gebruik ‘Hervatten’, of de knop op de robot.",
   "advice.stopped": "Beëindig de stop bovenaan de pagina om verder te gaan.",
   "advice.stopped_area": "Beëindig de stop van het gebied bovenaan de pagina om verder te gaan.",
@@ -892,6 +896,7 @@ export const TEXTS = {
   "because.not_dispatchable": "kan geen order krijgen: {causes}",
   "because.not_in_plant": "niet in het installatiemodel",
   "because.has_level": "integratieniveau: {level}",
+  "because.taken_out": "krijgt geen orders meer, omdat er {count} achter elkaar bij hem zijn mislukt: controleer hem en zet zijn integratieniveau weer op ‘In gebruik’. Laatste fout: {causes}",
   "because.unknown_order": "werkt nog aan order ‘{order}’, die de orderservice niet kent: wacht op het einde of annuleer hem",
   "because.off_route": "heeft zijn route verlaten of rijdt zelfstandig, en heeft sindsdien niet stilgestaan",
   "because.no_map": "heeft kaart ‘{map}’ niet (downloadMap, enableMap)",
