@@ -308,6 +308,23 @@ async def test_status_and_explain_name_what_needs_a_person(fleet: Fleet) -> None
     assert "Start its edge agent" in (await nena("explain", "Robot-01")).stdout
 
 
+async def test_status_names_a_paused_robot_and_its_level_is_set(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    fleet.agent()
+    await vehicle_idle(client)
+    paused = await client.post("/v1/vehicles/Robot-01/instantActions", json={"actionType": "pause"})
+    assert paused.json()["status"] == "FINISHED"
+
+    shown = await awaited(
+        lambda: nena("status"), lambda shown: "Robot-01" in shown.stdout, what="it needs a person"
+    )
+    assert shown.exit_code == 1
+    assert "Robot-01\tBLOCKED" in shown.stdout
+    (one,) = await nena.json("vehicles", "level", "Robot-01", "TO_BE_RESPECTED")
+    assert (one["integrationLevel"], one["takenOut"]) == ("TO_BE_RESPECTED", False)
+
+
 async def test_output_formats_into_a_pipe(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
     nena = Nena(str(client.base_url))

@@ -3,8 +3,11 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+import pytest
+
 from nena_cli.diagnosis import explain_order, explain_vehicle, report_of, with_services
 from nena_client import ServiceState
+from nena_shared.fleet_api.stops import StopStatus
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import Hold, TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
@@ -193,3 +196,93 @@ def test_an_order_service_that_is_not_ready_is_the_root() -> None:
         ("http://b", "NOT READY"),
     ]
     assert root.advice.startswith("Check the order service")
+
+
+EMERGENCY = {"active_emergency_stop": "MANUAL"}
+LOCKED = {"code": "but", "causes": [{"code": "travels"}, {"code": "path_locked", "causes": []}]}
+
+
+@pytest.mark.parametrize(
+    ("more", "state", "told", "advice"),
+    [
+        (EMERGENCY, "BLOCKED", "emergency stop MANUAL", "reset it when everyone is safe"),
+        ({"active_emergency_stop": "REMOTE"}, "BLOCKED", "emergency stop REMOTE", "reset it"),
+        ({"field_violation": True}, "BLOCKED", "protective field", "Go to the robot"),
+        ({"paused": True}, "BLOCKED", "paused", "Go to the robot"),
+        ({"localized": False}, "BLOCKED", "not localised", "Set its position"),
+        ({"errors": ("CRITICAL bumper",)}, "ERROR", "CRITICAL bumper", "Go to the robot"),
+        ({"taken_out": True}, "ERROR", "reason of V-1", "nena vehicles level V-1 TO_BE_UTILIZED"),
+        (
+            {"state": VehicleState.UNKNOWN, "connection": "UNREADABLE"},
+            "UNKNOWN",
+            "reason of V-1",
+            "Compare its messages with VDA 5050",
+        ),
+        (
+            {"state": VehicleState.UNAVAILABLE, "operating_mode": "MANUAL"},
+            "UNAVAILABLE",
+            "reason of V-1",
+            "Switch the robot to AUTOMATIC.",
+        ),
+        ({"state": VehicleState.ERROR}, "ERROR", "reason of V-1", "Go to the robot"),
+        (
+            {"state": VehicleState.IDLE, "coded_reason": {"code": "must_recharge"}},
+            "IDLE",
+            "reason of V-1",
+            "charging station",
+        ),
+        ({"coded_reason": LOCKED}, "EXECUTING", "reason of V-1", "Unlock the path"),
+    ],
+)
+def test_what_holds_a_robot_needs_a_person_with_all_who_wait_behind_it(
+    more: dict[str, Any], state: str, told: str, advice: str
+) -> None:
+    fleet = [
+        vehicle("V-1", **more),
+        vehicle("V-2", VehicleState.EXECUTING, "V-1"),
+        vehicle("V-3", VehicleState.EXECUTING, "V-2"),
+    ]
+    (found,) = report_of({}, fleet, [], NOW).attention
+
+    assert (found.name, found.state, found.waiting_behind) == ("V-1", state, 2)
+    assert told in found.reason
+    assert advice in found.advice
+    assert advice in explain_vehicle("V-3", {each.name: each for each in fleet}).advice
+
+
+def test_an_emergency_stop_at_the_head_of_a_queue_counts_although_it_waits_itself() -> None:
+    fleet = [
+        vehicle("V-1", VehicleState.EXECUTING, "V-4", **EMERGENCY),
+        vehicle("V-2", VehicleState.EXECUTING, "V-1", "V-4"),
+        vehicle("V-4"),
+    ]
+    (found,) = report_of({}, fleet, [], NOW).attention
+
+    assert (found.name, found.waiting_behind) == ("V-1", 1)
+    assert "waits for V-4" not in found.reason
+
+
+def test_a_stop_is_reported_once_and_not_for_each_robot() -> None:
+    stop = {"name": "stop-1", "by": "Anna", "reason": "fire drill"}
+    fleet = [
+        vehicle(f"V-{number}", paused=True, stop={**stop, "area": False}, reason="is stopped")
+        for number in range(3)
+    ]
+    status = StopStatus.model_validate({**stop, "since": NOW})
+    (found,) = report_of({}, fleet, [], NOW, [status]).attention
+
+    assert (found.name, found.state, found.advice) == ("stop-1", "STOPPED", "nena stops end stop-1")
+    assert found.reason == "all robots are paused by Anna: fire drill"
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"active_emergency_stop": "NONE", "localized": True},
+        {"localized": None},
+        {"errors": ("WARNING dust", "URGENT filter")},
+        {"state": VehicleState.CHARGING, "coded_reason": {"code": "recharges"}},
+    ],
+)
+def test_what_needs_nobody(more: dict[str, Any]) -> None:
+    assert report_of({}, [vehicle("V-1", **more)], [], NOW).attention == ()

@@ -149,6 +149,19 @@ def test_position_is_published_in_the_plants_frame() -> None:
     assert told.current_position == "B"
 
 
+def test_what_holds_a_robot_is_published() -> None:
+    told = status(
+        view(
+            paused=True,
+            safety_state={"active_emergency_stop": "MANUAL", "field_violation": True},
+            mobile_robot_position=pose(11.0, localized=False),
+        )
+    )
+
+    assert (told.active_emergency_stop, told.field_violation, told.paused) == ("MANUAL", True, True)
+    assert told.localized is False
+
+
 def test_position_in_an_unknown_frame_is_not_published() -> None:
     told = status(view(mobile_robot_position=pose(11.0)), profile=replace(TURNED, transforms_itself=None))
     assert (told.precise_position, told.current_position) == (None, None)

@@ -23,7 +23,7 @@ from support.fleet_examples import START, position, way
 from support.fleet_records import state
 
 
-def conclude(**fields: Any) -> tuple[Condition, str]:
+def inputs_of(**fields: Any) -> ConditionInputs:
     inputs: dict[str, Any] = {
         "connection": ConnectionState.ONLINE,
         "connection_since": datetime(2026, 1, 1, 8, tzinfo=UTC),
@@ -35,7 +35,11 @@ def conclude(**fields: Any) -> tuple[Condition, str]:
         "link_up": True,
         **fields,
     }
-    condition, reason = assess(ConditionInputs(**inputs))
+    return ConditionInputs(**inputs)
+
+
+def conclude(**fields: Any) -> tuple[Condition, str]:
+    condition, reason = assess(inputs_of(**fields))
     return condition, reason.text
 
 
@@ -49,6 +53,22 @@ def test_free() -> None:
 
 def test_idle_reason_is_that_of_the_order_service() -> None:
     assert conclude(fleet_remark="No order waits.") == (Condition.IDLE, "No order waits.")
+
+
+@pytest.mark.parametrize("charging", [False, True])
+def test_a_robot_that_the_order_service_has_taken_out_needs_a_person(charging: bool) -> None:  # noqa: FBT001
+    power = {"state_of_charge": 50.0, "charging": charging}
+    condition, reason = assess(
+        inputs_of(state=state(power_supply=power), taken_out=True, fleet_remark="was taken out")
+    )
+
+    assert (condition, reason.code, reason.text) == (Condition.ERROR, "taken_out", "was taken out")
+    assert reason.urgent
+
+
+def test_a_robot_that_was_taken_out_may_still_make_room() -> None:
+    driving = conclude(state=state(driving=True), taken_out=True, fleet_remark="was taken out")
+    assert driving == (Condition.BUSY, "Driving without an order.")
 
 
 def test_silent_reason_has_its_start() -> None:

@@ -109,7 +109,7 @@ class Positions:
         return Reason(R.OFF_ROUTE)
 
     def is_taken_out(self, vehicle: FleetVehicle) -> bool:
-        """Return whether the order service itself keeps a vehicle from orders, because too many have failed."""
+        """Return whether a vehicle gets no orders because too many in a row have failed at it."""
         return bool(self._records.of(vehicle.key).taken_out)
 
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:
