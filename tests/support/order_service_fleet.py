@@ -24,6 +24,9 @@ from support.waiting import PATIENCE, awaited
 
 T = TypeVar("T")
 
+RESTART_PATIENCE = 2.0
+"""Seconds that orders wait for a vehicle of the plant that a test does not start."""
+
 END_KEPT = 0.2
 """Seconds that the end of an order stays retained: tests see it cleared."""
 
@@ -100,6 +103,7 @@ class Fleet:
             *("--interface_name_v3", self.interface),
             *("--topic_prefix", self.prefix),
             *("--end_kept", END_KEPT),
+            *("--kernel.restart_patience", RESTART_PATIENCE),
             "--no-kernel.speed_limits",  # these robots are faster than the plant, for short tests
         ]
 
@@ -122,10 +126,9 @@ class Fleet:
                 **more,
             }
         )
-        if "speed_limits" in made.kernel.model_fields_set:
-            return made
-        kernel = made.kernel.model_copy(update={"speed_limits": speed_limits})
-        return made.model_copy(update={"kernel": kernel})
+        own = {"speed_limits": speed_limits, "restart_patience": RESTART_PATIENCE}
+        chosen = {name: getattr(made.kernel, name) for name in made.kernel.model_fields_set}
+        return made.model_copy(update={"kernel": made.kernel.model_copy(update=own | chosen)})
 
     def agent(self, serial: str = "robot-01", **options: Unpack[RobotOptions]) -> Program:
         """Start a loopback robot, by default on the point `South 1`."""

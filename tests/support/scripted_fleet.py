@@ -113,6 +113,8 @@ class ScriptedFleet:
     """Where each robot stands, by the vehicle's name."""
     mute: set[str] = field(default_factory=set)
     """Robots that have told no state."""
+    unheard: set[str] = field(default_factory=set)
+    """Robots of which nothing is known, not even whether they are connected."""
     stale: set[str] = field(default_factory=set)
     """Robots whose states are from before they connected."""
     fields: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -186,7 +188,7 @@ class ScriptedFleet:
         told = here and robot.serial_number not in self.mute
         return RobotView(
             key=robot,
-            link=LinkStatus.ONLINE if here else LinkStatus.OFFLINE,
+            link=self._link(robot.serial_number),
             vehicle_state=_vehicle_state(free=free, busy=here and busy),
             availability=Availability(free, "" if free else "is busy" if busy else "is offline"),
             state=self._state(robot) if told else None,
@@ -198,6 +200,11 @@ class ScriptedFleet:
             malformed=0,
             stale=robot.serial_number in self.stale,
         )
+
+    def _link(self, name: str) -> LinkStatus:
+        if name in self.at:
+            return LinkStatus.ONLINE
+        return LinkStatus.UNKNOWN if name in self.unheard else LinkStatus.OFFLINE
 
     def _state(self, robot: RobotKey) -> State:
         name = robot.serial_number

@@ -11,14 +11,14 @@ from nena_order_service.fleet.link import FleetLink, RobotAddresses
 from nena_order_service.fleet.outputs import BrokerLinkChanged, FleetOutput, RobotChanged
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.clock import SystemClock
-from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
+from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound, Term, always
 from nena_shared.plant import Vehicle
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
-from support.broker import Broker
+from support.broker import BrokerAddress
 from support.honest_robot import HonestRobot
 from support.waiting import until
 
@@ -34,7 +34,11 @@ class WiredRobot:
     """Accepts orders from the broker, and reports after each step."""
 
     def __init__(
-        self, broker: Broker, interface_name: str, robot: HonestRobot | None = None, version: str = "2.1.0"
+        self,
+        broker: BrokerAddress,
+        interface_name: str,
+        robot: HonestRobot | None = None,
+        version: str = "2.1.0",
     ) -> None:
         self.robot = robot or HonestRobot()
         self.codec = codec_for(version)
@@ -43,6 +47,8 @@ class WiredRobot:
         """Whether it tells its factsheet at each connect."""
         self.deaf = False
         """Whether orders and instant actions pass it by."""
+        self.silent = False
+        """Whether its states are lost."""
         self.received: Counter[str] = Counter()
         self.headers: list[int] = []
         self.link = MqttLink(
@@ -69,6 +75,8 @@ class WiredRobot:
             await asyncio.gather(task, return_exceptions=True)
 
     def report(self) -> None:
+        if self.silent:
+            return
         seconds = asyncio.get_running_loop().time()
         payload = self.codec.encode(self.robot.state(seconds))
         self.link.publish(Outbound(self.scheme.of(self.robot.key, Topic.STATE), payload, keep=False))
@@ -110,15 +118,16 @@ class WiredFleet:
 
     def __init__(
         self,
-        broker: Broker,
+        broker: BrokerAddress,
         interface_name: str,
         settings: FleetSettings = PATIENT,
         vehicles: Mapping[RobotKey, Vehicle] | None = None,
+        term: Term = always,
     ) -> None:
         self.news: list[FleetOutput] = []
         addresses = RobotAddresses([TopicScheme(interface_name, major) for major in ("v2", "v3")])
         addresses.expect((vehicles or {}).items())
-        self.mqtt = MqttLink(broker.settings, client_id=f"fleet-{interface_name}")
+        self.mqtt = MqttLink(broker.settings, client_id=f"fleet-{interface_name}", term=term)
         self.fleet = FleetLink(
             self.mqtt,
             addresses=addresses,

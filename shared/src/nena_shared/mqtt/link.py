@@ -64,6 +64,9 @@ def always() -> int | None:
     return 0
 
 
+NAMES_AT_ONCE = 200
+"""Maximum number of topics in a subscription by name."""
+
 CONNECT_TIMEOUT = 10.0
 """Timeout of CONNECT and SUBSCRIBE, seconds."""
 
@@ -124,6 +127,8 @@ class LinkState:
     """Topic filters of needed subscriptions that the broker refused."""
     set_aside: dict[str, int] = field(default_factory=dict)
     """Topics at whose messages the broker ends the connection, with the number of messages not sent."""
+    refused_names: frozenset[str] = frozenset()
+    """Topics that the broker refused to subscribe to by name."""
     last_error: str = ""
     term: int = 0
     """The term of the connection, see :data:`Term`."""
@@ -188,6 +193,8 @@ class _Session:
     """Whether the connection has stood for :data:`STABLE_AFTER`, if there are suspects."""
     subscribed: int = 0
     """Number of the link's subscriptions sent to the broker."""
+    subscribed_by_name: int = 0
+    """Number of its topics subscribed to by name, after these."""
     subscribing: asyncio.Task[None] | None = None
 
     @property
@@ -239,6 +246,9 @@ class MqttLink:
         self._hooks = hooks
         self._term = term
         self._subscriptions: list[_Subscription] = []
+        self._names: list[str] = []
+        self._ends_at_names = 0
+        """Number of connections in a row that have ended at a subscription by name."""
         self._outbox = Outbox(settings.outgoing_limit)
         self._suspects = Suspects()
         self._ended_alone = False
@@ -265,6 +275,14 @@ class MqttLink:
         self._handlers.cache_clear()
         if self._session:
             self._subscribe_late(self._session)
+
+    def subscribe_by_name(self, topic: str) -> None:
+        """Also subscribe to ``topic`` of a wildcard subscription by its name, on the next connect.
+
+        RabbitMQ delivers retained messages only so. Other brokers may then deliver a message once for each
+        subscription, and each delivery reaches the handler.
+        """
+        self._names.append(topic)
 
     def publish(self, message: Outbound) -> None:
         """Send ``message`` now, or if ``keep`` is set, when the link is up again; see :class:`Outbox`."""
@@ -388,7 +406,7 @@ class MqttLink:
             self._send_waiting(session)  # before the next one is made
             if number % FIRST_AT_ONCE == 0:
                 await asyncio.sleep(0)
-        self.state.refused = ()
+        self.state.refused, self.state.refused_names = (), frozenset()
         await self._subscribe(session)
         self._session = session
         self.state.connected = True
@@ -403,6 +421,8 @@ class MqttLink:
             later(SUSPECTED_FOR, self._clear_suspects, session)
         self._send_waiting(session)
         self._settled.set()
+        if self._names:
+            self._subscribe_late(session)
 
     async def _subscribe(self, session: _Session) -> None:
         """Send all subscriptions not sent yet, including those added meanwhile."""
@@ -447,9 +467,28 @@ class MqttLink:
     async def _try_to_subscribe(self, session: _Session) -> None:
         try:
             await self._subscribe(session)
+            await self._subscribe_by_name(session)
         except MqttError as error:
             log.warning("no answer to new subscriptions, reconnecting", reason=str(error))
             session.client.cut()
+
+    async def _subscribe_by_name(self, session: _Session) -> None:
+        """Subscribe to topics by name, some at once: a broker may take milliseconds for each."""
+        while names := self._names[session.subscribed_by_name :][:NAMES_AT_ONCE]:
+            if self._ends_at_names == ENDS:
+                log.warning("the broker ends connections that subscribe by name; doing without", topics=names)
+                return
+            self._ends_at_names += 1  # unless it answers
+            session.subscribed_by_name += len(names)
+            granted = await session.client.subscribe([(each, 1) for each in names])
+            self._ends_at_names = 0
+            refused = [
+                each for each, code in zip(names, granted, strict=True) if getattr(code, "is_failure", False)
+            ]
+            if refused:
+                log.warning("the broker refuses topics: rename what they are named after", topics=refused)
+                self.state.refused_names |= frozenset(refused)
+            await self._subscribe(session)  # what was added meanwhile
 
     def _end(self, session: _Session) -> None:
         """Requeue unacknowledged messages, in order, before the waiting ones."""

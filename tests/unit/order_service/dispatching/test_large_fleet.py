@@ -59,6 +59,7 @@ async def test_an_order_costs_the_same_with_many_free_vehicles() -> None:
     calls = []
     for number in (FEW, MANY):
         engine, _ = await fleet_at([PLACES[7], *(number - 1) * PLACES[:1]], dispatch={})
+        engine.look()  # once after the start, all vehicles are checked whether they have reported
         calls.append(calls_of(lambda engine=engine: engine.create(request(PLACES[7]), "new")))  # type: ignore[misc]
     assert calls[1] < calls[0] * ALIKE, calls
 

@@ -198,27 +198,6 @@ async def test_robot_that_appears_gets_its_waiting_order(engine: Engine, fleet: 
     assert now(engine, order).processing_vehicle == "V2"
 
 
-@pytest.mark.usefixtures("engine")
-async def test_robot_without_a_state_is_asked_for_it_once(fleet: ScriptedFleet) -> None:
-    fleet.mute.add("V2")
-    fleet.appear("V2", "D")
-    fleet.appear("V2", "D")
-    assert fleet.actions == [("V2", "stateRequest")]
-
-
-@pytest.mark.usefixtures("engine")
-async def test_reconnected_robot_is_asked_for_its_state_once(fleet: ScriptedFleet) -> None:
-    fleet.stale.add("V1")
-    fleet.appear("V1", "A")
-    fleet.appear("V1", "A")
-    assert fleet.actions == [("V1", "stateRequest")]
-    fleet.stale.clear()
-    fleet.appear("V1", "A")
-    fleet.stale.add("V1")
-    fleet.appear("V1", "A")
-    assert fleet.actions == [("V1", "stateRequest")] * 2
-
-
 async def test_restart_resumes_orders_under_way(
     engine: Engine, store: MemoryStore, fleet: ScriptedFleet
 ) -> None:

@@ -96,7 +96,7 @@ async def test_a_robot_that_stays_silent_keeps_its_resources() -> None:
     fleet.pass_node("V1", 1)
     assert fleet.extended == []
 
-    engine.clock.advance(20.0)  # type: ignore[attr-defined] # the clock of make_engine
+    engine.clock.advance(30.0)  # type: ignore[attr-defined] # the clock of make_engine
     engine.look()
 
     assert len(fleet.extended) == 1

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import asyncio
 
+import pytest
+
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.driving import RestartGate
+from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import PlantModel, Vehicle
 from support.clocks import ManualClock
 from support.operations import calls_of
 from support.order_service import request
 from support.pausing import turn_passes
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_context, make_engine, sent
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_context, make_engine, sent, status_of
 
 PLANT = PlantModel(name="two", vehicles=(Vehicle(name="V1"), Vehicle(name="V2")))
 
@@ -81,6 +84,64 @@ def test_retained_connection_messages_are_awaited_first() -> None:
 
     assert not opened(gate)
     assert "each robot" in gate.reason
+
+
+def test_a_vehicle_that_has_never_been_heard_is_waited_for() -> None:
+    fleet, clock = ScriptedFleet({"V1": "A"}, unheard={"V2"}), ManualClock()
+    gate = make(fleet, clock, "V1", "V2")
+
+    assert not opened(gate), "it may stand anywhere"
+    assert gate.reason == "it waits for the first state of V2"
+
+    fleet.at["V2"] = "B"
+    fleet.unheard.clear()
+    assert opened(gate)
+
+
+def test_of_many_awaited_vehicles_the_reason_names_the_first() -> None:
+    names = [f"V{number}" for number in range(1000)]
+    plant = PlantModel(name="many", vehicles=tuple(Vehicle(name=name) for name in names))
+    context = make_context(plant)
+    context.connect(ScriptedFleet({}, unheard=set(names)))
+    gate = RestartGate(context, lambda: None)
+    gate.begin(context.registry)
+
+    assert gate.reason == "it waits for the first state of V0, V1, V2, V3, V4, …"
+
+
+async def test_no_order_is_sent_before_every_vehicle_of_the_plant_has_answered() -> None:
+    """With an empty store, on a broker that tells nothing of V2: it stands on the way."""
+    plant = PlantModel(
+        name="one path",
+        points=(point("A"), point("B", 1000), point("C", 2000)),
+        paths=(path("A B"), path("B C")),
+        vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+    )
+    fleet = ScriptedFleet({"V1": "A"}, unheard={"V2"})
+    engine = await make_engine(plant, MemoryStore(), fleet)
+    fleet.appear("V1", "A")
+    engine.create(request("C", intendedVehicle="V1"), "T")
+    assert sent(fleet) == []
+    assert status_of(engine).reason.endswith("it waits for the first state of V2")
+
+    fleet.unheard.clear()
+    fleet.appear("V2", "B")
+    released = {
+        node.node_id for name, order in fleet.sent for node in order.nodes if node.released and name == "V1"
+    }
+    assert released <= {"A"}
+
+
+@pytest.mark.parametrize("level", [IntegrationLevel.TO_BE_IGNORED, IntegrationLevel.TO_BE_NOTICED])
+async def test_a_vehicle_that_others_do_not_avoid_is_not_waited_for(level: IntegrationLevel) -> None:
+    store = MemoryStore()
+    engine = await make_engine(PLANT, store, ScriptedFleet({"V1": "A"}, unheard={"V2"}))
+    vehicle = engine.registry.named("V2")
+    assert vehicle
+    engine.set_integration_level(vehicle, level)
+
+    again = await make_engine(PLANT, store, ScriptedFleet({"V1": "A"}, unheard={"V2"}))
+    assert again._gate.is_open
 
 
 def test_waiting_costs_the_same_however_many_robots_have_reported() -> None:

@@ -8,7 +8,7 @@ from nena_order_service.engine import stops as stops_module
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.errors import TooManyStopsError, UnknownStopError
-from nena_order_service.fleet.outputs import RobotChanged
+from nena_order_service.fleet.outputs import BrokerLinkChanged, RobotChanged
 from nena_shared.fleet_api.stops import Area, StopRequest
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderState
 from nena_shared.plant import Vehicle
@@ -168,6 +168,74 @@ async def test_robot_that_connects_during_the_stop_is_paused() -> None:
     later(engine, 60)
     fleet.appear("V1", "P-0-0")
     assert len(pauses(fleet)) == before + 1
+
+
+async def restarted_engine(fleet: ScriptedFleet) -> Engine:
+    """Return an engine that has just taken over; the one before knew both robots."""
+    store = MemoryStore()
+    await engine_at(PLANT, {"V1": "P-0-0", "V2": "P-3-0"}, store)
+    return await make_engine(PLANT, store, fleet)
+
+
+@pytest.mark.parametrize(
+    ("fleet", "reason"),
+    [
+        (ScriptedFleet({}, unheard={"V1"}), "has not confirmed the pause yet"),
+        (ScriptedFleet({"V1": "P-0-0"}, mute={"V1"}), "is ONLINE"),
+        (ScriptedFleet({"V1": "P-0-0"}, stale={"V1"}), "is ONLINE"),
+    ],
+    ids=["unheard", "without a state", "stale"],
+)
+async def test_robot_that_has_not_reported_yet_is_paused_and_named(fleet: ScriptedFleet, reason: str) -> None:
+    engine = await restarted_engine(fleet)
+    engine.stop(ALL, "Anna")
+    assert pauses(fleet) == ["V1"]
+    (status,) = engine.stops.statuses()
+    assert (status.vehicles, status.paused) == (2, 0)
+    assert {each.vehicle: each.reason for each in status.not_paused} == {"V1": reason, "V2": "is offline"}
+
+
+async def test_robot_that_has_reported_after_the_pause_continues_at_the_end() -> None:
+    fleet = ScriptedFleet({"V1": "P-0-0"}, mute={"V1"})
+    engine = await restarted_engine(fleet)
+    stop = engine.stop(ALL, "Anna")
+    fleet.mute.clear()
+    fleet._tell(RobotChanged(key("V1")))
+    confirm(fleet, "V1", paused=True)
+    assert pauses(fleet) == ["V1"]
+    assert engine.stops.statuses()[0].paused == 1
+    engine.end_stop(stop.name, "Anna", "over")
+    assert pauses(fleet, "stopPause") == ["V1"]
+
+
+async def test_robot_of_which_nothing_is_heard_is_not_sent_the_pause_for_ever() -> None:
+    fleet = ScriptedFleet({}, unheard={"V1"})
+    engine = await restarted_engine(fleet)
+    engine.stop(ALL, "Anna")
+    fleet.answer_instant("V1", ActionStatus.FAILED)
+    later(engine, 600)
+    assert pauses(fleet) == ["V1"]
+    assert engine.stops.statuses()[0].not_paused[0].reason == "cannot be paused: done"
+    fleet.appear("V1", "P-0-0")
+    assert pauses(fleet) == ["V1", "V1"]
+
+
+async def test_vehicle_that_has_never_connected_is_named_only_until_it_would_have_answered() -> None:
+    fleet = ScriptedFleet({}, unheard={"V1", "V2"}, connected=10.0)
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
+    engine.stop(ALL, "Anna")
+    assert [each.vehicle for each in engine.stops.statuses()[0].not_paused] == ["V1", "V2"]
+    fleet.connected = 30.0
+    assert engine.stops.statuses()[0].vehicles == 0
+
+
+async def test_pause_that_could_not_be_sent_is_sent_when_our_link_is_back() -> None:
+    engine, fleet, _ = await stopped_engine()
+    engine.stop(ALL, "Anna")
+    confirm(fleet, "V1", paused=False, status=ActionStatus.FAILED)
+    fleet._tell(BrokerLinkChanged())
+    engine.look()
+    assert pauses(fleet) == ["V1", "V1"]
 
 
 async def test_no_robot_gets_an_order_or_more_base_during_the_stop() -> None:

@@ -236,7 +236,7 @@ def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
     assert bench.told(VdaOrderFinished)
 
 
-def test_a_new_leader_sends_a_robot_nothing_before_its_report() -> None:
+def test_a_new_leader_only_asks_a_robot_for_its_state_before_its_report() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
@@ -246,7 +246,7 @@ def test_a_new_leader_sends_a_robot_nothing_before_its_report() -> None:
     bench.tick()
     bench.cancel()
     bench.wait(20)
-    assert (bench.orders_sent(), bench.instants_sent()) == (["m"], [])
+    assert (bench.orders_sent(), set(bench.instants_sent())) == (["m"], {"stateRequest"})
     reason = bench.view().availability.reason
     assert reason == "has not reported its state since the order service took over"
     bench.report()
@@ -344,7 +344,7 @@ def test_an_update_does_not_fail_while_the_robot_is_unreachable(
     bench.report()
     bench.run()
     assert bench.story()[-1] == "VdaOrderFinished"
-    assert bench.instants_sent() == []
+    assert "cancelOrder" not in bench.instants_sent()
 
 
 @pytest.mark.clause("7.10/interval")

@@ -108,6 +108,9 @@ class Link:
         del qos, needed
         self._topics.append((topic_filter, handler))
 
+    def subscribe_by_name(self, topic: str) -> None:
+        """Do nothing: wildcard subscriptions get all retained messages here."""
+
     def publish(self, message: Outbound) -> None:
         """Send ``message``, if the link is up."""
         if self.state.connected:

@@ -19,11 +19,11 @@ from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.schedules import Schedules
-from nena_order_service.engine.stops import START_PAUSE, STOP_PAUSE
+from nena_order_service.engine.stops import STOP_PAUSE
 from nena_order_service.engine.zone_sets import ZoneSets
-from nena_order_service.fleet.instant_actions import LEAVES
+from nena_order_service.fleet.instant_actions import LEAVES, START_PAUSE
 from nena_order_service.fleet.outputs import InstantActionEnded
-from nena_order_service.fleet.robot import LinkStatus, RobotView, VdaOrderPhase
+from nena_order_service.fleet.robot import NOT_REACHED, LinkStatus, RobotView, VdaOrderPhase
 from nena_order_service.fleet.vda_order import order_id, unique_id
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
@@ -441,7 +441,9 @@ class HostRequests:
             raise errors.VehicleNotReachedError(
                 name, f"it is {link} until {STOP_HIBERNATION} or its wake-up time"
             )
-        if link not in (LinkStatus.ONLINE, LinkStatus.HIBERNATING):
+        may_hear = link not in NOT_REACHED and self._engine.context.fleet.connected_for() > 0
+        sent_unread = action_type == START_PAUSE and may_hear
+        if link not in (LinkStatus.ONLINE, LinkStatus.HIBERNATING) and not sent_unread:
             raise errors.VehicleNotReachedError(name, f"it is {link}")
         sent = self._engine.state.sent_orders.of_robot(vehicle.key)
         if action_type in LEAVES and (sent or self._engine.works(vehicle)):

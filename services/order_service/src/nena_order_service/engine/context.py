@@ -55,11 +55,12 @@ class EngineSettings(SettingsGroup):
         ),
     )
     restart_patience: float = Field(
-        20.0,
+        30.0,
         ge=0,
         description=(
-            "Time after the start to wait for robots that were connected before, seconds; then "
-            "the others drive, and missing robots keep their resources."
+            "Time after the start to wait for the first state of each vehicle that is not offline, seconds; "
+            "then the others drive, and missing robots keep their resources. VDA 5050 requires a state "
+            "every 30 s."
         ),
     )
     traffic: bool = Field(

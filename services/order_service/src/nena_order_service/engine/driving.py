@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -12,10 +12,11 @@ from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.positions import Positions
 from nena_order_service.engine.stops import CLOSED, Stops
 from nena_order_service.fleet.failures import FailureKind, RobotBusyError
+from nena_order_service.fleet.instant_actions import state_request
 from nena_order_service.fleet.outputs import FleetOutput, VdaOrderFailed
 from nena_order_service.fleet.position import NotLocatedError, Standing
 from nena_order_service.fleet.robot import LinkStatus
-from nena_order_service.fleet.vda_order import state_request
+from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.peripherals.jobs import PeripheralJob
@@ -41,6 +42,8 @@ R = ReasonCode
 log = get_logger(__name__)
 
 MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
+NAMED_MISSING: Final = 5
+"""Maximum number of awaited vehicles that a reason names."""
 ROUTES_AT_ONCE = 4
 """Maximum number of routes searched in one turn of the event loop; each search takes milliseconds."""
 NOWHERE = -1
@@ -55,10 +58,11 @@ CAUSES: Final = {
 
 
 class RestartGate:
-    """Opens once, as soon as every connected robot has reported its state, or after a timeout.
+    """Opens once, as soon as every robot has reported its state or is known to be away, or after a timeout.
 
-    It also waits for robots from before the restart whose connection the broker has not reported yet. Robots
-    that are offline keep the resources that they held.
+    It also waits for vehicles of which nothing is known yet: some brokers do not report which robots are
+    connected (RabbitMQ), and a robot may only report every 30 s (section 6.6). Robots that are offline keep
+    the resources that they held.
     """
 
     def __init__(self, context: Context, on_open: Callable[[], None]) -> None:
@@ -67,13 +71,13 @@ class RestartGate:
         self._on_open = on_open
         self._timeout = context.settings.restart_patience
         self._until = context.clock.monotonic() + self._timeout
-        self._remembered: dict[str, FleetVehicle] = {}
-        """The vehicles to wait for, by name, without some that have reported since."""
+        self._awaited: dict[str, FleetVehicle] = {}
+        """The vehicles to wait for, by name, without some that have answered since."""
         self._open = False
 
-    def begin(self, remembered: tuple[FleetVehicle, ...]) -> None:
+    def begin(self, vehicles: Iterable[FleetVehicle]) -> None:
         """Start waiting for these vehicles."""
-        self._remembered = {each.name: each for each in remembered}
+        self._awaited = {each.name: each for each in vehicles}
         self._until = self._context.clock.monotonic() + self._timeout
 
     @property
@@ -82,8 +86,8 @@ class RestartGate:
         if not self._open:
             fleet = self._context.fleet
             late = self._context.clock.monotonic() >= self._until and fleet.connected_for() >= self._timeout
-            self._open = late or (not self._any_missing() and fleet.all_known())
-            if self._open and (missing := self._missing()):
+            self._open = late or (not self._missing(1) and fleet.all_known())
+            if self._open and (missing := self._missing(len(self._awaited))):
                 log.warning("robots without a state keep their resources", vehicles=missing)
             if self._open:
                 self._on_open()
@@ -94,25 +98,27 @@ class RestartGate:
         """Why nothing is sent yet; empty when the gate is open."""
         if self.is_open:
             return ""
-        missing = self._missing()
-        return Reason(R.FIRST_STATE, vehicles=", ".join(missing)) if missing else Reason(R.FIRST_STATES)
+        missing = self._missing(NAMED_MISSING + 1)
+        if not missing:
+            return Reason(R.FIRST_STATES)
+        more = ", …" if len(missing) > NAMED_MISSING else ""
+        return Reason(R.FIRST_STATE, vehicles=", ".join(missing[:NAMED_MISSING]) + more)
 
-    def _any_missing(self) -> bool:
-        """Return whether any vehicle has yet to report; those that have reported are not checked again."""
-        reported, found = list[str](), False
-        for name, vehicle in self._remembered.items():
-            view = self._context.view(vehicle)
-            if view.state is not None:
-                reported.append(name)
-            elif found := view.link in MAY_STILL_SPEAK:
+    def _missing(self, limit: int) -> list[str]:
+        """Return the names of up to ``limit`` vehicles that have yet to answer.
+
+        Those that have answered are not checked again; if one is back later, fleet control knows it.
+        """
+        missing, answered = list[str](), list[str]()
+        for name, vehicle in self._awaited.items():
+            if len(missing) == limit:
                 break
-        for name in reported:
-            del self._remembered[name]
-        return found
-
-    def _missing(self) -> list[str]:
-        views = ((vehicle.name, self._context.view(vehicle)) for vehicle in self._remembered.values())
-        return [name for name, view in views if view.state is None and view.link in MAY_STILL_SPEAK]
+            view = self._context.view(vehicle)
+            waits = view.state is None and view.link in MAY_STILL_SPEAK
+            (missing if waits else answered).append(name)
+        for name in answered:
+            del self._awaited[name]
+        return missing
 
 
 class Pauses:
@@ -663,6 +669,7 @@ class Driving:
     def _rest(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
         self.positions.forget_sighting(vehicle, doubt=doubt)
         if doubt:
-            self._state.after_commit(lambda: self._context.fleet.instant_action(vehicle.key, state_request()))
+            ask = state_request(unique_id())
+            self._state.after_commit(lambda: self._context.fleet.instant_action(vehicle.key, ask))
         self.positions.see(vehicle)
         self._state.drive_due = True

@@ -31,8 +31,7 @@ from nena_order_service.engine.stops import STOP, STOPPED_ROBOT, FleetStop, Stop
 from nena_order_service.engine.traffic_plan import TrafficPlans
 from nena_order_service.engine.unit_of_work import UnitOfWork, UnitWithSteps
 from nena_order_service.fleet import outputs
-from nena_order_service.fleet.robot import LinkStatus, RobotView
-from nena_order_service.fleet.vda_order import state_request
+from nena_order_service.fleet.robot import RobotView
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.store.store import Store
@@ -122,7 +121,6 @@ class Engine:
             self.on_events,
             timeout=self.settings.commit_timeout,
         )
-        self._asked_for_state: set[RobotKey] = set()
 
     def prepare(self) -> None:
         """Build the routing graphs; call it before :meth:`start`, in any thread."""
@@ -449,6 +447,8 @@ class Engine:
             case outputs.BrokerLinkChanged():  # no order is assigned before all vehicles are read again
                 self.state.touched.update(vehicle.name for vehicle in self.registry)
                 self.state.dispatch_due = True
+                self.stops.link_changed()
+                self._look_due.set()
             case outputs.InstantActionEnded():
                 self.state.instant_actions.ended(event)
                 self._life_cycle.on_instant_action(event)
@@ -479,7 +479,6 @@ class Engine:
         if view.factsheet:
             self.registry.learn_frame(vehicle, transforms_itself=transforms_itself(view.factsheet))
             vehicle = self.registry.discover(robot)
-        self._ask_for_state(view)
         self._positions.see(vehicle)
         if self._dispatching.just_drives(vehicle):
             self.state.publish(vehicle.name)
@@ -488,11 +487,3 @@ class Engine:
         self._driving.robot_changed(vehicle)
         self.stops.look_at(vehicle)
         self._life_cycle.robot_changed(vehicle, view)
-
-    def _ask_for_state(self, view: RobotView) -> None:
-        """Request, once per connection, the state of an online robot that has not reported it."""
-        if view.link is not LinkStatus.ONLINE or (view.state is not None and not view.stale):
-            self._asked_for_state.discard(view.key)
-        elif view.key not in self._asked_for_state:
-            self._asked_for_state.add(view.key)
-            self.state.after_commit(lambda: self.context.fleet.instant_action(view.key, state_request()))

@@ -33,7 +33,9 @@ class Recovery:
     def restore_vehicles(self) -> None:
         """Restore the resources that stored vehicles held, and continue their evasions."""
         known = tuple(self._registry.discover(record.robot) for record in self._vehicles)
-        self._gate.begin(known)
+        self._gate.begin(
+            each for each in self._registry if self._vehicles.of(each.key).integration_level.holds_resources
+        )
         for vehicle in known:
             record = self._vehicles.of(vehicle.key)
             held = [each for each in record.held if each.point in self._plant.points_by_name]

@@ -351,6 +351,10 @@ class VehicleRecords:
         """Return the robot that had this name before the restart; None if it was not stored."""
         return next((robot for robot, had in self._names_before.items() if had == name), None)
 
+    def __contains__(self, robot: RobotKey) -> bool:
+        """Return whether a robot has a record: it has been there, or a host has changed it."""
+        return robot in self._records
+
     def __iter__(self) -> Iterator[VehicleRecord]:
         """Yield all records."""
         return iter(tuple(self._records.values()))

@@ -19,8 +19,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_order_service.engine.context import Context
 from nena_order_service.errors import TooManyStopsError, UnknownStopError
+from nena_order_service.fleet.instant_actions import START_PAUSE
 from nena_order_service.fleet.outputs import InstantActionEnded
-from nena_order_service.fleet.robot import LinkStatus, RobotView
+from nena_order_service.fleet.robot import NOT_REACHED, LinkStatus, RobotView
 from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.traffic.areas import resources_in
@@ -37,7 +38,6 @@ R = ReasonCode
 
 log = get_logger(__name__)
 
-START_PAUSE: Final = "startPause"
 STOP_PAUSE: Final = "stopPause"
 
 STOP: Final = "stop"
@@ -290,6 +290,10 @@ class Stops:
             log.warning("stop not executed", robot=str(event.robot), action=action, reason=attempt.note)
         self.look_at(self._context.registry.discover(event.robot))
 
+    def link_changed(self) -> None:
+        """Retry at once, because our own link to the broker has changed."""
+        self._attempts = {robot: each for robot, each in self._attempts.items() if each.running}
+
     # Status
 
     def statuses(self) -> tuple[StopStatus, ...]:
@@ -305,7 +309,7 @@ class Stops:
         others: dict[str, list[UnpausedVehicle]] = {name: [] for name in stops}
         for vehicle in self._context.registry if stops else ():
             view = self._context.view(vehicle)
-            if view.link is LinkStatus.UNKNOWN:
+            if view.link is LinkStatus.UNKNOWN and self._never_connected(vehicle):
                 continue
             covering = stops.keys() & self._covering(vehicle, view)
             reason = self._why_not_paused(vehicle, view) if covering else ""
@@ -328,12 +332,18 @@ class Stops:
             for each in stops.values()
         )
 
+    def _never_connected(self, vehicle: FleetVehicle) -> bool:
+        """Return whether a robot that is not heard was never there: it would have answered by now."""
+        patience = self._context.settings.restart_patience
+        return vehicle.key not in self._state.vehicles and self._context.fleet.connected_for() >= patience
+
     def _why_not_paused(self, vehicle: FleetVehicle, view: RobotView) -> str:
         """Return, as a predicate, why a robot does not report that it is paused; empty if it does."""
-        if view.link is not LinkStatus.ONLINE or view.state is None or view.stale:
-            return view.availability.reason or f"is {view.link}"
-        if view.state.paused:
-            return ""
+        if view.link is not LinkStatus.UNKNOWN:
+            if view.link is not LinkStatus.ONLINE or view.state is None or view.stale:
+                return view.availability.reason or f"is {view.link}"
+            if view.state.paused:
+                return ""
         attempt = self._attempts.get(vehicle.key)
         failed = attempt.note if attempt and attempt.action_type == START_PAUSE else ""
         return Reason(R.PAUSE_FAILED, failed) if failed else UNCONFIRMED
@@ -366,8 +376,17 @@ class Stops:
         return area.crosses(here, (goal.x, goal.y) if goal else here)
 
     def _hold(self, vehicle: FleetVehicle, view: RobotView, stops: tuple[str, ...]) -> None:
-        """Pause a robot. What it reports now decides whether it continues at the end."""
-        if view.link is not LinkStatus.ONLINE or view.state is None or view.stale:
+        """Pause a robot. What it reports now decides whether it continues at the end.
+
+        One that has not reported is paused as well, whatever it does; its first state decides. If nothing at
+        all is heard of it, it is sent the pause until its delivery fails, but not again: perhaps it does not
+        exist.
+        """
+        if view.link in NOT_REACHED:
+            return
+        if view.state is None or view.stale:
+            if view.link is not LinkStatus.UNKNOWN or vehicle.key not in self._attempts:
+                self._send(vehicle, START_PAUSE)
             return
         known, paused = self._robots.get(vehicle.key), view.state.paused
         resume = (known is not None and known.resume) if paused else not self._person_is_pausing(vehicle)

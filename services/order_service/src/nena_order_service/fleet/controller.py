@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from math import inf
@@ -13,9 +13,15 @@ from nena_order_service.fleet import availability
 from nena_order_service.fleet.availability import equipment, significant_fields
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.feasibility import Fitter, order_problem
-from nena_order_service.fleet.instant_actions import InstantActionManager
+from nena_order_service.fleet.instant_actions import STATE_REQUEST, InstantActionManager, state_request
 from nena_order_service.fleet.order_execution import OrderExecution
-from nena_order_service.fleet.outputs import BrokerLinkChanged, FleetOutput, Outputs, RobotChanged
+from nena_order_service.fleet.outputs import (
+    BrokerLinkChanged,
+    FleetOutput,
+    Outputs,
+    PublishInstantActions,
+    RobotChanged,
+)
 from nena_order_service.fleet.robot import (
     REPORTS_NOTHING,
     Availability,
@@ -63,8 +69,11 @@ class RobotControl:
         deviations: Callable[[RobotKey], tuple[Repair, ...]] = _no_deviations,
     ) -> None:
         self.robot = Robot(key, settings)
+        self.unasked = False
+        """Whether the robot is to be asked for its state, because it may have changed unseen."""
         self._deviations = deviations
         self._settings = settings
+        self._new_id = new_id
         self._instant_actions = InstantActionManager(self.robot, settings, new_id, broker=broker)
         self._fitter = Fitter()
         self._run: OrderExecution | None = None
@@ -86,7 +95,8 @@ class RobotControl:
         """Time, monotonic seconds, until which the last view only changes with messages."""
 
     def on_broker(self, *, connected: bool, unread: bool) -> None:
-        """Note the state of our own link; with ``unread`` nothing is sent before the robot's next state."""
+        """Note the state of our own link; for ``unread`` see :meth:`FleetController.on_broker`."""
+        self.unasked = connected
         self._instant_actions.broker = connected
         self._instant_actions.unread = connected and unread
         self._changes += 1
@@ -96,6 +106,7 @@ class RobotControl:
         """Handle a connection message (section 6.5)."""
         if self.robot.take_connection(message, now):
             self._instant_actions.reconnected()
+            self.unasked = self.robot.reachable and (self.robot.state is None or self.robot.stale)
             if self._run and self.robot.stale:
                 self._run.doubt_position()
         yield from self._instant_actions.on_link(self.robot.link(now))
@@ -123,6 +134,7 @@ class RobotControl:
         placed = self.robot.placed
         if not self.robot.take_state(message, now):
             return
+        self.unasked = False
         if self.robot.placed != placed:
             self._changes += 1
         if self._instant_actions.unread:
@@ -198,6 +210,20 @@ class RobotControl:
         yield from self._instant_actions.request(action, now)
         yield from self._advance(now)
 
+    def ask(self, now: float) -> Iterator[FleetOutput]:
+        """Request the robot's state (section 6.2.3) if messages may reach it.
+
+        A robot that has never connected, as far as we know, is asked only once: perhaps it does not exist.
+        """
+        self.unasked = False
+        if self._instant_actions.unsendable(STATE_REQUEST, now):
+            return
+        if self.robot.connection is None:
+            yield PublishInstantActions(self.robot.key, (state_request(self._new_id()),))
+        else:
+            self._instant_actions.ask_for_state()
+            yield from self._advance(now)
+
     def tick(self, now: float) -> Iterator[FleetOutput]:
         """Handle timeouts; a quiet robot has none, unless it has become silent."""
         if self.quiet and self.robot.link(now) is self._reported_link:
@@ -260,7 +286,7 @@ class RobotControl:
             order_id=run.vda_order.order_id if run else None,
             order_phase=run.phase if run else None,
             wait_reason=self._wait_reason(now, away),
-            stale=robot.stale,
+            stale=robot.stale or self._instant_actions.unread,
             deviations=self._deviations(robot.key),
         )
 
@@ -415,6 +441,9 @@ class RobotControl:
 RETAINED_WITHIN: Final = 1.0
 """Seconds after connecting within which the broker delivers the robots' retained connection messages."""
 
+ASKED_PER_TICK: Final = 100
+"""Number of robots that are asked for their states between two checks: 500 per second by default."""
+
 
 def _utc_now() -> datetime:
     return datetime.now(UTC)
@@ -431,17 +460,23 @@ class FleetController:
         self,
         settings: FleetSettings,
         *,
+        expected: Iterable[RobotKey] = (),
         new_id: Callable[[], str] = unique_id,
         utc_now: Callable[[], datetime] = _utc_now,
         deviations: Callable[[RobotKey], tuple[Repair, ...]] = _no_deviations,
     ) -> None:
-        """``deviations`` returns the repairs of a robot's messages."""
+        """``expected`` robots are asked for their states at each connect, even if they have never connected.
+
+        ``deviations`` returns the repairs of a robot's messages.
+        """
         self._settings = settings
         self._new_id = new_id
         self._deviations = deviations
         self._broker = False
         self._broker_since = 0.0
-        self._robots: dict[RobotKey, RobotControl] = {}
+        self._robots = {robot: self._new_control(robot) for robot in expected}
+        self._to_ask: dict[RobotKey, None] = {}
+        """Robots to ask for their states, in this order; those that have reported since are left out."""
         self._busy: dict[RobotKey, RobotControl] = {}
         """Robots with a pending timeout; most others just execute their orders."""
         self._silences = Silences()
@@ -450,7 +485,10 @@ class FleetController:
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
         """Handle a connection message (section 6.5)."""
         control = self._control(robot)
-        return self._reported(control, control.on_connection(message, now))
+        outputs = self._reported(control, control.on_connection(message, now))
+        if control.unasked:
+            self._to_ask[robot] = None
+        return outputs
 
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
         """Handle a state message (section 6.6); repeated and outdated ones are ignored."""
@@ -483,13 +521,16 @@ class FleetController:
         """Note a change of our own link to the broker, which is down initially.
 
         The views of all robots show it at once. What follows for a robot is done by :meth:`tick`, or with the
-        robot's next message. With ``unread`` nothing is sent to a robot before its next state.
+        robot's next message. All robots are asked for their states, those with a VDA order first: what they
+        reported meanwhile is lost. With ``unread`` a robot is sent nothing but stateRequest and startPause
+        before its next state.
         """
         self._broker = connected
         self._broker_since = now
         for each in self._robots.values():
             each.on_broker(connected=connected, unread=unread)
         self._busy = dict(self._robots)
+        self._to_ask = dict.fromkeys(sorted(self._robots, key=lambda robot: self.vda_order(robot) is None))
         return (BrokerLinkChanged(),)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
@@ -550,8 +591,27 @@ class FleetController:
         """
         for each in self._due(now()):
             yield self._reported(each, each.tick(now()))
+        if self._broker and self._to_ask:
+            yield from self._ask(now())
         if self._instant_actions.busy:
             yield self._answers(now())
+
+    def _ask(self, now: float) -> Iterator[Outputs]:
+        """Ask the next robots for their states.
+
+        Robots of which nothing is known come last: their retained connection messages may arrive meanwhile.
+        """
+        known_only, asked = self.connected_for(now) < RETAINED_WITHIN, 0
+        for robot in tuple(self._to_ask):
+            control = self._robots[robot]
+            if control.unasked and known_only and control.robot.connection is None:
+                continue
+            self._to_ask.pop(robot, None)  # our link may have changed meanwhile
+            if control.unasked:
+                yield self._reported(control, control.ask(now))
+                asked += 1
+            if asked == ASKED_PER_TICK:
+                return
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
         """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
@@ -579,7 +639,7 @@ class FleetController:
         return all(each.robot.state or not each.robot.reachable for each in self._robots.values())
 
     def robots(self) -> tuple[RobotKey, ...]:
-        """Return all robots that have sent a message or were sent an order."""
+        """Return all robots that are expected, have sent a message or were sent an order."""
         return tuple(self._robots)
 
     def has_room_for(self, robot: RobotKey) -> bool:

@@ -10,7 +10,13 @@ from typing import Final
 from nena_order_service.fleet import availability
 from nena_order_service.fleet.feasibility import fitted_action, instant_action_problem
 from nena_order_service.fleet.outputs import Delivery, FleetOutput, InstantActionEnded, PublishInstantActions
-from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, REPORTS_NOTHING, LinkStatus, Robot
+from nena_order_service.fleet.robot import (
+    INSTANT_ACTIONS_LIMIT,
+    NOT_REACHED,
+    REPORTS_NOTHING,
+    LinkStatus,
+    Robot,
+)
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.action import (
@@ -31,6 +37,8 @@ RETRY: Final = "retry"
 CANCEL_ORDER: Final = "cancelOrder"
 CLEAR_INSTANT_ACTIONS: Final = "clearInstantActions"
 FACTSHEET_REQUEST: Final = "factsheetRequest"
+STATE_REQUEST: Final = "stateRequest"
+START_PAUSE: Final = "startPause"
 LEAVES: Final = frozenset({START_HIBERNATION, SHUTDOWN})
 """Action types after which a robot takes no orders."""
 
@@ -58,6 +66,11 @@ class InstantRun:
         self._delivery = Delivery(settings)
         self._first_sent_at: float | None = None
         self._seen_at: float | None = None
+
+    @property
+    def awaits_state(self) -> bool:
+        """Whether the action is a stateRequest that ends with the robot's next state."""
+        return self.action.action_type == STATE_REQUEST and not self.requested
 
     @property
     def cancels(self) -> bool:
@@ -122,7 +135,7 @@ class InstantRun:
         """
         if self._seen_at is not None:
             self._seen_at = now
-        elif self.requested:
+        elif self.requested or self.awaits_state:
             self.outcome = Outcome(None, Reason(R.ACTION_UNCERTAIN, reason))
         else:
             self._delivery.hold()
@@ -159,11 +172,19 @@ def factsheet_request(action_id: str) -> Action:
     return Action(action_type=FACTSHEET_REQUEST, action_id=action_id, blocking_type=BlockingType.NONE)
 
 
+def state_request(action_id: str) -> Action:
+    """Return the action that requests the robot's state (section 6.2.3)."""
+    return Action(action_type=STATE_REQUEST, action_id=action_id, blocking_type=BlockingType.NONE)
+
+
 INSTANT_IDS_KEPT: Final = 200
 """Number of remembered instant action IDs, so that their states are not mistaken for the order's."""
 
-ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
+ALWAYS_ALLOWED: Final = frozenset({STATE_REQUEST, FACTSHEET_REQUEST})
 """Instant actions allowed in all operating modes except INTERVENED, which allows only cancelOrder."""
+
+SENT_UNREAD: Final = frozenset({STATE_REQUEST, START_PAUSE})
+"""Instant actions that are sent to a robot that has not reported yet: whatever it does, they move nothing."""
 
 CLEARING_PAUSE: Final = 30.0
 """Seconds between attempts to clear a robot's ended instant actions."""
@@ -178,8 +199,8 @@ FACTSHEET_TIMEOUT: Final = 2.0
 class InstantActionManager:
     """Sends instant actions to one robot and tracks each to its end (section 6.2.1).
 
-    ``broker`` is whether our own link is up. ``unread``: nothing is sent before the robot's next state, see
-    :meth:`FleetController.on_broker`.
+    ``broker`` is whether our own link is up. ``unread``: only :data:`SENT_UNREAD` is sent before the robot's
+    next state, see :meth:`FleetController.on_broker`.
     """
 
     def __init__(
@@ -229,6 +250,9 @@ class InstantActionManager:
         if action_type == STOP_HIBERNATION:  # a hibernating robot reports no state
             unread = False
             link = LinkStatus.ONLINE if link is LinkStatus.HIBERNATING else link
+        elif action_type in SENT_UNREAD:
+            unread = False
+            link = link if link in NOT_REACHED else LinkStatus.ONLINE
         away = availability.away(link, self._robot.unreadable, broker=self.broker, unread=unread)
         state = self._robot.state
         if away or state is None or state.operating_mode.fleet_controls:
@@ -260,6 +284,11 @@ class InstantActionManager:
         """Return whether cancelOrder may be sent now."""
         return self.unsendable(CANCEL_ORDER, now) is None
 
+    def ask_for_state(self) -> None:
+        """Request the robot's state until it reports; does nothing while it is being asked."""
+        if not any(each.awaits_state for each in self._runs.values()):
+            self._begin(state_request(self._new_id()), requested=False)
+
     def reconnected(self) -> None:
         """Handle a new connection: request the factsheet again, and forget that the robot was leaving."""
         self._asked = None
@@ -286,6 +315,7 @@ class InstantActionManager:
             reported: dict[str, ActionState] = {
                 each.action_id: each for each in (*state.action_states, *state.instant_action_states)
             }
+            self._runs = {name: run for name, run in self._runs.items() if not run.awaits_state}
             for run in self._runs.values():
                 run.on_states(reported, now)
         if self._runs or self._going or state.instant_action_states:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -52,7 +52,7 @@ from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.robot_sources import Dated, RobotSources
 from nena_shared.vda5050.state import NodeState, State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.versions import UnknownVersionError, codec_named, nearest_codec
+from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_named, nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 R = ReasonCode
@@ -178,6 +178,7 @@ class RobotAddresses:
         self._addresses: dict[RobotKey, RobotAddress] = {}
         self._sources = RobotSources()
         self._dialects: dict[RobotKey, Dialect] = {}
+        self._expected: dict[RobotKey, tuple[RobotAddress, ...]] = {}
 
     @property
     def schemes(self) -> tuple[TopicScheme, ...]:
@@ -201,20 +202,32 @@ class RobotAddresses:
                     robot=str(robot),
                 )
             self._dialects[robot] = Dialect.of(vehicle)
-            for major, default in self._defaults.items():
-                name = _interface_name(vehicle) or default.interface_name
-                self._schemes[TopicScheme(name, major)] = None
+            name = _interface_name(vehicle)
+            schemes = [
+                TopicScheme(name or default.interface_name, major)
+                for major, default in self._defaults.items()
+            ]
+            self._schemes.update(dict.fromkeys(schemes))
             if vehicle.protocol_version:
-                address = self._addresses[robot] = self._expected(vehicle, vehicle.protocol_version)
+                address = self._addresses[robot] = self._configured(vehicle, vehicle.protocol_version)
                 self._sources.expect(robot, address.scheme)
+            self._expected[robot] = tuple(map(_oldest, schemes))
 
     def dialect(self, robot: RobotKey) -> Dialect:
         """Return the configured deviations of ``robot`` from the standard."""
         return self._dialects.get(robot, STANDARD)
 
-    def of(self, robot: RobotKey) -> RobotAddress | None:
-        """Return the version and topics of ``robot``; None if they are not known yet."""
-        return self._addresses.get(robot)
+    @property
+    def expected(self) -> Collection[RobotKey]:
+        """The robots of the plant model."""
+        return self._expected.keys()
+
+    def of(self, robot: RobotKey) -> tuple[RobotAddress, ...]:
+        """Return the version and topics of ``robot``; all that it may use if they are not known yet."""
+        known = self._addresses.get(robot)
+        if known:
+            return (known,)
+        return self._expected.get(robot) or tuple(map(_oldest, self._defaults.values()))
 
     def learn(
         self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Dated, *, retained: bool
@@ -238,7 +251,7 @@ class RobotAddresses:
         )
         return True
 
-    def _expected(self, vehicle: Vehicle, version: str) -> RobotAddress:
+    def _configured(self, vehicle: Vehicle, version: str) -> RobotAddress:
         try:
             codec = codec_named(version)
         except UnknownVersionError as error:
@@ -248,6 +261,12 @@ class RobotAddresses:
         return RobotAddress(
             codec, TopicScheme(vehicle.interface_name or default.interface_name, codec.major_version)
         )
+
+
+def _oldest(scheme: TopicScheme) -> RobotAddress:
+    """Return the address of a robot of unknown version: newer minor versions understand the oldest one."""
+    version = next(each for each in CODECS if f"v{each.partition('.')[0]}" == scheme.major_version)
+    return RobotAddress(CODECS[version], scheme)
 
 
 def _interface_name(vehicle: Vehicle) -> str | None:
@@ -405,10 +424,15 @@ class FleetLink:
         """Hashes of the last commands that this program has sent, oldest first."""
         self.deviations = Deviations(clock)
         """Repairs of the robots' messages."""
-        self._controller = FleetController(settings, utc_now=clock.now, deviations=self.deviations.of)
+        self._controller = FleetController(
+            settings, expected=addresses.expected, utc_now=clock.now, deviations=self.deviations.of
+        )
         self._reader = MessageReader(self.deviations.note_message, strict=settings.strict)
         self._rate = MessageRate(settings.messages_per_second, settings.messages_burst)
         self._subscribe_to(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
+        for robot in addresses.expected:
+            for address in addresses.of(robot):
+                mqtt.subscribe_by_name(address.scheme.of(robot, Topic.CONNECTION))
         self._subscribe_to(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
         self._subscribe_to(Topic.STATE, State, self._controller.on_state, qos=settings.qos)
 
@@ -495,8 +519,8 @@ class FleetLink:
     def _notice_broker(self) -> None:
         """Report changes of our own link to the core, periodically and with each received message.
 
-        In a new term of leadership, robots must report before they are sent anything: what is known about
-        them may be older than the leadership of another order service.
+        In a new term of leadership, robots must report before they are sent orders: what is known about them
+        may be older than the leadership of another order service.
         """
         link = self._mqtt.state
         unread = link.connected and link.term != self._term
@@ -627,10 +651,12 @@ class FleetLink:
             self._on_events(*events)
 
     def _publish(self, output: Publish, now: float) -> None:
-        address = self._addresses.of(output.robot)
-        if address is None:
-            log.warning("cannot send: VDA 5050 version of the robot is unknown", robot=str(output.robot))
-            return
+        for address in self._addresses.of(output.robot):
+            # A broker that refuses this name may end the connection of who publishes to it (NATS).
+            if address.scheme.of(output.robot, Topic.CONNECTION) not in self._mqtt.state.refused_names:
+                self._publish_to(address, output, now)
+
+    def _publish_to(self, address: RobotAddress, output: Publish, now: float) -> None:
         topic, message = self._outgoing.message(output, address.codec.version)
         dialect = self._addresses.dialect(output.robot)
         try:

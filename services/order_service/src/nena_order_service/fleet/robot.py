@@ -274,6 +274,8 @@ AWAY: Final = {
     ConnectionState.CONNECTION_BROKEN: LinkStatus.CONNECTION_BROKEN,
 }
 """Connection states in which nothing reaches a robot."""
+NOT_REACHED: Final = frozenset(AWAY.values())
+"""The same as states of the link."""
 
 
 @dataclass(slots=True)

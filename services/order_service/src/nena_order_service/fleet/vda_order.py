@@ -488,8 +488,3 @@ def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrde
         nodes=(*held.nodes[: base_end + 1], *nodes),
         edges=(*held.edges[:base_end], *edges),
     )
-
-
-def state_request() -> Action:
-    """Return the instant action that requests a robot's state (VDA 5050 3.0, section 6.2.3)."""
-    return Action(action_type="stateRequest", action_id=unique_id(), blocking_type=BlockingType.NONE)

@@ -1,0 +1,185 @@
+"""Robots of which nothing new is heard are asked for their states."""
+
+from __future__ import annotations
+
+from itertools import chain, count
+
+import pytest
+
+from nena_order_service.fleet.controller import ASKED_PER_TICK, RETAINED_WITHIN, FleetController
+from nena_order_service.fleet.outputs import InstantActionEnded, PublishInstantActions
+from nena_order_service.fleet.robot import LinkStatus
+from nena_order_service.fleet.settings import FleetSettings
+from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.topics import RobotKey
+from support.fleet import Bench, make_vda_order
+from support.honest_robot import ROBOT, HonestRobot
+
+
+def action(action_type: str, action_id: str) -> Action:
+    return Action(action_type=action_type, action_id=action_id, blocking_type=BlockingType.NONE)
+
+
+def reconnect(bench: Bench, *, unread: bool = False) -> None:
+    """Lose our own link for three seconds."""
+    bench.fleet.on_broker(connected=False, now=bench.now)
+    bench.tick()
+    bench.lose()
+    bench.now += 3.0
+    bench.fleet.on_broker(connected=True, now=bench.now, unread=unread)
+    bench.tick()
+
+
+def asked(bench: Bench) -> int:
+    return bench.instants_sent().count("stateRequest")
+
+
+def expecting(*robots: RobotKey) -> Bench:
+    """Return a bench whose plant model has these robots, at a broker that has told nothing of them yet."""
+    bench, numbers = Bench(), count(1)
+    bench.fleet = FleetController(FleetSettings(), expected=robots, new_id=lambda: f"id-{next(numbers)}")
+    bench.fleet.on_broker(connected=True, now=bench.now)
+    bench.tick()
+    return bench
+
+
+def test_a_robot_of_the_plant_of_which_nothing_is_known_is_asked_once() -> None:
+    bench = expecting(ROBOT)
+    assert asked(bench) == 0, "its connection may be retained at the broker"
+    bench.wait(RETAINED_WITHIN + 60.0)
+    assert asked(bench) == 1
+    assert bench.view().link is LinkStatus.UNKNOWN
+
+
+def test_a_robot_without_a_state_is_asked_once_it_connects() -> None:
+    bench = expecting(ROBOT)
+    bench.connection(ConnectionState.ONLINE)
+    bench.tick()
+    assert asked(bench) == 1
+    bench.deliver()
+    bench.report()
+    bench.wait(60.0, reporting=True)
+    assert asked(bench) == 1
+
+
+@pytest.mark.parametrize(
+    "state", [ConnectionState.OFFLINE, ConnectionState.CONNECTION_BROKEN, ConnectionState.HIBERNATING]
+)
+def test_a_robot_that_is_away_is_not_asked(state: ConnectionState) -> None:
+    bench = expecting(ROBOT)
+    bench.connection(state)
+    bench.wait(60.0)
+    assert asked(bench) == 0
+
+
+def test_a_reconnected_robot_is_asked_at_each_connection() -> None:
+    bench = Bench().online()
+    for number in (1, 2):
+        bench.now += 10.0
+        bench.connection(ConnectionState.CONNECTION_BROKEN)
+        bench.wait(1.0)
+        bench.connection(ConnectionState.ONLINE)
+        bench.wait(0.5)
+        assert asked(bench) == number
+        bench.report()
+
+
+def test_a_repeated_connection_message_asks_nothing() -> None:
+    """Brokers may deliver a message once for each of several subscriptions."""
+    bench = expecting(ROBOT)
+    message = bench.robot.connection(ConnectionState.ONLINE, bench.now)
+    for _ in range(3):
+        bench.take(bench.fleet.on_connection(ROBOT, message, bench.now))
+        bench.tick()
+    assert asked(bench) == 1
+    bench.report()
+    bench.take(bench.fleet.on_connection(ROBOT, message, bench.now))
+    bench.wait(5.0)
+    assert asked(bench) == 1
+    assert bench.view().availability.can_take_order
+
+
+@pytest.mark.clause("4.1/offline")
+def test_a_robot_with_an_order_is_asked_at_once_after_a_loss_of_our_link() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
+    reconnect(bench)
+    assert asked(bench) == 1
+    bench.deliver()
+    bench.report()
+    bench.run()
+    assert bench.ends() == {"m": 1}
+
+
+@pytest.mark.parametrize("mode", [OperatingMode.INTERVENED])
+def test_a_robot_that_may_not_be_asked_is_not(mode: OperatingMode) -> None:
+    bench = Bench().online()
+    bench.robot.set_mode(mode)
+    bench.report()
+    reconnect(bench)
+    bench.wait(10.0)
+    assert asked(bench) == 0
+
+
+@pytest.mark.parametrize("mode", [OperatingMode.MANUAL, OperatingMode.SEMIAUTOMATIC, OperatingMode.SERVICE])
+def test_a_robot_in_another_mode_is_asked(mode: OperatingMode) -> None:
+    bench = Bench().online()
+    bench.robot.set_mode(mode)
+    bench.report()
+    reconnect(bench)
+    assert asked(bench) == 1
+
+
+def test_a_robot_that_never_answers_is_left_alone_in_the_end() -> None:
+    bench = Bench().online()
+    reconnect(bench)
+    bench.wait(600.0)
+    assert asked(bench) == bench.settings.sendings
+    assert bench.tick() == ()
+
+
+def test_a_new_leader_asks_a_robot_and_pauses_it_before_it_has_reported() -> None:
+    bench = Bench().online()
+    reconnect(bench, unread=True)
+    bench.instruct(action("startPause", "p"))
+    assert bench.instants_sent() == ["stateRequest", "startPause"]
+    bench.deliver()
+    bench.report()
+    assert bench.robot.paused
+    assert bench.told(InstantActionEnded)[-1].status is ActionStatus.FINISHED
+
+
+def test_a_robot_that_was_never_heard_can_be_paused() -> None:
+    bench = expecting(ROBOT)
+    bench.instruct(action("startPause", "p"))
+    bench.deliver()
+    assert bench.robot.paused
+
+
+def test_many_robots_are_asked_a_few_at_a_time_those_with_an_order_first() -> None:
+    robots = [HonestRobot(key=RobotKey("Honest", f"r{number}")) for number in range(1000)]
+    fleet, now, sent = FleetController(FleetSettings()), 100.0, list[list[str]]()
+
+    def tick() -> None:
+        outputs = chain.from_iterable(fleet.tick(lambda: now))
+        sent.append([each.robot.serial_number for each in outputs if isinstance(each, PublishInstantActions)])
+
+    fleet.on_broker(connected=True, now=now)
+    for robot in robots:
+        fleet.on_factsheet(robot.key, robot.factsheet(), now)
+        fleet.on_connection(robot.key, robot.connection(ConnectionState.ONLINE, now), now)
+        fleet.on_state(robot.key, robot.state(now), now)
+    fleet.start_vda_order(robots[-1].key, make_vda_order("m", "A", "B"), now)
+    tick()
+    assert sent == [[]], "all have reported"
+
+    fleet.on_broker(connected=False, now=now)
+    fleet.on_broker(connected=True, now=now)
+    sent.clear()
+    while len(sent) < len(robots) // ASKED_PER_TICK:
+        tick()
+    assert sent[0][0] == robots[-1].key.serial_number
+    assert {len(each) for each in sent} == {ASKED_PER_TICK}
+    assert set().union(*sent) == {robot.key.serial_number for robot in robots}
