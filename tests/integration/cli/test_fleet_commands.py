@@ -215,6 +215,10 @@ async def test_a_vehicle_is_hibernated_woken_and_shut_down(fleet: Fleet) -> None
     woken = await nena("vehicles", "wake", "Robot-01")
     assert (woken.exit_code, "FINISHED" in woken.stdout) == (0, True)
     await vehicle_idle(client)
+    (slept,) = await nena.json("vehicles", "hibernate", "Robot-01")
+    assert slept["status"] == "FINISHED"
+    assert (await nena("vehicles", "wake", "Robot-01")).exit_code == 0
+    await vehicle_idle(client)
     (gone,) = await nena.json("vehicles", "shutdown", "Robot-01")
     assert gone["status"] == "FINISHED"
     assert robot.process.wait(PATIENCE) == 0

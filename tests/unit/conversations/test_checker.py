@@ -375,6 +375,12 @@ def test_a_wake_up_time_is_written_in_utc(at: str) -> None:
     assert f'"{at}"' in finding.text
 
 
+def test_a_hibernation_needs_no_wake_up_time() -> None:
+    talk = Talk("3.0.1").online().state("n0", of="").act(action("s", "NONE", "startHibernation"))
+
+    assert talk.findings == []
+
+
 def test_robot_without_a_recorded_connection_may_be_connected() -> None:
     assert Talk().state("n0", of="").findings == []
 

@@ -153,12 +153,14 @@ def test_an_invalid_or_past_wake_up_time_is_refused(version: str, at: Any) -> No
 
 
 @pytest.mark.clause("6.2.3/startHibernation")
-def test_a_wake_up_time_is_required() -> None:
+def test_without_a_wake_up_time_a_robot_hibernates_until_it_is_woken() -> None:
     bench = robot()
 
     bench.instant(action("s", "NONE", "startHibernation"))
 
-    assert (bench.status("s"), bench.errors) == ("FAILED", ["INVALID_INSTANT_ACTION"])
+    assert bench.do(SignedOff()) == [Hibernate(None)]
+    assert (bench.status("s"), bench.errors) == ("FINISHED", [])
+    assert PREDEFINED["startHibernation"].parameters[0].required is False
 
 
 @pytest.mark.parametrize("at", [AT_SIX, "2026-01-01T18:00:00Z", "2026-01-01T18:00:00.000000000Z"])

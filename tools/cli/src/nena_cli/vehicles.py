@@ -147,10 +147,12 @@ def hibernate(
     service: Service,
     name: Name,
     *,
-    until: Annotated[datetime, typer.Option(help="Wake-up time in local time.")],
+    until: Annotated[
+        datetime | None, typer.Option(help="Wake-up time in local time; without it, until it is woken.")
+    ] = None,
 ) -> None:
     """Put an idle vehicle into its low-power mode until it is woken or its wake-up time (VDA 5050 3.0)."""
-    act(service, name, START_HIBERNATION, {WAKE_UP_TIME: iso(until.astimezone(UTC))})
+    act(service, name, START_HIBERNATION, {WAKE_UP_TIME: iso(until.astimezone(UTC))} if until else {})
 
 
 @app.command()

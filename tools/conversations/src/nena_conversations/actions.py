@@ -160,9 +160,9 @@ class InstantConversation:
             if state and not _allowed(action.action_type, state.operating_mode):
                 text = f"{action.action_type} is sent to a robot in the mode {state.operating_mode}"
                 yield Rule.MODE, Severity.ERROR, text
-            if action.action_type == START_HIBERNATION and wake_up_time(action) is None:
-                given = quoted(action.parameter(WAKE_UP_TIME))
-                text = f"{WAKE_UP_TIME} of {START_HIBERNATION} is {given}, not YYYY-MM-DDTHH:mm:ss.fffZ"
+            at = action.parameter(WAKE_UP_TIME)
+            if action.action_type == START_HIBERNATION and at is not None and wake_up_time(action) is None:
+                text = f"{WAKE_UP_TIME} of {START_HIBERNATION} is {quoted(at)}, not YYYY-MM-DDTHH:mm:ss.fffZ"
                 yield Rule.SPELLING, Severity.WARNING, text
 
     def on_state(self, state: State) -> Iterator[Problem]:

@@ -270,10 +270,12 @@ _ZONE_SET = (Parameter("zoneSetId", ValueDataType.STRING),)
 
 
 def _wake_up_problem(action: Action) -> str | None:
-    if wake_up_time(action) is not None:
+    given = action.parameter(WAKE_UP_TIME)
+    if given is None or wake_up_time(action) is not None:
         return None
-    given = str(action.parameter(WAKE_UP_TIME))[:40]
-    return f"parameter '{WAKE_UP_TIME}' is '{given}', not a UTC time such as 2026-01-31T05:30:00.000Z"
+    return (
+        f"parameter '{WAKE_UP_TIME}' is '{str(given)[:40]}', not a UTC time such as 2026-01-31T05:30:00.000Z"
+    )
 
 
 def _instant(action_type: str, description: str, parameters: tuple[Parameter, ...] = ()) -> ActionDeclaration:
@@ -318,7 +320,7 @@ PREDEFINED: dict[str, ActionDeclaration] = {
             _instant(
                 START_HIBERNATION,
                 "Ends the order, reports it, and goes to a low-power mode without states.",
-                (Parameter(WAKE_UP_TIME, ValueDataType.STRING, description="UTC, ISO 8601"),),
+                (Parameter(WAKE_UP_TIME, ValueDataType.STRING, required=False, description="UTC, ISO 8601"),),
             ),
             check=_wake_up_problem,
         ),
