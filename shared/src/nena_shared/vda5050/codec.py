@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, TypeVar, cast
 
 from pydantic import ValidationError
+from pydantic_core import from_json
 
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.graph import violations
-from nena_shared.vda5050.malformed import MalformedMessageError, problems_of, received_in
+from nena_shared.vda5050.malformed import MalformedMessageError, problems_of, quoted, received_in
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.rules import Rules
@@ -27,6 +29,9 @@ M = TypeVar("M", bound=Header)
 
 MAXIMUM_PAYLOAD = 4 * 1024 * 1024
 """Maximum size of a message, bytes."""
+
+_UNIX_TIME: Final = re.compile(rb'"timestamp"\s*:\s*"\s*[\d.]+\s*"')
+"""A Unix time as text, which pydantic reads as a time; the standard has ISO 8601 (section 7.2)."""
 
 KINDS: Final[Mapping[Topic, type[Header]]] = MappingProxyType(
     {
@@ -82,6 +87,11 @@ class Codec:
             raise MalformedMessageError(
                 kind.__name__, problems_of(error), payload, received=received
             ) from error
+        if _UNIX_TIME.search(payload):
+            given = from_json(payload).get("timestamp", "")
+            if given.strip().replace(".", "").isdigit():
+                problem = "timestamp: is a Unix time, not ISO 8601"
+                raise MalformedMessageError(kind.__name__, [problem], payload, received=quoted(given))
         if problems := self._rule_problems(message):
             raise MalformedMessageError(kind.__name__, problems, payload)
         return message

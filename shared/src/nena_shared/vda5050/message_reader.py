@@ -13,6 +13,7 @@ from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.records import RECORDED, encoded, parse, parse_members, read_record, record_of
 from nena_shared.vda5050.repair import (
+    BYTE_ORDER_MARK,
     EVERYWHERE,
     Repair,
     RepairKind,
@@ -24,7 +25,8 @@ from nena_shared.vda5050.repair import (
     without_mark,
     written,
 )
-from nena_shared.vda5050.versions import load_codecs, reader_for, reader_of
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.versions import load_codecs, nearest_codec, reader_for, reader_of, version_of
 
 TOPICS_REMEMBERED = 20_000
 DEVIATIONS_REMEMBERED = 100
@@ -135,6 +137,7 @@ class MessageReader:
             if not isinstance(content, dict):
                 return None
             codec = reader_for(version_number(content.get("version")), major_version)
+            _read_by_topic(content, codec, found)
             message = _repaired_in(kind, codec, content, found, only)
         except MalformedMessageError:
             if only:
@@ -147,6 +150,19 @@ class MessageReader:
             self.undated = ("timestamp", RepairKind.TIME_OF_ARRIVAL) in found
             self._report(topic, repairs_of(found))
         return message
+
+    def sighting(self, payload: bytes, major_version: str) -> State | None:
+        """Return what an unreadable state says about the robot itself, such as its position.
+
+        Its order is unknown: required fields that cannot be read are empty. None if the payload is not a JSON
+        object. The form is that of the header's version or, if that has no position, of the topic's.
+        """
+        stated, found = version_of(payload), None
+        for codec in (nearest_codec(stated) if stated else None, reader_for(None, major_version)):
+            found = found if codec is None else _sighting_in(codec, payload)
+            if found and found.mobile_robot_position:
+                break
+        return found
 
     def _learn_deviations(self, topic: str, version: str, codec: Codec, found: Repairs) -> None:
         paths = frozenset([path for path, _ in found])
@@ -172,6 +188,17 @@ def _read(kind: type[M], codec: Codec, payload: bytes) -> M:
     return read_record(kind, codec, payload) if kind in RECORDED else codec.decode(kind, payload)
 
 
+def _read_by_topic(content: dict[str, Any], codec: Codec, found: Repairs) -> None:
+    """Let the topic decide how a message of a major version that does not exist here is read.
+
+    Robots copy 1.3.2, the example in the schemas of 2.x, or send the version of their software.
+    """
+    stated = version_number(content.get("version"))
+    if stated and nearest_codec(stated) is None:
+        content["version"] = codec.version
+        found["version", RepairKind.UNKNOWN_VERSION] = f"{stated}, read as {codec.version}"
+
+
 @lru_cache(maxsize=10_000)
 def _members(paths: frozenset[str]) -> frozenset[str]:
     """Return the members of a message that a repair of the fields at ``paths`` reads."""
@@ -187,6 +214,20 @@ def _repaired_in(
         return None
     repair(form, content, found, version=codec.version, now=datetime.now(UTC), scope=Scope.REPORT, only=only)
     return _read_repaired(kind, codec, content) if found else None
+
+
+def _sighting_in(codec: Codec, payload: bytes) -> State | None:
+    if len(payload) > MAXIMUM_PAYLOAD:
+        return None
+    try:
+        content = parse(payload.removeprefix(BYTE_ORDER_MARK))
+        if not isinstance(content, dict):
+            return None
+        content["version"], now = codec.version, datetime.now(UTC)
+        repair(codec.forms[State], content, {}, version=codec.version, now=now, scope=Scope.SIGHTING)
+        return _read_repaired(State, codec, content)
+    except (MalformedMessageError, ArithmeticError, ValueError, RecursionError):
+        return None
 
 
 def _read_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | None:

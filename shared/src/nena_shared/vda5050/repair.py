@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from enum import Enum, StrEnum, auto
 from functools import cache, lru_cache
 from math import isfinite, pi, remainder
@@ -70,13 +69,15 @@ class RepairKind(StrEnum):
     """An integer written with decimals, such as 0.0."""
     LETTER_CASE = "letter_case"
     """An enumeration value in other case, or with other separators."""
+    UNIX_TIME = "unix_time"
+    """A timestamp in seconds or milliseconds since 1970."""
     TIME_OF_ARRIVAL = "time_of_arrival"
     """Used instead of an unreadable timestamp."""
     VERSION_NUMBER = "version_number"
     """Completed to major, minor and patch."""
     BYTE_ORDER_MARK = "byte_order_mark"
     UNKNOWN_VERSION = "unknown_version"
-    """Read as the nearest supported version."""
+    """Read as the nearest supported version of the topic's major version."""
 
 
 class Repair(NamedTuple):
@@ -103,6 +104,11 @@ class Scope(Enum):
     Nothing is omitted. Nothing is clamped except an allowed heading deviation of half to a full turn: from
     half a turn on, any heading is allowed.
     """
+    SIGHTING = auto()
+    """States that stay unreadable: as REPORT, and required fields that cannot be read become empty.
+
+    Only what such a state says about the robot itself may be used, because its order looks finished.
+    """
 
 
 EVERYWHERE: Final[frozenset[str]] = frozenset()
@@ -125,6 +131,8 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
     (State, "last_node_id"): "",
     (State, "last_node_sequence_id"): 0,
     (State, "operating_mode"): OperatingMode.MANUAL.value,
+    (State, "power_supply"): {},
+    (State, "safety_state"): {},
     (ErrorEntry, "error_type"): "unknown",
     (ErrorEntry, "error_level"): ErrorLevel.FATAL.value,
     (SafetyState, "active_emergency_stop"): EmergencyStop.MANUAL.value,
@@ -133,7 +141,9 @@ SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
     (PowerSupply, "state_of_charge"): 0.0,
     (PowerSupply, "charging"): False,
 }
-"""Safest values of required fields, for robots' messages in which they are missing or cannot be repaired."""
+"""Safest values of required fields, for robots' messages in which they are missing or cannot be repaired.
+
+Empty objects are filled with the safest values of their fields."""
 
 _NEVER_EMPTIED: Final = {(State, "node_states")}
 """Lists that are not read as empty if missing: an order without reported nodes must not look finished."""
@@ -182,9 +192,12 @@ def repair(
     if not only or "timestamp" in only:
         _repair_timestamp(form, content, found, now)
     for field in _fields_of(form, "", scope, only):
-        with suppress(_UnrepairableError):
+        try:
             field.apply(content, found)
-    if content.get("orderId") and ("orderUpdateId", RepairKind.REPLACED) in found:
+        except _UnrepairableError:
+            if scope is Scope.SIGHTING:
+                field.empty_in(content)
+    if scope is Scope.REPORT and content.get("orderId") and ("orderUpdateId", RepairKind.REPLACED) in found:
         del content["orderUpdateId"]  # a wrong number would look as if the robot had lost its order
 
 
@@ -222,8 +235,21 @@ def _repair_version(form: type[Header], content: dict[str, Any], found: Repairs,
 def _repair_timestamp(form: type[Header], content: dict[str, Any], found: Repairs, now: datetime) -> None:
     time = content.get("timestamp")
     if ("timestamp" in content or "timestamp" in _required(form)) and not _is_time(time):
-        content["timestamp"] = iso(now)
-        found["timestamp", RepairKind.TIME_OF_ARRIVAL] = quoted(time)
+        unix_time = _unix_time(time)
+        content["timestamp"] = iso(unix_time or now)
+        kind = RepairKind.TIME_OF_ARRIVAL if unix_time is None else RepairKind.UNIX_TIME
+        found["timestamp", kind] = quoted(time)
+
+
+def _unix_time(value: object) -> datetime | None:
+    """Return the time that a Unix time of 10 digits (seconds) or 13 digits (milliseconds) means."""
+    number = _number(value) if isinstance(value, str) else value
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        return None
+    for unit in (1, 1000):
+        if 10**9 <= number / unit < 10**10:
+            return datetime.fromtimestamp(number / unit, UTC)
+    return None
 
 
 @cache
@@ -236,7 +262,7 @@ def _is_version(value: object) -> bool:
 
 
 def _is_time(value: object) -> bool:
-    if not isinstance(value, str):
+    if not isinstance(value, str) or _number(value) is not None:
         return False
     try:
         _TIME.validate_json(to_json(value), strict=True)
@@ -292,7 +318,7 @@ class _FieldRepair:
     ) -> _FieldRepair:
         path = f"{at}.{field.wire[0]}" if at else field.wire[0]
         keys = [(base, field.name) for base in form.__mro__]
-        report = scope is Scope.REPORT
+        report = scope is not Scope.COMMAND
         nowhere = any(key in _NEVER_EMPTIED for key in keys)
         return cls(
             field=field,
@@ -319,7 +345,7 @@ class _FieldRepair:
             fixed = self.fix(value, found)
         except _UnrepairableError:
             if self.safest is not None:
-                content[name] = self.safest
+                content[name] = self._safest_value()
                 found[self.path, RepairKind.REPLACED] = quoted(value)
             elif self.optional:
                 del content[name]
@@ -337,13 +363,23 @@ class _FieldRepair:
             content[name] = []
             found[self.path, RepairKind.EMPTY_LIST] = "null" if given else "missing"
         elif self.safest is not None:
-            content[name] = self.safest
+            content[name] = self._safest_value()
             found[self.path, RepairKind.REPLACED] = "null" if given else "missing"
         elif self.optional:
             del content[name]
             found[self.path, RepairKind.LEFT_OUT] = "null"
         else:
             raise _UnrepairableError
+
+    def _safest_value(self) -> object:
+        return self.fix({}, {}) if self.safest == {} else self.safest
+
+    def empty_in(self, content: dict[str, Any]) -> None:
+        """Leave out a field that cannot be repaired, or make it empty if it is required."""
+        for name in self.field.wire:
+            content.pop(name, None)
+        if self.field.required:
+            content[self.field.wire[0]] = [] if self.field.shape.kind is tuple else self.field.shape.kind()
 
 
 def _fix_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
@@ -373,7 +409,7 @@ def _moment(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
 def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
     item = shape.item or Shape(object)
     fix_item = _fix_of(item, at, scope, only)
-    droppable = scope is Scope.REPORT and issubclass(item.kind, WireObject | StrEnum)
+    droppable = scope is not Scope.COMMAND and issubclass(item.kind, WireObject | StrEnum)
     droppable = droppable and not issubclass(item.kind, _NEVER_DROPPED)
 
     def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
@@ -507,8 +543,8 @@ def _within_limits(number: float, shape: Shape, at: str, scope: Scope) -> tuple[
     if shape.most == ANGLE_LIMIT and shape.least == -ANGLE_LIMIT:
         return remainder(number, 2 * pi), RepairKind.ANGLE_WRAPPED
     of_percent = shape.most == _PERCENT and shape.least == 0
-    if scope is Scope.REPORT and of_percent and -_TOLERANCE <= number <= _PERCENT + _TOLERANCE:
+    if scope is not Scope.COMMAND and of_percent and -_TOLERANCE <= number <= _PERCENT + _TOLERANCE:
         return min(max(number, 0.0), _PERCENT), RepairKind.CLAMPED
-    if scope is Scope.REPORT and at.endswith("localizationScore") and 1 < number <= _PERCENT:
+    if scope is not Scope.COMMAND and at.endswith("localizationScore") and 1 < number <= _PERCENT:
         return number / _PERCENT, RepairKind.SCALED
     raise _UnrepairableError

@@ -21,7 +21,7 @@ from nena_shared.vda5050.malformed import QUOTED, MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair, Repairs, Scope, repair, without_mark
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.state import EmergencyStop, State
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.versions import CODECS
 from support.fleet_examples import connection, position, way
@@ -180,7 +180,82 @@ def test_deviation_is_read_alike_after_any_other() -> None:
             assert found == repairs
 
 
-@pytest.mark.parametrize("value", [1_700_000_000, "", None, "yesterday", MISSING, "2026-01-01"])
+@pytest.mark.parametrize("strict", [False, True])
+@pytest.mark.parametrize(
+    "value", [1_700_000_000, 1_700_000_000_000, "1700000000", "1700000000000", 1_700_000_000.0]
+)
+def test_unix_times_in_seconds_and_milliseconds_are_read_and_reported(*, value: Any, strict: bool) -> None:
+    payload = deviating("timestamp", value)
+    if strict:
+        with pytest.raises(MalformedMessageError, match="timestamp"):
+            MessageReader(strict=True).read(State, TOPIC, payload, "v2")
+        return
+    message, repairs = read(payload)
+
+    assert message.timestamp == datetime(2023, 11, 14, 22, 13, 20, tzinfo=UTC)
+    assert [(each.field, each.kind) for each in repairs] == [("timestamp", "unix_time")]
+
+
+@pytest.mark.parametrize("value", [MISSING, None, [], "fine"])
+def test_objects_that_say_nothing_get_the_safest_values(value: Any) -> None:
+    content = json.loads(deviating("batteryState", value))
+    content.pop("safetyState") if value is MISSING else content.update(safetyState=value)
+    message, repairs = read(json.dumps(content).encode())
+
+    assert message.safety_state.active_emergency_stop is EmergencyStop.MANUAL
+    assert (message.power_supply.state_of_charge, message.power_supply.charging) == (0.0, False)
+    assert [(each.field, each.kind) for each in repairs] == [
+        ("batteryState", "replaced"),
+        ("safetyState", "replaced"),
+    ]
+
+
+def sighting(payload: bytes) -> State:
+    with pytest.raises(MalformedMessageError):
+        read(payload)
+    found = MessageReader().sighting(payload, "v2")
+    assert found
+    assert found.mobile_robot_position
+    assert (found.mobile_robot_position.x, found.mobile_robot_position.y) == (1.0, 2.0)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("driving", MISSING),
+        ("nodeStates", "none"),
+        ("nodeStates", [{"nodeId": []}]),
+        ("actionStates", [{"id": "7"}]),
+        ("edgeStates", 7),
+        ("orderId", None),
+        ("version", "3.0.0"),
+        ("errors", {"all": "well"}),
+    ],
+)
+def test_whatever_else_is_wrong_a_state_says_where_the_robot_is(path: str, value: Any) -> None:
+    found = sighting(deviating(path, value))
+
+    assert found.last_node_id == STATE["lastNodeId"]
+
+
+def test_a_state_of_another_version_on_this_topic_says_where_the_robot_is() -> None:
+    state = {**STATE, "version": "3.0.0", "mobileRobotPosition": {**STATE["agvPosition"], "localized": True}}
+    del state["agvPosition"], state["batteryState"]
+
+    assert sighting(json.dumps(state).encode()).version == "3.0.0"
+
+
+@pytest.mark.parametrize("payload", [b"", b"[]", b"{", b'{"x": 1}', b"7"])
+def test_what_says_nothing_is_no_sighting(payload: bytes) -> None:
+    found = MessageReader().sighting(payload, "v2")
+
+    assert found is None or (found.mobile_robot_position, found.last_node_id) == (None, "")
+
+
+@pytest.mark.parametrize(
+    "value", [17_000, 1_700_000_000_000_000, "", None, "yesterday", MISSING, "2026-01-01"]
+)
 def test_time_of_arrival_replaces_an_unreadable_timestamp(value: Any) -> None:
     before = datetime.now(UTC)
     message, repairs = read(deviating("timestamp", value))
@@ -208,8 +283,6 @@ def test_a_byte_order_mark_is_skipped() -> None:
         ("nodeStates.0.released", MISSING),
         ("nodeStates.0.sequenceId", 1.5),
         ("edgeStates.0.edgeId", None),
-        ("batteryState", MISSING),
-        ("safetyState", None),
         ("driving", "perhaps"),
         ("version", "3.0.0"),
     ],
