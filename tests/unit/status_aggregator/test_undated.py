@@ -20,8 +20,8 @@ async def test_an_old_state_changes_nothing() -> None:
     topic = f"uagv/v2/{ROBOT}/state"
     state = json.loads(codec_for("2.1.0").encode(HonestRobot(key=ROBOT).state(0.0)))
 
-    def publish(header_id: int) -> int:
-        body = json.dumps(state | {"headerId": header_id, "timestamp": "yesterday"}).encode()
+    def publish(header_id: int, **fields: object) -> int:
+        body = json.dumps(state | {"headerId": header_id, "timestamp": "yesterday"} | fields).encode()
         for handler in link.mqtt._handlers(topic):
             handler(Inbound(topic, body, retained=False))
         robot = model.robots.get(ROBOT)
@@ -30,3 +30,11 @@ async def test_an_old_state_changes_nothing() -> None:
         return robot.state.header_id
 
     assert [publish(each) for each in (10, 9, 11, 11, 12)] == [10, 10, 11, 11, 12]
+    publish(12, lastNodeId="B", agvPosition=state["agvPosition"] | {"x": 7.0})
+    robot = model.robots.get(ROBOT)
+    assert robot
+    assert robot.position
+    assert robot.position.x == 7.0
+    publish(13, orderId=None, agvPosition=state["agvPosition"] | {"x": 8.0})
+    assert robot.position.x == 8.0
+    assert "orderId" in robot.unreadable

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from datetime import UTC, datetime
 from functools import partial
 from secrets import token_hex
 from typing import TypeVar
@@ -35,7 +34,7 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet import messages
-from nena_status_aggregator.fleet.messages import MessageKind, Verdict
+from nena_status_aggregator.fleet.messages import NO_TIME, MessageKind, Verdict
 from nena_status_aggregator.fleet.model import FleetModel
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.settings import AggregatorSettings, Share
@@ -53,7 +52,6 @@ SCHEMES_LIMIT = 100
 
 RETAINED = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 
-NO_TIME = datetime.min.replace(tzinfo=UTC)
 UNDATED_REMEMBERED = 10_000
 """Maximum number of topics with unreadable timestamps whose headerIds are remembered."""
 
@@ -200,8 +198,9 @@ class FleetSubscriber:
                 message = self._reader.read(form, inbound.topic, inbound.payload, scheme.major_version)
             except MalformedMessageError as error:
                 self._malformed(kind, inbound.topic, _summary(error.quoted_problems), at, key)
+                self._take_sighting(kind, key, inbound.payload, scheme)
                 return
-            if self._reader.undated and not self._is_next(key, kind, message.header_id):
+            if not self._is_next(key, kind, message.header_id, inbound.payload, at):
                 return
             if self._sources.accepts(key, scheme, message, retained=inbound.retained):
                 take(key, message, at, inbound)
@@ -223,15 +222,22 @@ class FleetSubscriber:
         self._deviations.note_message(topic, repairs)
         self._repaired = True
 
-    def _is_next(self, key: RobotKey, kind: MessageKind, header_id: int) -> bool:
-        """Return whether a message with an unreadable timestamp is new, judging by its headerId.
+    def _is_next(
+        self, key: RobotKey, kind: MessageKind, header_id: int, payload: bytes, at: Timestamp
+    ) -> bool:
+        """Return False for an old message with an unreadable timestamp, judging by its headerId.
 
         Its time of arrival, which replaces the timestamp, would make an old message look new.
         """
+        if not self._reader.undated or kind is MessageKind.CONNECTION:
+            return True
         if len(self._undated) >= UNDATED_REMEMBERED:
             self._undated.clear()
         sequence = self._undated.setdefault((key, kind), messages.Sequence())
-        return kind is MessageKind.CONNECTION or sequence.assess(header_id, NO_TIME) is Verdict.NEW
+        if sequence.assess(header_id, NO_TIME, payload) is Verdict.NEW:
+            return True
+        self._model.on_ignored(key, kind, f"headerId {header_id}", at)
+        return False
 
     def _lost(self) -> None:
         self._epochs.reset()
@@ -245,6 +251,12 @@ class FleetSubscriber:
             take(inbound, at)
         except ValidationError as error:
             self._malformed(kind, inbound.topic, _summary(problems_of(error)), at, None)
+
+    def _take_sighting(self, kind: MessageKind, key: RobotKey, payload: bytes, scheme: TopicScheme) -> None:
+        """Pass on what an unreadable state says about the robot itself."""
+        sighting = self._reader.sighting(payload, scheme.major_version) if kind is MessageKind.STATE else None
+        if sighting:
+            self._model.on_sighting(key, sighting)
 
     def _take_connection(self, key: RobotKey, message: Connection, at: Timestamp, _: Inbound) -> None:
         self._model.on_connection(key, message, at)

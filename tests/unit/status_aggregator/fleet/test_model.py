@@ -89,7 +89,7 @@ def test_late_and_repeated_states_change_nothing_and_are_counted() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(5, at=5, last_node_id="new"), at(5))
     before = view_of(fleet, 5)
-    fleet.on_state(ROBOT, state(5, at=5, last_node_id="again"), at(6))
+    fleet.on_state(ROBOT, state(5, at=5, last_node_id="new"), at(6))
     fleet.on_state(ROBOT, state(3, at=3, last_node_id="old"), at(6))
     assert view_of(fleet, 6) == before
     assert fleet.statistics.repeated[MessageKind.STATE] == 1
@@ -138,7 +138,45 @@ def test_malformed_message_keeps_the_last_state() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(), at(0))
     fleet.on_malformed(MessageKind.STATE, "t", "bad", at(1), key=ROBOT)
-    assert view_of(fleet, 1)["condition"] == "IDLE"
+    view = view_of(fleet, 1)
+    assert (view["condition"], view["reason"]) == ("ERROR", "Unreadable state: state: bad")
+    assert (view["battery"], view["urgent"]) == (view_of(model_with_state(), 0)["battery"], True)
+
+
+def model_with_state() -> FleetModel:
+    fleet = model()
+    fleet.on_state(ROBOT, state(), at(0))
+    return fleet
+
+
+def test_an_unreadable_state_shows_where_the_robot_is() -> None:
+    fleet = model()
+    fleet.on_malformed(MessageKind.STATE, "t", "bad", at(1), key=ROBOT)
+    fleet.on_sighting(ROBOT, state(mobile_robot_position=position(1.0, 2.0)))
+    view = view_of(fleet, 1)
+    assert view["position"]
+    assert (view["condition"], view["position"]["x"], view["position"]["y"]) == ("ERROR", 1.0, 2.0)
+
+
+def test_states_with_the_same_header_are_new_if_their_content_differs() -> None:
+    fleet = model()
+    for node in ("A", "B", "B", "C"):
+        fleet.on_state(ROBOT, state(0, at=0, last_node_id=node), at(1))
+    robot = fleet.robots.get(ROBOT)
+    assert robot
+    assert robot.state
+    assert robot.state.last_node_id == "C"
+    assert fleet.statistics.repeated[MessageKind.STATE] == 1
+
+
+def test_a_robot_whose_states_are_ignored_is_not_silent_without_a_word() -> None:
+    fleet = model()
+    fleet.on_state(ROBOT, state(9, at=9), at(9))
+    for second in range(10, 60):
+        fleet.on_state(ROBOT, state(5, at=5), at(second))
+    view = view_of(fleet, 60)
+    assert view["condition"] == "ERROR"
+    assert "ignored, because neither headerId nor timestamp increases (headerId 5" in view["reason"]
 
 
 def test_new_errors_are_counted_once() -> None:

@@ -131,7 +131,9 @@ class ConditionInputs:
     problem: str = ""
     """The problem of the last unreadable message."""
     unreadable: str = ""
-    """The problem of the states, while unreadable ones arrive."""
+    """The problem of the last state, if it is unreadable."""
+    ignored: str = ""
+    """Why the states are ignored, while old ones arrive."""
     fleet_remark: str | None = None
     """The order service's reason for the vehicle's state; None if the vehicle is unknown to it."""
     coded_remark: CodedReason | None = None
@@ -156,8 +158,9 @@ def assess(inputs: ConditionInputs) -> Assessment:
     state = inputs.state
     if state is None:
         return _no_state(inputs)
-    if inputs.overdue and inputs.unreadable and inputs.link_up:
-        return Condition.ERROR, ConditionReason("unreadable", {"problem": inputs.unreadable})
+    problem = inputs.unreadable or (inputs.ignored if inputs.overdue else "")
+    if problem and inputs.link_up:
+        return Condition.ERROR, ConditionReason("unreadable", {"problem": problem})
     if inputs.overdue:
         return Condition.SILENT, _silence_reason(inputs)
     return _held(state, inputs.stop) or _working(state, inputs) or _assigned(inputs) or _free(state, inputs)

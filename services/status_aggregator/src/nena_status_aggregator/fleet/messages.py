@@ -4,7 +4,8 @@ VDA 5050 (3.0, 7.2) counts headerId per topic and does not define restarts; some
 1, and some robots have no usable clock. Rules, in this order:
 
 1. The first message is new.
-2. The same headerId and timestamp as the last new message: repeated.
+2. The same headerId and timestamp as the last new message: repeated, if the content is the same, too. If
+   timestamps cannot be read and the headerId never changes, new: the robot may be idle.
 3. headerId 0: a restart, unless it is the message that started this session (then it is repeated).
 4. A later timestamp, or the same one with a greater headerId: new. If the headerId decreased, it is a
    restart.
@@ -16,7 +17,7 @@ VDA 5050 (3.0, 7.2) counts headerId per topic and does not define restarts; some
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from enum import Enum, StrEnum, auto
 
 
@@ -36,6 +37,8 @@ class MessageKind(StrEnum):
 
 
 GREATEST_HEADER_ID = 2**32 - 1
+NO_TIME = datetime.min.replace(tzinfo=UTC)
+"""Instead of a timestamp that cannot be read."""
 
 
 class Verdict(Enum):
@@ -55,17 +58,29 @@ class Sequence:
     opened: datetime | None = None
     """Timestamp of the first message of this session."""
     late: tuple[int, datetime] | None = None
+    content: object = None
+    """The last new message, or whatever else tells messages with the same header apart."""
+    counts: bool = False
+    """Whether the header has ever changed."""
     missed: int = 0
     """Messages lost, by gaps in headerId."""
     restarts: int = 0
 
-    def assess(self, header_id: int, timestamp: datetime) -> Verdict:
+    def assess(self, header_id: int, timestamp: datetime, content: object = None) -> Verdict:
         """Classify a message and remember it."""
+        verdict = self._assess(header_id, timestamp, content)
+        if verdict is Verdict.NEW:
+            self.content = content
+        return verdict
+
+    def _assess(self, header_id: int, timestamp: datetime, content: object) -> Verdict:
         last = self.timestamp
         if last is None:
             return self._open(header_id, timestamp)
         if header_id == self.header_id and timestamp == last:
-            return Verdict.REPEATED
+            ordered = self.counts or timestamp != NO_TIME
+            return Verdict.REPEATED if ordered and content == self.content else Verdict.NEW
+        self.counts = True
         if header_id == 0:
             return self._begin_again(timestamp)
         newer = timestamp > last or (timestamp == last and header_id > self.header_id)

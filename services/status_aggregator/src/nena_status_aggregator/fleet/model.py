@@ -200,7 +200,11 @@ class FleetModel:
     def on_state(self, key: RobotKey, message: State, at: Timestamp, *, retained: bool = False) -> None:
         """Apply a state; ``retained``: delivered from the broker's store."""
         robot = self._count_and_find(key, MessageKind.STATE, at)
-        if robot is None or not self._is_new(robot, MessageKind.STATE, message):
+        if robot is None:
+            return
+        if not self._is_new(robot, MessageKind.STATE, message):
+            header = f"headerId {message.header_id} of {iso(message.timestamp)}"
+            self.on_ignored(key, MessageKind.STATE, header, at)
             return
         before = robot.state
         robot.on_state(message, at, retained=retained)
@@ -258,6 +262,19 @@ class FleetModel:
         robot = self._count_and_find(key, kind, at) if key else None
         if robot is not None:
             robot.on_malformed(kind, problem, at)
+
+    def on_sighting(self, key: RobotKey, sighting: State) -> None:
+        """Apply what an unreadable state says about the position of a known robot."""
+        robot = self.robots.get(key)
+        if robot is not None:
+            robot.on_sighting(sighting)
+            self._touch(key)
+
+    def on_ignored(self, key: RobotKey, kind: MessageKind, header: str, at: Timestamp) -> None:
+        """Apply that a state of a known robot is ignored, because its header is not after the last one's."""
+        robot = self.robots.get(key)
+        if robot is not None and kind is MessageKind.STATE:
+            robot.on_ignored(header, at)
 
     def on_vehicle_status(self, status: VehicleStatus, at: Timestamp) -> None:
         """Apply a vehicle status of the order service."""
@@ -410,7 +427,7 @@ class FleetModel:
     def _is_new(self, robot: Robot, kind: MessageKind, message: State | Visualization | Factsheet) -> bool:
         sequence = robot.sequences[kind]
         missed, restarts = sequence.missed, sequence.restarts
-        verdict = sequence.assess(message.header_id, message.timestamp)
+        verdict = sequence.assess(message.header_id, message.timestamp, message)
         self.statistics.missed[kind] += sequence.missed - missed
         self.statistics.restarts += sequence.restarts - restarts
         self.statistics.repeated[kind] += verdict is Verdict.REPEATED

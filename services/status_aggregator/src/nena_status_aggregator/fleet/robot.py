@@ -214,6 +214,9 @@ class Robot:
         self.unreadable = ""
         """The problem of its last state; empty if it was readable."""
         self.unreadable_at = -inf
+        self.ignored = ""
+        """Why its last state was ignored; empty if it was not."""
+        self.ignored_at = -inf
         self.deviations: tuple[Repair, ...] = ()
         """How its messages deviate from the standard, and how they were read."""
         self.condition = Condition.SILENT
@@ -244,7 +247,7 @@ class Robot:
         """Update from a state; the age of a retained state is taken from its timestamp."""
         age = max(0.0, (at.utc - message.timestamp).total_seconds()) if retained else 0.0
         self.state = message
-        self.unreadable = ""
+        self.unreadable = self.ignored = ""
         self.states += 1
         self.state_at = Timestamp(at.monotonic - age, at.utc - timedelta(seconds=age))
         self.state_after_connection = not retained
@@ -263,6 +266,17 @@ class Robot:
         self.problem = f"{kind}: {problem}"
         if kind is MessageKind.STATE:
             self.unreadable, self.unreadable_at = self.problem, at.monotonic
+
+    def on_sighting(self, sighting: State) -> None:
+        """Update the position from an unreadable state."""
+        self.reported = sighting.mobile_robot_position or self.reported
+        self.odometer.follow(self.reported)
+
+    def on_ignored(self, header: str, at: Timestamp) -> None:
+        """Record a state that is ignored because of its ``header``."""
+        if not self.ignored:  # the header may change with every message
+            self.ignored = f"ignored, because neither headerId nor timestamp increases ({header})"
+        self.ignored_at = at.monotonic
 
     def on_visualization(self, message: Visualization) -> None:
         """Update position and velocity from a visualization message."""
@@ -308,6 +322,7 @@ class Robot:
                 link_up=link_up,
                 problem=self.problem,
                 unreadable=self.unreadable if at.monotonic - self.unreadable_at <= limit else "",
+                ignored=self.ignored if at.monotonic - self.ignored_at <= limit else "",
                 fleet_remark=self.vehicle.reason if self.vehicle else None,
                 coded_remark=self.vehicle.coded_reason if self.vehicle else None,
                 transport_order=self.vehicle.transport_order if self.vehicle else None,
