@@ -216,8 +216,27 @@ def _of_numbers() -> Iterator[Deviation]:
 
 def _of_headers() -> Iterator[Deviation]:
     arrival = "time of arrival"
+    unix = "unix time"
     yield Deviation(
-        "timestamp in seconds", {"timestamp": 1_700_000_000}, f"state.timestamp 1700000000: {arrival}"
+        "timestamp in seconds", {"timestamp": 1_700_000_000}, f"state.timestamp 1700000000: {unix}"
+    )
+    yield Deviation(
+        "timestamp in milliseconds, as text",
+        {"timestamp": "1700000000000"},
+        f'state.timestamp "1700000000000": {unix}',
+    )
+    yield Deviation(
+        "timestamp in microseconds",
+        {"timestamp": 1_700_000_000_000_000},
+        f"state.timestamp 1700000000000000: {arrival}",
+    )
+    yield Deviation(
+        "the same headerId and timestamp always", {"headerId": 0, "timestamp": "1970-01-01T00:00:00.000Z"}
+    )
+    yield Deviation(
+        "neither headerId nor timestamp",
+        {"headerId": MISSING, "timestamp": MISSING},
+        f"state.timestamp null: {arrival}",
     )
     yield Deviation("timestamp empty", {"timestamp": ""}, f'state.timestamp "": {arrival}')
     yield Deviation("timestamp null", {"timestamp": None}, f"state.timestamp null: {arrival}")
@@ -231,6 +250,9 @@ def _of_headers() -> Iterator[Deviation]:
     yield Deviation("version null", {"version": None}, f"state.version null: {number}")
     yield Deviation(
         "version 2.7.0", {"version": "2.7.0"}, "state.version 2.7.0, read as 2.1.0: unknown version"
+    )
+    yield Deviation(
+        "version 1.3.2", {"version": "1.3.2"}, "state.version 1.3.2, read as 2.1.0: unknown version"
     )
     yield Deviation("version 3.0.1", {"version": "3.0.1"}, version="3.0.0")
     yield Deviation("byte order mark", report="state.message EF BB BF: byte order mark", raw=b"\xef\xbb\xbf")
@@ -280,8 +302,27 @@ def _unreadable() -> Iterator[Deviation]:
     sends = "sends states that are unreadable: "
     yield Deviation("no orderId", {"orderId": MISSING}, refusal=f"{sends}orderId: is missing")
     yield Deviation("no nodeStates", {"nodeStates": MISSING}, refusal=f"{sends}nodeStates: is missing")
-    yield Deviation("no batteryState", {"batteryState": MISSING}, refusal=f"{sends}batteryState: is missing")
-    yield Deviation("safetyState null", {"safetyState": None}, refusal=f"{sends}safetyState: ")
+    yield Deviation(
+        "no batteryState",
+        {"batteryState": MISSING},
+        "state.batteryState missing: replaced",
+        "must recharge first: critical energy",
+    )
+    yield Deviation(
+        "no safetyState",
+        {"safetyState": MISSING},
+        "state.safetyState missing: replaced",
+        "has an active emergency stop",
+    )
+    yield Deviation(
+        "safetyState null",
+        {"safetyState": None},
+        "state.safetyState null: replaced",
+        "has an active emergency stop",
+    )
+    yield Deviation(
+        "version 3.0.0 on a topic of 2.x", {"version": "3.0.0"}, refusal=f"{sends}version: 3.0.0 is not"
+    )
     yield Deviation("what is no JSON", refusal=f"{sends}message: Invalid JSON", raw=b"<state>")
 
 

@@ -344,7 +344,10 @@ def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store,
         peripherals=settings.kernel.peripherals.enabled,
     )
     registry = VehicleRegistry(
-        plant, default_map_id=settings.kernel.default_map_id, adopt_unknown=settings.kernel.adopt_unknown
+        plant,
+        default_map_id=settings.kernel.default_map_id,
+        adopt_unknown=settings.kernel.adopt_unknown,
+        max_distance=settings.kernel.max_distance_to_point,
     )
     context = Context(planner, registry, settings.kernel, clock, on_failure=settings.orders.on_failure)
     return Engine(context, store)

@@ -112,6 +112,9 @@ class ReasonCode(Enum):
     NO_OPERATION_FAILED = "no operation has failed"
     UNFIT = "the robot cannot execute the order: {causes}"
     NEVER_ACCEPTED = "the order was sent {count} times, but the robot never accepted it"
+    ACCEPTANCE_UNREADABLE = (
+        "the order was sent {count} times, and it is unknown whether the robot has accepted it: it {causes}"
+    )
     UPDATE_NEVER_ACCEPTED = "an update was sent {count} times, but the robot never accepted it"
     UNDELIVERABLE = (
         "the MQTT broker ends the connection at messages on {topic}, so the robot cannot be reached"
@@ -263,6 +266,10 @@ class ReasonCode(Enum):
     STATELESS = "has not reported its state yet"
     NO_BROKER = "cannot be reached: the order service has no connection to the MQTT broker"
     UNREADABLE_STATES = "sends states that are unreadable: {causes}"
+    OLD_STATES = (
+        "sends states that are ignored, because neither headerId nor timestamp increases "
+        "(received {received} after {last})"
+    )
     UNREADABLE_CONNECTIONS = "sends connection messages that are unreadable: {causes}"
     IN_MODE = "is in operating mode {mode}, which takes no orders"
     WORKS_ON_ORDER = "still works on the order {order!r}"
@@ -289,6 +296,12 @@ class ReasonCode(Enum):
     NO_POINTS = "the plant model has no points"
     NO_STATE = "it has not reported its state yet"
     POSITION_UNKNOWN = "its position is unknown"
+    TOO_FAR = (
+        "its position is {metres} m from the nearest point {point!r}: check the units and the map transform"
+    )
+    UNSEEN_BY_TRAFFIC = "traffic control does not know where it stands and keeps nothing away from it"
+    WAITS_FOR_UNREADABLE = "{first} ({vehicle} {rest})"
+    JOINS_TRACK = "{causes}; it first drives {metres} m straight to {point!r}"
 
     # Traffic, stops and devices
     YIELDS_TO = "waits for {vehicles}, which passes {at!r} first"

@@ -75,7 +75,7 @@ async def test_a_robot_beside_its_point_holds_the_path_and_drives_to_the_point_f
 
 async def test_a_robot_off_the_plant_holds_nothing_until_it_drives_there() -> None:
     engine, fleet = await make()
-    fleet.fields["V1"] = pose(4.0, 30.0)
+    fleet.fields["V1"] = pose(4.0, 7.0)
     fleet.appear("V1", "")
     assert ("V1" in engine.traffic, held(engine, "V1")) == (True, set())
 

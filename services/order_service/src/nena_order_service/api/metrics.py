@@ -310,11 +310,13 @@ MESSAGES: Final[Section[Monitored]] = Section(
         counter(
             "nena_order_service_messages_ignored_total",
             "Messages of robots beyond `fleet.robots_limit` (`robot_limit`) or `fleet.messages_per_second` "
-            "(`rate`), or whose name is too long (`name_too_long`).",
+            "(`rate`), or whose name is too long (`name_too_long`), and states that are repetitions or older "
+            "than the last one (`old_state`).",
             lambda s: {
                 "rate": s.fleet.statistics.too_many,
                 "robot_limit": s.fleet.statistics.robot_limit,
                 "name_too_long": s.fleet.statistics.name_too_long,
+                "old_state": s.fleet.statistics.states_ignored,
             },
             "reason",
         ),

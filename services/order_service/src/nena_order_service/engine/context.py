@@ -35,6 +35,14 @@ class EngineSettings(SettingsGroup):
             "Map of vehicles without one in the plant model. Empty: the map that the robot reports."
         ),
     )
+    max_distance_to_point: float | None = Field(
+        None,
+        gt=0,
+        description=(
+            "Distance from the nearest point beyond which a vehicle's position counts as wrong, m: it gets "
+            "no orders and no more base. Unset: twice the longest path of the plant, at least 5 m."
+        ),
+    )
     release_ahead: int = Field(
         0,
         ge=0,

@@ -346,8 +346,8 @@ class Dispatching:
             return stopped
         if order is None:
             obstacle = self._driving.obstacle(vehicle)
-            free = view.availability.can_take_order
-            return obstacle or ("" if free else view.availability.reason)
+            reason = "" if view.availability.can_take_order else view.availability.reason
+            return reason if view.link is LinkStatus.UNREADABLE else obstacle or reason
         if view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
             return BUSY
         return self._driving.positions.obstacle(vehicle)

@@ -14,7 +14,7 @@ from nena_order_service.engine.stops import CLOSED, Stops
 from nena_order_service.fleet.failures import FailureKind, RobotBusyError
 from nena_order_service.fleet.instant_actions import state_request
 from nena_order_service.fleet.outputs import FleetOutput, VdaOrderFailed
-from nena_order_service.fleet.position import NotLocatedError, Standing
+from nena_order_service.fleet.position import NotLocatedError, Standing, TooFarError
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders.transport_order import TransportOrder
@@ -220,6 +220,16 @@ class Mobility:
         works = self._context.state.sent_orders.order_number(vehicle.key) is not None
         return not works and not self.movable(name)
 
+    def misplaced(self, vehicle: FleetVehicle) -> str:
+        """Return why a vehicle cannot be where it says; empty if it can."""
+        try:
+            self._context.planner.standing(vehicle, self._context.view(vehicle))
+        except TooFarError as error:
+            return error.reason
+        except NotLocatedError:
+            pass
+        return ""
+
     def why_it_stays(self, vehicle: FleetVehicle) -> str:
         """Return why a vehicle cannot start to drive for its order; empty if it can."""
         view = self._context.view(vehicle)
@@ -228,8 +238,15 @@ class Mobility:
         if obstacle := self._positions.obstacle(vehicle, working=True):
             return Reason(R.IT, obstacle)
         if not self._positions.located(vehicle):
-            return Reason(R.POSITION_UNKNOWN)
-        why = self._traffic.why_waiting(vehicle.name)
+            return self.misplaced(vehicle) or Reason(R.POSITION_UNKNOWN)
+        return self.why_it_waits(vehicle.name)
+
+    def why_it_waits(self, name: str) -> str:
+        """Return why a vehicle waits for traffic, and why the states of the others are unreadable."""
+        refusal, why = self._traffic.refusal(name), self._traffic.why_waiting(name)
+        for vehicle in map(self._context.registry.named, refusal.vehicles if refusal else ()):
+            if vehicle and (view := self._context.view(vehicle)).link is LinkStatus.UNREADABLE:
+                why = Reason(R.WAITS_FOR_UNREADABLE, why, view.availability.reason, vehicle=vehicle.name)
         return Reason(R.IT, why) if why else ""
 
 
@@ -471,7 +488,7 @@ class Driving:
         for name in self._traffic.waiting | self._wanted.keys() | self._reported.keys() | gated.keys():
             vehicle = self._vehicle(name)
             known = name in self._wanted or name in gated
-            why = self.note(vehicle) if known else self._traffic.why_waiting(name)
+            why = self.note(vehicle) if known else self.mobility.why_it_waits(name)
             if why != self._reported.pop(name, ""):
                 yield vehicle
             if why:
@@ -529,8 +546,8 @@ class Driving:
             return device
         if vehicle.name in self._wanted:
             return self.mobility.why_it_stays(vehicle)
-        why = self._traffic.why_waiting(vehicle.name)
-        return Reason(R.IT, why) if why else ""
+        misplaced = self.mobility.misplaced(vehicle) if record else ""
+        return misplaced or self.mobility.why_it_waits(vehicle.name)
 
     def wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
         """Return which vehicles a vehicle waits for, where and why; None if it does not wait."""
@@ -611,7 +628,7 @@ class Driving:
         name = vehicle.name
         unsent = self._unsent.get(name)
         gate: Gate = CLOSED
-        if not self._stops.why(vehicle):
+        if not (self._stops.why(vehicle) or self.mobility.misplaced(vehicle)):
             gate = self._peripherals.gate(vehicle, unsent or self._sent.of_robot(vehicle.key))
         further = self._allocate(vehicle, more, gate)
         journey = self._traffic.journey(name)

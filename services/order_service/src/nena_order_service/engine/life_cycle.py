@@ -271,6 +271,10 @@ class LifeCycle:
 
     def _assign(self, dispatched: Dispatched) -> None:
         vehicle, way, why = dispatched.vehicle, dispatched.way, dispatched.assignment.why
+        standing = self._context.planner.standing(vehicle, self._context.view(vehicle))
+        if not standing.on_point:
+            metres = round(standing.distance_m, 1)
+            why = Reason(R.JOINS_TRACK, why, metres=metres, point=standing.point)
         routes = (leg.points for leg in way.legs)
         order = dispatched.assignment.order.assigned(vehicle.name, routes, why, self._clock.now())
         log.info("order assigned", order=order.name, vehicle=vehicle.name, why=why)

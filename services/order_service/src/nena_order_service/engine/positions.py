@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from nena_order_service.engine.context import Context
-from nena_order_service.fleet.position import NotLocatedError, Standing
+from nena_order_service.fleet.position import NotLocatedError, Standing, TooFarError
 from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.traffic.resources import Found
 from nena_order_service.vehicles.registry import FleetVehicle
@@ -21,6 +21,10 @@ R = ReasonCode
 log = get_logger(__name__)
 
 
+SPEAKS = (LinkStatus.ONLINE, LinkStatus.UNREADABLE)
+"""Link states of robots that report."""
+
+
 @dataclass(slots=True)
 class _Sighting:
     """The last state of a vehicle whose position was read, and what it said; no position if it had none."""
@@ -34,7 +38,8 @@ class Positions:
     """Reports the positions of vehicles without a route to the traffic manager.
 
     The resources that a vehicle holds are stored, so that they are known after a restart before its robot
-    reports. A vehicle that reports no state or no position keeps what it holds.
+    reports. A vehicle that reports no state or no position keeps what it holds. Whatever else of a state is
+    unreadable, its position counts.
     """
 
     def __init__(self, context: Context) -> None:
@@ -53,18 +58,15 @@ class Positions:
         name = vehicle.name
         if not self._counts(vehicle):
             return self._take_out(vehicle)
-        if self._traffic.journey(name) or (view := self._view(vehicle)).link is not LinkStatus.ONLINE:
+        if self._traffic.journey(name) or (view := self._view(vehicle)).link not in SPEAKS:
             return False
         known = self._sightings.get(name)
         if view.state is None or (known and known.state is view.state) or self._is_doubted(name, view):
             return False
         sighting = self._sightings[name] = _Sighting(view.state, None, _is_moving(view.state))
-        try:
-            standing = sighting.standing = self._planner.standing(vehicle, view)
-        except NotLocatedError:
-            return False
+        standing = self._standing(vehicle, view, sighting)
         stayed = known is not None and known.standing is standing and known.moving is sighting.moving
-        if stayed and name in self._traffic:
+        if standing is None or (stayed and name in self._traffic):
             return False
         changed = self._traffic.seen(
             name, self._found(vehicle, standing), box_of(vehicle), moving=sighting.moving
@@ -72,6 +74,18 @@ class Positions:
         if changed:
             self.note(vehicle)
         return changed
+
+    def _standing(self, vehicle: FleetVehicle, view: RobotView, sighting: _Sighting) -> Standing | None:
+        """Return where a vehicle stands; None: it keeps what it holds."""
+        try:
+            sighting.standing = self._planner.standing(vehicle, view)
+        except TooFarError as error:
+            # no position to drive from, but a vehicle that holds nothing yet may well be at its last node
+            if error.last and vehicle.name not in self._traffic:
+                return Standing(error.last.name, on_point=True, pose=None)
+        except NotLocatedError:
+            pass
+        return sighting.standing
 
     def note(self, vehicle: FleetVehicle) -> None:
         """Store the resources that a vehicle holds."""
@@ -83,6 +97,11 @@ class Positions:
         self._sightings.pop(vehicle.name, None)
         if doubt:
             self._doubted[vehicle.name] = self._clock.monotonic()
+
+    def unseen(self, vehicle: FleetVehicle) -> str:
+        """Return, as a predicate, that others are not kept away from a vehicle that reports; or empty."""
+        unseen = self._counts(vehicle) and vehicle.name not in self._traffic
+        return Reason(R.UNSEEN_BY_TRAFFIC) if unseen and self._view(vehicle).link in SPEAKS else ""
 
     def located(self, vehicle: FleetVehicle) -> bool:
         """Return whether a vehicle has reported its position, and holds those resources."""

@@ -219,6 +219,7 @@ class StatusReporter:
         bound = self._sequences.bound_to(vehicle.name)
         awaits = Reason(R.WAITS_FOR_SEQUENCE, sequence=bound) if bound else ""
         more = (
+            self._driving.positions.unseen(vehicle),
             awaits,
             self._idle.note(vehicle),
             self._context.traffic.sharing(vehicle.name),

@@ -21,6 +21,7 @@ from nena_order_service.fleet.outputs import (
     Outputs,
     PublishInstantActions,
     RobotChanged,
+    StateIgnored,
 )
 from nena_order_service.fleet.robot import (
     REPORTS_NOTHING,
@@ -30,6 +31,7 @@ from nena_order_service.fleet.robot import (
     RobotView,
     Silences,
     VdaOrderPhase,
+    header_text,
     is_idle,
 )
 from nena_order_service.fleet.settings import FleetSettings
@@ -129,12 +131,28 @@ class RobotControl:
             yield from self._run.on_undeliverable(topic)
             yield from self._advance(now)
 
+    def on_unreadable_state(self, problem: str, sighting: State | None, now: float) -> Iterator[FleetOutput]:
+        """Handle a state that could not be read; ``sighting``: what it says about the robot itself."""
+        self.robot.take_unreadable_state(problem, sighting, now)
+        yield from self._advance(now)
+
+    def on_old_state(self, header: str, last: str, now: float) -> Iterator[FleetOutput]:
+        """Handle a state that is ignored, because its ``header`` does not come after the ``last`` one."""
+        self.robot.take_old(header, last, now)
+        self._changes += 1
+        yield StateIgnored(self.robot.key)
+        yield from self._report_change(now)
+
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
         """Handle a state (section 6.6): instant actions first, because they may end a VDA order."""
-        placed = self.robot.placed
+        placed, was_unreadable = self.robot.placed, self.robot.unreadable
         if not self.robot.take_state(message, now):
+            header = header_text(message.header_id, message.timestamp)
+            yield from self.on_old_state(header, self.robot.last_header, now)
             return
         self.unasked = False
+        if was_unreadable:
+            self._changes += 1
         if self.robot.placed != placed:
             self._changes += 1
         if self._instant_actions.unread:
@@ -232,7 +250,7 @@ class RobotControl:
         if self._run:
             if self._cannot_get(self._run, now):
                 self._run.hold()
-            yield from self._run.on_tick(self.robot.state, now)
+            yield from self._run.on_tick(self.robot.state, now, self.robot.unreadable)
         yield from self._advance(now)
 
     def _cannot_get(self, run: OrderExecution, now: float) -> bool:
@@ -258,14 +276,14 @@ class RobotControl:
         robot = self.robot
         if self._seen and now <= self._seen_until:
             (changes, *_), seen = self._seen
-            if changes == self._changes and seen.state is robot.state:
+            if changes == self._changes and seen.state is (robot.sighting or robot.state):
                 return seen
         link = robot.link(now)
         moment = (self._changes, link, robot.malformed, self._instant_actions.awaits_factsheet(now))
         self._seen_until = robot.online_until if link is LinkStatus.ONLINE and robot.abilities else -inf
         if self._seen is None or self._seen[0] != moment:
             self._seen = moment, self._view(now)
-        elif self._seen[1].state is not robot.state:  # an unchanged one
+        elif self._seen[1].state is not (robot.sighting or robot.state):  # an unchanged one
             found, state_at = self._deviations(robot.key), robot.state_at
             view = replace(self._seen[1], state=robot.state, state_at=state_at, deviations=found)
             self._seen = moment, view
@@ -279,7 +297,7 @@ class RobotControl:
             link=link,
             vehicle_state=availability.vehicle_state(robot.state, link, self._instant_actions.ids),
             availability=self._availability(now, away),
-            state=robot.state,
+            state=robot.sighting or robot.state,
             state_at=robot.state_at,
             factsheet=robot.factsheet,
             malformed=robot.malformed,
@@ -388,7 +406,8 @@ class RobotControl:
             return ""
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             reason = self._obstacle(now)
-            reason = reason or (Reason(R.ORDER_UNCONFIRMED) if run.sent_again else None)
+            unseen = self.robot.unreadable or (Reason(R.ORDER_UNCONFIRMED) if run.sent_again else None)
+            reason = reason or unseen
             return Reason(R.ROBOT, reason) if reason else ""
         if run.phase is VdaOrderPhase.CANCELLING:
             return Reason(R.ROBOT, away or Reason(R.END_UNCONFIRMED))
@@ -398,7 +417,7 @@ class RobotControl:
 
     def _stop_stray(self, now: float) -> None:
         """Cancel an order that the robot executes although it has already ended here."""
-        state = self.robot.state
+        state = self.robot.sighting or self.robot.state
         if state is None or state.order_id not in self._ended or now < self._next_stray_cancel:
             return
         actions = self._instant_actions
@@ -504,8 +523,20 @@ class FleetController:
         control = self._control(robot)
         return self._reported(control, control.on_factsheet(message, now))
 
+    def on_unreadable_state(
+        self, robot: RobotKey, problem: str, sighting: State | None, now: float
+    ) -> Outputs:
+        """Handle a state that could not be read; ``sighting``: what it says about the robot itself."""
+        control = self._control(robot)
+        return self._reported(control, control.on_unreadable_state(problem, sighting, now))
+
+    def on_old_state(self, robot: RobotKey, header: str, last: str, now: float) -> Outputs:
+        """Handle a state that is ignored, because its ``header`` does not come after the ``last`` one."""
+        control = self._control(robot)
+        return self._reported(control, control.on_old_state(header, last, now))
+
     def on_malformed(self, robot: RobotKey, problem: str | None, now: float) -> Outputs:
-        """Count a message that could not be read.
+        """Count another message that could not be read.
 
         ``problem`` describes the error; None: fleet control does not need the message.
         """
@@ -636,7 +667,8 @@ class FleetController:
         """Return whether every robot that is connected, according to the broker, has reported its state."""
         if self.connected_for(now) < RETAINED_WITHIN:
             return False
-        return all(each.robot.state or not each.robot.reachable for each in self._robots.values())
+        robots = (control.robot for control in self._robots.values())
+        return all(robot.state or robot.sighting or not robot.reachable for robot in robots)
 
     def robots(self) -> tuple[RobotKey, ...]:
         """Return all robots that are expected, have sent a message or were sent an order."""

@@ -110,12 +110,14 @@ class InstantRun:
             self._first_sent_at = now
         return True
 
-    def on_tick(self, now: float) -> None:
-        """Time out the action on a reachable robot."""
+    def on_tick(self, now: float, unreadable: str = "") -> None:
+        """Time out the action on a reachable robot; ``unreadable``: why its states cannot be used."""
         if self._seen_at is None and self._delivery.failed(now):
             if self._may_wake(now):
                 return
-            self.outcome = Outcome(None, Reason(R.ACTION_UNSEEN, count=self._delivery.sendings))
+            unseen = Reason(R.ACTION_UNSEEN, count=self._delivery.sendings)
+            uncertain = unreadable and Reason(R.ACTION_UNCERTAIN, Reason(R.ROBOT, unreadable))
+            self.outcome = Outcome(None, uncertain or unseen)
         elif self._seen_at is not None and now - self._seen_at > self._settings.instant_action_limit:
             limit = self._settings.instant_action_limit
             self.outcome = Outcome(None, Reason(R.ACTION_UNFINISHED, limit=limit))
@@ -332,7 +334,7 @@ class InstantActionManager:
         for run in self._runs.values():
             reason = self.unsendable(run.action.action_type, now)
             if reason is None:
-                run.on_tick(now)
+                run.on_tick(now, self._robot.unreadable)
             else:
                 run.hold(Reason(R.ROBOT, reason), now)
         yield from self._drop_ended()

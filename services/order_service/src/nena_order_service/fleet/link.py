@@ -6,7 +6,6 @@ import asyncio
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import partial
 from math import pi, remainder, tau
 from typing import Any, Final, Protocol, TypeVar
@@ -24,7 +23,7 @@ from nena_order_service.fleet.outputs import (
     PublishResponses,
     PublishZoneSet,
 )
-from nena_order_service.fleet.robot import MessageOrder, RobotView
+from nena_order_service.fleet.robot import NO_TIME, MessageOrder, RobotView, header_text
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.statistics import FleetStatistics
 from nena_order_service.fleet.vda_order import VdaOrder
@@ -345,14 +344,6 @@ Take = Callable[[RobotKey, M, float], Outputs]
 MALFORMED_LOGGED_EACH: Final = 100
 """Of a robot's malformed messages, the first and then one in this many are logged."""
 
-_UNREADABLE: Final = {
-    Topic.STATE.value: R.UNREADABLE_STATES,
-    Topic.CONNECTION.value: R.UNREADABLE_CONNECTIONS,
-}
-"""Reasons by topic, of those without which a robot cannot be sent orders."""
-
-NO_TIME: Final = datetime.min.replace(tzinfo=UTC)
-
 COMMANDS: Final = (Topic.ORDER, Topic.INSTANT_ACTIONS)
 SENT_REMEMBERED: Final = 10_000
 """Number of our own commands that are recognised when the broker returns them."""
@@ -588,7 +579,7 @@ class FleetLink:
         try:
             message = self._reader.read(kind, inbound.topic, inbound.payload, scheme.major_version)
         except MalformedMessageError as error:
-            self._note_malformed(robot, inbound.topic, error)
+            self._note_malformed(robot, scheme, inbound, error)
             return None
         codec = nearest_codec(message.version)
         assert codec, "the reader took one of its major version"  # noqa: S101 - for the type
@@ -596,9 +587,15 @@ class FleetLink:
             outdated = self._last_nodes.outdated(robot, message, self._controller.vda_order(robot))
             message = self._addresses.dialect(robot).understood(message, outdated=outdated)
         now = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
-        return (robot, message) if now and self._is_new(kind, robot, message.header_id) else None
+        return (robot, message) if now and self._is_new(kind, robot, message.header_id, inbound) else None
 
-    def _is_new(self, kind: type[Connection | Factsheet | State], robot: RobotKey, header_id: int) -> bool:
+    def _is_new(
+        self,
+        kind: type[Connection | Factsheet | State],
+        robot: RobotKey,
+        header_id: int,
+        inbound: Inbound,
+    ) -> bool:
         """Return False for an old state of a robot whose timestamps cannot be read.
 
         The time of arrival replaces such a timestamp, so an old state would look new.
@@ -607,7 +604,12 @@ class FleetLink:
             self._undated.pop(robot, None)
         if kind is not State or not self._reader.undated:
             return True
-        return self._undated.setdefault(robot, MessageOrder()).is_new(header_id, NO_TIME, self._now())
+        order = self._undated.setdefault(robot, MessageOrder())
+        if order.is_new(header_id, NO_TIME, self._now(), inbound.payload):
+            return True
+        header = header_text(header_id, NO_TIME)
+        self._hand_out(self._controller.on_old_state(robot, header, order.last, self._now()))
+        return False
 
     def _note_long_name(self, robot: RobotKey) -> None:
         """Ignore a robot whose name is too long for the store."""
@@ -621,18 +623,26 @@ class FleetLink:
             )
         self.statistics.name_too_long += 1
 
-    def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
-        name = topic.rpartition("/")[2]
-        self.statistics.malformed[Topic(name)] += 1
-        code = _UNREADABLE.get(name)
-        problem = Reason(code, error.reason) if code else None
-        self._hand_out(self._controller.on_malformed(robot, problem, self._now()))
+    def _note_malformed(
+        self, robot: RobotKey, scheme: TopicScheme, inbound: Inbound, error: MalformedMessageError
+    ) -> None:
+        name = Topic(inbound.topic.rpartition("/")[2])
+        self.statistics.malformed[name] += 1
+        if name is Topic.STATE:
+            problem = Reason(R.UNREADABLE_STATES, error.reason)
+            sighting = self._reader.sighting(inbound.payload, scheme.major_version)
+            outputs = self._controller.on_unreadable_state(robot, problem, sighting, self._now())
+        else:
+            of_connection = name is Topic.CONNECTION  # no orders without a connection
+            reason = Reason(R.UNREADABLE_CONNECTIONS, error.reason) if of_connection else None
+            outputs = self._controller.on_malformed(robot, reason, self._now())
+        self._hand_out(outputs)
         count = self.view(robot).malformed
         if count % MALFORMED_LOGGED_EACH == 1:
             log.warning(
                 "ignoring invalid robot message",
                 robot=str(robot),
-                topic=topic,
+                topic=inbound.topic,
                 problems=error.problems,
                 so_far=count,
             )

@@ -303,16 +303,15 @@ class OrderExecution:
         if self.phase is VdaOrderPhase.CANCELLING and not self.ended:
             yield from self._settle_cancel(state)
 
-    def on_tick(self, state: State | None, now: float) -> Iterator[FleetOutput]:
-        """Handle timeouts."""
+    def on_tick(self, state: State | None, now: float, unreadable: str = "") -> Iterator[FleetOutput]:
+        """Handle timeouts; ``unreadable``: why the robot's states cannot be used."""
         if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
-            yield self._fail(
-                ExecutionFailure(
-                    FailureKind.NOT_TAKEN,
-                    Reason(R.NEVER_ACCEPTED, count=times),
-                )
-            )
+            failure = ExecutionFailure(FailureKind.NOT_TAKEN, Reason(R.NEVER_ACCEPTED, count=times))
+            if unreadable:
+                reason = Reason(R.ACCEPTANCE_UNREADABLE, unreadable, count=times)
+                failure = ExecutionFailure(FailureKind.UNCLEAR, reason)
+            yield self._fail(failure)
         elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.failed(now):
             times = self._settings.sendings
             self._cancel_for(

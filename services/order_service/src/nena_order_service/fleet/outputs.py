@@ -108,6 +108,13 @@ class RobotChanged:
 
 
 @dataclass(frozen=True, slots=True)
+class StateIgnored:
+    """A state was ignored, because it is a repetition or older than the last one (section 7.2)."""
+
+    robot: RobotKey
+
+
+@dataclass(frozen=True, slots=True)
 class BrokerLinkChanged:
     """Our own link to the broker is lost or back, which changes the views of all robots."""
 
@@ -208,6 +215,7 @@ class InstantActionEnded:
 FleetOutput = (
     Publish
     | RobotChanged
+    | StateIgnored
     | BrokerLinkChanged
     | VdaOrderAccepted
     | NodePassed

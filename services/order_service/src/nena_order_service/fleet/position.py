@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import hypot, isfinite
+from math import hypot, inf, isfinite
 from typing import Final, Self
 
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
@@ -36,11 +36,20 @@ class RobotProfile:
     """Maximum width of corridors to each side, m in the plant's frame; None: as the layout allows."""
     transforms: Mapping[str, MapTransform] = field(default_factory=dict, hash=False)
     """Transforms from the plant's frame to maps, by map ID, for robots that use their map's frame."""
+    max_distance_m: float = inf
+    """Distance from the nearest point beyond which the robot's position counts as wrong."""
     transforms_itself: bool | None = None
     """Whether the robot uses the plant's frame; None: unknown until its factsheet arrives."""
 
     @classmethod
-    def of(cls, vehicle: Vehicle, *, default_map_id: str, transforms: Mapping[str, MapTransform]) -> Self:
+    def of(
+        cls,
+        vehicle: Vehicle,
+        *,
+        default_map_id: str,
+        transforms: Mapping[str, MapTransform],
+        max_distance_m: float = inf,
+    ) -> Self:
         """Read the profile from the vehicle's properties, with defaults for missing ones."""
         deviation_xy, deviation_theta = vehicle.deviation_xy_m, vehicle.deviation_theta_rad
         return cls(
@@ -49,6 +58,7 @@ class RobotProfile:
             deviation_theta=DEFAULT_DEVIATION_THETA if deviation_theta is None else deviation_theta,
             corridor_width=vehicle.corridor_width_m,
             transforms=transforms,
+            max_distance_m=max_distance_m,
         )
 
     def on(self, map_id: str) -> MapTransform:
@@ -71,6 +81,8 @@ class Standing:
     point: str
     on_point: bool
     pose: MobileRobotPosition | None
+    distance_m: float = 0.0
+    """Distance from the pose to the point, m."""
 
 
 class NotLocatedError(Exception):
@@ -81,6 +93,27 @@ class NotLocatedError(Exception):
         self.reason = reason
 
 
+class TooFarError(NotLocatedError):
+    """The robot's position is too far from all points; ``last`` is the point that it has passed last."""
+
+    def __init__(self, distance_m: float, nearest: Point, last: Point | None) -> None:
+        super().__init__(Reason(R.TOO_FAR, metres=round(distance_m), point=nearest.name))
+        self.last = last
+
+
+LEAST_MAX_DISTANCE_M: Final = 5.0
+"""Default maximum distance from the points of a plant with short paths or none, m."""
+
+
+def max_distance_m(plant: PlantModel) -> float:
+    """Return twice the longest path of a plant: farther from all points, no vehicle is on its way."""
+    ends = plant.points_by_name
+    lines = ((ends[path.source], ends[path.destination]) for path in plant.paths)
+    straight = (hypot(end.x_m - start.x_m, end.y_m - start.y_m) for start, end in lines)
+    longest = max((*straight, *(path.length_m for path in plant.paths)), default=0.0)
+    return max(LEAST_MAX_DISTANCE_M, 2 * longest)
+
+
 def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
     """Return the robot's position in the plant.
 
@@ -89,6 +122,7 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
 
     Raises:
         NotLocatedError: the robot reports neither a localised pose on its map nor a point of the plant.
+        TooFarError: its pose is farther from all points than its profile allows.
     """
     last = plant.points_by_name.get(state.last_node_id)
     pose = state.mobile_robot_position
@@ -108,7 +142,10 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
         raise NotLocatedError(
             Reason(R.OTHER_MAP, map=pose.map_id, own=profile.map_id) if plant.points else Reason(R.NO_POINTS)
         )
-    return Standing(nearest.name, _distance(nearest, here) <= profile.deviation_xy, pose)
+    distance = _distance(nearest, here)
+    if distance > profile.max_distance_m:
+        raise TooFarError(distance, nearest, last)
+    return Standing(nearest.name, distance <= profile.deviation_xy, pose, distance)
 
 
 def _nearest(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotProfile) -> Point | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from enum import StrEnum
 from functools import cached_property
 from heapq import heappop, heappush
@@ -13,6 +13,8 @@ from math import inf
 from typing import Final
 
 from nena_order_service.fleet.settings import FleetSettings
+from nena_shared.clock import iso
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.codec import Codec
@@ -25,6 +27,11 @@ from nena_shared.vda5050.rules import Rules
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import nearest_codec
+
+R = ReasonCode
+
+NO_TIME: Final = datetime.min.replace(tzinfo=UTC)
+"""Instead of a timestamp that cannot be read."""
 
 BELIEVED_COUNT: Final = 3
 BELIEVED_AFTER: Final = 10.0
@@ -45,10 +52,17 @@ class MessageOrder:
     A message is old if neither its headerId nor its timestamp is higher than the last one's. A sender that
     restarts counts from 0 with a later timestamp, so its message is new. One whose clock was also set back is
     accepted after BELIEVED_COUNT messages, or at once after :meth:`restart`.
+
+    Messages with the same header have no order: they are new if their content differs. A sender whose
+    timestamps cannot be read and whose headerId never changes may be idle, so all its messages are new.
     """
 
     def __init__(self) -> None:
         self._last: tuple[int, datetime] | None = None
+        self._content: object = None
+        """The last message, or whatever else tells messages with the same header apart."""
+        self._counts = False
+        """Whether the header has ever changed."""
         self._last_old = -1
         self._old_since = 0.0
         self._old_in_a_row = 0
@@ -57,17 +71,27 @@ class MessageOrder:
         """Accept any message as new: the sender has reconnected."""
         self._last = None
 
-    def is_new(self, header_id: int, timestamp: datetime, now: float) -> bool:
+    @property
+    def last(self) -> str:
+        """The header of the last new message, for people."""
+        return "" if self._last is None else header_text(*self._last)
+
+    def is_new(self, header_id: int, timestamp: datetime, now: float, content: object = None) -> bool:
         """Return whether a message is new (section 7.2), and if so, compare later ones with it.
 
         ``now`` is its arrival, in monotonic seconds.
         """
-        last = self._last
-        if last is not None and header_id <= last[0] and timestamp <= last[1]:
-            repeated = (header_id, timestamp) == last
-            if repeated or not self._believed(header_id, now):
+        last, header = self._last, (header_id, timestamp)
+        if last == header:
+            ordered = self._counts or timestamp != NO_TIME
+            if ordered and content == self._content:
                 return False
-        self._last = header_id, timestamp
+        elif last is not None:
+            old = header_id <= last[0] and timestamp <= last[1]
+            if old and not self._believed(header_id, now):
+                return False
+            self._counts = True
+        self._last, self._content = header, content
         self._last_old, self._old_in_a_row = -1, 0
         return True
 
@@ -77,6 +101,11 @@ class MessageOrder:
         self._old_in_a_row += 1
         self._last_old = header_id
         return self._old_in_a_row >= BELIEVED_COUNT and now - self._old_since >= BELIEVED_AFTER
+
+
+def header_text(header_id: int, timestamp: datetime) -> str:
+    """Return the header of a message for people; without a time that could not be read."""
+    return f"headerId {header_id}" if timestamp == NO_TIME else f"headerId {header_id} of {iso(timestamp)}"
 
 
 class Silences:
@@ -120,7 +149,7 @@ class LinkStatus(StrEnum):
     SILENT = "SILENT"
     """It should be online, but its last state is too old."""
     UNREADABLE = "UNREADABLE"
-    """It is online, but its messages cannot be read."""
+    """It is online, but its messages cannot be read, or look old and are ignored."""
 
 
 REPORTS_NOTHING: Final = frozenset({LinkStatus.SILENT, LinkStatus.UNREADABLE})
@@ -157,7 +186,7 @@ class RobotView:
     vehicle_state: VehicleState
     availability: Availability
     state: State | None
-    """Its last state message."""
+    """Its last state message; while its states are unreadable, what the last one says about the robot."""
     state_at: float | None
     """When it arrived, monotonic seconds."""
     factsheet: Factsheet | None
@@ -286,7 +315,11 @@ class Robot:
     settings: FleetSettings
     connection: ConnectionState | None = None
     state: State | None = None
+    """Its last readable state."""
+    sighting: State | None = None
+    """What its last state says about the robot itself, if that state is unreadable; its order is unknown."""
     state_at: float | None = None
+    """When the state or sighting arrived."""
     abilities: Abilities | None = None
     """What its factsheet declares; None before the first one."""
     malformed: int = 0
@@ -297,6 +330,8 @@ class Robot:
     """Whether its last state is from before it last connected: it may have been restarted since."""
     unreadable: str = ""
     """The problem of its last state or connection message; empty if that could be read."""
+    states_unreadable: bool = False
+    """Whether its last state could not be read."""
     _unreadable_at: float = -inf
     _heard_at: float | None = None
     _silent_after: float = 0.0
@@ -342,9 +377,9 @@ class Robot:
         A state after OFFLINE or a last will shows that the robot is back: the broker may deliver the will of
         an old connection after the new connection is up.
         """
-        if not self._order.is_new(message.header_id, message.timestamp, now):
+        if not self._order.is_new(message.header_id, message.timestamp, now, message):
             return False
-        self.unreadable = ""
+        self.unreadable, self.states_unreadable, self.sighting = "", False, None
         self.stale = False
         if message.mobile_robot_position is not None:
             self.placed, self._placed_until = True, None
@@ -357,11 +392,24 @@ class Robot:
             self.connection = ConnectionState.ONLINE
         return True
 
+    def take_unreadable_state(self, problem: str, sighting: State | None, now: float) -> None:
+        """Count an unreadable state, and store what it says about the robot itself, if anything."""
+        self.take_malformed(problem, now)
+        self.states_unreadable = True
+        if sighting and self._order.is_new(sighting.header_id, sighting.timestamp, now, sighting):
+            self.sighting, self.state_at = sighting, now
+
+    def take_old(self, header: str, last: str, now: float) -> None:
+        """Note that a state is ignored, because its header does not come after the last one's."""
+        self._note_problem(Reason(R.OLD_STATES, received=header, last=last), now)
+
     def take_malformed(self, problem: str | None, now: float) -> None:
         """Count an unreadable message; ``problem`` describes it if orders depend on such messages."""
         self.malformed += 1
-        if problem is None:
-            return
+        if problem is not None:
+            self._note_problem(problem, now)
+
+    def _note_problem(self, problem: str, now: float) -> None:
         self._unreadable_at = now
         if problem.partition(QUOTE)[0] != self.unreadable.partition(QUOTE)[0]:
             self.unreadable = problem  # the quoted value may change with every message
@@ -373,19 +421,22 @@ class Robot:
         self._silent_after = max(self.settings.silent_after, self.settings.silent_intervals * interval)
 
     def link(self, now: float) -> LinkStatus:
-        """Return the state of the link; a robot with unreadable messages is not silent."""
+        """Return the state of the link; a robot with unreadable or ignored messages is not silent."""
         if self.connection is None or self._heard_at is None:
             return LinkStatus.UNREADABLE if self.unreadable else LinkStatus.UNKNOWN
         heard = now <= self._heard_at + self._silent_after
         if heard and self.connection is ConnectionState.ONLINE:
-            return LinkStatus.ONLINE
+            return LinkStatus.UNREADABLE if self.states_unreadable else LinkStatus.ONLINE
         speaks = bool(self.unreadable) and now <= self._unreadable_at + self._silent_after
         if self.connection in AWAY:
             back = speaks and self._unreadable_at > self._heard_at
             return LinkStatus.UNREADABLE if back else AWAY[self.connection]
-        if heard:
-            return LinkStatus.ONLINE
         return LinkStatus.UNREADABLE if speaks else LinkStatus.SILENT
+
+    @property
+    def last_header(self) -> str:
+        """The header of its last new state, for people."""
+        return self._order.last
 
     @property
     def online_until(self) -> float:

@@ -38,6 +38,8 @@ class FleetStatistics:
         self.malformed = dict.fromkeys(COUNTED, 0)
         self.sent = dict.fromkeys(SENT, 0)
         self.resent = dict.fromkeys(RESENT, 0)
+        self.states_ignored = 0
+        """States that were ignored, because their headers do not come after the last ones."""
         self.robot_limit = 0
         """Messages from robots beyond ``robots_limit``."""
         self.too_many = 0
@@ -82,6 +84,8 @@ class FleetStatistics:
         match event:
             case outputs.NodePassed():
                 self.nodes_passed += 1
+            case outputs.StateIgnored():
+                self.states_ignored += 1
             case outputs.VdaOrderAccepted(order_id=order_id):
                 delivery = self._deliveries.get(order_id)
                 if delivery and delivery.accepted is None:

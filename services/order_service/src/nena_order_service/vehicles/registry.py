@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from nena_order_service.fleet.position import RobotProfile
+from nena_order_service.fleet.position import RobotProfile, max_distance_m
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import RobotMap
 from nena_shared.plant import PlantModel, Vehicle
@@ -36,7 +36,15 @@ class VehicleRegistry:
     By default, a vehicle is the robot of manufacturer ``NeNa`` with the vehicle's name as its serial number.
     """
 
-    def __init__(self, plant: PlantModel, *, default_map_id: str, adopt_unknown: bool) -> None:
+    def __init__(
+        self,
+        plant: PlantModel,
+        *,
+        default_map_id: str,
+        adopt_unknown: bool,
+        max_distance: float | None = None,
+    ) -> None:
+        """``max_distance``: m from the nearest point beyond which positions count as wrong; None: default."""
         self._default_map_id = default_map_id
         self._adopt_unknown = adopt_unknown
         self._by_name: dict[str, FleetVehicle] = {}
@@ -44,6 +52,7 @@ class VehicleRegistry:
         self.map_ids = {default_map_id} if default_map_id else set[str]()
         """The maps on which the vehicles of the plant model drive."""
         self._transforms = map_transforms(plant)
+        self._max_distance_m = max_distance_m(plant) if max_distance is None else max_distance
         self._names: frozenset[str] | None = None
         for vehicle in plant.vehicles:
             self._add(self._of_plant(vehicle))
@@ -82,7 +91,9 @@ class VehicleRegistry:
         if known:
             return known
         obstacle = "" if self._adopt_unknown else Reason(R.NOT_IN_PLANT)
-        profile = RobotProfile(map_id=self._default_map_id, transforms=self._transforms)
+        profile = RobotProfile(
+            map_id=self._default_map_id, transforms=self._transforms, max_distance_m=self._max_distance_m
+        )
         return self._add(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
 
     def learn_map(self, vehicle: FleetVehicle, map_id: str) -> FleetVehicle:
@@ -98,7 +109,12 @@ class VehicleRegistry:
 
     def _of_plant(self, vehicle: Vehicle) -> FleetVehicle:
         key = RobotKey(vehicle.manufacturer or DEFAULT_MANUFACTURER, vehicle.serial_number or vehicle.name)
-        profile = RobotProfile.of(vehicle, default_map_id=self._default_map_id, transforms=self._transforms)
+        profile = RobotProfile.of(
+            vehicle,
+            default_map_id=self._default_map_id,
+            transforms=self._transforms,
+            max_distance_m=self._max_distance_m,
+        )
         return FleetVehicle(vehicle.name, key, profile, vehicle)
 
     def _add(self, vehicle: FleetVehicle) -> FleetVehicle:
