@@ -196,9 +196,9 @@ class Bench:
         return [effect for effect in self.effects if isinstance(effect, kind)]
 
     def arrive(self) -> list[Effect]:
-        """Make the robot reach its goal."""
+        """Make the robot reach its goal, and stand there."""
         goal = self.goal
-        return self.do(PoseReport(goal.pose, localized=True), Arrived(goal.generation))
+        return self.do(PoseReport(goal.pose, localized=True, vx=0.0, omega=0.0), Arrived(goal.generation))
 
     def halted(self) -> list[Effect]:
         return self.do(Halted())

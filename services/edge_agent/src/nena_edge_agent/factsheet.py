@@ -159,7 +159,6 @@ def _offered(capabilities: Capabilities) -> list[ActionDeclaration]:
 
 
 def _action(declaration: ActionDeclaration, rules: Rules) -> factsheet.MobileRobotAction:
-    only_instant = declaration.scopes == (factsheet.ActionScope.INSTANT,)
     return factsheet.MobileRobotAction(
         action_type=declaration.action_type,
         action_description=declaration.description or None,
@@ -168,7 +167,7 @@ def _action(declaration: ActionDeclaration, rules: Rules) -> factsheet.MobileRob
             _parameter(each, _listed_key(declaration, each, rules)) for each in declaration.parameters
         ),
         action_result=declaration.result or None,
-        blocking_types=(BlockingType.NONE,) if only_instant else declaration.blocking_types,
+        blocking_types=(BlockingType.NONE,) if declaration.only_instant else declaration.blocking_types,
         pause_allowed=declaration.pause_allowed,
         cancel_allowed=declaration.cancel_allowed,
     )

@@ -64,6 +64,9 @@ async def test_a_failed_drive_reports_its_reason() -> None:
     drive, driver = begun()
     task = await driving(drive, driver)
     drive.observe(DriveFailed(driver.goals[0].generation, DriveFailure.ABORTED, "a wall"))
+    await until(lambda: driver.halts)
+    assert not task.done(), "its controller may drive on"
+    drive.observe(Halted())
 
     with pytest.raises(DriveError, match=r"a wall \(ABORTED\)"):
         await asyncio.wait_for(task, PATIENCE)

@@ -1098,6 +1098,55 @@ def test_before_the_arrival_no_pose_is_late() -> None:
     assert not drive.pose_may_come(4.0, WAIT)
 
 
+def test_a_robot_that_drives_on_after_an_aborted_goal_is_stopped_and_reported(talk: Conversation) -> None:
+    talk.drives()
+    talk.rolls(0.5)
+    talk.array("A:6")
+    talk.halt()
+    talk.rolls(1.0)
+    assert talk.motion_stopped, "the controller may be alive"
+    talk.rolls(4.0)
+    assert isinstance(talk.events[-1], HaltFailed)
+    assert "0.50 m/s" in talk.events[-1].description
+    talk.stands()
+    assert talk.events[-1] == Halted()
+
+
+def test_a_robot_that_rolls_out_after_its_arrival_is_left_to_its_controller(talk: Conversation) -> None:
+    talk.drives()
+    talk.at(5.0)
+    talk.array("A:4")
+    talk.halt()
+    for speed in (0.5, 0.4, 0.3, 0.2, 0.1):
+        talk.rolls(0.3, speed)
+        assert Halted() not in talk.events
+    talk.stands()
+    assert (talk.events[-1], talk.motion_stopped, talk.cancelled) == (Halted(), 0, [])
+
+
+def test_without_odometry_a_robot_may_roll_out_after_its_arrival(talk: Conversation) -> None:
+    talk.drives()
+    talk.at(5.0)
+    talk.array("A:4")
+    talk.halt()
+    talk.later(2.5)
+    assert Halted() not in talk.events
+    talk.later(1.0)
+    assert talk.events[-1] == Halted()
+    talk.halt()
+    assert talk.events[-2:] == [Halted(), Halted()], "nothing has moved it since"
+
+
+def test_odometry_that_ends_while_the_robot_moves_confirms_no_standstill(talk: Conversation) -> None:
+    talk.rolls(0.5)
+    talk.later(2.0)
+    talk.halt()
+    talk.later(2.5)
+    assert talk.events == []
+    talk.later(1.0)
+    assert talk.events == [Halted()]
+
+
 def test_a_pose_at_standstill_is_requested_after_each_arrival() -> None:
     talk = Conversation().ready()
     talk.drives()

@@ -279,7 +279,7 @@ def test_a_failed_drive_is_an_error_and_the_node_is_not_traversed(failure: Drive
 
     state = bench.state
     assert (state.last_node_id, bench.nodes, bench.edges) == ("n0", ["n1", "n2"], ["n0-n1", "n1-n2"])
-    assert state.driving is (failure is DriveFailure.NAVIGATION_GONE), "its controller may drive on"
+    assert state.driving, "it may drive on until the driver confirms its standstill"
     (error,) = state.errors
     assert (error.error_type, error.error_level) == (ErrorType.NODE_UNREACHABLE, ErrorLevel.CRITICAL)
     assert "no way" in str(error.error_description)
@@ -289,13 +289,16 @@ def test_a_failed_drive_is_an_error_and_the_node_is_not_traversed(failure: Drive
     }.items()
     bench.do(at(1.0), TimePassed())
     assert len(bench.goals) == 1
+    bench.halted()
+    assert not bench.state.driving
+    assert len(bench.goals) == 1
 
 
 @pytest.mark.clause("6.6.5.1/keeps")
 def test_an_update_retries_a_failed_drive() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", released=2))
-    bench.do(DriveFailed(bench.goal.generation, DriveFailure.ABORTED, "no way"))
+    bench.do(DriveFailed(bench.goal.generation, DriveFailure.ABORTED, "no way"), Halted())
 
     bench.send(order("n1", "n2", update=1, first=2))
 
@@ -495,7 +498,8 @@ def bench() -> Bench:
 
 
 def fail(bench: Bench, failure: DriveFailure = DriveFailure.ABORTED) -> None:
-    bench.do(DriveFailed(bench.goal.generation, failure, "no way"))
+    """Make the drive fail; the robot stops."""
+    bench.do(DriveFailed(bench.goal.generation, failure, "no way"), Halted())
 
 
 def later(bench: Bench, seconds: float) -> None:
@@ -556,7 +560,6 @@ def test_a_drive_is_retried_when_its_navigation_returns(bench: Bench) -> None:
     assert Halt() in bench.effects
     later(bench, 60.0)
     assert len(bench.goals) == 1
-    bench.do(Halted())
     bench.do(NavigationReport(available=True, reason=""))
     assert (len(bench.goals), bench.errors) == (2, [DRIVE_RETRIED])
 
@@ -746,7 +749,8 @@ def taken_over(policy: ExternalGoals) -> Bench:
     """Return a robot whose navigation has left its order for another program's goal."""
     bench = Bench(external_goals=policy)
     bench.send(order("n0", "n1"))
-    bench.do(OURS, THEIRS, DriveFailed(bench.goal.generation, DriveFailure.TAKEN_OVER, "X has replaced it"))
+    failed = DriveFailed(bench.goal.generation, DriveFailure.TAKEN_OVER, "X has replaced it")
+    bench.do(OURS, THEIRS, failed, Halted())
     return bench
 
 
@@ -770,7 +774,7 @@ def test_pause_continues_at_once_if_the_other_drive_has_already_ended() -> None:
     failed = DriveFailed(bench.goal.generation, DriveFailure.TAKEN_OVER, "X has replaced it")
     bench.do(THEIRS, THEIRS_ENDED)
     assert len(bench.goals) == 1
-    bench.do(failed)
+    bench.do(failed, Halted())
     assert (len(bench.goals), bench.errors) == (2, [])
 
 

@@ -192,6 +192,8 @@ def test_a_cancel_clears_the_error_of_a_failed_drive() -> None:
     bench.do(DriveFailed(bench.goal.generation, DriveFailure.ABORTED, "no way"))
 
     bench.instant(action("c", "NONE", "cancelOrder"))
+    assert bench.status("c") == "RUNNING"
+    bench.halted()
 
     assert bench.status("c") == "FINISHED"
     assert not bench.errors

@@ -67,6 +67,8 @@ def test_restartable_actions_restart_and_others_fail() -> None:
     again = restarted(bench)
 
     assert again.statuses() == {"work": "INITIALIZING", "press": "FAILED", "later": "WAITING"}
+    assert not again.effects_of(StartAction), "it is not known yet whether the robot stands"
+    again.halted()
     assert [effect.action.action_id for effect in again.effects_of(StartAction)] == ["work"]
     again.finishes("work")
     assert again.status("later") == "INITIALIZING"

@@ -1,13 +1,15 @@
 """The core against a small oracle, over random orders, updates, cancels, pauses, failures and restarts.
 
 The oracle is independent of the core: it keeps the base as a list that only grows, and follows the states. No
-node is skipped, none behind the base is entered, no action is lost or run twice, nothing is accepted that
-must be refused, and in the end the robot is idle.
+node is skipped, none behind the base is entered, no action is lost or run twice, none that must stand starts
+while the robot moves, no stop is finished before it stands, nothing is accepted that must be refused, and in
+the end the robot is idle.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -26,6 +28,9 @@ from nena_edge_agent.driver.port import (
     DriveFailed,
     DriveFailure,
     DriveGoal,
+    GoalReport,
+    GoalTable,
+    HaltFailed,
     NavigationReport,
     PoseReport,
 )
@@ -41,6 +46,7 @@ from nena_edge_agent.protocol.events import (
     ResumeAction,
     StartAction,
     Started,
+    TimePassed,
 )
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
@@ -50,7 +56,7 @@ from nena_shared.vda5050.versions import RULES
 from support.examples import EXAMPLES
 from support.expressible import EXPRESSIBLE
 from support.robot_core import Bench, action, at, order
-from support.robot_oracle import Oracle
+from support.robot_oracle import ORDERS_TAKEN_IN, Oracle
 
 pytestmark = pytest.mark.simulation
 
@@ -59,6 +65,9 @@ KINDS = st.sampled_from(["work", "press", "lamp"])
 ENDED = ("FINISHED", "FAILED")
 ACTIVE = ("INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE")
 STANDING = ("SOFT", "HARD")
+SPEED = 0.5
+"""Metres per second of a robot that moves."""
+FOREIGN = GoalTable((GoalReport("F", external=True, status="EXECUTING"),))
 DURABLE = (
     *("order_id", "order_update_id", "last_node_id", "last_node_sequence_id", "paused"),
     *("node_states", "edge_states", "action_states", "loads"),
@@ -85,6 +94,11 @@ class RobotMachine(RuleBasedStateMachine):
         self.ended: set[str] = set()
         self.x = 0.0
         self.localized = True
+        self.speed = 0.0
+        self.foreign = False
+        self.instants: dict[str, Action] = {}
+        self.stopped: set[str] = set()
+        """Stops that have been answered."""
 
     # What fleet control does
 
@@ -111,6 +125,12 @@ class RobotMachine(RuleBasedStateMachine):
         if not taken or (kind == "cancelOrder" and not busy):
             assert self.bench.status(action_id) == "FAILED"
 
+    @rule(blocking=BLOCKING)
+    def instant_work_comes(self, blocking: str) -> None:
+        work = action(f"i{self.next_number()}", blocking, "press")
+        self.instants[work.action_id] = work
+        self.follow(self.bench.instant(work))
+
     # What the world does
 
     @rule(data=st.data(), back=st.booleans())
@@ -120,9 +140,10 @@ class RobotMachine(RuleBasedStateMachine):
         self.switch(mode)
 
     @precondition(lambda self: self.driving)
-    @rule()
-    def arrives(self) -> None:
+    @rule(rolls=st.booleans())
+    def arrives(self, *, rolls: bool = False) -> None:
         goal = self.bench.goal
+        self.speed = SPEED if rolls else 0.0
         self.follow(self.bench.do(self.pose(place_x=goal.pose.x)))
         self.follow(self.bench.do(Arrived(goal.generation)))
 
@@ -137,6 +158,29 @@ class RobotMachine(RuleBasedStateMachine):
         generation = self.bench.goal.generation
         self.follow(self.bench.do(DriveFailed(generation, DriveFailure.ABORTED, "no way")))
 
+    @precondition(lambda self: not self.driving and not self.foreign)
+    @rule(pushed=st.booleans())
+    def moves_or_rolls_out(self, *, pushed: bool) -> None:
+        self.speed = SPEED if pushed else 0.0
+        self.follow(self.bench.do(self.pose()))
+
+    @rule(begins=st.booleans())
+    def operator_drives(self, *, begins: bool) -> None:
+        self.foreign = begins
+        self.speed = SPEED if begins else self.speed
+        self.follow(self.bench.do(FOREIGN if begins else GoalTable(), self.pose()))
+
+    @precondition(lambda self: self.bench.core.robot.goal.halting)
+    @rule()
+    def does_not_stop(self) -> None:
+        self.speed = SPEED
+        self.follow(self.bench.do(self.pose(), HaltFailed("the odometry still shows 0.50 m/s")))
+
+    @rule(seconds=st.sampled_from([1.0, 4.0, 11.0]))
+    def time_passes(self, seconds: float) -> None:
+        self.bench.now += seconds
+        self.follow(self.bench.do(TimePassed()))
+
     @rule(back=st.integers(1, 3))
     def late_arrival(self, back: int) -> None:
         before = self.bench.state
@@ -146,6 +190,9 @@ class RobotMachine(RuleBasedStateMachine):
     @precondition(lambda self: self.bench.core.robot.goal.halting)
     @rule()
     def stands_still(self) -> None:
+        if not self.foreign:  # the driver does not stop another program's drive
+            self.speed = 0.0
+            self.follow(self.bench.do(self.pose()))
         self.follow(self.bench.halted())
 
     @rule(there=st.booleans())
@@ -184,7 +231,8 @@ class RobotMachine(RuleBasedStateMachine):
         )
         after = self.bench.state
         assert all(getattr(after, name) == getattr(before, name) for name in DURABLE)
-        for event in (Started(), self.pose(), THERE):
+        foreign = FOREIGN if self.foreign else GoalTable()
+        for event in (Started(), foreign, self.pose(), THERE):
             self.follow(self.bench.do(event))
 
     # Making orders, and saying what must become of them
@@ -264,14 +312,24 @@ class RobotMachine(RuleBasedStateMachine):
         """Answer as driver and plug-ins would, until the core wants nothing more."""
         self.answer(effects)
         self.ended |= set(self.actions_in(*ENDED))
+        self.stops_are_answered_truthfully()
+
+    def stops_are_answered_truthfully(self) -> None:
+        for state in (*self.bench.state.instant_action_states, *self.bench.state.action_states):
+            stop = state.action_type in ("cancelOrder", "startPause") and state.action_status.value in ENDED
+            if stop and state.action_id not in self.stopped:
+                self.stopped.add(state.action_id)
+                stands = not self.speed or self.foreign or self.oracle.mode not in ORDERS_TAKEN_IN
+                assert stands or state.action_status is not ActionStatus.FINISHED, state
 
     def answer(self, effects: list[Effect]) -> None:
         for effect in effects:
             match effect:
                 case Drive(goal):
+                    self.speed = SPEED
                     self.goes_to_the_next_node_of_the_base(goal)
                 case StartAction(started):
-                    self.may_start(started.action_id)
+                    self.may_start(started)
                     self.answer(self.bench.runs(started.action_id))
                 case CancelAction(action_id):
                     self.report(action_id, ActionStatus.FAILED)
@@ -292,7 +350,11 @@ class RobotMachine(RuleBasedStateMachine):
     def report(self, action_id: str, status: ActionStatus) -> None:
         self.answer(self.bench.do(ActionReport(action_id, status)))
 
-    def may_start(self, action_id: str) -> None:
+    def may_start(self, started: Action) -> None:
+        action_id = started.action_id
+        if started.blocking_type in STANDING:
+            moves = self.speed or self.driving or self.foreign
+            assert not moves, f"{started} starts while the robot moves"
         self.starts[action_id] += 1
         assert self.starts[action_id] == 1
         assert action_id not in self.ended
@@ -306,7 +368,7 @@ class RobotMachine(RuleBasedStateMachine):
 
     def pose(self, *, place_x: float | None = None) -> PoseReport:
         self.x = self.x if place_x is None else place_x
-        return at(self.x, localized=self.localized)
+        return replace(at(self.x, localized=self.localized), vx=self.speed)
 
     def switch(self, mode: OperatingMode) -> None:
         self.oracle.switch(mode)
@@ -314,6 +376,14 @@ class RobotMachine(RuleBasedStateMachine):
 
     def actions_in(self, *statuses: str) -> list[str]:
         return [each for each, status in self.bench.statuses().items() if status in statuses]
+
+    def instants_in(self, *statuses: str) -> list[str]:
+        states = (*self.bench.state.instant_action_states, *self.bench.state.action_states)
+        return [
+            each.action_id
+            for each in states
+            if each.action_id in self.instants and each.action_status in statuses
+        ]
 
     @property
     def driving(self) -> bool:
@@ -347,6 +417,8 @@ class RobotMachine(RuleBasedStateMachine):
     def the_robot_stands_while_an_action_wants_it_to(self) -> None:
         actions = self.oracle.base_actions
         blocking = [each for each in self.actions_in(*ACTIVE) if actions[each].blocking_type in STANDING]
+        instants = self.instants_in(*ACTIVE)
+        blocking += [each for each in instants if self.instants[each].blocking_type in STANDING]
         assert not (blocking and self.driving)
         assert not (self.bench.state.paused and self.driving)
 
@@ -356,6 +428,7 @@ class RobotMachine(RuleBasedStateMachine):
         """Remove every hindrance: the robot comes to the end of its base, and is idle without a horizon."""
         self.localized = True
         self.switch(OperatingMode.AUTOMATIC)
+        self.operator_drives(begins=False)
         self.follow(self.bench.do(self.pose(), THERE))
         self.follow(self.bench.instant(action(f"i{self.next_number()}", "NONE", "stopPause")))
         for _ in range(300):
@@ -368,7 +441,7 @@ class RobotMachine(RuleBasedStateMachine):
             assert self.bench.core.robot.progress.last_node_sequence_id == self.oracle.base[-1][1]
 
     def goes_on(self) -> bool:
-        running = self.actions_in(*ACTIVE)
+        running = [*self.actions_in(*ACTIVE), *self.instants_in(*ACTIVE)]
         if self.bench.core.robot.goal.halting:
             self.stands_still()
         elif self.driving:

@@ -77,7 +77,7 @@ class ActionDrive:
         deviation_theta: float | None = None,
         maximum_speed: float | None = None,
     ) -> None:
-        """Drive to ``pose``; if cancelled, stop the robot first.
+        """Drive to ``pose``; if that is cancelled or fails, stop the robot first.
 
         Raises:
             DriveError: the robot did not reach ``pose``, or another action drives.
@@ -98,6 +98,7 @@ class ActionDrive:
         finally:
             self._result = None
         if problem:
+            await self._halt(self._driver.halt)
             raise DriveError(problem)
 
     async def initialize_position(self, pose: Pose) -> None:

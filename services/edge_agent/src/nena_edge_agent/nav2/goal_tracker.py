@@ -123,12 +123,13 @@ Then the robot is stopped, and a halt fails if it is not confirmed within its ow
 class _Halt:
     """A stop that is not confirmed yet: requested at ``asked_at``, enforced since ``since``.
 
-    ``quiet_at``: when the last of our goals had ended. ``failed``: ``HaltFailed`` has been reported.
+    ``may_move``: the robot had a goal of ours since the last confirmed stop, or moves. ``quiet_at``: when the
+    last of our goals had ended. ``failed``: ``HaltFailed`` has been reported.
     """
 
     asked_at: float
     since: float
-    stopped_something: bool = False
+    may_move: bool
     quiet_at: float | None = None
     failed: bool = False
 
@@ -148,6 +149,8 @@ class GoalTracker:
         self._navigation = NavigationReport(available=False, reason="Nav2 has not been searched for yet")
         self._drive: GoalDrive | None = None
         self._halt: _Halt | None = None
+        self._drove = False
+        """Whether a goal was requested since the last confirmed stop, so that the robot may still roll."""
         self.halts_after: GoalTracker | None = None
         """Another tracker of the same robot: this one answers a halt only after it."""
         self._cancels: dict[str, float] = {}
@@ -232,6 +235,7 @@ class GoalTracker:
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
         """Drive to ``goal``; a current goal is replaced without a stop."""
+        self._drove = True
         self._drive = GoalDrive(goal, preempts=self._registry.incomplete(now))
         return self._advance(now)
 
@@ -244,7 +248,7 @@ class GoalTracker:
         """Drop the goal and stop; answered by ``Halted`` or ``HaltFailed``."""
         self._drive = self._reclaimed = None
         if self._halt is None:
-            self._halt, self._stop_answered = _Halt(now, now), False
+            self._halt, self._stop_answered = _Halt(now, now, may_move=self._drove), False
         elif self._halt.failed:
             self._halt.since, self._halt.failed = now, False
         return self._advance(now)
@@ -405,20 +409,20 @@ class GoalTracker:
         halt, registry = self._halt, self._registry
         if halt is None:
             return
-        halt.stopped_something = halt.stopped_something or registry.orphaned or self._runaway
+        halt.may_move = halt.may_move or registry.orphaned or self._runaway or self._standstill.moving
         if registry.awaiting(now) or registry.may_still_drive(now) or self._searching(halt, now):
             halt.since = now
             unsettled = True
         else:
             unsettled = bool(registry.live)
         if unsettled:
-            halt.stopped_something, halt.quiet_at = True, None
+            halt.may_move, halt.quiet_at = True, None
         elif halt.quiet_at is None:
             halt.quiet_at = now
         if self._stands(halt, now):
             if self.halts_after is not None and self.halts_after.halting:
                 return
-            self._halt = None
+            self._halt, self._drove = None, False
             self._report(Halted())
             return
         began = max(halt.since, halt.quiet_at or halt.since, self._standstill.slowed_at)
@@ -440,7 +444,7 @@ class GoalTracker:
             return self._standstill.stands(now) and (settled or self._stop_answered)
         if halt.quiet_at is None or (self._left_alone and not self._stop_answered):
             return False
-        return not halt.stopped_something or now - halt.quiet_at >= self._settings.standstill_timeout
+        return not halt.may_move or now - halt.quiet_at >= self._settings.standstill_timeout
 
     def _searching(self, halt: _Halt, now: float) -> bool:
         """Return whether the navigator of an earlier run's goals may still be found after the start."""
@@ -473,7 +477,7 @@ class GoalTracker:
         halt = self._halt
         disobeyed = (
             halt is not None
-            and halt.stopped_something
+            and halt.may_move
             and now - halt.asked_at >= OBEYED_WITHIN
             and (bool(self._registry.live) or self._left_alone or self._standstill.known(now))
             and now - self._standstill.slowed_at >= OBEYED_WITHIN

@@ -58,6 +58,11 @@ class Standstill:
         else:
             self._since = None
 
+    @property
+    def moving(self) -> bool:
+        """Return whether the newest velocity, which may be outdated, is that of a moving robot."""
+        return self._heard_at is not None and self._since is None
+
     def known(self, now: float) -> bool:
         """Return whether fresh odometry is available."""
         return self._heard_at is not None and now - self._heard_at <= STALE

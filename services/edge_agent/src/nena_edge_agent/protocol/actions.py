@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf
 
 from nena_edge_agent.protocol import zones
 from nena_edge_agent.protocol.action_states import ActionRecord, ActionStates, loads_after
@@ -30,6 +31,9 @@ from nena_shared.vda5050.order import Edge
 
 CoreAction = Callable[[RobotState, Action], tuple[ActionStatus, str | None]]
 """Executes or starts an action in the core; returns its new status and its result."""
+STANDSTILL_TIMEOUT = 10.0
+"""Seconds in which a robot must stand for a SOFT or HARD action, if something other than the order moves it.
+"""
 
 
 def enqueue(robot: RobotState, actions: Sequence[Action]) -> None:
@@ -39,11 +43,28 @@ def enqueue(robot: RobotState, actions: Sequence[Action]) -> None:
 
 
 def schedule(robot: RobotState) -> None:
-    """Start every queued action that may run now (section 6.2.2)."""
-    while not robot.held and not robot.clearing and (waiting := _startable(robot)):
-        for action_id in waiting:  # an action that ends at once may unblock others
-            robot.actions.change(action_id, ActionStatus.INITIALIZING)
-            _start(robot, action_id)
+    """Start every action that may run now; a SOFT or HARD one waits until the robot stands (section 6.2.2).
+
+    A drive succeeds within navigation's goal tolerance, where the robot still moves.
+    """
+    while startable := _startable(robot):  # an action that ends at once may unblock others
+        stands = robot.stands
+        ready = [each for each in startable if stands or not robot.needs_standstill(each)]
+        for record in ready:
+            _begin(robot, record)
+        if not ready:
+            if not _standstill_overdue(robot):
+                return
+            fail_waiting(robot, f"the robot did not stop within {STANDSTILL_TIMEOUT:.0f} s: {_motion(robot)}")
+    robot.standstill_by = None
+
+
+def fail_waiting(robot: RobotState, reason: str) -> None:
+    """Fail the actions that wait until the robot stands."""
+    robot.standstill_by = None
+    for record in _startable(robot):
+        if robot.needs_standstill(record):
+            apply_report(robot, ActionReport(record.action.action_id, ActionStatus.FAILED, reason))
 
 
 def apply_report(robot: RobotState, report: ActionReport) -> None:
@@ -63,6 +84,8 @@ def apply_report(robot: RobotState, report: ActionReport) -> None:
         robot.errors.report(report.error, Until.INSTANT_ACTION_ACCEPTED)
     if record and status.ended:
         robot.queue.remove(report.action_id)
+        robot.instant_queue.remove(report.action_id)
+        robot.restarts.discard(report.action_id)
     if record and states is robot.actions:
         _apply_hold(robot, record)
     if record and report.status is ActionStatus.FAILED and states is robot.instant_actions:
@@ -79,13 +102,11 @@ def pause(robot: RobotState) -> None:
 
 
 def resume(robot: RobotState) -> None:
-    """Resume paused actions; start those again that a restart of the agent has interrupted."""
-    interrupted, robot.interrupted = robot.interrupted, set()
+    """Resume paused actions; those that a restart of the agent has interrupted start again."""
     for record in robot.actions:
         action_id = record.action.action_id
-        if record.status is ActionStatus.PAUSED and action_id in interrupted:
+        if record.status is ActionStatus.PAUSED and action_id in robot.restarts:
             robot.actions.change(action_id, ActionStatus.INITIALIZING)
-            _start(robot, action_id)
         elif record.status is ActionStatus.PAUSED:
             robot.effects.append(ResumeAction(action_id))
 
@@ -97,7 +118,7 @@ def cancel_all(robot: RobotState) -> None:
         waits = record.action.action_type == WAIT_FOR_TRIGGER
         if record.status in (ActionStatus.WAITING, ActionStatus.RETRIABLE) or waits:
             _end(robot, record, ActionStatus.FAILED, "the order was cancelled")
-        elif record.active and (action_id in robot.interrupted or _declares(robot, record, "cancel_allowed")):
+        elif record.active and (action_id in robot.restarts or _declares(robot, record, "cancel_allowed")):
             robot.effects.append(CancelAction(action_id))
 
 
@@ -137,7 +158,8 @@ def retry(robot: RobotState, action: Action) -> str | None:
         return "the robot is paused; resume it first"
     robot.errors.withdraw(_failure(robot, record))
     robot.actions.change(record.action.action_id, ActionStatus.INITIALIZING, "")
-    _start(robot, record.action.action_id)
+    robot.restarts.add(record.action.action_id)
+    schedule(robot)
     return None
 
 
@@ -208,15 +230,59 @@ def _waits_for(record: ActionRecord, trigger_type: str) -> bool:
 # Helpers
 
 
-def _startable(robot: RobotState) -> list[str]:
-    records = [robot.actions.get(each) for each in robot.queue.runnable()]
-    return [each.action.action_id for each in records if each and each.status is ActionStatus.WAITING]
+def _startable(robot: RobotState) -> list[ActionRecord]:
+    """Return the actions that start now, or as soon as the robot stands."""
+    runnable = () if robot.held or robot.clearing else robot.queue.runnable()
+    records = (
+        *(robot.actions.get(action_id) for action_id in runnable),
+        *(robot.instant_actions.get(action_id) for action_id in robot.instant_queue),
+    )
+    return [
+        record
+        for record in records
+        if record
+        and (
+            record.status is ActionStatus.WAITING
+            or (record.status is ActionStatus.INITIALIZING and record.action.action_id in robot.restarts)
+        )
+    ]
 
 
-def _start(robot: RobotState, action_id: str) -> None:
-    record = robot.actions.get(action_id) or robot.instant_actions.get(action_id)
-    if record is None:
-        return
+def _standstill_overdue(robot: RobotState) -> bool:
+    """Stop the robot for an action that waits until it stands; return whether that has taken too long.
+
+    The driver itself limits the time of a halt. Another program's goal for which the order waits, and an
+    action that moves the robot, end on their own.
+    """
+    if robot.waits_for_external_goal or robot.action_may_move:
+        robot.standstill_by = inf
+    elif robot.standstill_by is None or robot.standstill_by == inf:
+        robot.standstill_by = robot.now + STANDSTILL_TIMEOUT
+        if not robot.goal.moving:
+            robot.request_halt()
+    return robot.now >= robot.standstill_by and not robot.goal.moving
+
+
+def _motion(robot: RobotState) -> str:
+    """Return what is known of the robot's movement."""
+    if goals := robot.reports.goals.external:
+        return f"navigation is driving to another program's goal ({goals[0].goal_id})"
+    velocity = robot.reports.velocity
+    if velocity.vx is None:
+        return "its velocity is unknown"
+    return f"its odometry shows {velocity.vx:.2f} m/s, {velocity.omega or 0.0:.2f} rad/s"
+
+
+def _begin(robot: RobotState, record: ActionRecord) -> None:
+    action_id = record.action.action_id
+    robot.restarts.discard(action_id)
+    states = robot.instant_actions if record.scope is ActionScope.INSTANT else robot.actions
+    states.change(action_id, ActionStatus.INITIALIZING)
+    _start(robot, record)
+
+
+def _start(robot: RobotState, record: ActionRecord) -> None:
+    action_id = record.action.action_id
     core_action = CORE_ACTIONS.get(record.action.action_type)
     if record.scope is not ActionScope.INSTANT and core_action:
         status, result = core_action(robot, record.action)
@@ -258,11 +324,14 @@ def _apply_hold(robot: RobotState, record: ActionRecord) -> None:
 def _continue(robot: RobotState, states: ActionStates, record: ActionRecord) -> None:
     action_id = record.action.action_id
     if _starts_after_pause(robot, record):
-        robot.interrupted.add(action_id)
+        robot.restarts.add(action_id)
         robot.actions.change(action_id, ActionStatus.PAUSED)
     elif _declares(robot, record, "restartable") and not robot.clearing:
         states.restart(action_id)
-        _start(robot, action_id)
+        if robot.needs_standstill(record):
+            robot.restarts.add(action_id)  # what the robot does is unknown
+        else:
+            _start(robot, record)
     else:
         result = "the agent was interrupted while the action was running"
         apply_report(robot, ActionReport(action_id, ActionStatus.FAILED, result))

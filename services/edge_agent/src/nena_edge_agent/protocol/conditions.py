@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from nena_edge_agent.driver.port import DriveLimits, PoseReport, SessionReport, SessionState
-from nena_edge_agent.protocol import edge_paths
+from nena_edge_agent.protocol import driving, edge_paths
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.geometry import radius
@@ -21,6 +21,7 @@ from nena_shared.vda5050.own_actions import CONFIGURE_ROS_SESSION, ROS_SESSION, 
 from nena_shared.vda5050.state import InfoLevel, Information
 
 ROBOT_NOT_STOPPED = "ROBOT_NOT_STOPPED"
+MOVES_WITHOUT_ORDER = "MOVES_WITHOUT_ORDER"
 ROBOT_BLOCKED = "ROBOT_BLOCKED"
 COLLISION_STOP = "COLLISION_STOP"
 COLLISION_MONITOR = "collisionMonitor"
@@ -46,6 +47,7 @@ def check_conditions(robot: RobotState) -> None:
     robot.errors.set_condition(ErrorType.LOCALIZATION_ERROR, _localization(robot))
     robot.errors.set_condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(robot))
     robot.errors.set_condition(ROBOT_NOT_STOPPED, _not_stopped(robot))
+    robot.errors.set_condition(MOVES_WITHOUT_ORDER, _adrift(robot))
     robot.errors.set_condition(ROBOT_BLOCKED, _blocked(robot))
     robot.errors.set_condition(COLLISION_STOP, _collision(robot))
     robot.errors.set_condition(DRIVE_RECOVERS, _recovery(robot))
@@ -169,6 +171,18 @@ def _not_stopped(robot: RobotState) -> ErrorEntry | None:
     ).with_level(ErrorLevel.FATAL)
 
 
+def _adrift(robot: RobotState) -> ErrorEntry | None:
+    """Report that a person must look at a robot that moves although nobody has told it to."""
+    if not driving.is_adrift(robot):
+        return None
+    return error(
+        MOVES_WITHOUT_ORDER,
+        "the robot moves, but it has no goal: neither its order nor another program's goal drives it",
+        hint="stop it at its emergency stop, then check the robot's base and Nav2's controller; if a person "
+        "drives it, set its mode to MANUAL first",
+    ).with_level(ErrorLevel.FATAL)
+
+
 def _blocked(robot: RobotState) -> ErrorEntry | None:
     blocked, node = robot.reports.blocked, robot.progress.next_node
     if blocked is None or node is None:
@@ -262,8 +276,8 @@ def _too_small(
 
 def _external_goal(robot: RobotState) -> ErrorEntry | None:
     """Report another program's goal that the order is waiting for."""
-    waits = robot.waits_for_external_goal and robot.progress.next_node is not None
-    if not waits or robot.goal.target is not None:
+    next_step = robot.progress.next_node is not None or robot.standstill_by is not None
+    if not (robot.waits_for_external_goal and next_step) or robot.goal.target is not None:
         return None
     (goal, *_) = robot.reports.goals.external
     return error(

@@ -156,6 +156,11 @@ class ActionDeclaration:
     timeout: float | None = None
     needs_idle: bool = False
 
+    @property
+    def only_instant(self) -> bool:
+        """Return whether it is offered only as an instant action; its blocking type is then NONE."""
+        return self.scopes == (ActionScope.INSTANT,)
+
     def problem(self, action: Action, scope: ActionScope) -> str | None:
         """Return why ``action`` cannot be executed in ``scope``, None if it can."""
         if self.unavailable:

@@ -10,7 +10,7 @@ from nena_edge_agent.protocol import actions, edge_paths, zones
 from nena_edge_agent.protocol.action_states import allow_driving
 from nena_edge_agent.protocol.capabilities import Capabilities, DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.events import Drive, Halt, LimitSpeed
+from nena_edge_agent.protocol.events import Drive, LimitSpeed
 from nena_edge_agent.protocol.geometry import (
     distance,
     heading_matches,
@@ -26,6 +26,8 @@ from nena_shared.vda5050.own_actions import BEHAVIOR_TREE, USE_BEHAVIOR_TREE
 
 HALT_TIMEOUT = 5.0
 """Seconds after which a halt without an answer is requested again."""
+ROLL_OUT_TIME = 5.0
+"""Seconds in which a robot may roll out after a drive; beyond, it counts as moving without an order."""
 POSES_AHEAD = 20
 """Maximum number of poses ahead in a goal; later ones are sent while the robot drives."""
 CORNER_CUT_DISTANCE = 0.7
@@ -60,7 +62,7 @@ def advance(robot: RobotState) -> None:
             _fail(robot, port.DriveFailure.TAKEN_OVER, text)
             return
         _enter_edge(robot)
-        if not robot.queue.driving_allowed or not _drive_to_next_node(robot):
+        if not robot.driving_allowed or not _drive_to_next_node(robot):
             return
 
 
@@ -68,26 +70,29 @@ def halt(robot: RobotState) -> None:
     """Stop the robot if it has a goal."""
     if robot.goal.target is not None:
         robot.goal.target = None
-        request_halt(robot)
+        robot.request_halt()
 
 
 def stop(robot: RobotState) -> None:
     """Stop the robot, also if its goal is from an earlier run and not adopted yet."""
     if robot.goal.pending and not robot.goal.halting:
         robot.goal.target = None
-        request_halt(robot)
+        robot.request_halt()
     halt(robot)
 
 
-def request_halt(robot: RobotState) -> None:
-    """Stop the robot even without a known goal: after a restart, what it does is unknown."""
-    robot.goal.halting_since = robot.now
-    robot.effects.append(Halt())
+def confirm_standstill(robot: RobotState) -> bool:
+    """Return whether the robot does not move for us; stop it if it moves without a goal or an action."""
+    if not robot.moves:
+        return True
+    if not robot.goal.moving and not robot.action_may_move:
+        robot.request_halt()
+    return False
 
 
 def has_unneeded_goal(robot: RobotState) -> bool:
     """Return whether navigation may still drive to an own goal that the order does not need."""
-    wanted = robot.progress.next_node is not None and robot.queue.driving_allowed
+    wanted = robot.progress.next_node is not None and robot.driving_allowed
     return robot.goal.own is not None and not wanted
 
 
@@ -116,15 +121,16 @@ def arrived(robot: RobotState, event: port.Arrived) -> None:
 
 
 def failed(robot: RobotState, event: port.DriveFailed) -> None:
-    """Schedule a retry, or report the failure (section 6.6.5.1).
+    """Stop the robot, and schedule a retry or report the failure (section 6.6.5.1).
 
     The order stays active: fleet control decides what to do.
     """
     if not robot.goal.is_current(event.generation):
         return
     robot.goal.settle()
-    if event.failure is port.DriveFailure.NAVIGATION_GONE:
-        request_halt(robot)  # the controller may drive on without the navigator
+    # the controller may drive on without the navigator, or the base without the controller (Nav2 aborts with
+    # code 0 when controller_server dies, and a base without a command time-out keeps its last speed)
+    robot.request_halt()
     pauses = robot.capabilities.external_goals is ExternalGoals.PAUSE
     retries, wait = robot.capabilities.drive_retries, robot.capabilities.retry_wait
     if event.transient:
@@ -140,7 +146,7 @@ def failed(robot: RobotState, event: port.DriveFailed) -> None:
 
 def halted(robot: RobotState) -> None:
     """Record that the robot has stopped and has no goal."""
-    robot.goal.halting_since, robot.goal.halt_problem = None, ""
+    robot.goal.halting_since, robot.goal.halt_problem, robot.goal.stood = None, "", True
     robot.goal.target, robot.goal.path = None, ()
     robot.goal.settle()
 
@@ -167,6 +173,30 @@ def pose_changed(robot: RobotState) -> None:
         _traverse(robot)
 
 
+def watch_movement(robot: RobotState) -> None:
+    """Record since when the robot moves although nothing drives it.
+
+    Once that is reported, only standstill ends it.
+    """
+    velocity = robot.reports.velocity
+    if velocity.vx is None:
+        return  # it is unknown whether the robot moves
+    if not velocity.moves:
+        robot.moves_since = None
+    elif not is_adrift(robot):
+        driven = robot.goal.moving or robot.goal.pending or bool(robot.reports.goals.external)
+        by_hand = not robot.next_mode.fleet_controls
+        if driven or by_hand or robot.action_may_move:
+            robot.moves_since = None
+        elif robot.moves_since is None:
+            robot.moves_since = robot.now
+
+
+def is_adrift(robot: RobotState) -> bool:
+    """Return whether the robot has moved for a while although nothing drives it."""
+    return robot.moves_since is not None and robot.now - robot.moves_since >= ROLL_OUT_TIME
+
+
 # Conditions
 
 
@@ -176,7 +206,10 @@ def _must_stop(robot: RobotState) -> bool:
         or robot.clearing
         or robot.link.must_stop(robot.now)
         or robot.reports.localized_pose is None
-        or ((robot.goal.target is not None or robot.goal.pending) and _is_barred(robot))
+        or (
+            (robot.goal.target is not None or robot.goal.pending)
+            and (_is_barred(robot) or not robot.instant_queue.driving_allowed)
+        )
     )
 
 
@@ -191,7 +224,7 @@ def _may_drive(robot: RobotState) -> bool:
         and (robot.goal.retry_at is None or robot.now >= robot.goal.retry_at)
         and robot.goal.failed_at != node.sequence_id
         and robot.goal.target is None
-        and robot.queue.driving_allowed
+        and robot.driving_allowed
         and not _is_barred(robot)
     )
 
@@ -210,7 +243,7 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
     capabilities = robot.capabilities
     on_path = edge_paths.follows(edge, capabilities)
     return (
-        robot.queue.driving_allowed
+        robot.driving_allowed
         and not robot.link.out_of_reach(robot.now)
         and allow_driving(node.actions)
         and allow_driving(beyond.actions)
@@ -272,7 +305,7 @@ def _base_length_left(robot: RobotState) -> float:
 def _repeat_unanswered_halt(robot: RobotState) -> None:
     since = robot.goal.halting_since
     if since is not None and robot.now - since >= HALT_TIMEOUT:
-        request_halt(robot)
+        robot.request_halt()
 
 
 def _enter_edge(robot: RobotState) -> None:
@@ -300,7 +333,7 @@ def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: port
     goal = robot.goal
     goal.generation += 1
     goal.ahead = _poses_ahead(robot)
-    goal.target, goal.retry_at = node.sequence_id, None
+    goal.target, goal.retry_at, goal.stood = node.sequence_id, None, False
     robot.progress.leave_node()
     robot.charging = False
     drive = _make_goal(robot, position, pose)

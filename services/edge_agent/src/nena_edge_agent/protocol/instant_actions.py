@@ -124,6 +124,9 @@ def _start(robot: RobotState, action: Action) -> None:
     core_action = _CORE_ACTIONS.get(action.action_type)
     if core_action:
         core_action(robot, action)
+    elif robot.holds_for(action):
+        robot.instant_queue.append((action,))
+        actions.schedule(robot)
     else:
         robot.instant_actions.change(action.action_id, ActionStatus.INITIALIZING)
         robot.effects.append(StartAction(action, robot.loads))
@@ -190,13 +193,15 @@ def apply_hold(robot: RobotState) -> None:
 
 def advance_pause(robot: RobotState) -> None:
     """Finish startPause when the robot has stopped (section 6.2.3)."""
-    if robot.paused and not robot.goal.moving:
+    if robot.paused and robot.running_instant_actions(START_PAUSE) and driving.confirm_standstill(robot):
         robot.end_instant_actions(START_PAUSE, ActionStatus.FINISHED)
 
 
 def _start_pause(robot: RobotState, action: Action) -> None:
     robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
     robot.paused = True
+    if robot.goal.halt_problem:
+        robot.request_halt()  # the driver answers again
 
 
 def _stop_pause(robot: RobotState, action: Action) -> None:

@@ -201,6 +201,8 @@ def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
     robot.instant_actions.add(_record(kept) for kept in memory.instant_actions)
     queued = (robot.actions.get(action_id) for action_id in memory.queue)
     robot.queue.append(record.action for record in queued if record)
+    begun = (record.action for record in robot.instant_actions if not record.status.ended)
+    robot.instant_queue.append(action for action in begun if robot.holds_for(action))
     return robot
 
 

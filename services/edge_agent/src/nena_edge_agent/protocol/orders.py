@@ -187,8 +187,8 @@ def begin_clearing(robot: RobotState) -> None:
         robot.clearing = True
         actions.cancel_all(robot)
         driving.stop(robot)
-    elif robot.goal.halt_problem:
-        driving.request_halt(robot)
+    if robot.goal.halt_problem:
+        robot.request_halt()  # the driver answers again
 
 
 def advance_clearing(robot: RobotState) -> None:
@@ -199,9 +199,11 @@ def advance_clearing(robot: RobotState) -> None:
     robot may be moved by hand.
     """
     by_hand = robot.next_mode.clears_order
-    if not robot.clearing or not robot.actions.all_ended or (robot.goal.moving and not by_hand):
+    if not robot.clearing or not robot.actions.all_ended:
         return
     cancelled = bool(robot.running_instant_actions(CANCEL_ORDER))
+    if not by_hand and (robot.goal.moving or (cancelled and not driving.confirm_standstill(robot))):
+        return
     robot.clearing = False
     robot.progress.clear(cancelled=cancelled)
     robot.queue.clear()

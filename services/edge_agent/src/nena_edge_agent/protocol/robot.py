@@ -62,7 +62,10 @@ class RobotCore:
         _HANDLERS[type(event)](robot, event)
         instant_actions.apply_hold(robot)
         zones.expire(robot)
+        if robot.standstill_by is not None:
+            actions.schedule(robot)
         driving.advance(robot)
+        driving.watch_movement(robot)
         instant_actions.advance_pause(robot)
         orders.advance_clearing(robot)
         orders.advance_mode(robot)
@@ -128,7 +131,8 @@ class RobotCore:
             return True
         retries = robot.goal.retry_at is not None
         own = robot.goal.halting or retries or robot.link.waits
-        return own or robot.position_request is not None or robot.zone_requests.waits
+        stands = robot.standstill_by is not None or robot.moves_since is not None
+        return own or stands or robot.position_request is not None or robot.zone_requests.waits
 
     @property
     def durable_version(self) -> tuple[object, ...]:
@@ -203,7 +207,7 @@ def _started(robot: RobotState, _: events.Started) -> None:
     robot.link.lost_since = robot.now
     instant_actions.position_interrupted(robot)
     if robot.clearing or robot.paused or driving.has_unneeded_goal(robot):
-        driving.request_halt(robot)
+        robot.request_halt()
     power.continue_after_restart(robot)
     actions.continue_after_restart(robot)
     actions.schedule(robot)
@@ -296,6 +300,8 @@ def _pose_reported(robot: RobotState, event: port.PoseReport) -> None:
 def _halt_failed(robot: RobotState, event: port.HaltFailed) -> None:
     """Fail the actions that wait for standstill; a cancelled order is cleared once that is confirmed."""
     driving.halt_failed(robot, event.description)
+    actions.fail_waiting(robot, f"the robot did not stop: {event.description}")
+    actions.schedule(robot)
     for action_type in (CANCEL_ORDER, START_PAUSE):
         robot.end_instant_actions(action_type, ActionStatus.FAILED, event.description)
     power.halt_failed(robot, event.description)
@@ -336,6 +342,7 @@ def _no_route_reported(robot: RobotState, event: port.NoRouteReport) -> None:
 def _goals_reported(robot: RobotState, event: port.GoalTable) -> None:
     robot.reports.goals = event
     robot.goal.listed(event.own)
+    robot.goal.stood = robot.goal.stood and not event.external
 
 
 _HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {

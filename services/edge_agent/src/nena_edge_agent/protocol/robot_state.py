@@ -8,14 +8,16 @@ from enum import StrEnum
 from math import hypot
 
 from nena_edge_agent.driver import port
-from nena_edge_agent.protocol.action_states import ActionQueue, ActionStates
+from nena_edge_agent.protocol.action_states import STOPS_DRIVING, ActionQueue, ActionRecord, ActionStates
 from nena_edge_agent.protocol.capabilities import Capabilities, ExternalGoals, LinkLossPolicy
+from nena_edge_agent.protocol.declaration import WAIT_FOR_TRIGGER
 from nena_edge_agent.protocol.errors import ActiveErrors
-from nena_edge_agent.protocol.events import Effect, SafetyReport
+from nena_edge_agent.protocol.events import Effect, Halt, SafetyReport
 from nena_edge_agent.protocol.order_progress import OrderHistory, OrderProgress
 from nena_edge_agent.protocol.zone_sets import ZoneRequests, ZoneSets
-from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorLevel
+from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode
 from nena_shared.vda5050.topics import Topic
@@ -73,6 +75,7 @@ class CurrentGoal:
         target: sequenceId of the node that the robot drives to, None without a goal.
         halting_since: time of a requested halt that is not confirmed yet.
         halt_problem: why standstill cannot be confirmed, if the driver has reported that.
+        stood: the driver has confirmed a standstill since the last goal, own or another program's.
         failed_at: sequenceId of a node that was not reached; it is not retried until the order changes.
         failures: number of failed drives to the next node.
         retries: maximum number of retries after the last failure.
@@ -90,6 +93,7 @@ class CurrentGoal:
     target: int | None = None
     halting_since: float | None = None
     halt_problem: str = ""
+    stood: bool = False
     failed_at: int | None = None
     failures: int = 0
     retries: int = 0
@@ -261,7 +265,12 @@ class RobotState:
 
     Attributes:
         queue: actions of reached nodes and entered edges that have not ended.
-        interrupted: actions that a restart has interrupted during a pause; they start again after it.
+        instant_queue: instant actions that have not ended and during which the robot must not drive.
+        restarts: active actions that start again as soon as they may: a restart of the agent has interrupted
+            them, or fleet control retries them.
+        standstill_by: monotonic time, s, by which the robot must stand for an action that waits for it to;
+            infinite while the robot waits for something else to end; None: no action waits.
+        moves_since: monotonic time, s, since which it moves although nothing drives it; None: it does not.
         known_instant_ids: recent actionIds of instant actions, oldest first.
         wanted_mode: mode that a person has selected and the state does not report yet.
         paused: fleet control's own pause.
@@ -285,7 +294,10 @@ class RobotState:
     history: OrderHistory = field(default_factory=OrderHistory)
     actions: ActionStates = field(default_factory=ActionStates)
     queue: ActionQueue = field(default_factory=ActionQueue)
-    interrupted: set[str] = field(default_factory=set)
+    instant_queue: ActionQueue = field(default_factory=ActionQueue)
+    restarts: set[str] = field(default_factory=set)
+    standstill_by: float | None = None
+    moves_since: float | None = None
     instant_actions: ActionStates = field(default_factory=ActionStates)
     known_instant_ids: dict[str, None] = field(default_factory=dict)
     errors: ActiveErrors = field(default_factory=ActiveErrors)
@@ -351,6 +363,58 @@ class RobotState:
         """Return whether the order waits until another program's goal has ended."""
         pauses = self.capabilities.external_goals is ExternalGoals.PAUSE
         return pauses and bool(self.reports.goals.external)
+
+    @property
+    def driving_allowed(self) -> bool:
+        """Return whether no SOFT or HARD action is left, of the order or instant (section 6.2.2)."""
+        return self.queue.driving_allowed and self.instant_queue.driving_allowed
+
+    @property
+    def moves(self) -> bool:
+        """Return whether the robot drives for us, or moves by its odometry without another program's goal."""
+        return self.goal.moving or (self.reports.velocity.moves and not self.reports.goals.external)
+
+    @property
+    def stands(self) -> bool:
+        """Return whether it is known that the robot stands and that nothing drives it."""
+        if self.goal.moving or self.reports.goals.external:
+            return False
+        velocity = self.reports.velocity
+        return self.goal.stood if velocity.vx is None else not velocity.moves
+
+    @property
+    def action_may_move(self) -> bool:
+        """Return whether a SOFT or HARD action is running: such an action may move the robot (section 6.2.2).
+
+        While one does, the robot must not be told to stop: the action would lose its goal.
+        """
+        return any(
+            record.status in (ActionStatus.INITIALIZING, ActionStatus.RUNNING)
+            and record.action.action_id not in self.restarts
+            and record.action.action_type != WAIT_FOR_TRIGGER
+            for record in (*self.actions, *self.instant_actions)
+            if self.needs_standstill(record)
+        )
+
+    def needs_standstill(self, record: ActionRecord) -> bool:
+        """Return whether the robot must not drive during the action (section 6.2.2)."""
+        if record.scope is ActionScope.INSTANT:
+            return record.action.action_id in self.instant_queue
+        return record.action.blocking_type in STOPS_DRIVING
+
+    def holds_for(self, instant_action: Action) -> bool:
+        """Return whether the robot must not drive during an instant action (2.x section 6.12).
+
+        3.0 reads each of them as NONE, and so does the factsheet with those that are never part of an order.
+        """
+        declaration = self.capabilities.actions.get(instant_action.action_type)
+        blocks = instant_action.blocking_type in STOPS_DRIVING
+        return blocks and declaration is not None and not declaration.only_instant
+
+    def request_halt(self) -> None:
+        """Stop the robot even without a known goal: after a restart or a failure, what it does is unknown."""
+        self.goal.halting_since = self.now
+        self.effects.append(Halt())
 
     @property
     def next_mode(self) -> OperatingMode:
