@@ -52,7 +52,10 @@ class Silent:
         self._accepts = accepts
         self.called: list[str] = []
 
-    def create_client(self, _node: None, kind: Any, path: str) -> Any:
+    def subscribe(self, *_: object, **__: object) -> None:
+        """Do nothing: the status array lists no goal."""
+
+    def create_client(self, _node: object, kind: Any, path: str) -> Any:
         """Return a client that has found its service."""
         made = SimpleNamespace(goal_info=SimpleNamespace(goal_id=None))
         service = SimpleNamespace(Request=lambda: made)
@@ -82,11 +85,16 @@ async def test_a_goal_without_feedback_is_cancelled(
     )
     monkeypatch.setattr(ros_port, "installed", lambda _find, _name: (None, kind))
     monkeypatch.setattr(ros_port, "_message", lambda *_: None)
-    monkeypatch.setitem(sys.modules, "action_msgs.srv", SimpleNamespace(CancelGoal=None))
+    monkeypatch.setattr(ros_port, "RESULT_WAIT", 0.0)
+    names = {"action_msgs.srv": ["CancelGoal"], "action_msgs.msg": ["GoalStatusArray"]}
+    names["nena_edge_agent.nav2.messages"] = ["status_entries"]
+    names["nena_edge_agent.nav2.node"] = ["LATCHED", "STATUS_ARRAYS"]
+    for module, attributes in names.items():
+        monkeypatch.setitem(sys.modules, module, SimpleNamespace(**dict.fromkeys(attributes)))
     session = Silent(accepts=accepts)
     port = PluginRos()
     action = port.action("lift", "acme_msgs/action/Lift")
-    port.enter(session, None)  # type: ignore[arg-type]
+    port.enter(session, SimpleNamespace(get_publishers_info_by_topic=lambda _: []))  # type: ignore[arg-type]
 
     with pytest.raises(RosError):
         await action.run({})

@@ -51,7 +51,7 @@ def declaration_of(settings: Nav2OperationSettings) -> ActionDeclaration:
         blocking_types=settings.blocking_types,
         cancel_allowed=True,
         load=settings.load_change,
-        timeout=settings.timeout,
+        timeout=settings.time_limit,
         description=settings.description or _SERVERS[settings.behavior][2],
     )
 
@@ -87,9 +87,8 @@ class Nav2Operation:
         try:
             result = await self._client.run(_goal(self._settings, action))
         except ActionFailedError as error:
-            meaning = meaning_of(
-                int(error.result.get("error_code", 0)), str(error.result.get("error_msg", ""))
-            )
+            code, text = error.result.get("error_code", 0), error.result.get("error_msg", "")
+            meaning = None if error.cancelled else meaning_of(int(code), str(text))
             raise WorkFailedError(f"{error}: {_words(*meaning)}" if meaning else str(error)) from error
         except RosError as error:
             raise WorkFailedError(str(error)) from error
@@ -101,7 +100,7 @@ class Nav2Operation:
 
 def _goal(settings: Nav2OperationSettings, action: Action) -> dict[str, JsonValue]:
     """Return the fields of the goal."""
-    seconds = int(settings.timeout)
+    seconds = int(settings.time_limit)
     match settings.behavior:
         case Behaviour.DOCK:
             return {
@@ -109,10 +108,10 @@ def _goal(settings: Nav2OperationSettings, action: Action) -> dict[str, JsonValu
                 "dock_id": str(action.parameter(DOCK_ID) or settings.dock_id),
                 "dock_type": settings.dock_type,
                 "navigate_to_staging_pose": settings.drives_to_dock,
-                "max_staging_time": settings.timeout,
+                "max_staging_time": settings.time_limit,
             }
         case Behaviour.UNDOCK:
-            return {"dock_type": settings.dock_type, "max_undocking_time": settings.timeout}
+            return {"dock_type": settings.dock_type, "max_undocking_time": settings.time_limit}
         case Behaviour.SPIN:
             return {"target_yaw": _number(action, ANGLE), "time_allowance": {"sec": seconds}}
         case _:

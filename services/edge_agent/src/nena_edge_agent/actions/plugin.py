@@ -36,11 +36,16 @@ class RosError(Exception):
 
 
 class ActionFailedError(RosError):
-    """A goal of a ROS action did not succeed; ``result`` has the fields of its result."""
+    """A goal of a ROS action did not succeed; ``result`` has the fields of its result, empty if it was lost.
 
-    def __init__(self, message: str, result: Fields) -> None:
+    Another client has ``cancelled`` the goal, or else the server has aborted it. The fields do not tell: a
+    cancelled goal may carry an error code of an earlier failure, and an aborted one none.
+    """
+
+    def __init__(self, message: str, result: Fields, *, cancelled: bool = False) -> None:
         super().__init__(message)
         self.result = result
+        self.cancelled = cancelled
 
 
 class DriveError(Exception):
@@ -94,10 +99,12 @@ class RosActionClient(Protocol):
     async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
         """Send a goal, wait for its end, and return its result; when cancelled, cancel the goal first.
 
+        The result is empty if the goal succeeded, as its status shows, and the result was lost.
+
         Raises:
             ActionFailedError: the goal was aborted, or cancelled by another client.
-            RosError: there is no ROS session now, no node offers the action, the server refuses the goal, or
-                the fields do not fit the type.
+            RosError: there is no ROS session now, no node offers the action, the server refuses the goal or
+                ends during it, or the fields do not fit the type.
         """
         ...
 

@@ -35,7 +35,11 @@ from nena_edge_agent.actions.plugin import (
     TopicQos,
 )
 from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.nav2.goals import GoalEntry
+from nena_edge_agent.nav2.presence import endpoints
+from nena_edge_agent.nav2.settings import status_of
 from nena_shared.log import get_logger
+from nena_shared.ros import GoalStatus
 
 if TYPE_CHECKING:
     from nena_edge_agent.nav2.session import RosSession
@@ -55,9 +59,12 @@ ANSWERS_WITHIN = 5.0
 """Timeout for an action server to accept or cancel a goal, seconds."""
 LONGEST_GOAL = 86_400.0
 """Timeout for the result of a goal, seconds; actions have their own timeouts."""
-SUCCEEDED = 4
-ENDS = {5: "cancelled", 6: "aborted"}
-"""Meaning of each status of a goal that did not succeed."""
+ENDS = {GoalStatus.CANCELED: "cancelled", GoalStatus.ABORTED: "aborted"}
+"""What a server has done with a goal that did not succeed."""
+GLANCE = 0.2
+"""Interval between checks of the status array and of the server while a result is awaited, seconds."""
+RESULT_WAIT = 2.0
+"""Timeout for the result after the status array has listed the end of the goal, or the reverse, seconds."""
 
 THERE = (SessionState.INITIATING, SessionState.ACTIVE)
 """States in which the session has a node."""
@@ -256,12 +263,30 @@ class _Action:
         self._port = port
         self._name = name
         self._goal, self._kind = installed(action_type, type_name)
+        self._package = type_name.partition("/")[0]
         self._send: Any = None
+        self._node: Any = None
+        self._statuses: dict[str, GoalStatus] = {}
+        """The goals that are awaited, by their IDs, with their last status in the server's array."""
 
     def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
-        from action_msgs.srv import CancelGoal  # noqa: PLC0415 - needs rclpy
+        from action_msgs.msg import GoalStatusArray  # noqa: PLC0415 - needs rclpy
+        from action_msgs.srv import CancelGoal  # noqa: PLC0415
+
+        from nena_edge_agent.nav2.messages import status_entries  # noqa: PLC0415
+        from nena_edge_agent.nav2.node import LATCHED, STATUS_ARRAYS  # noqa: PLC0415
 
         services, hidden = self._kind.Impl, f"{self._name}/_action"
+        self._node = node
+        session.subscribe(
+            node,
+            GoalStatusArray,
+            status_of(self._name),
+            LATCHED,
+            read=status_entries,
+            handle=self._on_statuses,
+            limit=STATUS_ARRAYS,
+        )
         self._send = session.create_client(node, services.SendGoalService, f"{hidden}/send_goal")
         self._results = session.create_client(node, services.GetResultService, f"{hidden}/get_result")
         self._cancel = session.create_client(node, CancelGoal, f"{hidden}/cancel_goal")
@@ -273,6 +298,8 @@ class _Action:
             await _found(client, f"the action {self._name}", FOUND_WITHIN)
         request = self._kind.Impl.SendGoalService.Request(goal=goal)
         request.goal_id.uuid = list(uuid4().bytes)
+        key = bytes(request.goal_id.uuid).hex()
+        self._statuses[key] = GoalStatus.UNKNOWN
         try:
             answer = await session.call(self._send, request, seconds=ANSWERS_WITHIN)
             if answer is None or not answer.accepted:
@@ -285,28 +312,90 @@ class _Action:
         except asyncio.CancelledError:
             await self._cancelled(session, request.goal_id)
             raise
+        finally:
+            del self._statuses[key]
 
     async def _result(self, session: RosSession, goal_id: Any) -> Fields:  # noqa: ANN401
-        asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
-        answer = await session.call(self._results, asked, seconds=LONGEST_GOAL)
-        if answer is None:
+        try:
+            status, answer = await self._end(session, goal_id, LONGEST_GOAL)
+        except RosError:
             await self._cancelled(session, goal_id)
-            message = f"no result from {self._name}"
-            raise RosError(message)
-        result = read(answer.result)
-        if answer.status != SUCCEEDED:
-            message = f"{self._name} has {ENDS.get(answer.status, 'lost')} its goal"
-            raise ActionFailedError(message, result)
-        return result
+            raise
+        result, missing = {} if answer is None else read(answer.result), ""
+        if answer is None:
+            missing = (
+                f"its result did not arrive: compare the version of {self._package} on this computer with "
+                "that of the server"
+            )
+        elif answer.status != status:  # its fields are defaults
+            result, missing = {}, "the server has dropped its result (action_server_result_timeout)"
+        if missing:
+            log.warning("no result of a goal", action=self._name, status=status.name, reason=missing)
+        if status is GoalStatus.SUCCEEDED:
+            return result
+        message = f"{self._name} has {ENDS[status]} its goal"
+        cancelled = status is GoalStatus.CANCELED
+        raise ActionFailedError(f"{message}; {missing}" if missing else message, result, cancelled=cancelled)
+
+    async def _end(self, session: RosSession, goal_id: Any, seconds: float) -> tuple[GoalStatus, Any]:  # noqa: ANN401
+        """Wait for the end of a goal; return its status, and the answer with its result or None.
+
+        DDS drops an answer silently if its type is defined differently here and there, and a server that
+        ends leaves none. So the status array ends a goal as well, and the server is watched.
+
+        Raises:
+            RosError: the end is unknown.
+
+        """
+        key, servers = bytes(goal_id.uuid).hex(), self._servers()
+        asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
+        call = asyncio.ensure_future(session.call(self._results, asked, seconds=seconds))
+        try:
+            while not call.done() and not self._statuses[key].terminal:
+                await asyncio.wait((call,), timeout=GLANCE)
+                seen = self._servers()
+                servers = servers or seen
+                if seen - servers or (servers and not seen):
+                    message = f"the server of {self._name} has ended or was restarted during the goal"
+                    raise RosError(message)
+            await asyncio.wait((call,), timeout=RESULT_WAIT)
+            answer = call.result() if call.done() else None
+        finally:
+            call.cancel()
+        if answer is not None and GoalStatus.of(answer.status).terminal:
+            return GoalStatus.of(answer.status), answer
+        for _ in range(int(RESULT_WAIT / GLANCE)):  # the array may follow an answer without a status
+            if self._statuses[key].terminal:
+                return self._statuses[key], answer
+            await asyncio.sleep(GLANCE)
+        message = f"{self._name} has sent no result, and its status array does not show the end of the goal"
+        raise RosError(message)
 
     async def _cancelled(self, session: RosSession, goal_id: Any) -> None:  # noqa: ANN401
         request = self._cancel.srv_type.Request()
         request.goal_info.goal_id = goal_id
-        asked = self._kind.Impl.GetResultService.Request(goal_id=goal_id)
         if await session.call(self._cancel, request, seconds=ANSWERS_WITHIN) is None:
             log.warning("a goal was not cancelled: the action server does not answer", action=self._name)
-        elif await session.call(self._results, asked, seconds=ANSWERS_WITHIN) is None:
-            log.warning("a goal was cancelled; its end was not confirmed", action=self._name)
+            return
+        try:
+            await self._end(session, goal_id, ANSWERS_WITHIN - RESULT_WAIT)
+        except RosError as error:
+            text = "a goal was cancelled; its end was not confirmed"
+            log.warning(text, action=self._name, reason=str(error))
+
+    def _servers(self) -> frozenset[str]:
+        """Return the endpoint IDs of the status array's publishers.
+
+        Raises:
+            RosError: there is no session now.
+
+        """
+        self._port.session()
+        return endpoints(self._node.get_publishers_info_by_topic(status_of(self._name)))
+
+    def _on_statuses(self, entries: list[GoalEntry]) -> None:
+        awaited = (each for each in entries if each.goal_id in self._statuses)
+        self._statuses.update({each.goal_id: each.status for each in awaited})
 
 
 async def _found(client: Any, what: str, seconds: float) -> None:  # noqa: ANN401

@@ -284,6 +284,20 @@ class Behaviour(StrEnum):
     DRIVE_ON_HEADING = "drive_on_heading"
 
 
+TIMEOUTS = {
+    Behaviour.DOCK: 300.0,
+    Behaviour.UNDOCK: 60.0,
+    Behaviour.SPIN: 60.0,
+    Behaviour.BACK_UP: 120.0,
+    Behaviour.DRIVE_ON_HEADING: 120.0,
+}
+"""Default timeout of each, seconds.
+
+Docking may begin with a drive through the hall, for which Nav2 itself allows 1000 s; it allows 30 s for
+undocking. The others cover the default ``maximum`` at the default ``speed``.
+"""
+
+
 class Nav2OperationSettings(OperationBase):
     """An action of one of Nav2's own servers; needs nav2_msgs."""
 
@@ -306,7 +320,16 @@ class Nav2OperationSettings(OperationBase):
     maximum: float = Field(
         math.tau, gt=0, le=100, description="Maximum angle (rad) or distance (m) in orders."
     )
-    timeout: float = Field(120.0, gt=0, le=86_400, allow_inf_nan=False, description="Timeout, seconds.")
+    timeout: Seconds | None = Field(
+        None,
+        description="Timeout, seconds. Unset: 300 (dock), 60 (undock, spin) or 120 (back_up, "
+        "drive_on_heading).",
+    )
+
+    @property
+    def time_limit(self) -> float:
+        """Return the timeout, seconds."""
+        return self.timeout or TIMEOUTS[self.behavior]
 
     @model_validator(mode="after")
     def _stands(self) -> Self:
