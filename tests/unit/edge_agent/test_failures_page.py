@@ -15,6 +15,7 @@ from nena_edge_agent.protocol.conditions import (
     EXTERNAL_GOAL,
     ROBOT_BLOCKED,
 )
+from nena_edge_agent.protocol.zones import NOT_AVOIDED
 from nena_shared.vda5050.error import ErrorType
 
 ROOT = Path(__file__).parents[3]
@@ -29,6 +30,7 @@ ERRORS = (
     ROBOT_BLOCKED,
     COLLISION_STOP,
     DRIVE_RECOVERS,
+    NOT_AVOIDED,
 )
 
 

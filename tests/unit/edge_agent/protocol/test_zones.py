@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.driver.port import Halted
+from nena_edge_agent.driver.port import Halted, KeepOutReport
 from nena_edge_agent.protocol.events import (
     ActionReport,
     Halt,
@@ -16,9 +16,11 @@ from nena_edge_agent.protocol.events import (
     OperatingModeSwitched,
     ResponsesReceived,
     Started,
+    TimePassed,
     ZoneSetReceived,
 )
 from nena_edge_agent.protocol.zone_sets import REQUEST_RETRY_DELAY
+from nena_edge_agent.protocol.zones import KEEP_OUT_TIMEOUT
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.versions import RULES
@@ -28,7 +30,7 @@ from nena_shared.vda5050.zone_set import (
     Zone,
     ZoneReleaseLossBehavior,
 )
-from support.robot_core import Bench, action, at, order
+from support.robot_core import Bench, action, at, order, position
 from support.zones import responses, transfer, zone, zone_set
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
@@ -569,15 +571,108 @@ def test_a_set_with_a_zone_that_the_robot_does_not_support_is_refused(
 
 
 class TestKeepOut:
+    WALL = zone("wall", "BLOCKED", 4, 6)
+    USED, UNUSED = KeepOutReport(""), KeepOutReport("no node subscribes to /zone_filter_info")
+
+    def robot(self, **more: Any) -> Bench:
+        """Return a robot with a zone set of one BLOCKED zone that is being enabled."""
+        robot = Bench(rules=RULES["3.0.0"], keeps_out=True, **more)
+        robot.do(Started(NOON), ZoneSetReceived(transfer(self.WALL)))
+        robot.instant(action("e", "NONE", "enableZoneSet", zoneSetId="s1"))
+        return robot
+
     @pytest.mark.clause("6.4/BLOCKED")
     def test_navigation_gets_only_the_blocked_zones_of_enabled_sets(self) -> None:
-        robot = with_zones(zone("wall", "BLOCKED", 4, 6), GATE, keeps_out=True)
+        robot = self.robot()
+        robot.do(self.USED)
         assert [len(each.areas) for each in robot.effects_of(KeepOut)] == [1]
 
         robot.do(at(1.0))
         enable(robot, GATE, zone_set_id="s2")
 
         assert [len(each.areas) for each in robot.effects_of(KeepOut)] == [1, 0]
+
+    @pytest.mark.clause("6.2.3/enableZoneSet")
+    def test_a_set_is_enabled_only_once_navigation_plans_around_its_blocked_zones(self) -> None:
+        robot = self.robot()
+        assert (robot.status("e"), held(robot)) == ("RUNNING", {"s1": "DISABLED"})
+        assert [len(each.areas) for each in robot.effects_of(KeepOut)] == [1]  # so that navigation can
+
+        robot.do(self.USED)
+
+        assert (robot.status("e"), held(robot)) == ("FINISHED", {"s1": "ENABLED"})
+        assert len(robot.effects_of(KeepOut)) == 1
+
+    @pytest.mark.parametrize("answers", [(), (UNUSED,)])
+    def test_a_set_that_navigation_cannot_obey_is_not_enabled(
+        self, answers: tuple[KeepOutReport, ...]
+    ) -> None:
+        robot = self.robot()
+        robot.do(*answers)
+        assert robot.core.waits
+        robot.now += KEEP_OUT_TIMEOUT
+
+        robot.do(TimePassed())
+
+        assert (robot.status("e"), held(robot)) == ("FAILED", {"s1": "DISABLED"})
+        assert [len(each.areas) for each in robot.effects_of(KeepOut)] == [1, 0]
+        assert robot.errors == ["ACTION_FAILED"]
+        (entry,) = robot.state.errors
+        assert (answers[0].problem if answers else "has not confirmed") in str(entry.error_description)
+        robot.send(order("n0", "n1"))  # the zone does not count
+        assert robot.goals
+
+    def test_sets_of_two_maps_are_enabled_together(self) -> None:
+        robot = self.robot()
+        robot.do(ZoneSetReceived(transfer(self.WALL, zone_set_id="s2", map_id="cellar")))
+        robot.instant(action("e2", "NONE", "enableZoneSet", zoneSetId="s2"))
+        assert [len(each.areas) for each in robot.effects_of(KeepOut)] == [1, 2]
+
+        robot.do(self.USED)
+
+        assert held(robot) == {"s1": "ENABLED", "s2": "ENABLED"}
+        assert (robot.status("e"), robot.status("e2")) == ("FINISHED", "FINISHED")
+
+    def test_an_action_of_an_order_waits_as_well(self) -> None:
+        robot = Bench(rules=RULES["3.0.0"], keeps_out=True)
+        robot.do(Started(NOON), ZoneSetReceived(transfer(self.WALL)))
+        enabling = action("e", "HARD", "enableZoneSet", zoneSetId="s1")
+        robot.send(order("n0", "n9", positions={"n9": position(0.0, 9.0)}, node_actions={"n0": [enabling]}))
+        assert (robot.status("e"), robot.goals) == ("RUNNING", [])
+
+        robot.do(self.USED)
+
+        assert robot.status("e") == "FINISHED"
+        assert robot.goal.pose.y == 9.0
+
+    def test_a_restart_of_the_agent_does_not_end_the_wait(self) -> None:
+        robot = Bench(rules=RULES["3.0.0"], keeps_out=True, memory=self.robot().core.memory())
+        robot.do(Started(NOON))
+        assert robot.status("e") == "RUNNING"
+
+        robot.do(self.USED)
+
+        assert (robot.status("e"), held(robot)) == ("FINISHED", {"s1": "ENABLED"})
+
+    def test_a_set_without_blocked_zones_needs_nobody(self) -> None:
+        robot = Bench(rules=RULES["3.0.0"], keeps_out=True)
+        enable(robot, GATE)
+        assert held(robot) == {"s1": "ENABLED"}
+
+    def test_a_robot_whose_navigation_no_longer_plans_around_zones_stands_until_it_does(self) -> None:
+        robot = self.robot()
+        robot.do(self.USED)
+        robot.send(order("n0", "n9", positions={"n9": position(0.0, 9.0)}))
+        drives = len(robot.goals)
+
+        robot.do(self.UNUSED)
+        assert robot.effects_of(Halt)
+        robot.do(Halted())
+        assert robot.errors == ["BLOCKED_ZONES_NOT_AVOIDED"]
+        assert held(robot) == {"s1": "ENABLED"}
+
+        robot.do(self.USED)
+        assert (robot.errors, len(robot.goals)) == ([], drives + 1)
 
     def test_a_driver_without_support_is_not_called(self) -> None:
         robot = with_zones(zone("wall", "BLOCKED", 4, 6))

@@ -56,6 +56,8 @@ class RosView:
     """Number of publishers of the status of the controller's FollowPath action."""
     collision_monitor: bool = False
     """Whether a collision monitor publishes its state."""
+    unused_mask: str = ""
+    """Why no node plans around the BLOCKED zones that the agent publishes, or could publish."""
     clock_offset: float | None = None
     """Seconds by which the newest odometry stamp is ahead of this program's clock; None: no odometry."""
 
@@ -212,6 +214,9 @@ def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFindi
     elif settings.nav2.follow_path and not view.path_servers:
         problem = f"ros.nav2.follow_path is set, and no node has the action {path_action}"
         remedy = "check that controller_server is active; ros.names.follow_path names its action"
+    elif view.unused_mask:
+        problem = f"it drives through BLOCKED zones: {view.unused_mask}"
+        remedy = "add a keep-out filter to Nav2's global costmap, see docs/nav2.md; restart Nav2"
     else:
         return ok(Link.NAVIGATION, text)
     return LinkFinding(Link.NAVIGATION, LinkVerdict.DOUBTFUL, f"{text}, and {problem}", remedy)

@@ -15,6 +15,7 @@ from std_srvs.srv import Empty, Trigger
 
 from nena_edge_agent.doctor.navigation import Grid, RosView
 from nena_edge_agent.nav2 import messages
+from nena_edge_agent.nav2.keep_out import misplaced_filter, unused_mask
 from nena_edge_agent.nav2.node import LATCHED, RELIABLE, SENSOR
 from nena_edge_agent.nav2.offers import FOLLOW_PATH, interface
 from nena_edge_agent.nav2.parameters import ParameterReader
@@ -110,6 +111,7 @@ class _Probe:
             path_types=interface(FOLLOW_PATH) is not None,
             path_servers=self._path_servers(),
             collision_monitor=self._node.count_publishers(self._settings.names.collision_monitor) > 0,
+            unused_mask=self._unused_mask(),
             clock_offset=self._clock_offset,
         )
 
@@ -117,7 +119,8 @@ class _Probe:
         seen = (self._pose, self._grid, self._clock_offset)
         ready = self._lifecycle.service_is_ready() and self._goals.get_subscription_count()
         paths = self._path_servers() or not self._settings.nav2.follow_path
-        return bool(self._nodes() and self._servers() and ready and paths) and None not in seen
+        zones = not self._unused_mask()
+        return bool(self._nodes() and self._servers() and ready and paths and zones) and None not in seen
 
     def _nodes(self) -> tuple[str, ...]:
         found = self._node.get_node_names_and_namespaces()
@@ -134,6 +137,14 @@ class _Probe:
 
     def _path_servers(self) -> int:
         return len(self._node.get_publishers_info_by_topic(status_of(self._settings.names.follow_path)))
+
+    def _unused_mask(self) -> str:
+        """Return why nobody uses the keep-out mask, if the agent publishes it or a costmap waits for it."""
+        names = self._settings.names
+        published = self._node.count_publishers(self._node.resolve_topic_name(names.zone_filter_info))
+        if not self._settings.nav2.keep_out or not (published or misplaced_filter(self._node, names)):
+            return ""
+        return unused_mask(self._node, names, *self._own)
 
     def _elsewhere(self) -> tuple[str, ...]:
         end = "/" + self._settings.names.status.removeprefix("/")

@@ -276,6 +276,13 @@ class CollisionReport:
 
 
 @dataclass(frozen=True, slots=True)
+class KeepOutReport:
+    """Whether navigation plans around the areas of :meth:`Driver.keep_out`; ``problem``: why not."""
+
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
 class PositionInitialized:
     """Whether the localisation accepted the pose of :meth:`Driver.initialize_position`, or why not."""
 
@@ -345,6 +352,7 @@ FrameIndependentEvent = (
     | BlockedReport
     | DriveProgress
     | CollisionReport
+    | KeepOutReport
     | DriveLimits
     | PositionInitialized
     | GoalTable
@@ -400,7 +408,8 @@ class Driver(BaseDriver, Protocol):
     def keep_out(self, areas: tuple[Area, ...]) -> None:
         """Make navigation plan around ``areas``, and around no others.
 
-        Called only for drivers that support it.
+        Called only for drivers that support it. Answered by :class:`KeepOutReport` while there are areas, and
+        again at each change.
         """
         ...
 

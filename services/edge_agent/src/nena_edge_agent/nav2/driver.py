@@ -28,6 +28,7 @@ from nena_edge_agent.driver.port import (
     DriveFailed,
     DriveFailure,
     Halted,
+    KeepOutReport,
     NavigationReport,
     PositionInitialized,
     SessionReport,
@@ -135,6 +136,7 @@ class Nav2Driver:
         self._too_fast = ""
         self._areas: tuple[MapArea, ...] = ()
         self._keep_out = KeepOutMask(settings) if nav2_offers(settings).keeps_out else None
+        self._kept_out: KeepOutReport | None = None
         self._map_id = map_server.map_id if map_server is not None else map_id
         self._unplaced = map_server is not None and map_server.unplaced
         self._emit, self._clock, self._log = emit, clock, get_logger(__name__)
@@ -254,6 +256,8 @@ class Nav2Driver:
     def keep_out(self, areas: tuple[MapArea, ...]) -> None:
         """Make Nav2 plan around areas; called only if it accepts a mask."""
         self._areas = areas
+        if not areas:
+            self._kept_out = None
         if self._keep_out is not None:
             shown = self._keep_out.show(areas, self._map_id)
             self._tasks.start("draw the keep-out mask", shown, vital=False)
@@ -399,10 +403,19 @@ class Nav2Driver:
                 await self._read_limits(report)
                 self._on_navigation(seen.servers, self._while_map_stays(report))
                 self._watch_localiser(seen)
+                self._watch_keep_out()
                 self._watch_drive()
                 if self._collision is not None:
                     self._collision.look()
         await asyncio.sleep(self._settings.watch_period)
+
+    def _watch_keep_out(self) -> None:
+        """Report whether Nav2 plans around the areas to avoid."""
+        report = self._keep_out.look(self._clock.monotonic()) if self._keep_out and self._areas else None
+        if report is not None and report != self._kept_out:
+            self._kept_out = report
+            self._log.info("keep-out mask is used" if not report.problem else "keep-out mask is not used")
+            self._report(report)
 
     async def _check_servers(self) -> None:
         """Check the driving servers more often than the rest of Nav2, to stop soon after a crash."""

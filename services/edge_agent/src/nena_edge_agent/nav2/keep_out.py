@@ -5,16 +5,16 @@ from __future__ import annotations
 import array
 import asyncio
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from nena_edge_agent.driver.map_port import MapArea
-from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.driver.port import KeepOutReport, SessionState
 from nena_edge_agent.nav2.offers import FILTER_INFO, interface
-from nena_edge_agent.nav2.settings import RosSettings
+from nena_edge_agent.nav2.presence import DISCOVERY
+from nena_edge_agent.nav2.settings import RosNames, RosSettings
 from nena_shared.log import get_logger
 
 if TYPE_CHECKING:
@@ -90,6 +90,47 @@ def _draw(rows: list[bytearray], sides: Iterable[tuple[Point, Point]]) -> None:
             rows[min(row, len(rows) - 1)][min(column, len(rows[0]) - 1)] = CLOSED
 
 
+NO_COSTMAPS = ("_", "rosbag2_")
+"""Beginnings of the names of nodes that only show or record messages: command line tools, recorders."""
+
+
+def unused_mask(node: Any, names: RosNames, *own: str) -> str:  # noqa: ANN401 - rclpy carries no types
+    """Return why no node in the graph plans around the published mask; empty if one does.
+
+    A node has to subscribe to both topics: programs that display a mask do not need its description. ``own``
+    are names of nodes that do not count.
+    """
+    info, mask = (node.resolve_topic_name(each) for each in (names.zone_filter_info, names.zone_mask))
+    informed = _readers(node, info, own)
+    if informed & _readers(node, mask, own):
+        return ""
+    if informed:
+        return f"a node subscribes to {info}, but not to the mask {mask} that it names"
+    text = f"no node subscribes to {info}; set the costmap's filter_info_topic to this name"
+    misplaced = misplaced_filter(node, names)
+    return f"{text}, with the leading '/': now it is {misplaced}" if misplaced else text
+
+
+def misplaced_filter(node: Any, names: RosNames) -> str:  # noqa: ANN401
+    """Return the topic on which a costmap waits for a mask in vain; empty if none does.
+
+    A costmap's node has a namespace of its own, in which Nav2 looks for a name without a leading '/'.
+    """
+    space, _, name = node.resolve_topic_name(names.zone_filter_info).rpartition("/")
+    topics = (topic for topic, _ in node.get_topic_names_and_types())
+    ours = (each for each in topics if each.startswith(f"{space}/") and each.endswith(f"_costmap/{name}"))
+    return next((each for each in ours if node.count_subscribers(each)), "")
+
+
+def _readers(node: Any, topic: str, own: Collection[str]) -> set[tuple[str, str]]:  # noqa: ANN401
+    """Return namespace and name of each node that subscribes to a topic."""
+    return {
+        (each.node_namespace, each.node_name)
+        for each in node.get_subscriptions_info_by_topic(topic)
+        if each.node_name not in own and not each.node_name.startswith(NO_COSTMAPS)
+    }
+
+
 class KeepOutMask:
     """Publishes the mask and its description, latched, once the robot has areas to avoid."""
 
@@ -99,26 +140,26 @@ class KeepOutMask:
         self._wanted: list[tuple[Point, ...]] = []
         """Areas of the newest mask, drawn or pending."""
         self._session: RosSession | None = None
-        self._create_publisher: Callable[[Any, str, Any], Any]
+        self._node: Any = None
+        self._unused_since: float | None = None
         self._masks: Any = None
         self._info: Any = None
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Use a new node; publish on it once there is a mask."""
-        self._session, self._masks = session, None
-        self._create_publisher = partial(session.create_publisher, node)
+        self._session, self._node, self._masks, self._unused_since = session, node, None, None
         if self._mask is not None:
-            self._publish(self._mask)
+            self._publish(session, self._mask)
 
-    async def show(self, areas: Iterable[MapArea], map_id: str) -> None:
+    async def show(self, areas: Collection[MapArea], map_id: str) -> None:
         """Publish the areas of one map as the only ones to avoid.
 
-        A thread draws the mask, because a large one takes 0.1 s. It is not published if it is replaced
-        meanwhile.
+        If all areas are on other maps, the mask is empty: costmaps take it before the map changes. A thread
+        draws the mask, because a large one takes 0.1 s. It is not published if it is replaced meanwhile.
         """
-        polygons = [each.points for each in areas if each.map_id == map_id]
-        if not polygons and self._mask is None and not self._wanted:
+        if not areas and self._mask is None and not self._wanted:
             return
+        polygons = [each.points for each in areas if each.map_id == map_id]
         self._wanted = polygons
         mask = await asyncio.to_thread(mask_of, polygons, self._settings.nav2.mask_resolution)
         if polygons is not self._wanted:
@@ -126,21 +167,36 @@ class KeepOutMask:
         self._mask = mask
         log.info("keep-out mask", areas=len(polygons), width=self._mask.width, height=self._mask.height)
         if self._session is not None and self._session.state is SessionState.ACTIVE:
-            self._publish(self._mask)
+            self._publish(self._session, self._mask)
 
-    def _create_publishers(self) -> None:
+    def look(self, now: float) -> KeepOutReport | None:
+        """Return whether a node plans around the mask; None if that is not known yet, or none is published.
+
+        ``now`` is the monotonic time in s.
+        """
+        if self._masks is None or self._session is None or self._session.state is not SessionState.ACTIVE:
+            self._unused_since = None
+            return None
+        problem = unused_mask(self._node, self._settings.names, self._settings.node_name)
+        if not problem:
+            self._unused_since = None
+            return KeepOutReport("")
+        self._unused_since = now if self._unused_since is None else self._unused_since
+        return KeepOutReport(problem) if now - self._unused_since >= DISCOVERY else None
+
+    def _create_publishers(self, session: RosSession) -> None:
         from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
 
         from nena_edge_agent.nav2.node import LATCHED  # noqa: PLC0415
 
-        names, create = self._settings.names, self._create_publisher
+        names, create = self._settings.names, session.create_publisher
         self._grid, self._info = OccupancyGrid, interface(FILTER_INFO)
-        self._masks = create(OccupancyGrid, names.zone_mask, LATCHED)
-        self._infos = create(self._info, names.zone_filter_info, LATCHED)
+        self._masks = create(self._node, OccupancyGrid, names.zone_mask, LATCHED)
+        self._infos = create(self._node, self._info, names.zone_filter_info, LATCHED)
 
-    def _publish(self, mask: Mask) -> None:
+    def _publish(self, session: RosSession, mask: Mask) -> None:
         if self._masks is None:
-            self._create_publishers()
+            self._create_publishers(session)
         grid = self._grid()
         grid.header.frame_id = self._settings.frame
         grid.info.resolution, grid.info.width, grid.info.height = mask.resolution, mask.width, mask.height

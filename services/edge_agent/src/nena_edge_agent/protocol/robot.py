@@ -64,6 +64,7 @@ class RobotCore:
         zones.expire(robot)
         if robot.standstill_by is not None:
             actions.schedule(robot)
+        _end_zone_set_requests(robot)
         driving.advance(robot)
         driving.watch_movement(robot)
         instant_actions.advance_pause(robot)
@@ -132,7 +133,8 @@ class RobotCore:
         retries = robot.goal.retry_at is not None
         own = robot.goal.halting or retries or robot.link.waits
         stands = robot.standstill_by is not None or robot.moves_since is not None
-        return own or stands or robot.position_request is not None or robot.zone_requests.waits
+        zones_wait = robot.zone_requests.waits or bool(robot.zone_set_requests)
+        return own or stands or zones_wait or robot.position_request is not None
 
     @property
     def durable_version(self) -> tuple[object, ...]:
@@ -202,10 +204,17 @@ def _time_passed(_robot: RobotState, _event: events.TimePassed) -> None:
     """Do nothing: only the time has changed."""
 
 
+def _end_zone_set_requests(robot: RobotState) -> None:
+    for report in zones.end_requests(robot):
+        actions.apply_report(robot, report)
+        actions.schedule(robot)
+
+
 def _started(robot: RobotState, _: events.Started) -> None:
     """Continue interrupted work; what the robot has done since is unknown."""
     robot.link.lost_since = robot.now
     instant_actions.position_interrupted(robot)
+    zones.continue_after_restart(robot)
     if robot.clearing or robot.paused or driving.has_unneeded_goal(robot):
         robot.request_halt()
     power.continue_after_restart(robot)
@@ -317,6 +326,10 @@ def _collision_reported(robot: RobotState, event: port.CollisionReport) -> None:
     robot.reports.collision = None if event.stops is False else event
 
 
+def _keep_out_reported(robot: RobotState, event: port.KeepOutReport) -> None:
+    robot.reports.keep_out = event
+
+
 def _progress_reported(robot: RobotState, event: port.DriveProgress) -> None:
     before = robot.reports.progress
     if event.recoveries > (before.recoveries if before else 0):
@@ -378,6 +391,7 @@ _HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
     port.DriveLimits: _limits_reported,
     port.BlockedReport: _blocked_reported,
     port.CollisionReport: _collision_reported,
+    port.KeepOutReport: _keep_out_reported,
     port.NoRouteReport: _no_route_reported,
     port.PoseReport: _pose_reported,
     port.BatteryReport: _battery_reported,

@@ -47,6 +47,7 @@ class Reports:
     goals: port.GoalTable = NO_GOALS
     blocked: port.BlockedReport | None = None
     collision: port.CollisionReport | None = None
+    keep_out: port.KeepOutReport | None = None
     plan: port.PlanReport | None = None
     progress: port.DriveProgress | None = None
     recovered_at: float | None = None
@@ -234,6 +235,15 @@ class PositionRequest:
     requested_at: float
 
 
+@dataclass(frozen=True, slots=True)
+class ZoneSetRequest:
+    """A running enableZoneSet; ``requested_at`` is monotonic, s."""
+
+    action_id: str
+    zone_set_id: str
+    requested_at: float
+
+
 class PowerPhase(StrEnum):
     """The phase of hibernation or shutdown (section 6.2.3)."""
 
@@ -283,7 +293,8 @@ class RobotState:
         zones_checked: zones were relevant at the last event.
         speed_limit: speed limit of zones and edges, m/s.
         edge_ends: ends of traversed edges whose speed limits still hold.
-        areas: areas that navigation plans around, by the zone sets of ``areas_revision``.
+        zone_set_requests: zone sets to enable once navigation plans around their BLOCKED zones.
+        areas: areas that navigation plans around, by the zone sets and requests of ``areas_revision``.
         utc: time of day with the monotonic time, s, at which it was read; None: unknown.
         now: monotonic time of the current event, s.
         effects: effects of the current event.
@@ -323,8 +334,9 @@ class RobotState:
     zones_checked: bool = False
     speed_limit: float | None = None
     edge_ends: tuple[EdgeEnd, ...] = ()
+    zone_set_requests: tuple[ZoneSetRequest, ...] = ()
     areas: tuple[port.Area, ...] = ()
-    areas_revision: int = 0
+    areas_revision: tuple[int, tuple[ZoneSetRequest, ...]] = (0, ())
     utc: tuple[datetime, float] | None = None
     now: float = 0.0
     effects: list[Effect] = field(default_factory=list)

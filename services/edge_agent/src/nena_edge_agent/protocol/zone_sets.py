@@ -124,6 +124,11 @@ class ZoneSets:
         self._enabled[zone_set.map_id] = zone_set_id
         self._changed()
 
+    def zones_of(self, zone_set_id: str) -> tuple[EnabledZone, ...]:
+        """Return the zones that a set has once it is enabled; none if the robot does not have it."""
+        zone_set = self._sets.get(zone_set_id)
+        return tuple(_enabled_zone(zone_set, zone) for zone in zone_set.zones) if zone_set else ()
+
     def delete(self, zone_set_id: str) -> None:
         """Delete a set (section 6.2.3).
 

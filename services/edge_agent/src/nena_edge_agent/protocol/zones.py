@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import datetime
+from functools import partial
 from itertools import islice
 
 from nena_edge_agent.driver.port import Area, Pose
 from nena_edge_agent.protocol import edge_paths
+from nena_edge_agent.protocol.declaration import ENABLE_ZONE_SET
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.events import KeepOut
+from nena_edge_agent.protocol.events import ActionReport, KeepOut
 from nena_edge_agent.protocol.geometry import distance
-from nena_edge_agent.protocol.robot_state import RobotState
+from nena_edge_agent.protocol.robot_state import RobotState, ZoneSetRequest
 from nena_edge_agent.protocol.zone_sets import (
     LOST,
     DuplicateZoneSetError,
@@ -23,7 +25,7 @@ from nena_edge_agent.protocol.zone_sets import (
     zones_in,
 )
 from nena_shared.vda5050.action import Action, ActionStatus
-from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.request import RequestStatus
 from nena_shared.vda5050.responses import Responses
@@ -32,6 +34,11 @@ from nena_shared.vda5050.zone_set import ZoneReleaseLossBehavior, ZoneSet, ZoneT
 EDGES_AHEAD = 2
 """Number of edges of the base whose zones the robot requests: the current one and the next one."""
 ZONE_SET_ID = "zoneSetId"
+KEEP_OUT_TIMEOUT = 10.0
+"""Time for navigation to plan around BLOCKED zones before their set can be enabled, seconds."""
+NO_ANSWER = "navigation has not confirmed that it plans around BLOCKED zones: is its session active?"
+NOT_AVOIDED = "BLOCKED_ZONES_NOT_AVOIDED"
+"""Type of the error while navigation does not plan around BLOCKED zones of enabled sets."""
 _ERROR_TYPES: dict[type[ZoneSetRefusedError], ErrorType] = {
     DuplicateZoneSetError: ErrorType.DUPLICATE_ZONE_SET,
     ZoneSetLimitError: ErrorType.INSUFFICIENT_MEMORY,
@@ -53,18 +60,47 @@ def accept(robot: RobotState, zone_set: ZoneSet) -> str | None:
 
 
 def enable(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]:
-    """Enable the zone set that ``action`` names (section 6.2.3); return the action's status and result."""
-    return _change(robot.zone_sets.enable, action)
+    """Enable the zone set that ``action`` names (section 6.2.3); return the action's status and result.
+
+    A set with BLOCKED zones is enabled only once navigation, which plans its own paths, plans around them.
+    """
+    zone_set_id = str(action.parameter(ZONE_SET_ID))
+    if not robot.capabilities.keeps_out or not _blocked(robot.zone_sets.zones_of(zone_set_id)):
+        return _result_of(partial(robot.zone_sets.enable, zone_set_id))
+    robot.zone_set_requests += (ZoneSetRequest(action.action_id, zone_set_id, robot.now),)
+    return ActionStatus.RUNNING, None
+
+
+def end_requests(robot: RobotState) -> list[ActionReport]:
+    """Enable requested zone sets if navigation plans around BLOCKED zones; return the ends of the actions."""
+    answer, ended = robot.reports.keep_out, []
+    for request in robot.zone_set_requests:
+        if answer is not None and not answer.problem:
+            end = _result_of(partial(robot.zone_sets.enable, request.zone_set_id))
+        elif robot.now - request.requested_at >= KEEP_OUT_TIMEOUT:
+            end = ActionStatus.FAILED, answer.problem if answer else NO_ANSWER
+        else:
+            continue
+        robot.zone_set_requests = tuple(each for each in robot.zone_set_requests if each is not request)
+        ended.append(ActionReport(request.action_id, *end))
+    return ended
+
+
+def continue_after_restart(robot: RobotState) -> None:
+    """Wait again for navigation, for each enableZoneSet that the restart has interrupted."""
+    for record in (*robot.actions, *robot.instant_actions):
+        if record.action.action_type == ENABLE_ZONE_SET and record.status is ActionStatus.RUNNING:
+            enable(robot, record.action)
 
 
 def delete(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]:
     """Delete the zone set that ``action`` names (section 6.2.3); return the action's status and result."""
-    return _change(robot.zone_sets.delete, action)
+    return _result_of(partial(robot.zone_sets.delete, str(action.parameter(ZONE_SET_ID))))
 
 
-def _change(change: Callable[[str], None], action: Action) -> tuple[ActionStatus, str | None]:
+def _result_of(change: Callable[[], None]) -> tuple[ActionStatus, str | None]:
     try:
-        change(str(action.parameter(ZONE_SET_ID)))
+        change()
     except ZoneSetRefusedError as problem:
         return ActionStatus.FAILED, str(problem)
     return ActionStatus.FINISHED, None
@@ -110,6 +146,7 @@ def advance(robot: RobotState) -> None:
     robot.errors.set_condition(ErrorType.RELEASE_LOST, _lost_release(robot, inside))
     robot.errors.set_condition(ErrorType.RELEASE_LOSS_HANDLING, _handled_loss(robot, inside))
     robot.errors.set_condition(ErrorType.NODE_UNREACHABLE, _closed_path(robot))
+    robot.errors.set_condition(NOT_AVOIDED, _not_avoided(robot))
 
 
 def _update_requests(robot: RobotState, inside: list[EnabledZone]) -> None:
@@ -155,21 +192,26 @@ def must_stop(robot: RobotState) -> bool:
     pose, node = robot.reports.localized_pose, robot.progress.next_node
     if not robot.zone_sets.enabled or pose is None:
         return False
-    if any(each.zone.zone_type is ZoneType.BLOCKED for each in _inside(robot)):
+    if _not_avoided(robot) or _blocked(_inside(robot)):
         return True
     return bool(node and node.node_position and first_barred(robot, pose, node.node_position, edge=0))
 
 
 def keep_out(robot: RobotState) -> None:
-    """Make navigation plan around the BLOCKED zones of the enabled sets (section 6.4)."""
-    if not robot.capabilities.keeps_out or robot.zone_sets.revision == robot.areas_revision:
+    """Make navigation plan around the BLOCKED zones of the sets that are or will be enabled (section 6.4)."""
+    revision = (robot.zone_sets.revision, robot.zone_set_requests)
+    if not robot.capabilities.keeps_out or revision == robot.areas_revision:
         return
-    robot.areas_revision = robot.zone_sets.revision
-    blocked = (each for each in robot.zone_sets.enabled if each.zone.zone_type is ZoneType.BLOCKED)
-    areas = tuple(Area(each.map_id, each.contour) for each in blocked)
+    robot.areas_revision = revision
+    blocked = _blocked(robot.zone_sets.enabled)
+    for request in robot.zone_set_requests:
+        blocked += _blocked(robot.zone_sets.zones_of(request.zone_set_id))
+    areas = tuple(dict.fromkeys(Area(each.map_id, each.contour) for each in blocked))
     if areas != robot.areas:
         robot.areas = areas
         robot.effects.append(KeepOut(areas))
+    if not areas:
+        robot.reports.keep_out = None
 
 
 def speed_limits(robot: RobotState) -> list[float]:
@@ -311,8 +353,20 @@ def _closed_path(robot: RobotState) -> ErrorEntry | None:
     )
 
 
+def _not_avoided(robot: RobotState) -> ErrorEntry | None:
+    """Report that navigation does not plan around the BLOCKED zones of the enabled sets."""
+    answer = robot.reports.keep_out
+    if answer is None or not answer.problem or not _blocked(robot.zone_sets.enabled):
+        return None
+    return error(
+        NOT_AVOIDED,
+        f"the robot does not drive, because navigation would enter BLOCKED zones: {answer.problem}",
+        hint="correct Nav2's parameters and restart it, or enable a zone set without BLOCKED zones",
+    ).with_level(ErrorLevel.CRITICAL)
+
+
 def _violation(inside: list[EnabledZone]) -> ErrorEntry | None:
-    zone = next(iter(_of_type(inside, ZoneType.BLOCKED)), None)
+    zone = next(iter(_blocked(inside)), None)
     if zone is None:
         return None
     return error(
@@ -327,5 +381,9 @@ def _keys(zones: list[EnabledZone]) -> frozenset[ZoneKey]:
     return frozenset(each.key for each in zones if each.zone.zone_type is ZoneType.RELEASE)
 
 
-def _of_type(zones: list[EnabledZone], wanted: ZoneType) -> list[EnabledZone]:
+def _blocked(zones: Iterable[EnabledZone]) -> list[EnabledZone]:
+    return _of_type(zones, ZoneType.BLOCKED)
+
+
+def _of_type(zones: Iterable[EnabledZone], wanted: ZoneType) -> list[EnabledZone]:
     return [each for each in zones if each.zone.zone_type is wanted]

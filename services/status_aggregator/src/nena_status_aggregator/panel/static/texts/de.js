@@ -371,6 +371,7 @@ export const TEXTS = {
   "errorAdvice.UNKNOWN_MAP_ID": "Laden Sie die Karte auf den Roboter und aktivieren Sie sie.",
   "errorAdvice.OUTSIDE_OF_CORRIDOR": "Bringen Sie ihn von Hand auf seine Route zurück.",
   "errorAdvice.BLOCKED_ZONE_VIOLATION": "Bringen Sie ihn von Hand aus der Zone.",
+  "errorAdvice.BLOCKED_ZONES_NOT_AVOIDED": "Korrigieren Sie den Keep-out-Filter in den Parametern von Nav2, und starten Sie Nav2 neu.",
   "errorAdvice.ACTION_FAILED": "Das Ergebnis der Aktion steht unten.",
 
   "why.title": "Warum fährt er nicht?",

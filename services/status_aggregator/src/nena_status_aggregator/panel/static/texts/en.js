@@ -371,6 +371,7 @@ export const TEXTS = {
   "errorAdvice.UNKNOWN_MAP_ID": "Download the map to the robot and enable it.",
   "errorAdvice.OUTSIDE_OF_CORRIDOR": "Move it back onto its route by hand.",
   "errorAdvice.BLOCKED_ZONE_VIOLATION": "Move it out of the zone by hand.",
+  "errorAdvice.BLOCKED_ZONES_NOT_AVOIDED": "Correct the keep-out filter in Nav2's parameters, then restart Nav2.",
   "errorAdvice.ACTION_FAILED": "See the result of the action below.",
 
   "why.title": "Why is it not moving?",

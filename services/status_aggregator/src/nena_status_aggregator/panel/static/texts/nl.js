@@ -371,6 +371,7 @@ export const TEXTS = {
   "errorAdvice.UNKNOWN_MAP_ID": "Download de kaart naar de robot en activeer die.",
   "errorAdvice.OUTSIDE_OF_CORRIDOR": "Breng hem handmatig terug op de route.",
   "errorAdvice.BLOCKED_ZONE_VIOLATION": "Breng hem handmatig uit de zone.",
+  "errorAdvice.BLOCKED_ZONES_NOT_AVOIDED": "Corrigeer het keep-out-filter in de parameters van Nav2 en start Nav2 opnieuw.",
   "errorAdvice.ACTION_FAILED": "Zie het resultaat van de actie hieronder.",
 
   "why.title": "Waarom staat hij stil?",
