@@ -16,11 +16,12 @@ from nena_edge_agent.doctor.navigation import RosView, judge_clock, judge_map, j
 from nena_edge_agent.doctor.program import examine
 from nena_edge_agent.doctor.ros_probe import _Probe, look
 from nena_edge_agent.nav2.session_control import SessionStore
-from nena_edge_agent.nav2.settings import RosAddress, RosSettings
+from nena_edge_agent.nav2.settings import RosAddress, RosNames, RosSettings
 from nena_shared.vda5050.topics import RobotKey
+from support.action_types import needs_nav2_types
 from support.broker import Broker
 from support.edge_agent import agent_settings
-from support.ros import BEST_EFFORT, RosPeer
+from support.ros import BEST_EFFORT, LATCHED, RosPeer
 from support.simulator import simulated_robot
 from support.waiting import PATIENCE
 
@@ -63,6 +64,24 @@ async def test_healthy_robot(domain_id: int) -> None:
     assert (view.grid.width, view.grid.height) == pytest.approx((60, 60), abs=1)
     assert view.clock_offset is not None
     assert judge_clock(kept=True, ros_offset=view.clock_offset).verdict is OK
+
+
+@needs_nav2_types
+async def test_keep_out_filter_with_a_relative_name(domain_id: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    from nav2_msgs.msg import CostmapFilterInfo  # noqa: PLC0415 - not everywhere
+
+    names = RosNames(zone_filter_info="my_zones")
+    settings = RosSettings(namespace="r1", domain_id=domain_id, names=names, call_timeout=CALLS)
+    with (
+        simulated_robot(domain_id, "r1"),
+        RosPeer(domain_id, "/r1/global_costmap", "global_costmap") as costmap,
+    ):
+        costmap.subscribe(CostmapFilterInfo, "my_zones", LATCHED)
+        expect(monkeypatch, lambda probe: probe._unused_mask() and probe._goals.get_subscription_count())
+        view = await look(settings)
+
+    assert view.unused_mask.startswith("no node subscribes to /r1/my_zones")
+    assert view.unused_mask.endswith("now it is /r1/global_costmap/my_zones")
 
 
 async def test_robot_in_the_domain_of_the_environment(

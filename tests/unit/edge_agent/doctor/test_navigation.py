@@ -47,6 +47,15 @@ def test_a_healthy_robot() -> None:
     assert place == "the robot is at 1.00 m, 2.00 m, 29 degrees, ± 0.20 m and 6 degrees"
 
 
+def test_a_keep_out_mask_that_nobody_uses_is_doubtful() -> None:
+    findings = judge_robot(replace(WELL, unused_mask="no node subscribes to /r1/zone_filter_info"), SETTINGS)
+
+    (nav2,) = (each for each in findings if each.link is Link.NAVIGATION)
+    assert nav2.verdict is LinkVerdict.DOUBTFUL
+    assert "drives through BLOCKED zones: no node subscribes to /r1/zone_filter_info" in nav2.text
+    assert "docs/nav2.md" in nav2.remedy
+
+
 @pytest.mark.parametrize("lifecycle", [Lifecycle.INACTIVE, Lifecycle.SILENT])
 def test_a_missing_pose_is_reported_before_an_inactive_nav2(lifecycle: Lifecycle) -> None:
     findings = judge_robot(replace(WELL, lifecycle=lifecycle, pose=None), SETTINGS)

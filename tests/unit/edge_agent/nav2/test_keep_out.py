@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -12,8 +13,8 @@ from hypothesis import strategies as st
 
 from nena_edge_agent.driver.map_port import MapArea
 from nena_edge_agent.nav2 import keep_out
-from nena_edge_agent.nav2.keep_out import CLOSED, NOTHING, KeepOutMask, Mask, mask_of
-from nena_edge_agent.nav2.settings import RosSettings
+from nena_edge_agent.nav2.keep_out import CLOSED, NOTHING, KeepOutMask, Mask, mask_of, unused_mask
+from nena_edge_agent.nav2.settings import RosNames, RosSettings
 from support.waiting import PATIENCE
 
 SQUARE = ((1.0, 1.0), (3.0, 1.0), (3.0, 2.0), (1.0, 2.0))
@@ -68,6 +69,74 @@ def test_each_cell_inside_is_closed(along: float, up: float, resolution: float) 
     mask = mask_of([SQUARE], resolution)
     assert len(mask.cells) == mask.width * mask.height
     assert closed(mask, 1.0 + 2.0 * along, 1.0 + up)
+
+
+INFO, MASK = "/r1/zone_filter_info", "/r1/zone_filter_mask"
+RVIZ, COSTMAP = ("/", "rviz2"), ("/r1/global_costmap", "global_costmap")
+
+
+class Graph:
+    """A node of the namespace /r1, and the topics to which other nodes (namespace and name) subscribe."""
+
+    def __init__(self, *subscriptions: tuple[str, tuple[str, str]], published: bool = True) -> None:
+        self._subscriptions = subscriptions
+        self._published = published
+
+    def resolve_topic_name(self, name: str) -> str:
+        return name if name.startswith("/") else f"/r1/{name}"
+
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        return [(topic, []) for topic, _ in self._subscriptions]
+
+    def get_subscriptions_info_by_topic(self, topic: str) -> list[SimpleNamespace]:
+        found = [node for each, node in self._subscriptions if each == topic]
+        return [SimpleNamespace(node_namespace=space, node_name=name) for space, name in found]
+
+    def count_subscribers(self, topic: str) -> int:
+        return len(self.get_subscriptions_info_by_topic(topic))
+
+    def count_publishers(self, topic: str) -> int:
+        return int(self._published and topic in (INFO, MASK))
+
+
+@pytest.mark.parametrize(
+    "graph",
+    [
+        Graph((INFO, COSTMAP), (MASK, COSTMAP)),
+        Graph(
+            (INFO, COSTMAP), (MASK, COSTMAP), ("/r1/local_costmap/zone_filter_info", COSTMAP), (MASK, RVIZ)
+        ),
+        Graph((INFO, COSTMAP), published=False),  # it does not know the mask's name yet
+    ],
+)
+def test_a_costmap_that_reads_the_mask_and_its_description_uses_it(graph: Graph) -> None:
+    assert unused_mask(graph, RosNames(), "agent") == ""
+
+
+@pytest.mark.parametrize(
+    ("graph", "problem"),
+    [
+        (Graph(), f"no node subscribes to {INFO}; set the costmap's filter_info_topic to this name"),
+        (Graph((MASK, RVIZ)), f"no node subscribes to {INFO}"),
+        (Graph((INFO, ("/", "agent")), (MASK, ("/", "agent"))), f"no node subscribes to {INFO}"),
+        (Graph((INFO, ("/", "_ros2cli_7")), (MASK, ("/", "_ros2cli_7"))), f"no node subscribes to {INFO}"),
+        (
+            Graph(*((each, ("/", "rosbag2_recorder")) for each in (INFO, MASK))),
+            f"no node subscribes to {INFO}",
+        ),
+        (Graph((INFO, COSTMAP), (MASK, RVIZ)), f"subscribes to {INFO}, but not to the mask {MASK}"),
+        (
+            Graph(("/r1/global_costmap/zone_filter_info", COSTMAP)),
+            "with the leading '/': now it is /r1/global_costmap/zone_filter_info",
+        ),
+        (
+            Graph(("/r2/global_costmap/zone_filter_info", COSTMAP)),
+            "set the costmap's filter_info_topic to this",
+        ),
+    ],
+)
+def test_a_mask_that_nobody_plans_around_is_told_with_its_cause(graph: Graph, problem: str) -> None:
+    assert problem in unused_mask(graph, RosNames(), "agent")
 
 
 async def test_a_mask_is_drawn_in_a_thread_and_not_published_once_replaced(

@@ -95,14 +95,14 @@ NO_COSTMAPS = ("_", "rosbag2_")
 
 
 def unused_mask(node: Any, names: RosNames, *own: str) -> str:  # noqa: ANN401 - rclpy carries no types
-    """Return why no node in the graph plans around the published mask; empty if one does.
+    """Return why no node in the graph plans around the mask once it is published; empty if one does.
 
     A node has to subscribe to both topics: programs that display a mask do not need its description. ``own``
     are names of nodes that do not count.
     """
     info, mask = (node.resolve_topic_name(each) for each in (names.zone_filter_info, names.zone_mask))
     informed = _readers(node, info, own)
-    if informed & _readers(node, mask, own):
+    if informed & _readers(node, mask, own) or (informed and not node.count_publishers(mask)):
         return ""
     if informed:
         return f"a node subscribes to {info}, but not to the mask {mask} that it names"
