@@ -143,6 +143,10 @@ class Link(Protocol):
         """Subscribe to ``topic_filter``; see :meth:`MqttLink.subscribe`."""
         ...
 
+    def subscribe_by_name(self, topic: str) -> None:
+        """Also subscribe to ``topic`` by its name; see :meth:`MqttLink.subscribe_by_name`."""
+        ...
+
     def publish(self, message: Outbound) -> None:
         """Send ``message`` if the link is up, or later; see :meth:`MqttLink.publish`."""
         ...

@@ -1106,8 +1106,9 @@ def test_a_robot_that_drives_on_after_an_aborted_goal_is_stopped_and_reported(ta
     talk.rolls(1.0)
     assert talk.motion_stopped, "the controller may be alive"
     talk.rolls(4.0)
-    assert isinstance(talk.events[-1], HaltFailed)
-    assert "0.50 m/s" in talk.events[-1].description
+    failure = talk.events[-1]
+    assert isinstance(failure, HaltFailed)
+    assert "0.50 m/s" in failure.description
     talk.stands()
     assert talk.events[-1] == Halted()
 
