@@ -81,7 +81,7 @@ class Standing:
     point: str
     on_point: bool
     pose: MobileRobotPosition | None
-    distance_m: float = 0.0
+    distance_m: float = field(default=0.0, compare=False)
     """Distance from the pose to the point, m."""
 
 
