@@ -161,7 +161,8 @@ async def test_no_goal_is_sent_before_a_new_localisation_has_transforms(
         for each in ("navigate_to_pose", "navigate_through_poses")
     ]
     wait = GoalSettings().localisation_wait
-    ros = {"navigation": navigation, "goals": {**ROS["goals"], "localisation_wait": wait}}
+    goal_settings = {**ROS["goals"], "localisation_wait": wait}
+    ros = {"navigation": navigation, "goals": goal_settings, "pose_source": "topic"}
     async with bench.robot(ros=ros) as fleet:
         bench.fault("server_died", server="amcl")
         await fleet.state(lambda state: "is not running" in str(state["errors"]))
