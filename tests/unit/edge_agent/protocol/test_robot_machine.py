@@ -345,7 +345,9 @@ class RobotMachine(RuleBasedStateMachine):
             self.starts[action_id] = 0
         kind = "retry" if again else "skipRetry"
         self.follow(self.bench.instant(action(f"i{self.next_number()}", "NONE", kind, actionId=action_id)))
-        assert self.bench.statuses()[action_id] == ("RUNNING" if again else "FAILED")
+        waits = self.oracle.base_actions[action_id].blocking_type in STANDING and not self.stands
+        retried = "INITIALIZING" if waits else "RUNNING"
+        assert self.bench.statuses()[action_id] == (retried if again else "FAILED")
 
     def report(self, action_id: str, status: ActionStatus) -> None:
         self.answer(self.bench.do(ActionReport(action_id, status)))
@@ -353,8 +355,7 @@ class RobotMachine(RuleBasedStateMachine):
     def may_start(self, started: Action) -> None:
         action_id = started.action_id
         if started.blocking_type in STANDING:
-            moves = self.speed or self.driving or self.foreign
-            assert not moves, f"{started} starts while the robot moves"
+            assert self.stands, f"{started} starts while the robot moves"
         self.starts[action_id] += 1
         assert self.starts[action_id] == 1
         assert action_id not in self.ended
@@ -384,6 +385,11 @@ class RobotMachine(RuleBasedStateMachine):
             for each in states
             if each.action_id in self.instants and each.action_status in statuses
         ]
+
+    @property
+    def stands(self) -> bool:
+        halting = self.bench.core.robot.goal.halting
+        return not (self.speed or halting or self.driving or self.foreign)
 
     @property
     def driving(self) -> bool:
