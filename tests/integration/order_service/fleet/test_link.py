@@ -12,6 +12,7 @@ from structlog.testing import capture_logs
 from nena_order_service.fleet.outputs import VdaOrderFailed
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
+from nena_shared.mqtt import Inbound
 from nena_shared.plant import Vehicle
 from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.vda5050.connection import ConnectionState
@@ -39,6 +40,15 @@ async def hasty_fleet(broker: Broker, interface_name: str) -> AsyncIterator[Wire
         yield wired
 
 
+async def cancel_sent(peer: MqttPeer) -> Inbound:
+    """Return the message with cancelOrder; a robot that connects may be asked for its state before."""
+    topic = "+/+/+/+/instantActions"
+    return await until(
+        lambda: next((each for each in peer.received(topic) if b"cancelOrder" in each.payload), None),
+        what="cancelOrder",
+    )
+
+
 async def free(fleet: WiredFleet, robot: RobotKey = ROBOT) -> None:
     await until(lambda: fleet.fleet.view(robot).availability.can_take_order, what="a free robot")
 
@@ -51,7 +61,7 @@ async def test_a_vda_order_is_executed_to_its_end(fleet: WiredFleet, robot: Wire
     for _ in range(3):
         robot.step()
     await fleet.wait_for("VdaOrderFinished")
-    assert robot.received == {"m": 1}
+    assert robot.received["m"] == 1
     assert fleet.story() == [
         "VdaOrderAccepted",
         "NodePassed",
@@ -73,14 +83,14 @@ async def test_sent_messages_conform_to_the_standard(
         fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B", operation="pick"))
         first = await peer.wait_for(f"{interface_name}/v2/Honest/robot-1/order")
         fleet.fleet.cancel_vda_order(ROBOT)
-        second = await peer.wait_for(f"{interface_name}/v2/Honest/robot-1/instantActions")
+        second = await cancel_sent(peer)
     order, cancel = json.loads(first.payload), json.loads(second.payload)
     assert not first.retained
     assert (order["version"], order["manufacturer"], order["serialNumber"]) == ("2.1.0", "Honest", "robot-1")
     assert (order["orderId"], order["orderUpdateId"], order["headerId"]) == ("m", 0, 0)
     assert order["edges"][0]["startNodeId"] == "A"
     assert [each["actionType"] for each in cancel["actions"]] == ["cancelOrder"]
-    assert cancel["headerId"] == 0
+    assert cancel["headerId"] in (0, 1), "the first one, or the one after stateRequest"
 
 
 @pytest.mark.clause("6.1.2/confirm", "7.2/headerId")
@@ -137,7 +147,7 @@ async def test_a_cancelled_vda_order_is_cancelled_at_the_robot(fleet: WiredFleet
     fleet.fleet.cancel_vda_order(ROBOT)
     await fleet.wait_for("VdaOrderCancelled")
     assert robot.robot.idle
-    assert robot.received == {"m": 1, "cancelOrder": 1}
+    assert (robot.received["m"], robot.received["cancelOrder"]) == (1, 1)
 
 
 @pytest.mark.clause("6.5/fleet")
@@ -162,17 +172,17 @@ async def test_the_last_will_and_silence_are_distinguished(
 
 
 @pytest.mark.clause("7.1/malformed")
-async def test_malformed_messages_are_counted_and_change_nothing(
+async def test_malformed_messages_are_counted_until_the_next_readable_state_counts(
     fleet: WiredFleet, robot: WiredRobot
 ) -> None:
     await free(fleet)
-    before = fleet.fleet.view(ROBOT)
     for topic in (Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET):
         robot.say(topic, b'{"headerId": "one"')
     robot.say(Topic.STATE, b"{}")
     await until(lambda: sum(fleet.fleet.statistics.malformed.values()) == 4, what="four malformed messages")
-    after = fleet.fleet.view(ROBOT)
-    assert (after.state, after.link, after.malformed) == (before.state, before.link, 4)
+    assert (fleet.fleet.view(ROBOT).link, fleet.fleet.view(ROBOT).malformed) == (LinkStatus.UNREADABLE, 4)
+    robot.report()
+    await free(fleet)
     fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A"))
     await fleet.wait_for("VdaOrderFinished")
 
@@ -237,7 +247,7 @@ async def test_a_vda_order_is_adopted_by_a_new_process(
     async with second.connected():
         robot.step()
         await second.wait_for("VdaOrderFinished")
-    assert robot.received == {"m": 1}
+    assert robot.received["m"] == 1
 
 
 @pytest.mark.clause("7.2/version", "4.2")
@@ -275,7 +285,7 @@ async def test_a_cancel_names_its_order_if_the_version_supports_it(
             await fleet.wait_for("VdaOrderAccepted")
             fleet.fleet.cancel_vda_order(ROBOT)
             await fleet.wait_for("VdaOrderCancelled")
-        sent = json.loads((await peer.wait_for()).payload)
+        sent = json.loads((await cancel_sent(peer)).payload)
     assert schema_problems(version, Topic.INSTANT_ACTIONS, json.dumps(sent).encode()) == []
     (cancel,) = sent["actions"]
     assert (cancel["actionType"], cancel.get("actionParameters", [])) == ("cancelOrder", parameters)
@@ -299,7 +309,7 @@ async def test_a_robot_is_reached_by_the_plant_models_topics(broker: Broker, int
             robot.step()
             await fleet.wait_for("VdaOrderFinished")
         peer.publish(old, b"", retain=True)
-    assert robot.received == {"m": 1}
+    assert robot.received["m"] == 1
 
 
 @pytest.mark.clause("4.2", "7.10")
@@ -328,6 +338,7 @@ async def test_a_new_process_uses_the_robots_version_from_its_first_message(
     assert any(b"factsheetRequest" in each.payload for each in messages)
 
 
+@pytest.mark.provokes_failures  # the robot cannot read them
 async def test_foreign_commands_are_logged_as_errors(
     fleet: WiredFleet, robot: WiredRobot, broker: Broker, interface_name: str
 ) -> None:
