@@ -72,6 +72,7 @@ def test_a_robot_without_a_journal_has_no_journal_metric(
     assert metric.read(shown) == ({} if works is None else {("ACME", "r1"): works})
 
 
+@pytest.mark.provokes_failures
 async def test_a_port_in_use_is_retried(monkeypatch: pytest.MonkeyPatch) -> None:
     served, tries = asyncio.Event(), list[str]()
 

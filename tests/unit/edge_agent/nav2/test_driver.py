@@ -114,6 +114,16 @@ class Station:
         monkeypatch.setattr(MapServer, "_load_in_turn", self._load)
         self.server = MapServer(RosSettings(), "hall")
 
+    async def presence(self) -> None:
+        """Answer never: the tests say what a check finds."""
+        await asyncio.Event().wait()
+
+    async def cancel(self, _: str) -> int:
+        return 0
+
+    async def request_pose(self) -> bool:
+        return True
+
     async def stop_motion(self) -> bool:
         self.stopped += 1
         return True

@@ -46,6 +46,7 @@ def test_effects_run_after_the_commit_in_order(work: Work, store: MemoryStore) -
     assert done == ["first", "second"]
 
 
+@pytest.mark.provokes_failures
 def test_a_failing_effect_does_not_prevent_others(work: Work) -> None:
     done: list[str] = []
 
