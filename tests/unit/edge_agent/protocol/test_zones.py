@@ -654,6 +654,39 @@ class TestKeepOut:
 
         assert (robot.status("e"), held(robot)) == ("FINISHED", {"s1": "ENABLED"})
 
+    @pytest.mark.parametrize("capabilities", [{"keeps_out": False}, {"keeps_out": True}])
+    def test_a_wait_that_a_restart_makes_needless_ends(self, capabilities: dict[str, bool]) -> None:
+        robot = self.robot()
+        if capabilities["keeps_out"]:
+            robot.instant(action("d", "NONE", "deleteZoneSet", zoneSetId="s1"))
+            assert robot.status("e") == "FAILED"
+        memory = robot.core.memory()
+
+        again = Bench(rules=RULES["3.0.0"], memory=memory, **capabilities)
+
+        assert again.status("e") == ("FAILED" if capabilities["keeps_out"] else "FINISHED")
+        assert not again.waits()
+
+    def test_a_restarted_robot_drives_once_navigation_plans_around_its_zones(self) -> None:
+        robot = self.robot()
+        robot.do(self.USED)
+        robot.send(order("n0", "n9", positions={"n9": position(0.0, 9.0)}))
+
+        again = Bench(rules=RULES["3.0.0"], keeps_out=True, memory=robot.core.memory())
+
+        assert (again.goals, again.effects_of(Halt)) == ([], [])  # Nav2 drives on meanwhile
+        again.do(self.UNUSED)
+        assert (again.goals, again.errors) == ([], ["BLOCKED_ZONES_NOT_AVOIDED"])
+        again.do(Halted(), self.USED)
+        assert len(again.goals) == 1
+
+    def test_a_late_answer_about_former_areas_does_not_count(self) -> None:
+        robot = self.robot()
+        robot.now += KEEP_OUT_TIMEOUT
+        robot.do(TimePassed(), self.USED)
+        robot.instant(action("e2", "NONE", "enableZoneSet", zoneSetId="s1"))
+        assert (robot.status("e"), robot.status("e2")) == ("FAILED", "RUNNING")
+
     def test_a_set_without_blocked_zones_needs_nobody(self) -> None:
         robot = Bench(rules=RULES["3.0.0"], keeps_out=True)
         enable(robot, GATE)

@@ -226,6 +226,7 @@ def _may_drive(robot: RobotState) -> bool:
         and robot.goal.target is None
         and robot.driving_allowed
         and not _is_barred(robot)
+        and not zones.awaits_keep_out(robot)
     )
 
 

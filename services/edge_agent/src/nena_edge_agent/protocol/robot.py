@@ -327,7 +327,9 @@ def _collision_reported(robot: RobotState, event: port.CollisionReport) -> None:
 
 
 def _keep_out_reported(robot: RobotState, event: port.KeepOutReport) -> None:
-    robot.reports.keep_out = event
+    """Store whether navigation plans around areas; a late report about former ones is ignored."""
+    if robot.areas:
+        robot.reports.keep_out = event
 
 
 def _progress_reported(robot: RobotState, event: port.DriveProgress) -> None:

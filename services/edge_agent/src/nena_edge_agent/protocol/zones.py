@@ -64,18 +64,25 @@ def enable(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]
 
     A set with BLOCKED zones is enabled only once navigation, which plans its own paths, plans around them.
     """
-    zone_set_id = str(action.parameter(ZONE_SET_ID))
-    if not robot.capabilities.keeps_out or not _blocked(robot.zone_sets.zones_of(zone_set_id)):
-        return _result_of(partial(robot.zone_sets.enable, zone_set_id))
-    robot.zone_set_requests += (ZoneSetRequest(action.action_id, zone_set_id, robot.now),)
+    request = ZoneSetRequest(action.action_id, str(action.parameter(ZONE_SET_ID)), robot.now)
+    if _may_enable(robot, request):
+        return _result_of(partial(robot.zone_sets.enable, request.zone_set_id))
+    robot.zone_set_requests += (request,)
     return ActionStatus.RUNNING, None
+
+
+def _may_enable(robot: RobotState, request: ZoneSetRequest) -> bool:
+    """Return whether navigation plans around the BLOCKED zones of a set, or need not."""
+    answer = robot.reports.keep_out
+    needed = robot.capabilities.keeps_out and _blocked(robot.zone_sets.zones_of(request.zone_set_id))
+    return not needed or (answer is not None and not answer.problem)
 
 
 def end_requests(robot: RobotState) -> list[ActionReport]:
     """Enable requested zone sets if navigation plans around BLOCKED zones; return the ends of the actions."""
     answer, ended = robot.reports.keep_out, []
     for request in robot.zone_set_requests:
-        if answer is not None and not answer.problem:
+        if _may_enable(robot, request):
             end = _result_of(partial(robot.zone_sets.enable, request.zone_set_id))
         elif robot.now - request.requested_at >= KEEP_OUT_TIMEOUT:
             end = ActionStatus.FAILED, answer.problem if answer else NO_ANSWER
@@ -89,8 +96,10 @@ def end_requests(robot: RobotState) -> list[ActionReport]:
 def continue_after_restart(robot: RobotState) -> None:
     """Wait again for navigation, for each enableZoneSet that the restart has interrupted."""
     for record in (*robot.actions, *robot.instant_actions):
-        if record.action.action_type == ENABLE_ZONE_SET and record.status is ActionStatus.RUNNING:
-            enable(robot, record.action)
+        action = record.action
+        if action.action_type == ENABLE_ZONE_SET and record.status is ActionStatus.RUNNING:
+            request = ZoneSetRequest(action.action_id, str(action.parameter(ZONE_SET_ID)), robot.now)
+            robot.zone_set_requests += (request,)
 
 
 def delete(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]:
@@ -195,6 +204,12 @@ def must_stop(robot: RobotState) -> bool:
     if _not_avoided(robot) or _blocked(_inside(robot)):
         return True
     return bool(node and node.node_position and first_barred(robot, pose, node.node_position, edge=0))
+
+
+def awaits_keep_out(robot: RobotState) -> bool:
+    """Return whether it is not known yet, as after a restart, if navigation plans around enabled zones."""
+    unknown = robot.capabilities.keeps_out and robot.reports.keep_out is None
+    return unknown and bool(_blocked(robot.zone_sets.enabled))
 
 
 def keep_out(robot: RobotState) -> None:
