@@ -18,6 +18,9 @@ from nena_edge_agent.driver.port import (
     DriveLimits,
     DriveProgress,
     NavigationReport,
+    SessionReport,
+    SessionState,
+    VelocityReport,
 )
 from nena_edge_agent.nav2 import driver as driver_module
 from nena_edge_agent.nav2 import goal_tracker, presence
@@ -463,6 +466,21 @@ async def test_a_robot_whose_localisation_dies_during_a_drive_is_reported_as_mov
         await turn_passes()
     lost = [each for each in told if isinstance(each, MapPoseReport)][-1]
     assert (lost.localized, lost.vx) == (False, 0.5)
+
+
+@pytest.mark.parametrize("localised", [True, False])
+async def test_without_a_session_it_is_unknown_whether_the_robot_moves(
+    monkeypatch: pytest.MonkeyPatch, *, localised: bool
+) -> None:
+    told = list[MapDriverEvent]()
+    async with started(monkeypatch, told, Nav2Options()) as driver:
+        if localised:
+            driver._on_pose(READING)
+        driver._on_velocity((0.5, 0.0))
+        driver._on_session(SessionReport(SessionState.FAILED, "", 0, "the node has failed"))
+        await turn_passes()
+    *_, last = (each for each in told if isinstance(each, MapPoseReport | VelocityReport))
+    assert (last.vx, last.omega) == (None, None)
 
 
 async def test_a_standing_robot_whose_localisation_restarts_is_localised_again(

@@ -357,6 +357,8 @@ class Nav2Driver:
         if report is not None:
             self._log.warning("the robot's position is no longer known", reason=problem)
             self._report(report)
+        elif not moves:
+            self._report(self._localisation.velocity)
 
     def _forget_position(self) -> None:
         """Discard the robot's position: it may be another robot, or may have been moved."""
