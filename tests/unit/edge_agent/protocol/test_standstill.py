@@ -142,6 +142,19 @@ def test_without_odometry_the_driver_decides_when_the_robot_stands() -> None:
     assert started(bench) == ["a", "b"], "nothing has moved it since"
 
 
+def test_without_odometry_the_stop_for_an_operators_goal_is_no_standstill() -> None:
+    bench = Bench()
+    bench.do(UNKNOWN)
+    bench.send(order("n0", "n1"))
+    bench.do(OPERATOR, DriveFailed(bench.goal.generation, DriveFailure.TAKEN_OVER, "rviz"))
+    bench.halted()  # the driver does not stop another program's drive
+    bench.instant(action("i", "HARD"))
+    bench.do(NO_GOAL)
+    assert not started(bench), "it may roll out"
+    bench.halted()
+    assert started(bench) == ["i"]
+
+
 @pytest.mark.clause("6.6.9")
 def test_actions_fail_with_the_cause_if_the_robot_does_not_stop() -> None:
     bench = Bench()
@@ -295,6 +308,32 @@ def test_an_instant_action_fails_if_the_robot_does_not_stop() -> None:
     assert not started(bench)
 
 
+@pytest.mark.clause("6.6.6", "6.2.1/blocking")
+@pytest.mark.parametrize("mode", [OperatingMode.MANUAL, OperatingMode.INTERVENED, OperatingMode.SERVICE])
+def test_an_instant_action_that_waits_does_not_start_under_a_persons_hands(mode: OperatingMode) -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", node_actions={"n0": [action("n")], "n1": [action("a", "HARD")]}))
+    bench.do(ROLLS)
+    bench.instant(action("i", "HARD"))
+
+    bench.do(OperatingModeSwitched(mode), STANDS)
+    bench.halted()
+
+    assert (bench.status("i"), started(bench)) == ("FAILED", ["n"])
+    assert f"in mode {mode}" in str([each.error_description for each in bench.state.errors])
+    assert bench.status("a") == ("WAITING" if mode is OperatingMode.INTERVENED else "FAILED")
+
+
+@pytest.mark.clause("6.6/restart", "6.2.1/blocking")
+def test_an_instant_action_that_waits_ends_even_if_a_restarted_agent_no_longer_has_it() -> None:
+    bench = Bench()
+    bench.do(ROLLS)
+    bench.instant(action("i", "HARD"))
+    again = Bench(memory=bench.core.memory(), actions={})
+    again.halted()
+    assert started(again) == ["i"], "the runner fails it with the reason"
+
+
 @pytest.mark.clause("6.6/restart", "6.2.1/blocking")
 def test_a_restarted_agent_keeps_the_robot_standing_for_an_instant_action() -> None:
     bench = Bench()
@@ -363,6 +402,25 @@ def test_an_operators_drive_is_neither_halted_nor_waited_for(kind: str) -> None:
     bench.send(order("n0", "n1"))
     bench.instant(action("c", "NONE", kind))
     assert (bench.status("c"), bench.effects_of(Halt)) == ("FINISHED", [])
+
+
+@pytest.mark.clause("6.6.6")
+@STOPS
+def test_a_stop_does_not_wait_for_a_person_who_drives_the_robot(kind: str) -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.instant(action("p", "NONE", "startPause"))
+    bench.do(OperatingModeSwitched(OperatingMode.INTERVENED), ROLLS)
+    bench.halted()
+    assert bench.status("p") == "FINISHED"
+    halts = len(bench.effects_of(Halt))
+
+    if kind == "cancelOrder":
+        bench.instant(action("c", "NONE", kind))
+        assert bench.status("c") == "FINISHED"
+
+    assert len(bench.effects_of(Halt)) == halts
+    assert bench.errors == []
 
 
 def test_a_pause_waits_for_an_action_that_moves_the_robot_and_does_not_stop_it() -> None:

@@ -179,7 +179,8 @@ def _adrift(robot: RobotState) -> ErrorEntry | None:
         MOVES_WITHOUT_ORDER,
         "the robot moves, but it has no goal: neither its order nor another program's goal drives it",
         hint="stop it at its emergency stop, then check the robot's base and Nav2's controller; if a person "
-        "drives it, set its mode to MANUAL first",
+        "drives it, set its mode to MANUAL first; if it stands and its odometry drifts, raise "
+        "ros.goals.standstill_noise",
     ).with_level(ErrorLevel.FATAL)
 
 

@@ -145,8 +145,9 @@ def failed(robot: RobotState, event: port.DriveFailed) -> None:
 
 
 def halted(robot: RobotState) -> None:
-    """Record that the robot has stopped and has no goal."""
-    robot.goal.halting_since, robot.goal.halt_problem, robot.goal.stood = None, "", True
+    """Record that the robot has no goal of ours and has stopped, unless it drives for another program."""
+    robot.goal.halting_since, robot.goal.halt_problem = None, ""
+    robot.goal.stood = not robot.reports.goals.external
     robot.goal.target, robot.goal.path = None, ()
     robot.goal.settle()
 

@@ -201,8 +201,13 @@ def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
     robot.instant_actions.add(_record(kept) for kept in memory.instant_actions)
     queued = (robot.actions.get(action_id) for action_id in memory.queue)
     robot.queue.append(record.action for record in queued if record)
-    begun = (record.action for record in robot.instant_actions if not record.status.ended)
-    robot.instant_queue.append(action for action in begun if robot.holds_for(action))
+    robot.instant_queue.append(
+        record.action
+        for record in robot.instant_actions
+        if not record.status.ended
+        # one that waits was in the queue, whatever the settings say now
+        and (record.status is ActionStatus.WAITING or robot.holds_for(record.action))
+    )
     return robot
 
 

@@ -225,6 +225,8 @@ def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
     if not event.mode.fleet_controls:
         robot.progress.leave_node()  # a person may move the robot, and no driver reports it
     advance_mode(robot)
+    if not event.mode.fleet_controls:  # instant actions; those of the order are cancelled or paused
+        actions.fail_waiting(robot, f"the robot is in mode {event.mode}")
 
 
 def advance_mode(robot: RobotState) -> None:

@@ -383,8 +383,12 @@ class RobotState:
 
     @property
     def moves(self) -> bool:
-        """Return whether the robot drives for us, or moves by its odometry without another program's goal."""
-        return self.goal.moving or (self.reports.velocity.moves and not self.reports.goals.external)
+        """Return whether the robot drives for us, or moves by its odometry for nobody else.
+
+        Others are a program with a goal of its own, and a person in a mode without fleet control.
+        """
+        explained = self.reports.goals.external or not self.next_mode.fleet_controls
+        return self.goal.moving or (self.reports.velocity.moves and not explained)
 
     @property
     def stands(self) -> bool:
