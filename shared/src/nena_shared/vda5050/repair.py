@@ -247,7 +247,7 @@ def _unix_time(value: object) -> datetime | None:
     if isinstance(number, bool) or not isinstance(number, int | float):
         return None
     for unit in (1, 1000):
-        if 10**9 <= number / unit < 10**10:
+        if 10**9 * unit <= number < 10**10 * unit:  # not divided: JSON integers may exceed floats
             return datetime.fromtimestamp(number / unit, UTC)
     return None
 

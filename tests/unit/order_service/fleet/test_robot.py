@@ -191,6 +191,13 @@ def test_a_restart_with_a_wrong_clock_is_accepted_after_some_messages_and_second
     assert judged == [False, False, False, True, True]
 
 
+@pytest.mark.clause("7.2/headerId")
+def test_a_clock_set_back_is_accepted_after_some_seconds_although_the_header_id_never_changes() -> None:
+    order = order_at(1, 5000)
+    judged = [order.is_new(1, at(number), now=4.0 * number) for number in range(5)]
+    assert judged == [False, False, False, True, True]
+
+
 def test_a_burst_of_old_messages_does_not_count_as_a_restart() -> None:
     order = order_at(5000, 5000)
     assert not any(order.is_new(number, at(number), now=9.0) for number in range(100))

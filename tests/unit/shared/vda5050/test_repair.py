@@ -254,7 +254,7 @@ def test_what_says_nothing_is_no_sighting(payload: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    "value", [17_000, 1_700_000_000_000_000, "", None, "yesterday", MISSING, "2026-01-01"]
+    "value", [0, 17_000, 1_700_000_000_000_000, 10**400, "", None, "yesterday", MISSING, "2026-01-01"]
 )
 def test_time_of_arrival_replaces_an_unreadable_timestamp(value: Any) -> None:
     before = datetime.now(UTC)

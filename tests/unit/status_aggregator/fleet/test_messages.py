@@ -65,6 +65,17 @@ def test_wrapping_header_ids_are_not_a_restart() -> None:
     assert sequence.restarts == 0
 
 
+def test_a_clock_set_back_is_followed_although_the_header_id_never_changes() -> None:
+    sequence = Sequence()
+    assess(sequence, 1, 3600)
+    assert [assess(sequence, 1, seconds) for seconds in (5, 5, 6, 7)] == [
+        Verdict.LATE,
+        Verdict.LATE,
+        Verdict.NEW,
+        Verdict.NEW,
+    ]
+
+
 def test_gaps_are_counted() -> None:
     sequence = Sequence()
     assess(sequence, 3, 0)

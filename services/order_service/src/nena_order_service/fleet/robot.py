@@ -36,7 +36,7 @@ NO_TIME: Final = datetime.min.replace(tzinfo=UTC)
 BELIEVED_COUNT: Final = 3
 BELIEVED_AFTER: Final = 10.0
 """A sender counts as restarted with a wrong clock after this many consecutive messages, over this many
-seconds, that look old but whose headerIds increase."""
+seconds, that look old but whose headerIds increase or, if those never change, timestamps."""
 
 CONNECTIONS_KEPT: Final = 20
 """Number of connection messages per robot that are recognised when repeated."""
@@ -63,7 +63,7 @@ class MessageOrder:
         """The last message, or whatever else tells messages with the same header apart."""
         self._counts = False
         """Whether the header has ever changed."""
-        self._last_old = -1
+        self._last_old: tuple[int, datetime] | None = None
         self._old_since = 0.0
         self._old_in_a_row = 0
 
@@ -88,18 +88,18 @@ class MessageOrder:
                 return False
         elif last is not None:
             old = header_id <= last[0] and timestamp <= last[1]
-            if old and not self._believed(header_id, now):
+            if old and not self._believed(header, now):
                 return False
             self._counts = True
         self._last, self._content = header, content
-        self._last_old, self._old_in_a_row = -1, 0
+        self._last_old = None
         return True
 
-    def _believed(self, header_id: int, now: float) -> bool:
-        if self._old_in_a_row == 0 or header_id <= self._last_old:
+    def _believed(self, header: tuple[int, datetime], now: float) -> bool:
+        if self._last_old is None or header <= self._last_old:
             self._old_in_a_row, self._old_since = 0, now
         self._old_in_a_row += 1
-        self._last_old = header_id
+        self._last_old = header
         return self._old_in_a_row >= BELIEVED_COUNT and now - self._old_since >= BELIEVED_AFTER
 
 

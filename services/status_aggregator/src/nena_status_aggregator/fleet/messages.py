@@ -11,7 +11,7 @@ VDA 5050 (3.0, 7.2) counts headerId per topic and does not define restarts; some
    restart.
 5. The next headerId, whatever the timestamp: new (the sender's clock was set back).
 6. Anything else is late, but remembered: a message that continues a late one is new, because then the sender
-   continues there.
+   continues there. If the headerId never changes, timestamps continue it.
 """
 
 from __future__ import annotations
@@ -100,7 +100,10 @@ class Sequence:
 
     def _late(self, header_id: int, timestamp: datetime) -> Verdict:
         before, self.late = self.late, (header_id, timestamp)
-        if before is not None and header_id == before[0] + 1 and timestamp >= before[1]:
+        if before is not None and (
+            (header_id == before[0] + 1 and timestamp >= before[1])
+            or (header_id == before[0] == self.header_id and timestamp > before[1])
+        ):
             self.restarts += 1
             return self._open(header_id, timestamp)
         return Verdict.LATE
