@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -61,8 +62,13 @@ async def callback() -> None:
     await time_passes(60)
 
 
+async def at_the_end() -> None:
+    with suppress(asyncio.CancelledError):
+        await restarted()
+
+
 @pytest.mark.provokes_failures
-@pytest.mark.parametrize("work", [restarted, left_alone, vital, callback])
+@pytest.mark.parametrize("work", [restarted, left_alone, vital, callback, at_the_end])
 def test_each_failure_ends_a_simulation(work: Callable[[], Coroutine[None, None, None]]) -> None:
     async def working(_: VirtualClock) -> None:
         await work()

@@ -114,11 +114,10 @@ def run(work: Callable[[VirtualClock], Coroutine[Any, Any, T]]) -> T:
     loop.set_exception_handler(fail_callback)
     failure_listeners.append(fail)
     try:
-        return loop.run_until_complete(working)
+        result = loop.run_until_complete(working)
     except asyncio.CancelledError:
-        event, error = failures[0]
-        message = f"{event}: {error!r}"
-        raise SimulationFailedError(message) from error
+        if not failures:
+            raise
     except TaskFailedError as error:
         message = f"{error}: {error.__cause__!r}"
         raise SimulationFailedError(message) from error
@@ -126,3 +125,7 @@ def run(work: Callable[[VirtualClock], Coroutine[Any, Any, T]]) -> T:
         failure_listeners.remove(fail)
         asyncio.set_event_loop(None)
         loop.close()
+    for event, error in failures:  # even if ``work`` has ended in spite of the cancellation
+        message = f"{event}: {error!r}"
+        raise SimulationFailedError(message) from error
+    return result
