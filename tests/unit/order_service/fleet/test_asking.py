@@ -151,6 +151,14 @@ def test_a_new_leader_asks_a_robot_and_pauses_it_before_it_has_reported() -> Non
     assert bench.told(InstantActionEnded)[-1].status is ActionStatus.FINISHED
 
 
+def test_a_new_leader_says_why_the_states_of_a_robot_are_unreadable() -> None:
+    bench = Bench().online()
+    reconnect(bench, unread=True)
+    bench.fleet.on_unreadable_state(ROBOT, "sends states that are unreadable: nodeStates", None, bench.now)
+    assert bench.view().link is LinkStatus.UNREADABLE
+    assert bench.view().availability.reason == "sends states that are unreadable: nodeStates"
+
+
 def test_a_robot_that_was_never_heard_can_be_paused() -> None:
     bench = expecting(ROBOT)
     bench.instruct(action("startPause", "p"))

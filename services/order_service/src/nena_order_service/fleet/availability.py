@@ -29,7 +29,7 @@ def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool =
     ``unread``: the robot must report before it is sent anything, see :meth:`FleetController.on_broker`.
     """
     if unread and link is not LinkStatus.HIBERNATING:
-        return Reason(R.UNSEEN_SINCE_TAKEOVER)
+        return unreadable or Reason(R.UNSEEN_SINCE_TAKEOVER)
     if not broker:
         return Reason(R.NO_BROKER)
     if link is LinkStatus.UNREADABLE:
