@@ -115,6 +115,8 @@ class ScriptedFleet:
     """Robots that have told no state."""
     unheard: set[str] = field(default_factory=set)
     """Robots of which nothing is known, not even whether they are connected."""
+    unreadable: set[str] = field(default_factory=set)
+    """Robots whose last states say where they are, but are unreadable otherwise."""
     stale: set[str] = field(default_factory=set)
     """Robots whose states are from before they connected."""
     fields: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -123,9 +125,9 @@ class ScriptedFleet:
     out_of_order: set[str] = field(default_factory=set)
     """Robots that take no orders."""
     unknown: bool = False
+    """Whether the broker has not told yet which robots there are."""
     connected: float = 1e9
     """Seconds for which the broker is there."""
-    """Whether the broker has not told yet which robots there are."""
     notes: dict[str, str] = field(default_factory=dict)
     """What each robot's VDA order waits for."""
     engine: Engine | None = None
@@ -203,7 +205,7 @@ class ScriptedFleet:
 
     def _link(self, name: str) -> LinkStatus:
         if name in self.at:
-            return LinkStatus.ONLINE
+            return LinkStatus.UNREADABLE if name in self.unreadable else LinkStatus.ONLINE
         return LinkStatus.UNKNOWN if name in self.unheard else LinkStatus.OFFLINE
 
     def _state(self, robot: RobotKey) -> State:

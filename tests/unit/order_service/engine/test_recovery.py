@@ -8,11 +8,12 @@ import pytest
 
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.state import VehicleRecord
+from nena_order_service.fleet.failures import FailureKind
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, later, make_engine, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -101,6 +102,29 @@ async def test_a_robot_that_stays_silent_keeps_its_resources() -> None:
 
     assert len(fleet.extended) == 1
     assert held(engine, "V2") == ["E"]
+
+
+async def test_what_an_unreadable_robot_may_still_drive_on_stays_held_until_it_is_read() -> None:
+    store = MemoryStore()
+    await before(store, ahead=2)
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V1", "V2"})
+    engine = await make_engine(PLANT, store, fleet)
+    fleet.mute.clear()
+    fleet.appear("V1", "A")
+    fleet.appear("V2", "E")
+    base = set(held(engine, "V1"))
+    assert {"A", "B", "C"} <= base
+
+    fleet.unreadable.add("V1")
+    fleet.fail("V1", "unknown whether the robot has accepted it", FailureKind.UNCLEAR)
+    later(engine, 1.0)
+    fleet.appear("V1", "A")
+    assert set(held(engine, "V1")) == base, "it stands, but perhaps with the order"
+
+    fleet.unreadable.clear()
+    later(engine, 1.0)
+    fleet.appear("V1", "A")
+    assert held(engine, "V1") == ["A"]
 
 
 async def test_breaking_off_keeps_possible_positions_until_seen_standing() -> None:

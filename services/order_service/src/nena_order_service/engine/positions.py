@@ -63,7 +63,11 @@ class Positions:
         known = self._sightings.get(name)
         if view.state is None or (known and known.state is view.state) or self._is_doubted(name, view):
             return False
-        sighting = self._sightings[name] = _Sighting(view.state, None, _is_moving(view.state))
+        # an unreadable state does not tell whether the robot has ended its order, so it may drive on at once
+        moving = _is_moving(view.state) or (
+            view.link is LinkStatus.UNREADABLE and self._traffic.broke_off(name)
+        )
+        sighting = self._sightings[name] = _Sighting(view.state, None, moving)
         standing = self._standing(vehicle, view, sighting)
         stayed = known is not None and known.standing is standing and known.moving is sighting.moving
         if standing is None or (stayed and name in self._traffic):
