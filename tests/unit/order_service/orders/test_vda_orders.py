@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from nena_order_service.fleet.position import RobotProfile, Standing, locate
+from nena_order_service.fleet.position import RobotProfile, Standing, TooFarError, locate, max_distance_m
 from nena_order_service.orders import vda_orders
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.resources import ResourceSet
@@ -14,6 +14,7 @@ from nena_order_service.traffic.route_search import Journey
 from nena_shared.plant import PlantModel, Point, Vehicle
 from nena_shared.vda5050.state import State
 from support.fleet import make_vda_order
+from support.fleet_examples import state
 from support.scripted_fleet import ScriptedFleet, key, make_context
 
 WAY = tuple(ResourceSet(name, 1000, {name: None}) for name in "BCDE")
@@ -70,3 +71,15 @@ def test_a_vehicle_is_located_once_for_each_of_its_states(monkeypatch: pytest.Mo
         assert found == {point}
 
     assert located == {"A": 1, "B": 1}
+
+
+def test_a_vehicle_at_a_coordinate_may_be_far_from_all_points() -> None:
+    plant = PlantModel(name="one", points=(Point(name="A", x_mm=0, y_mm=0),))
+    profile = RobotProfile(map_id="map", max_distance_m=max_distance_m(plant))
+    pose = {"x": 30.0, "y": 0.0, "theta": 0.0, "map_id": "map", "localized": True}
+    with pytest.raises(TooFarError, match="30 m from the nearest point 'A'"):
+        locate(plant, state(last_node_id="A", mobile_robot_position=pose), profile)
+
+    found = locate(plant, state(last_node_id="goal:T-1-0", mobile_robot_position=pose), profile)
+
+    assert (found.point, found.on_point, found.distance_m) == ("A", False, 30.0)

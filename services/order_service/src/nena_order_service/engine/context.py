@@ -40,7 +40,8 @@ class EngineSettings(SettingsGroup):
         gt=0,
         description=(
             "Distance from the nearest point beyond which a vehicle's position counts as wrong, m: it gets "
-            "no orders and no more base. Unset: twice the longest path of the plant, at least 5 m."
+            "no orders and no more base, unless an order has sent it to a coordinate. Unset: twice the "
+            "longest path of the plant, at least 5 m."
         ),
     )
     release_ahead: int = Field(

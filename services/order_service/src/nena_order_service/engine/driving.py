@@ -546,7 +546,7 @@ class Driving:
             return device
         if vehicle.name in self._wanted:
             return self.mobility.why_it_stays(vehicle)
-        misplaced = self.mobility.misplaced(vehicle) if record else ""
+        misplaced = self.mobility.misplaced(vehicle) if record and record.way else ""
         return misplaced or self.mobility.why_it_waits(vehicle.name)
 
     def wait(self, vehicle: FleetVehicle) -> TrafficWait | None:

@@ -14,8 +14,9 @@ from typing import Any, Final, TypeVar
 from pydantic import BaseModel, JsonValue, ValidationError
 from pydantic_core import from_json
 
+from nena_order_service.fleet.position import GOAL_PREFIX
 from nena_order_service.fleet.robot import DEVIATION_THETA_FIELD, DEVIATION_XY_FIELD, THETA_FIELD, Abilities
-from nena_order_service.fleet.vda_order import GOAL_PREFIX, STATION_PARAMETERS, VdaOrder
+from nena_order_service.fleet.vda_order import STATION_PARAMETERS, VdaOrder
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.vda5050.action import (
     LOAD_HANDLING_DEVICE,

@@ -101,6 +101,9 @@ class TooFarError(NotLocatedError):
         self.last = last
 
 
+GOAL_PREFIX: Final = "goal:"
+"""Begins the IDs of nodes at coordinates to which orders send robots."""
+
 LEAST_MAX_DISTANCE_M: Final = 5.0
 """Default maximum distance from the points of a plant with short paths or none, m."""
 
@@ -143,7 +146,8 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
             Reason(R.OTHER_MAP, map=pose.map_id, own=profile.map_id) if plant.points else Reason(R.NO_POINTS)
         )
     distance = _distance(nearest, here)
-    if distance > profile.max_distance_m:
+    at_coordinate = state.last_node_id.startswith(GOAL_PREFIX)  # an order may send it far from all points
+    if distance > profile.max_distance_m and not at_coordinate:
         raise TooFarError(distance, nearest, last)
     return Standing(nearest.name, distance <= profile.deviation_xy, pose, distance)
 

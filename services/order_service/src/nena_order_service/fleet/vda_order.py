@@ -14,7 +14,7 @@ from uuid import uuid4
 
 from pydantic import AliasChoices, Field, JsonValue
 
-from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, RobotProfile, Standing
+from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, GOAL_PREFIX, RobotProfile, Standing
 from nena_order_service.fleet.type_rules import (
     NO_RULES,
     TypeRules,
@@ -193,7 +193,6 @@ def _parameters(values: Iterable[tuple[str, JsonValue]]) -> Iterable[ActionParam
 
 
 START_PREFIX = "start:"
-GOAL_PREFIX = "goal:"
 """Prefixes of the VDA order's ID in the IDs of nodes that are not points of the plant."""
 
 
