@@ -14,7 +14,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.failures import FailureKind
 from nena_order_service.settings import OrderSettings
 from nena_shared.fleet_api.transport_order import TransportOrderState
-from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
+from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, AcceptableOrderType, IntegrationLevel, VehicleStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
@@ -300,3 +300,28 @@ async def test_what_the_robot_cannot_help_does_not_count(
         assert status_of(engine, f"T-{number}").state is S.FAILED
 
     assert not vehicle(engine).taken_out
+
+
+async def test_an_order_that_no_other_vehicle_can_take_over_fails_instead_of_waiting_for_one() -> None:
+    engine, fleet = await site(V1="A", V2="H")
+    found = engine.registry.named("V2")
+    assert found
+    engine.accept_order_types(found, (AcceptableOrderType(name="Park", priority=0),))
+    engine.create(request("B"), "of another type")
+    fleet.fail("V1")
+    assert status_of(engine, "of another type").state is S.FAILED
+
+    engine.accept_order_types(found, ANY_ORDER_TYPE)
+    fleet.fields["V2"] = {
+        "mobile_robot_position": {"x": 0.0, "y": 0.0, "theta": 0.0, "map_id": "attic", "localized": True}
+    }
+    fleet.appear("V2", "H")
+    engine.create(request("B"), "of another floor")
+    fleet.fail("V1")
+    assert status_of(engine, "of another floor").state is S.FAILED
+
+    fleet.fields.clear()
+    fleet.appear("V2", "H")
+    engine.create(request("B"), "of both")
+    fleet.fail("V1")
+    assert status_of(engine, "of both").processing_vehicle == "V2"

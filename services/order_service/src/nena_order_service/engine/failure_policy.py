@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from nena_order_service.dispatching.candidates import why_not_accepted
 from nena_order_service.engine.context import Context
+from nena_order_service.engine.order_knowledge import OrderFit
 from nena_order_service.fleet.failures import FailureKind, OrderFailure
 from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.fleet.robot import LinkStatus
@@ -47,7 +49,7 @@ class Situation:
     carrying: bool = False
     """Whether the vehicle carries something for the order."""
     others: bool = True
-    """Whether other vehicles may execute the order, and at least one of them is online."""
+    """Whether another vehicle that is online may and can execute the order."""
     other_way: bool = True
     """Whether there is a route around the position of the failure."""
     online: bool = True
@@ -157,8 +159,9 @@ def is_carrying(
 class FailureAssessment:
     """Chooses the measure for a failed order by its failure policy."""
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, fit: OrderFit) -> None:
         self._context = context
+        self._fit = fit
 
     def policy(self, order: TransportOrder) -> FailurePolicy:
         """Return the current failure policy: the destination's, the order's or the default."""
@@ -199,24 +202,26 @@ class FailureAssessment:
             return False  # one vehicle executes a whole sequence
         tried = {order.vehicle, *order.status.excluded_vehicles}
         others = map(self._context.registry.named, self._context.registry.names() - tried)
-        return any(each and self._may_come(each) for each in others)
+        return any(each and self._may_take_over(order, each) for each in others)
 
-    def _may_come(self, vehicle: FleetVehicle) -> bool:
-        """Return whether a vehicle may get orders without a person at it."""
+    def _may_take_over(self, order: TransportOrder, vehicle: FleetVehicle) -> bool:
+        """Return whether a vehicle may and can execute an order without a person at it."""
         level = self._context.state.vehicles.of(vehicle.key).integration_level
         online = self._context.view(vehicle).link is LinkStatus.ONLINE
-        return online and level is IntegrationLevel.TO_BE_UTILIZED
+        if not online or level is not IntegrationLevel.TO_BE_UTILIZED:
+            return False
+        refusal = why_not_accepted(self._fit.order_types(vehicle), order.status.type)
+        return not refusal and self._has_way(order, vehicle)
 
     def detour(self, order: TransportOrder, ahead: tuple[str, ...]) -> tuple[str, ...]:
         """Return what a detour around the failure avoids: the path and its end point, or only the path."""
         paths = self._context.planner.paths(ahead)
         for avoided in (ahead, paths):
-            if paths and self._leads_on(order, avoided):
+            if paths and self._has_way(order, self._vehicle(order), avoided):
                 return avoided
         return ()
 
-    def _leads_on(self, order: TransportOrder, avoided: tuple[str, ...]) -> bool:
-        vehicle = self._vehicle(order)
+    def _has_way(self, order: TransportOrder, vehicle: FleetVehicle, avoided: tuple[str, ...] = ()) -> bool:
         try:
             standing = self._context.planner.standing(vehicle, self._context.view(vehicle))
             self._context.planner.way(order, vehicle, standing, frozenset(avoided))

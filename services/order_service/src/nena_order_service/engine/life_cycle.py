@@ -87,7 +87,7 @@ class LifeCycle:
         self._sequences = sequences
         self._pauses = pauses
         self._conditions = Conditions(context, sequences)
-        self._failures = FailureAssessment(context)
+        self._failures = FailureAssessment(context, dispatching.fit)
         self._failing_vehicles = FailingVehicles(context)
         self._deadlines = DueTimes(self._orders.is_over)
         self._timeouts = DueTimes(self._orders.is_over)
