@@ -10,10 +10,11 @@ from nena_order_service.engine.driving import EVASION_PAUSE
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import VehicleBusyError
 from nena_order_service.fleet.vda_order import VdaOrder
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, reason_of, status_of
 
 pytestmark = pytest.mark.clause("6.1.2/fleet", "6.6.3/fleet")
 
@@ -300,3 +301,24 @@ async def test_vehicles_under_way_drive_around_a_lost_robot() -> None:
     assert fleet.sent[-1][1].order_id == "T-1-0~1"
     assert base(fleet.missions[key("V1")]) == ["B", "E"]
     assert reason(engine, "T-2").startswith("wheel lost")
+
+
+async def test_a_robot_sent_to_a_coordinate_far_from_all_points_goes_on_from_there() -> None:
+    fleet = ScriptedFleet({})
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
+
+    def at(y: float, node: str) -> None:
+        pose = {"x": 0.0, "y": y, "theta": 0.0, "map_id": "map", "localized": True}
+        fleet.fields["V1"] = {"mobile_robot_position": pose}
+        fleet.appear("V1", node)
+
+    at(0.0, "A")
+    destinations = [{"coordinate": {"x": 0.0, "y": 40.0}, "operation": "MOVE"}, {"locationName": "C"}]
+    engine.create(TransportOrderRequest.model_validate({"destinations": destinations}), "T-1")
+    at(20.0, "A")
+    assert reason_of(engine) == "vehicle V1 travels to destination 1 of 2"
+
+    at(40.0, "A")
+    fleet.finish("V1")
+
+    assert base(fleet.sent[-1][1]) == ["start:T-1-1", "A", "B", "C"]

@@ -546,7 +546,8 @@ class Driving:
             return device
         if vehicle.name in self._wanted:
             return self.mobility.why_it_stays(vehicle)
-        misplaced = self.mobility.misplaced(vehicle) if record and record.way else ""
+        waits_for_base = record is not None and not record.all_released
+        misplaced = self.mobility.misplaced(vehicle) if waits_for_base else ""
         return misplaced or self.mobility.why_it_waits(vehicle.name)
 
     def wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
