@@ -125,7 +125,7 @@ def run(work: Callable[[VirtualClock], Coroutine[Any, Any, T]]) -> T:
         failure_listeners.remove(fail)
         asyncio.set_event_loop(None)
         loop.close()
-    for event, error in failures:  # even if ``work`` has ended in spite of the cancellation
-        message = f"{event}: {error!r}"
-        raise SimulationFailedError(message) from error
+    for event, failure in failures:  # even if ``work`` has ended in spite of the cancellation
+        message = f"{event}: {failure!r}"
+        raise SimulationFailedError(message) from failure
     return result
