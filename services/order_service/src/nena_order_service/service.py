@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
 from itertools import chain
@@ -67,7 +67,7 @@ from nena_shared.plant import PlantModel
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, end, forever
 from nena_shared.tracing import Exporting
-from nena_shared.vda5050.topics import TopicScheme
+from nena_shared.vda5050.topics import RobotKey, TopicScheme
 
 log = get_logger(__name__)
 
@@ -103,11 +103,16 @@ class OrderService:
         """The store of orders."""
         return self.engine.store
 
-    async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
-        """Restore the store's content, then start all parts; ``start`` starts their tasks."""
+    async def begin(
+        self, start: Callable[..., asyncio.Task[None]], absent: Collection[RobotKey] = ()
+    ) -> None:
+        """Restore the store's content, then start all parts; ``start`` starts their tasks.
+
+        ``absent``: robots that need not be waited for, see :meth:`Engine.absent`.
+        """
         await self.hosts.load()
         await asyncio.to_thread(self.engine.prepare)
-        await self.engine.start(self.fleet)
+        await self.engine.start(self.fleet, absent)
         start("mqtt", self._once_elected(self.mqtt.run))
         start("fleet control", self.fleet.run())
         start("kernel", self.engine.run())
@@ -456,13 +461,14 @@ class ServiceRunner:
             raise StoreNotReadyError(self._store.why_not_ready)
         if asked.check_only:
             return
+        absent = old.engine.absent()  # a location that is locked does not hold the fleet for half a minute
         old.engine.close(CHANGING)  # nothing else has run since the check above
         await self._end(old)
         await self._keep(model, asked.record)
         service.changes.count = old.changes.count
         self.service = service
         try:
-            await service.begin(self._start)
+            await service.begin(self._start, absent)
         except StoreNotReadyError as error:
             # Not an answer to a host: no engine is active any more, so the program must exit.
             message = "the changed plant model cannot be activated: the store is unavailable"

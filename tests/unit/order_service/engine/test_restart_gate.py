@@ -8,6 +8,7 @@ import pytest
 
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.driving import RestartGate
+from nena_order_service.engine.engine import Engine
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import PlantModel, Vehicle
 from support.clocks import ManualClock
@@ -15,7 +16,7 @@ from support.operations import calls_of
 from support.order_service import request
 from support.pausing import turn_passes
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_context, make_engine, sent, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_context, make_engine, sent, status_of
 
 PLANT = PlantModel(name="two", vehicles=(Vehicle(name="V1"), Vehicle(name="V2")))
 
@@ -142,6 +143,23 @@ async def test_a_vehicle_that_others_do_not_avoid_is_not_waited_for(level: Integ
 
     again = await make_engine(PLANT, store, ScriptedFleet({"V1": "A"}, unheard={"V2"}))
     assert again._gate.is_open
+
+
+async def test_a_changed_plant_model_does_not_wait_again_for_a_robot_that_does_not_exist() -> None:
+    clock, settings = ManualClock(), EngineSettings(restart_patience=30.0)
+    fleet, store = ScriptedFleet({"V1": "A"}, unheard={"V2"}), MemoryStore()
+    engine = await make_engine(PLANT, store, fleet, clock=clock, settings=settings)
+    assert engine.absent() == frozenset(), "it may still answer"
+    clock.advance(30.0)
+    assert engine.absent() == {key("V2")}
+
+    again = Engine(make_context(PLANT, clock=clock, settings=settings), store)
+    await again.start(fleet, engine.absent())
+    assert again._gate.is_open
+    assert again.absent() == {key("V2")}
+
+    fleet.appear("V2", "A")
+    assert again.absent() == frozenset()
 
 
 def test_waiting_costs_the_same_however_many_robots_have_reported() -> None:

@@ -8,7 +8,7 @@ robots have received therefore survives a restart.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from time import thread_time
@@ -31,7 +31,7 @@ from nena_order_service.engine.stops import STOP, STOPPED_ROBOT, FleetStop, Stop
 from nena_order_service.engine.traffic_plan import TrafficPlans
 from nena_order_service.engine.unit_of_work import UnitOfWork, UnitWithSteps
 from nena_order_service.fleet import outputs
-from nena_order_service.fleet.robot import RobotView
+from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.store.store import Store
@@ -130,8 +130,11 @@ class Engine:
         """Restore the stops from before a restart; call it before :meth:`start`."""
         self.stops.load(await self.store.documents(STOP), await self.store.documents(STOPPED_ROBOT))
 
-    async def start(self, fleet: FleetControl) -> None:
-        """Restore unfinished orders and vehicles from the store; call it before the first robot message."""
+    async def start(self, fleet: FleetControl, absent: Collection[RobotKey] = ()) -> None:
+        """Restore unfinished orders and vehicles from the store; call it before the first robot message.
+
+        ``absent``: robots that need not be waited for, see :meth:`absent`.
+        """
         self.context.connect(fleet)
         found = await self.store.unfinished()
         self.state.orders.last_number = found.last_number
@@ -143,7 +146,7 @@ class Engine:
         recovery = Recovery(self.context, self._driving, self._gate)
         with self.change():
             self.peripherals.restore(jobs)
-            recovery.restore_vehicles()
+            recovery.restore_vehicles(absent)
             self.state.sequences.rebind(recovery.present_name)
             self._life_cycle.restore(found.orders, found.missions, recovery)
             self._rerouting.halt_before_locked_paths()
@@ -168,6 +171,11 @@ class Engine:
                 begin = thread_time()
             if vehicles:
                 vehicles_due = clock() + took / LOOK_SHARE
+
+    def absent(self) -> frozenset[RobotKey]:
+        """Return the robots that were waited for in vain after the start, and have not been heard since."""
+        views = (self.context.view(vehicle) for vehicle in self.registry if self._gate.is_open)
+        return frozenset(view.key for view in views if view.link is LinkStatus.UNKNOWN)
 
     def close(self, reason: str) -> None:
         """Accept no more changes, because another engine takes over the store."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from pydantic import ValidationError
 
 from nena_order_service.engine.context import Context
@@ -11,6 +13,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.vda5050.topics import RobotKey
 
 
 class LostOrderError(Exception):
@@ -30,11 +33,16 @@ class Recovery:
         self._driving = driving
         self._gate = gate
 
-    def restore_vehicles(self) -> None:
-        """Restore the resources that stored vehicles held, and continue their evasions."""
+    def restore_vehicles(self, absent: Collection[RobotKey]) -> None:
+        """Restore the resources that stored vehicles held, and continue their evasions.
+
+        Nothing waits for the first states of the ``absent``.
+        """
         known = tuple(self._registry.discover(record.robot) for record in self._vehicles)
         self._gate.begin(
-            each for each in self._registry if self._vehicles.of(each.key).integration_level.holds_resources
+            each
+            for each in self._registry
+            if each.key not in absent and self._vehicles.of(each.key).integration_level.holds_resources
         )
         for vehicle in known:
             record = self._vehicles.of(vehicle.key)
