@@ -171,7 +171,7 @@ def link_metrics(prefix: str, state: Callable[[S], LinkState]) -> tuple[Metric[S
         ),
         gauge(
             f"{prefix}topics_set_aside",
-            "Topics on which nothing is sent any more, because the broker ends the connection at it.",
+            "Topics on which nothing is sent for 10 minutes, because the broker ends the connection at it.",
             lambda s: len(state(s).set_aside),
         ),
     )

@@ -252,6 +252,8 @@ class Client:
         self._paho = self._make_paho(client_id, will)
         self.dropped = 0
         """Number of messages that were dropped before :meth:`receive`, beyond ``incoming_limit``."""
+        self.closed_by_broker = False
+        """Whether the connection has ended without this program's keep-alive or timeout."""
 
     @property
     def socket(self) -> socket.socket | None:
@@ -471,6 +473,7 @@ class Client:
                 stream.ping_sent = stream.ping_sent and packet.head != PINGRESP
                 self._let_paho_read()
             elif why := reader.why_ended:
+                self.closed_by_broker = True
                 self._end(why)
                 return
             else:
@@ -515,6 +518,7 @@ class Client:
             try:
                 stream.flush()
             except OSError as error:
+                self.closed_by_broker = True
                 self._end(f"the connection broke: {error}")
                 return
         written = stream.queued - stream.waiting

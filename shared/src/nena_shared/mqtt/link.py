@@ -88,6 +88,9 @@ STABLE_AFTER = 1.0
 SUSPECTED_FOR = 60.0
 """Seconds after a connect within which a message at which the last connection ended is sent again."""
 
+SET_ASIDE_FOR = 600.0
+"""Seconds after which a topic that was set aside is tried again: the access list may have been corrected."""
+
 SET_ASIDE_LIMIT = 1000
 """Maximum number of topics that are set aside; beyond, the oldest is tried again."""
 
@@ -194,7 +197,7 @@ class _Session:
     alone: int = 0
     """Number of the suspect that is in flight; nothing else is sent meanwhile. 0: none."""
     stable: bool = False
-    """Whether the connection has stood for :data:`STABLE_AFTER`, if there are suspects."""
+    """Whether the connection has stood for :data:`STABLE_AFTER`."""
     subscribed: int = 0
     """Number of the link's subscriptions sent to the broker."""
     subscribed_by_name: int = 0
@@ -216,7 +219,8 @@ class MqttLink:
     topic, and counts and logs dropped messages. Messages with ``keep=False`` are dropped on a disconnect.
 
     A broker may end the connection at a message that it refuses; see :class:`Suspects`. The topic of such a
-    message is set aside: messages on it are no longer sent, and ``state.set_aside`` counts them.
+    message is set aside for :data:`SET_ASIDE_FOR`; ``state.set_aside`` counts the messages on it that are not
+    sent.
 
     A program that may only publish in limited terms, such as one of several order services, passes ``term``,
     which is called before each write to the socket. At the end of a term the connection is closed without
@@ -419,9 +423,9 @@ class MqttLink:
         self.state.last_error = ""
         log.info("broker connected", host=self._settings.host, port=self._settings.port)
         self._connecting = False
+        later = asyncio.get_running_loop().call_later
+        later(STABLE_AFTER, self._trust, session)
         if self._suspects:
-            later = asyncio.get_running_loop().call_later
-            later(STABLE_AFTER, self._trust, session)
             later(SUSPECTED_FOR, self._clear_suspects, session)
         self._send_waiting(session)
         self._settled.set()
@@ -519,7 +523,7 @@ class MqttLink:
 
     def _suspect(self, session: _Session) -> None:
         """Find out whether the connection has ended because of a message."""
-        if self._silence or not self._may_write():
+        if self._silence or not session.client.closed_by_broker or not self._may_write():
             return  # the broker has not ended it
         since = monotonic() - SOON
         sent = [(message.topic, at) for message, at in session.deliveries.values()]
@@ -535,11 +539,20 @@ class MqttLink:
         if len(self.state.set_aside) > SET_ASIDE_LIMIT:
             del self.state.set_aside[next(iter(self.state.set_aside))]
         log.error(
-            "the broker has ended the connection twice at a message; messages on its topic are set aside "
-            "until the program is restarted. Check the broker's access list and limits, and whether it "
-            "accepts such a topic",
+            "the broker has ended the connection twice at a message; messages on its topic are set aside. "
+            "Check the broker's access list and limits, and whether it accepts such a topic",
             topic=refused,
+            tried_again_after=SET_ASIDE_FOR,
         )
+        asyncio.get_running_loop().call_later(SET_ASIDE_FOR, self._try_again, refused)
+
+    def _try_again(self, topic: str) -> None:
+        """Send the next message on a topic that was set aside; one more end of a connection sets it aside."""
+        if self.state.set_aside.pop(topic, None) is None:
+            return
+        self._suspects.add_refused(topic)
+        if self._session:
+            asyncio.get_running_loop().call_later(SUSPECTED_FOR, self._clear_suspects, self._session)
 
     def _drop_set_aside(self, message: Outbound) -> None:
         self.state.set_aside[message.topic] += 1
@@ -624,18 +637,17 @@ class MqttLink:
             self._settled.set()
 
     def _waited_for_end(self, session: _Session, number: int) -> None:
-        """Clear a suspect that is not acknowledged, but at which the broker has not ended the connection."""
-        if number == session.alone and session is self._session:
+        """Clear all suspects: the broker acknowledges none at present, and has not ended the connection."""
+        if number == session.alone:
             session.alone = 0
-            self._suspects.clear(session.deliveries[number][0].topic)
-            self._send_waiting(session)
+            self._clear_suspects(session)
 
     def _trust(self, session: _Session) -> None:
         session.stable = True
         self._send_waiting(session)
 
     def _clear_suspects(self, session: _Session) -> None:
-        """Clear suspects that were not sent again since the connect."""
+        """Clear all suspects, such as those that were not sent again since the connect."""
         if session is self._session:
             self._suspects = Suspects()
             self._send_waiting(session)

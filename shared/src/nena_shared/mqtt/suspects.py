@@ -38,6 +38,10 @@ class Suspects:
         """Return whether the next end of a connection at this topic shows that it is refused."""
         return self._ends.get(topic, 0) == ENDS - 1
 
+    def add_refused(self, topic: str) -> None:
+        """Suspect a topic that was refused before: one more end of a connection shows that it still is."""
+        self._ends[topic] = ENDS - 1
+
     def clear(self, topic: str) -> None:
         """Remove a topic: the broker has accepted a message on it."""
         self._ends.pop(topic, None)
