@@ -23,7 +23,15 @@ LOG_SHOWN = 3000
 """Last characters of a log that an error shows."""
 
 
-SURVIVED = ("task restarts after a failure", "message handler failed", "effect of a committed change failed")
+SURVIVED = (
+    "task restarts after a failure",
+    "message handler failed",
+    "reading a postponed message failed",
+    "effect of a committed change failed",
+    "a committed change was not published",
+    "event not handled",
+    "a step failed",
+)
 """Log events of failures after which a service continues; the first line of each."""
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from nena_shared.log import get_logger
+from nena_shared.tasks import report_failure
 
 log = get_logger(__name__)
 
@@ -89,5 +90,5 @@ class MessageRate:
         for topic in [each for each in self._postponed if not self._limit.wait(each, now, cost=0)]:
             try:
                 self._postponed.pop(topic)()
-            except Exception:
-                log.exception("reading a postponed message failed", topic=topic)
+            except Exception as error:  # noqa: BLE001 - it is reported
+                report_failure("reading a postponed message failed", error, topic=topic)

@@ -264,6 +264,7 @@ async def test_hanging_disk_is_reported_and_the_order_waits(fleet: FleetControl,
     assert '"order_id":"o1"' in (tmp_path / "ACME.0001.journal").read_text()
 
 
+@pytest.mark.provokes_failures
 async def test_exception_in_the_core_loses_one_message_only(
     fleet: FleetControl, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,6 +18,7 @@ import pytest
 
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.tasks import end
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import Order
@@ -91,9 +92,7 @@ class OddRobot:
         try:
             yield
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await end(*tasks)
 
     async def _report(self) -> None:
         while True:

@@ -48,7 +48,7 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Link, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
-from nena_shared.tasks import Supervisor
+from nena_shared.tasks import Supervisor, report_failure
 from nena_shared.tracing import Export
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
@@ -348,8 +348,9 @@ class RobotAgent:
             self._statistics.note(event, now)
             try:
                 followed = self._core.handle(event, now)
-            except Exception:
-                log.exception("event not handled", robot=str(self.robot), event_type=type(event).__name__)
+            except Exception as error:  # noqa: BLE001 - it is reported
+                kind = type(event).__name__
+                report_failure("event not handled", error, robot=str(self.robot), event_type=kind)
                 continue
             effects.extend(followed)
             for observe in self._observers:
@@ -463,8 +464,8 @@ class RobotAgent:
         """Run ``step``; if it fails, log that, and continue the robot's task."""
         try:
             step(*args, **kwargs)
-        except Exception:
-            log.exception("a step failed", robot=str(self.robot))
+        except Exception as error:  # noqa: BLE001 - it is reported
+            report_failure("a step failed", error, robot=str(self.robot))
 
     def _next_due(self) -> float:
         if self._core.power.silent:

@@ -24,7 +24,7 @@ from nena_shared.database_connections import close_connections
 from nena_shared.fleet_api.audit import AuditMark, AuditPage, AuditQuery
 from nena_shared.histogram import SHORT, Histogram
 from nena_shared.log import get_logger
-from nena_shared.tasks import set_within
+from nena_shared.tasks import report_failure, set_within
 
 log = get_logger(__name__)
 
@@ -333,8 +333,8 @@ class Store:
     def _publish(then: Callable[[], None]) -> None:
         try:
             then()
-        except Exception:
-            log.exception("a committed change was not published")
+        except Exception as error:  # noqa: BLE001 - it is reported
+            report_failure("a committed change was not published", error)
 
 
 def _twice(work: Callable[[], T]) -> Callable[[], T]:
