@@ -654,17 +654,17 @@ class TestKeepOut:
 
         assert (robot.status("e"), held(robot)) == ("FINISHED", {"s1": "ENABLED"})
 
-    @pytest.mark.parametrize("capabilities", [{"keeps_out": False}, {"keeps_out": True}])
-    def test_a_wait_that_a_restart_makes_needless_ends(self, capabilities: dict[str, bool]) -> None:
+    @pytest.mark.parametrize("keeps_out", [False, True])
+    def test_a_wait_that_a_restart_makes_needless_ends(self, *, keeps_out: bool) -> None:
         robot = self.robot()
-        if capabilities["keeps_out"]:
+        if keeps_out:
             robot.instant(action("d", "NONE", "deleteZoneSet", zoneSetId="s1"))
             assert robot.status("e") == "FAILED"
         memory = robot.core.memory()
 
-        again = Bench(rules=RULES["3.0.0"], memory=memory, **capabilities)
+        again = Bench(rules=RULES["3.0.0"], memory=memory, keeps_out=keeps_out)
 
-        assert again.status("e") == ("FAILED" if capabilities["keeps_out"] else "FINISHED")
+        assert again.status("e") == ("FAILED" if keeps_out else "FINISHED")
         assert not again.waits()
 
     def test_a_restarted_robot_drives_once_navigation_plans_around_its_zones(self) -> None:
