@@ -159,9 +159,9 @@ async def test_robot_cannot_take_over_another_session(running: RunningSite) -> N
     """A robot knows how client IDs are made, but has its own key, so it gets another ID."""
     one, two = (running.settings_in(running.folder_of(*each)) for each in (ROBOT_1, ROBOT_2))
     neighbour = RobotKey("ACME", "2")
-    async with connected(Client(two, client_id_of(neighbour, two))) as victim:
+    async with connected(Client(two, client_id_of(neighbour, "uagv", two))) as victim:
         await until(lambda: victim.link.state.connected)
-        for stolen in (client_id_of(neighbour, one), client_id_of(neighbour, MqttSettings())):
+        for stolen in (client_id_of(neighbour, "uagv", one), client_id_of(neighbour, "uagv", MqttSettings())):
             async with connected(Client(one, stolen)) as thief:
                 await until(lambda thief=thief: thief.link.state.connected)  # type: ignore[misc] # bound at once
                 thief.publish("uagv/v2/ACME/1/state")

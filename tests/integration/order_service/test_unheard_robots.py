@@ -10,7 +10,7 @@ import json
 from collections.abc import AsyncIterator, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import httpx
 import pytest
@@ -104,8 +104,11 @@ async def test_no_robot_is_sent_over_the_place_of_one_that_has_only_been_there(f
         first.report()
         assert (await client.post("/v1/transportOrders", json=ORDER)).status_code == 201
 
+        async def place() -> str | None:
+            return cast("str | None", (await vehicles(client))["V2"]["currentPosition"])
+
+        await awaited(place, lambda point: point == "B", what="V2 asked for its place")
         await reason_of(client, "V2")
-        assert (await vehicles(client))["V2"]["currentPosition"] == "B"
         sent = [json.loads(each) for each in orders.payloads("+/v2/+/robot-1/order")]
         assert not [
             node for order in sent for node in order["nodes"] if node["released"] and node["nodeId"] == "B"

@@ -99,9 +99,10 @@ def test_header_ids_are_reserved_across_the_wrap_around() -> None:
 def test_a_client_id_contains_the_robot_and_depends_on_its_secret() -> None:
     robot, secret = RobotKey("ACME", "1"), MqttSettings.model_validate({"password": "a"})
 
-    assert client_id_of(robot, MqttSettings()) == "nena-edge-agent-ACME-1"
-    assert client_id_of(robot, secret).startswith("nena-edge-agent-ACME-1-")
-    assert client_id_of(robot, secret) != client_id_of(RobotKey("ACME", "2"), secret)
+    assert client_id_of(robot, "uagv", MqttSettings()) == "nena-edge-agent-uagv-ACME-1"
+    assert client_id_of(robot, "hall/2", MqttSettings()) == "nena-edge-agent-hall-2-ACME-1"
+    assert client_id_of(robot, "uagv", secret).startswith("nena-edge-agent-uagv-ACME-1-")
+    assert client_id_of(robot, "uagv", secret) != client_id_of(RobotKey("ACME", "2"), "uagv", secret)
 
 
 ROBOT = RobotKey("NeNa", "robot1")

@@ -45,7 +45,7 @@ from nena_shared.clock import Clock, ClockSkew, iso
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
-from nena_shared.mqtt import Link, LinkHooks, MqttLink, Outbound
+from nena_shared.mqtt import BrokerLink, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor, report_failure
@@ -169,7 +169,7 @@ class RobotAgent:
         equipment: Equipment,
         *,
         clock: Clock,
-        make_link: Callable[..., Link] = MqttLink,
+        make_link: Callable[..., BrokerLink] = MqttLink,
         make_journal: Callable[[Path, RobotKey], Journal] = Journal,
     ) -> None:
         self._settings = settings
@@ -526,10 +526,10 @@ class RobotAgent:
         header = self._messages.headers.make(Topic.VISUALIZATION)
         return self._core.visualization(header, self._messages.headers.last_id(Topic.STATE))
 
-    def _connect(self, make_link: Callable[..., Link]) -> Link:
+    def _connect(self, make_link: Callable[..., BrokerLink]) -> BrokerLink:
         link = make_link(
             self._settings.mqtt,
-            client_id=client_id_of(self.robot, self._settings.mqtt),
+            client_id=client_id_of(self.robot, self._settings.interface_name, self._settings.mqtt),
             hooks=LinkHooks(
                 will=lambda: self._messages.connection(ConnectionState.CONNECTION_BROKEN),
                 on_connected=self._greet,

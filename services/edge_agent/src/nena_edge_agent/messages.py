@@ -106,13 +106,16 @@ class HeaderMaker:
         return max(0, self._counts[topic] - 1)
 
 
-def client_id_of(robot: RobotKey, settings: MqttSettings) -> str:
+def client_id_of(robot: RobotKey, interface_name: str, settings: MqttSettings) -> str:
     """Return the robot's MQTT client ID, unless the settings name one.
+
+    It contains the interface name, because robots of two fleets at one broker may have the same name.
 
     Raises:
         ConfigurationError: a file with the robot's secret cannot be read.
     """
-    return private_client_id(f"nena-edge-agent-{robot.manufacturer}-{robot.serial_number}", settings)
+    fleet = interface_name.replace("/", "-")
+    return private_client_id(f"nena-edge-agent-{fleet}-{robot.manufacturer}-{robot.serial_number}", settings)
 
 
 class RobotMessages:

@@ -62,7 +62,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.metrics import Exposition
-from nena_shared.mqtt import Link, LinkHooks, MqttLink, Term, always
+from nena_shared.mqtt import BrokerLink, LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, end, forever
@@ -242,7 +242,7 @@ def _follow(engine: Engine, fleet: FleetLink, traces: Exporting | None, box: Bla
 
 
 def make_fleet(
-    settings: OrderServiceSettings, mqtt: Link, engine: Engine, clock: Clock, *, epoch: int = 0
+    settings: OrderServiceSettings, mqtt: BrokerLink, engine: Engine, clock: Clock, *, epoch: int = 0
 ) -> FleetLink:
     """Build fleet control over the link ``mqtt``."""
     return FleetLink(

@@ -137,7 +137,7 @@ class LinkState:
     """The term of the connection, see :data:`Term`."""
 
 
-class Link(Protocol):
+class BrokerLink(Protocol):
     """A program's link to the broker, as :class:`MqttLink` and simulations provide it."""
 
     state: LinkState

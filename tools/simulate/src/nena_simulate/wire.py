@@ -82,7 +82,7 @@ class Broker:
 
 
 class Link:
-    """Replaces a program's link to a broker; a :class:`nena_shared.mqtt.Link`."""
+    """Replaces a program's link to a broker; a :class:`nena_shared.mqtt.BrokerLink`."""
 
     def __init__(self, broker: Broker, hooks: LinkHooks | None = None) -> None:
         self.state = LinkState()

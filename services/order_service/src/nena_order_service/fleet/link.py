@@ -31,7 +31,7 @@ from nena_shared.clock import Clock
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.topics import level_of
 from nena_shared.log import get_logger
-from nena_shared.mqtt import Inbound, Link, Outbound
+from nena_shared.mqtt import BrokerLink, Inbound, Outbound
 from nena_shared.plant import Vehicle
 from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.rate_limit import MessageRate
@@ -389,7 +389,7 @@ class FleetLink:
 
     def __init__(
         self,
-        mqtt: Link,
+        mqtt: BrokerLink,
         *,
         addresses: RobotAddresses,
         settings: FleetSettings,
