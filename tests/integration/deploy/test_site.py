@@ -19,7 +19,7 @@ from nena_edge_agent.messages import client_id_of
 from nena_shared.mqtt import Outbound
 from nena_shared.mqtt.identity import tls_context
 from nena_shared.settings import MqttSettings
-from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from support.running_site import (
     AGGREGATOR,
     HOST,
@@ -32,6 +32,7 @@ from support.running_site import (
 )
 from support.waiting import PATIENCE, until
 
+UAGV = TopicScheme("uagv", "v2")
 pytestmark = pytest.mark.broker
 
 
@@ -159,9 +160,12 @@ async def test_robot_cannot_take_over_another_session(running: RunningSite) -> N
     """A robot knows how client IDs are made, but has its own key, so it gets another ID."""
     one, two = (running.settings_in(running.folder_of(*each)) for each in (ROBOT_1, ROBOT_2))
     neighbour = RobotKey("ACME", "2")
-    async with connected(Client(two, client_id_of(neighbour, "uagv", two))) as victim:
+    async with connected(Client(two, client_id_of(neighbour, UAGV, two))) as victim:
         await until(lambda: victim.link.state.connected)
-        for stolen in (client_id_of(neighbour, "uagv", one), client_id_of(neighbour, "uagv", MqttSettings())):
+        for stolen in (
+            client_id_of(neighbour, UAGV, one),
+            client_id_of(neighbour, UAGV, MqttSettings()),
+        ):
             async with connected(Client(one, stolen)) as thief:
                 await until(lambda thief=thief: thief.link.state.connected)  # type: ignore[misc] # bound at once
                 thief.publish("uagv/v2/ACME/1/state")

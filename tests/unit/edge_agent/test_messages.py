@@ -31,7 +31,7 @@ from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, In
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.factsheet import ActionScope, Factsheet, ValueDataType
-from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.versions import codec_for
 from nena_shared.vda5050.visualization import Visualization
@@ -99,10 +99,12 @@ def test_header_ids_are_reserved_across_the_wrap_around() -> None:
 def test_a_client_id_contains_the_robot_and_depends_on_its_secret() -> None:
     robot, secret = RobotKey("ACME", "1"), MqttSettings.model_validate({"password": "a"})
 
-    assert client_id_of(robot, "uagv", MqttSettings()) == "nena-edge-agent-uagv-ACME-1"
-    assert client_id_of(robot, "hall/2", MqttSettings()) == "nena-edge-agent-hall-2-ACME-1"
-    assert client_id_of(robot, "uagv", secret).startswith("nena-edge-agent-uagv-ACME-1-")
-    assert client_id_of(robot, "uagv", secret) != client_id_of(RobotKey("ACME", "2"), "uagv", secret)
+    assert client_id_of(robot, TopicScheme("uagv", "v2"), MqttSettings()) == "nena-edge-agent-uagv-ACME-1"
+    assert client_id_of(robot, TopicScheme("hall/2", "v2"), MqttSettings()) == "nena-edge-agent-hall-2-ACME-1"
+    assert client_id_of(robot, TopicScheme("uagv", "v2"), secret).startswith("nena-edge-agent-uagv-ACME-1-")
+    assert client_id_of(robot, TopicScheme("uagv", "v2"), secret) != client_id_of(
+        RobotKey("ACME", "2"), TopicScheme("uagv", "v2"), secret
+    )
 
 
 ROBOT = RobotKey("NeNa", "robot1")

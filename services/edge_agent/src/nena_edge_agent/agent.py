@@ -529,7 +529,7 @@ class RobotAgent:
     def _connect(self, make_link: Callable[..., BrokerLink]) -> BrokerLink:
         link = make_link(
             self._settings.mqtt,
-            client_id=client_id_of(self.robot, self._settings.interface_name, self._settings.mqtt),
+            client_id=client_id_of(self.robot, self._messages.topics, self._settings.mqtt),
             hooks=LinkHooks(
                 will=lambda: self._messages.connection(ConnectionState.CONNECTION_BROKEN),
                 on_connected=self._greet,

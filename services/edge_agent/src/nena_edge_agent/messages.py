@@ -41,7 +41,7 @@ from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.repair import Repair, RepairKind
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
-from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for, topics_for
 from nena_shared.vda5050.visualization import Visualization
 from nena_shared.vda5050.zone_set import ZoneSetTransfer
@@ -106,7 +106,7 @@ class HeaderMaker:
         return max(0, self._counts[topic] - 1)
 
 
-def client_id_of(robot: RobotKey, interface_name: str, settings: MqttSettings) -> str:
+def client_id_of(robot: RobotKey, topics: TopicScheme, settings: MqttSettings) -> str:
     """Return the robot's MQTT client ID, unless the settings name one.
 
     It contains the interface name, because robots of two fleets at one broker may have the same name.
@@ -114,7 +114,7 @@ def client_id_of(robot: RobotKey, interface_name: str, settings: MqttSettings) -
     Raises:
         ConfigurationError: a file with the robot's secret cannot be read.
     """
-    fleet = interface_name.replace("/", "-")
+    fleet = topics.interface_name.replace("/", "-")
     return private_client_id(f"nena-edge-agent-{fleet}-{robot.manufacturer}-{robot.serial_number}", settings)
 
 
@@ -134,7 +134,7 @@ class RobotMessages:
         self._robot = robot
         self._capabilities = capabilities
         self.codec = codec_for(settings.version)
-        self._topics = topics_for(settings.version, settings.interface_name)
+        self.topics = topics_for(settings.version, settings.interface_name)
         self.headers = HeaderMaker(robot, version=settings.version, clock=clock, reserved=reserved)
 
     def inbox(self, put: Callable[[Event], None], clock: Clock) -> Inbox:
@@ -150,7 +150,7 @@ class RobotMessages:
 
     def topic(self, topic: Topic) -> str:
         """Return the robot's MQTT topic (VDA 5050 3.0 section 4.2)."""
-        return self._topics.of(self._robot, topic)
+        return self.topics.of(self._robot, topic)
 
     def connection(self, state: ConnectionState) -> Outbound:
         """Return the connection message (section 6.5), retained.

@@ -33,7 +33,7 @@ def test_deeply_nested_json_is_not_a_plant_model() -> None:
 @pytest.mark.parametrize(
     ("mqtt", "expected"),
     [
-        (MqttSettings(), "nena-edge-agent-ACME-0001-doctor"),
+        (MqttSettings(), "nena-edge-agent-uagv-ACME-0001-doctor"),
         (MqttSettings(client_id="robot-7"), "robot-7-doctor"),
     ],
 )

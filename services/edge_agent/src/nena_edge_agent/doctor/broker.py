@@ -143,7 +143,8 @@ class _BrokerProbe:
 def client_id(settings: EdgeAgentSettings) -> str:
     """Return the doctor's client ID: the agent's with a suffix, for brokers that check the prefix."""
     robot = RobotKey(settings.manufacturer, settings.serial_number)
-    return f"{settings.mqtt.client_id or client_id_of(robot, settings.interface_name, settings.mqtt)}-doctor"
+    topics = topics_for(settings.version, settings.interface_name)
+    return f"{settings.mqtt.client_id or client_id_of(robot, topics, settings.mqtt)}-doctor"
 
 
 def map_ids(plant: bytes) -> frozenset[str]:
