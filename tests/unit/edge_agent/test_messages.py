@@ -98,13 +98,12 @@ def test_header_ids_are_reserved_across_the_wrap_around() -> None:
 
 def test_a_client_id_contains_the_robot_and_depends_on_its_secret() -> None:
     robot, secret = RobotKey("ACME", "1"), MqttSettings.model_validate({"password": "a"})
+    topics = TopicScheme("uagv", "v2")
 
-    assert client_id_of(robot, TopicScheme("uagv", "v2"), MqttSettings()) == "nena-edge-agent-uagv-ACME-1"
+    assert client_id_of(robot, topics, MqttSettings()) == "nena-edge-agent-uagv-ACME-1"
     assert client_id_of(robot, TopicScheme("hall/2", "v2"), MqttSettings()) == "nena-edge-agent-hall-2-ACME-1"
-    assert client_id_of(robot, TopicScheme("uagv", "v2"), secret).startswith("nena-edge-agent-uagv-ACME-1-")
-    assert client_id_of(robot, TopicScheme("uagv", "v2"), secret) != client_id_of(
-        RobotKey("ACME", "2"), TopicScheme("uagv", "v2"), secret
-    )
+    assert client_id_of(robot, topics, secret).startswith("nena-edge-agent-uagv-ACME-1-")
+    assert client_id_of(robot, topics, secret) != client_id_of(RobotKey("ACME", "2"), topics, secret)
 
 
 ROBOT = RobotKey("NeNa", "robot1")
