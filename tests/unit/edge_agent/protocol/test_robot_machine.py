@@ -56,7 +56,7 @@ from nena_shared.vda5050.versions import RULES
 from support.examples import EXAMPLES
 from support.expressible import EXPRESSIBLE
 from support.robot_core import Bench, action, at, order
-from support.robot_oracle import ORDERS_TAKEN_IN, Oracle
+from support.robot_oracle import FLEET_CONTROLS_IN, Oracle
 
 pytestmark = pytest.mark.simulation
 
@@ -319,7 +319,7 @@ class RobotMachine(RuleBasedStateMachine):
             stop = state.action_type in ("cancelOrder", "startPause") and state.action_status.value in ENDED
             if stop and state.action_id not in self.stopped:
                 self.stopped.add(state.action_id)
-                stands = not self.speed or self.foreign or self.oracle.mode not in ORDERS_TAKEN_IN
+                stands = not self.speed or self.foreign or self.oracle.mode not in FLEET_CONTROLS_IN
                 assert stands or state.action_status is not ActionStatus.FINISHED, state
 
     def answer(self, effects: list[Effect]) -> None:
