@@ -194,6 +194,24 @@ async def test_robot_with_an_order_is_asked_for_its_state_after_a_takeover(
             await successor.wait_for("VdaOrderFinished")
 
 
+async def test_a_large_plant_model_leaves_every_robot_reachable(
+    each_broker: BrokerAddress, interface_name: str
+) -> None:
+    """NATS grants a connection about 60 subscriptions of QoS 1."""
+    others = {RobotKey("Honest", f"absent-{number}"): Vehicle(name=f"V{number}") for number in range(200)}
+    plant = {**others, ROBOT: vehicle(ROBOT, "Robot")}
+    async with (
+        WiredFleet(each_broker, interface_name, vehicles=plant).connected() as fleet,
+        WiredRobot(each_broker, interface_name).connected() as robot,
+    ):
+        await until(lambda: fleet.fleet.connected_for() > 2.0, what="two seconds of a link")
+        robot.report()
+        await until(lambda: fleet.fleet.view(ROBOT).availability.can_take_order, what="a free robot")
+        fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
+        await fleet.wait_for("VdaOrderAccepted")
+        assert not fleet.mqtt.state.refused_names
+
+
 async def test_name_that_a_broker_refuses_does_not_end_our_link(
     each_broker: BrokerAddress, interface_name: str
 ) -> None:

@@ -66,6 +66,8 @@ def always() -> int | None:
 
 NAMES_AT_ONCE = 200
 """Maximum number of topics in a subscription by name."""
+NAMES_LOGGED = 10
+"""Maximum number of refused topics that are logged."""
 
 CONNECT_TIMEOUT = 10.0
 """Timeout of CONNECT and SUBSCRIBE, seconds."""
@@ -481,20 +483,30 @@ class MqttLink:
             session.client.cut()
 
     async def _subscribe_by_name(self, session: _Session) -> None:
-        """Subscribe to topics by name, some at once: a broker may take milliseconds for each."""
+        """Subscribe to topics by name, some at once: a broker may take milliseconds for each.
+
+        With QoS 0, because NATS grants a connection only about 60 subscriptions of QoS 1
+        (``max_ack_pending``); the wildcard subscription keeps its own.
+        """
         while names := self._names[session.subscribed_by_name :][:NAMES_AT_ONCE]:
             if self._ends_at_names == ENDS:
-                log.warning("the broker ends connections that subscribe by name; doing without", topics=names)
+                log.warning(
+                    "the broker ends connections that subscribe by name; doing without", topic=names[0]
+                )
                 return
             self._ends_at_names += 1  # unless it answers
             session.subscribed_by_name += len(names)
-            granted = await session.client.subscribe([(each, 1) for each in names])
+            granted = await session.client.subscribe([(each, 0) for each in names])
             self._ends_at_names = 0
             refused = [
                 each for each, code in zip(names, granted, strict=True) if getattr(code, "is_failure", False)
             ]
             if refused:
-                log.warning("the broker refuses topics: rename what they are named after", topics=refused)
+                log.warning(
+                    "the broker refuses topics: rename what they are named after",
+                    topics=refused[:NAMES_LOGGED],
+                    number=len(refused),
+                )
                 self.state.refused_names |= frozenset(refused)
             await self._subscribe(session)  # what was added meanwhile
 

@@ -23,7 +23,7 @@ from nena_order_service.fleet.outputs import (
     PublishResponses,
     PublishZoneSet,
 )
-from nena_order_service.fleet.robot import NO_TIME, MessageOrder, RobotView, header_text
+from nena_order_service.fleet.robot import NO_TIME, LinkStatus, MessageOrder, RobotView, header_text
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.statistics import FleetStatistics
 from nena_order_service.fleet.vda_order import VdaOrder
@@ -661,10 +661,16 @@ class FleetLink:
             self._on_events(*events)
 
     def _publish(self, output: Publish, now: float) -> None:
-        for address in self._addresses.of(output.robot):
-            # A broker that refuses this name may end the connection of who publishes to it (NATS).
-            if address.scheme.of(output.robot, Topic.CONNECTION) not in self._mqtt.state.refused_names:
-                self._publish_to(address, output, now)
+        refused, robot = self._mqtt.state.refused_names, output.robot
+        for address in self._addresses.of(robot):
+            # A broker that refuses a name may end the connection of who publishes to it (NATS); nothing is
+            # ever heard of such a robot.
+            if refused and address.scheme.of(robot, Topic.CONNECTION) in refused and self._is_unheard(robot):
+                continue
+            self._publish_to(address, output, now)
+
+    def _is_unheard(self, robot: RobotKey) -> bool:
+        return self.view(robot).link is LinkStatus.UNKNOWN
 
     def _publish_to(self, address: RobotAddress, output: Publish, now: float) -> None:
         topic, message = self._outgoing.message(output, address.codec.version)
