@@ -21,7 +21,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
     TransportOrderStatus,
 )
-from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
@@ -345,6 +345,8 @@ async def _play(steps: list[str], chance: Random) -> None:
                 fleet.appear(name, point)
         elif fleet.missions:
             _robot_acts(step, fleet, chance)
+    for each in engine.registry:  # a person brings back those that have failed several orders
+        engine.set_integration_level(each, IntegrationLevel.TO_BE_UTILIZED)
     _let_all_end(engine, fleet, 20 * count + 20)
 
     started += [vda_order.order_id for _, vda_order in fleet.sent]
