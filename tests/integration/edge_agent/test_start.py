@@ -41,7 +41,7 @@ async def test_the_robot_is_online_while_its_driver_starts(
         await fleet.state()
         fleet.send(order("n0", "n1"))
         await fleet.state(ended("o1"))
-    assert fleet.connections == ["ONLINE", "OFFLINE"]
+    await until(lambda: fleet.connections == ["ONLINE", "OFFLINE"], what="the end of the connection")
 
 
 async def test_a_driver_that_cannot_start_breaks_the_connection(

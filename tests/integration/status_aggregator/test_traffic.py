@@ -57,9 +57,7 @@ async def test_robot_is_followed_from_its_first_message_to_offline(broker: Broke
 @pytest.mark.parametrize(
     "payload", [b"", b"{", b"[]", b'{"headerId": "one"}', b"\xff\xfe", b'{"headerId": 1e999}']
 )
-async def test_malformed_state_is_counted_and_changes_nothing(
-    broker: Broker, served: Served, payload: bytes
-) -> None:
+async def test_malformed_state_is_counted_and_shown(broker: Broker, served: Served, payload: bytes) -> None:
     with MqttPeer(broker) as peer:
         served.send(peer, Topic.STATE, state(last_node_id="A"))
         peer.publish(served.robots.of(ROBOT, Topic.STATE), payload)
@@ -67,7 +65,7 @@ async def test_malformed_state_is_counted_and_changes_nothing(
         assert fleet["malformed"]["counts"] == {"state": 1}
         assert fleet["malformed"]["lastTopic"].endswith("ACME/r1/state")
         (robot,) = fleet["robots"]
-        assert (robot["condition"], robot["order"], robot["malformed"]) == ("IDLE", None, 1)
+        assert (robot["condition"], robot["order"], robot["malformed"]) == ("ERROR", None, 1)
         await served.metric('nena_messages_malformed_total{topic="state"} 1.0')
         served.send(peer, Topic.STATE, state(2, at=1, driving=True))
         await served.until("/api/v1/robots/ACME/r1", lambda shown: shown["condition"] == "BUSY")

@@ -115,6 +115,7 @@ async def test_changes_of_one_order_while_it_is_written_are_all_kept(make_store:
         assert await store.order(name="T-1") == order
 
 
+@pytest.mark.provokes_failures
 async def test_a_failing_listener_does_not_prevent_others(make_store: Callable[[], Store]) -> None:
     async with running(make_store()) as store:
         told = asyncio.Event()

@@ -393,23 +393,27 @@ class Nav2Driver:
             if self._node is not None:
                 self._check_transforms()
                 self._check_planner(self._node)
-                seen = await self._node.presence()
-                seen = replace(seen, action=self._action.look(), planner_gone=self._planner.gone)
-                report = presence.judge(
-                    seen,
-                    self._settings,
-                    pose_known=self._localisation.known,
-                    seconds=self._clock.monotonic() - self._looking_since,
-                )
-                report = self._with_map(self._with_limits(self._with_paths(report)))
-                await self._read_limits(report)
-                self._on_navigation(seen.servers, self._while_map_stays(report))
-                self._watch_localiser(seen)
-                self._watch_keep_out()
-                self._watch_drive()
-                if self._collision is not None:
-                    self._collision.look()
+                if (seen := await self._node.presence()) is not None:
+                    await self._judge(seen)
         await asyncio.sleep(self._settings.watch_period)
+
+    async def _judge(self, seen: presence.Presence) -> None:
+        """Report what the ROS graph shows of Nav2."""
+        seen = replace(seen, action=self._action.look(), planner_gone=self._planner.gone)
+        report = presence.judge(
+            seen,
+            self._settings,
+            pose_known=self._localisation.known,
+            seconds=self._clock.monotonic() - self._looking_since,
+        )
+        report = self._with_map(self._with_limits(self._with_paths(report)))
+        await self._read_limits(report)
+        self._on_navigation(seen.servers, self._while_map_stays(report))
+        self._watch_localiser(seen)
+        self._watch_keep_out()
+        self._watch_drive()
+        if self._collision is not None:
+            self._collision.look()
 
     def _watch_keep_out(self) -> None:
         """Report whether Nav2 plans around the areas to avoid."""

@@ -22,6 +22,7 @@ from sensor_msgs.msg import BatteryState
 from std_srvs.srv import Empty, Trigger
 
 from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.driver.port import SessionState
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.poses import PoseReading
@@ -121,12 +122,17 @@ class Nav2Node:
         seconds = self._settings.call_timeout
         return await self._fresh_pose.call(Empty.Request(), seconds=seconds) is not None
 
-    async def presence(self) -> Presence:
-        """Return what the ROS graph shows of Nav2; takes at most the timeout of one call."""
+    async def presence(self) -> Presence | None:
+        """Return what the ROS graph shows of Nav2; takes at most the timeout of one call.
+
+        None if the session ends meanwhile.
+        """
         there, localiser = self._lifecycle.service_is_ready(), self._localiser.service_is_ready()
         active, state = await asyncio.gather(
             self._call(self._lifecycle, Trigger.Request()), self._call(self._localiser, GetState.Request())
         )
+        if self._session.state is not SessionState.ACTIVE:
+            return None
         self._subscribe_to_volatile_poses()
         self._session.read_events()
         return Presence(

@@ -62,6 +62,8 @@ log = get_logger(__name__)
 
 EVENTS_READ_FOR = 0.05
 """Time in which pending QoS events are read, seconds."""
+LOOP_TIMEOUT = 5.0
+"""Maximum time in which the event loop is told of a failure, seconds."""
 NO_TYPE_DESCRIPTIONS = Parameter("start_type_description_service", value=False)
 """A service of each node that only introspection tools call, since Jazzy."""
 
@@ -288,15 +290,30 @@ class RosSession:
         reason = "its thread has ended"
         try:
             with ExitStack() as stack:
-                self._open(stack, populate)
-                self.post(self._become_active)
-                while not self._stop.is_set():
-                    self._executor.spin_once()
-        except Exception as error:  # any failure has to reach the program
-            log.exception("ROS session has failed", domain_id=self._domain_id, namespace=self._namespace)
-            reason = str(error) or type(error).__name__
+                try:
+                    self._open(stack, populate)
+                    self.post(self._become_active)
+                    while not self._stop.is_set():
+                        self._executor.spin_once()
+                except Exception as error:  # any failure has to reach the program
+                    log.exception(
+                        "ROS session has failed", domain_id=self._domain_id, namespace=self._namespace
+                    )
+                    reason = str(error) or type(error).__name__
+                    self._tell_failure(reason)
         finally:
             self.post(lambda: self._end(reason))
+
+    def _tell_failure(self, reason: str) -> None:
+        """Tell the loop before the node is destroyed: nothing in the loop uses it afterwards."""
+        told = threading.Event()
+
+        def tell() -> None:
+            self._end(reason)
+            told.set()
+
+        self.post(tell)
+        told.wait(LOOP_TIMEOUT)
 
     def _open(self, stack: ExitStack, populate: Callable[[Any], None]) -> None:
         context = stack.enter_context(ros.joined_domain(self._domain_id))
@@ -321,6 +338,8 @@ class RosSession:
         self._began.set()
 
     def _end(self, reason: str) -> None:
+        if self._ended.is_set():
+            return
         asked = self._stop.is_set()
         self.state = SessionState.NOT_ACTIVE if asked else SessionState.FAILED
         self.reason = "" if asked else reason
