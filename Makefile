@@ -84,6 +84,7 @@ lint: $(STAMP) ## check style, types, import rules and known vulnerabilities
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python deploy/lines
 	$(BIN)/bandit --quiet -ll --recursive $(SOURCES)
 	deploy/audit
 
@@ -183,8 +184,8 @@ smoke: $(STAMP) action-types broker ## the demo unattended: two robots, two orde
 demo: $(STAMP) action-types broker ## a hall with a guided tour on this machine, until q or Ctrl-C (ROBOTS=50 for more robots)
 	$(BIN)/nena-demo run $(if $(ROBOTS),--robots $(ROBOTS))
 
-bench: $(STAMP) action-types broker ## measure latencies, CPU per message and memory; writes bench.json (ENTRIES="edge_agent ..." for some)
-	PYTHONPATH=tests $(BIN)/python -m bench.run --output bench.json $(if $(ENTRIES),--entries $(ENTRIES))
+bench: $(STAMP) action-types broker ## measure latencies, CPU, memory and traffic (BENCH="--beside ../older --rounds 3 --entries orders")
+	PYTHONPATH=tests $(BIN)/python -m bench $(BENCH)
 
 conversations: $(STAMP) broker ## record the conversations in tests/fixtures again, from real agents
 	PYTHONPATH=tests $(BIN)/python -m support.conversations

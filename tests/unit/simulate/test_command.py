@@ -10,7 +10,7 @@ import pytest
 from defusedxml.ElementTree import fromstring
 from typer.testing import CliRunner
 
-from bench.traffic_halls import two_halls
+from bench.halls import two_halls
 from nena_cli.__main__ import app as nena
 from nena_simulate.__main__ import app
 from nena_simulate.heat_map import heat_map

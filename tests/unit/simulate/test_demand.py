@@ -9,7 +9,7 @@ from random import Random
 
 import pytest
 
-from bench.traffic_halls import two_halls
+from bench.halls import two_halls
 from nena_simulate.demand import Demand, DemandError, Relation, every_relation, read_orders, stations
 
 PLANT = two_halls().plant

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from bench.traffic_halls import two_halls
+from bench.halls import two_halls
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.link import FleetLink

@@ -7,8 +7,8 @@ from random import Random
 
 import pytest
 
+from bench.halls import SPEED_MM_S, two_halls
 from bench.pibt import bound
-from bench.traffic_halls import SPEED_MM_S, two_halls
 from nena_simulate.demand import Demand, DemandError, Relation, every_relation
 from nena_simulate.observation import Doing
 from nena_simulate.simulation import simulate, simulate_all

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from bench.halls import HALLS, Hall, demo_is_there
 from bench.pibt import LockStep, bound, orders_per_minute
-from bench.traffic_halls import HALLS, Hall, demo_is_there
 
 
 def hall(name: str) -> Hall:

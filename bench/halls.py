@@ -35,8 +35,6 @@ SPUR_MM = 2000
 COLUMNS, ROWS = 20, 15
 TWO_WAY_EACH = 5
 STATIONS = 35
-LARGE = 50
-"""Columns and rows of the large hall."""
 
 HALF_COLUMNS, HALF_ROWS = 8, 6
 TRACK_POINTS = 7
@@ -101,6 +99,7 @@ class Sketch:
         self.paths: list[Path] = []
 
     def point(self, name: str, x_mm: int, y_mm: int, kind: PointType = PointType.HALT_POSITION) -> str:
+        """Add a point, mm; return its name."""
         self.points[name] = Point(name=name, x_mm=x_mm, y_mm=y_mm, type=kind)
         return name
 
@@ -158,19 +157,19 @@ def grid_point(column: int, row: int) -> str:
     return f"P{column:02d}-{row:02d}"
 
 
-def _grid(sketch: Sketch, columns: int = COLUMNS, rows: int = ROWS) -> None:
+def _grid(sketch: Sketch) -> None:
     """Add a grid of points: rows one-way in turn; of the columns each fifth and the last one two-way."""
-    for row in range(rows):
-        for column in range(columns):
+    for row in range(ROWS):
+        for column in range(COLUMNS):
             sketch.point(grid_point(column, row), column * APART_MM, row * APART_MM)
-    for row in range(rows):
-        for column in range(columns - 1):
+    for row in range(ROWS):
+        for column in range(COLUMNS - 1):
             ends = grid_point(column, row), grid_point(column + 1, row)
             sketch.one_way(*(reversed(ends) if row % 2 else ends))
-    for column in range(columns):
-        for row in range(rows - 1):
+    for column in range(COLUMNS):
+        for row in range(ROWS - 1):
             ends = grid_point(column, row), grid_point(column, row + 1)
-            if column % TWO_WAY_EACH == 0 or column == columns - 1:
+            if column % TWO_WAY_EACH == 0 or column == COLUMNS - 1:
                 sketch.two_way(*ends)
             else:
                 sketch.one_way(*(reversed(ends) if column % 2 else ends))
@@ -186,14 +185,6 @@ def stations_on_aisles() -> Hall:
     sketch = Sketch()
     _grid(sketch)
     return sketch.hall("aisles", _served(sketch))
-
-
-@cache
-def large_hall() -> Hall:
-    """Return a hall of 50 x 50 points with 200 stations on its aisles."""
-    sketch = Sketch()
-    _grid(sketch, LARGE, LARGE)
-    return sketch.hall("large", Random(LARGE).sample(sorted(sketch.points), 4 * LARGE))
 
 
 @cache

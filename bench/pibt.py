@@ -20,7 +20,7 @@ from math import atan2, inf, pi
 from random import Random
 from statistics import fmean
 
-from bench.traffic_halls import SPEED_MM_S, Hall, orders_by_lot
+from bench.halls import SPEED_MM_S, Hall, orders_by_lot
 
 WORK_SECONDS = 2.0
 TURN_RATE = 2.0
