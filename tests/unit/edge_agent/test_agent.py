@@ -1,13 +1,10 @@
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable
 from pathlib import Path
-from weakref import ref
 
 import pytest
 
-from nena_edge_agent.agent import freeze_loaded_objects
 from nena_edge_agent.journal import Recorder, Version
 from nena_edge_agent.messages import RobotMessages
 from nena_edge_agent.protocol.memory import Memory
@@ -15,37 +12,6 @@ from nena_shared.mqtt import Outbound
 from nena_shared.vda5050.state import State
 from support.restarts.life import live
 from support.restarts.scenarios import SCENARIOS
-
-
-class Ring:
-    def __init__(self) -> None:
-        self.me = self
-
-
-def test_loaded_objects_are_frozen_and_later_ones_collected() -> None:
-    freeze_loaded_objects()
-    assert gc.get_freeze_count() > 0
-
-    ring = Ring()
-    later = ref(ring)
-    del ring
-    freeze_loaded_objects()
-    gc.collect()
-
-    assert later() is None
-
-
-def test_loaded_objects_are_frozen_once_per_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Counting what is frozen walks all of it, so it must not happen for each robot either."""
-    calls: list[str] = []
-    monkeypatch.setattr(gc, "freeze", lambda: calls.append("freeze"))
-    monkeypatch.setattr(gc, "get_freeze_count", lambda: calls.append("count"))
-    freeze_loaded_objects.cache_clear()
-
-    for _ in range(1000):
-        freeze_loaded_objects()
-
-    assert calls == ["freeze"]
 
 
 def test_a_state_is_encoded_while_the_disk_writes_what_it_reports(

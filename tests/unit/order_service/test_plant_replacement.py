@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import threading
-import weakref
 
 import pytest
 
@@ -73,30 +71,6 @@ async def test_uploaded_model_is_activated_and_kept(settings: OrderServiceSettin
         with pytest.raises(StoreNotReadyError, match=CHANGING):
             before.engine.create(request("South 2"), "T-2")
     assert await taken_up(settings, store) == without("South 3")
-    store.close()
-
-
-class Ring:
-    def __init__(self) -> None:
-        self.me = self
-
-
-async def test_what_was_excluded_from_collection_is_collected_when_the_model_changes(
-    settings: OrderServiceSettings,
-) -> None:
-    store = Store(open_database(settings.store.location()))
-    async with Supervisor() as supervisor:
-        runner = runner_of(settings, store, supervisor)
-        await runner.begin()
-        ring = Ring()
-        earlier = weakref.ref(ring)
-        gc.freeze()  # as the program does
-        del ring
-        gc.collect()
-        assert earlier() is not None
-        await runner.change_plant(without("South 3"))
-        assert earlier() is None
-        assert gc.get_freeze_count() > 0
     store.close()
 
 

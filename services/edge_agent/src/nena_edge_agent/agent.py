@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import ParamSpec
 
@@ -237,7 +235,6 @@ class RobotAgent:
                 supervisor.start(f"link {self.robot}", self._link.run())
                 try:
                     await self._driver.start()  # meanwhile the link connects; messages wait in the mailbox
-                    freeze_loaded_objects()
                     supervisor.start(f"robot {self.robot}", self._serve())
                     await supervisor.wait(self._begin_power(supervisor, stop))
                 except Exception:
@@ -563,13 +560,3 @@ class RobotAgent:
         self._link.publish(self._messages.connection(state))
         if not await self._link.drain(DISCONNECT_TIMEOUT):
             self._log.warning("the connection ended before the last messages were sent")
-
-
-@cache
-def freeze_loaded_objects() -> None:
-    """Exclude all objects loaded so far from garbage collection: a full pass blocks a robot for 30 ms.
-
-    This is done once per process: a second call would keep the objects of a failed robot forever, and
-    ``gc.get_freeze_count()`` walks all frozen objects.
-    """
-    gc.freeze()

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-
-gc.disable()  # nothing that modules create is garbage: the search for it took a quarter of their loading time
-
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -46,9 +42,6 @@ from nena_shared.tasks import Supervisor, forever
 from nena_shared.tracing import Export, Exporting, closing, open_export
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import codec_for, topics_for
-
-gc.freeze()
-gc.enable()
 
 PROGRAM = "nena-edge-agent"
 DESCRIPTION = (

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
 from nena_order_service.api.decisions import make_black_box
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
 from nena_order_service.fleet.leader import LeaderElection
-from nena_order_service.garbage import short_collections
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import OrderService, ServiceRunner, build
 from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
@@ -162,11 +160,9 @@ async def _begin_and_serve(
     try:
         begun = await has_begun(begin(), supervisor, stop, waits=lambda: not store.ready, show=show)
         if begun:
-            gc.freeze()  # the plant model and its routes stay: each full garbage collection would scan them
             server.show(runner.service.app)
             server.open(supervisor)
-            with short_collections(lambda: len(runner.service.fleet.robots())):
-                await supervisor.wait(stop)
+            await supervisor.wait(stop)
     finally:
         if begun:
             runner.service.close_streams()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import json
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -474,9 +473,6 @@ class ServiceRunner:
             message = "the changed plant model cannot be activated: the store is unavailable"
             raise RuntimeError(message) from error
         self.show(service.app)
-        gc.unfreeze()
-        gc.collect()  # what was left of earlier plant models
-        gc.freeze()
         log.info("plant model changed", name=model.name, points=len(model.points))
 
     async def _end(self, service: OrderService) -> None:

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-
-gc.disable()  # nothing that modules create is garbage: the search for it took a quarter of their loading time
-
 import asyncio
 import sys
 from collections.abc import Sequence
@@ -20,13 +16,6 @@ from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.settings import AggregatorSettings
 
-gc.freeze()
-gc.enable()
-
-GC_THRESHOLDS = (50_000, 20, 100)
-"""Messages are trees without cycles, so reference counting frees them. Python's default thresholds
-would scan all robots' states after every few messages, at a quarter of the CPU time."""
-
 
 async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
     """Run the aggregator until ``stop`` is set.
@@ -37,7 +26,6 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
         TaskFailedError: a task failed.
 
     """
-    gc.set_threshold(*GC_THRESHOLDS)
     aggregator = Aggregator(settings, SystemClock())
     server = HttpServer(make_app(aggregator, settings.http, settings.order_service), settings.http)
     if aggregator.history:

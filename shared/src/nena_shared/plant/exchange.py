@@ -1,8 +1,5 @@
 """Common parts of plant model importers and exporters: reports, and bounded JSON parsing."""
 
-import gc
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -46,22 +43,6 @@ def check_size(data: bytes, limits: JsonLimits = JSON_LIMITS) -> None:
 def refusal(code: str, text: str) -> PlantModelError:
     """Return the error for a file that cannot be read."""
     return PlantModelError([PlantProblem(code, ObjectKind.MODEL, "", text)])
-
-
-@contextmanager
-def paused_collector() -> Iterator[None]:
-    """Disable the cyclic garbage collector while a model is built.
-
-    A large model has several hundred thousand objects without cycles, none of which is freed. Scanning them
-    repeatedly takes a third of the load time.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from nena_shared.findings import in_words
 from nena_shared.plant import lif, opentcs_xml
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
-from nena_shared.plant.exchange import ImportReport, check_size, parse_json, paused_collector
+from nena_shared.plant.exchange import ImportReport, check_size, parse_json
 from nena_shared.plant.model import PlantModel
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -51,8 +51,7 @@ def read_nena(data: bytes) -> ImportReport:
     """Read the output of `PlantModel.to_json`. Raises PlantModelError."""
     check_size(data)
     try:
-        with paused_collector():
-            model = PlantModel.from_json(data)
+        model = PlantModel.from_json(data)
     except ValidationError as error:
         raise PlantModelError(_problems(error)) from error
     if errors := find_errors(model):

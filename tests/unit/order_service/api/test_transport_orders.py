@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 from datetime import UTC, datetime
 from itertools import count
 from typing import Any
@@ -242,32 +241,6 @@ async def test_orders_are_selected_by_time_of_creation(client: httpx.AsyncClient
     assert await found(since="2000-01-01T00:00:00Z", until="2100-01-01T00:00:00+01:00") == sorted(names)
     assert await found(since="2100-01-01T00:00:00Z") == []
     assert (await client.get(ORDERS, params={"since": "yesterday"})).status_code == 422
-
-
-async def test_a_page_is_never_completely_in_memory(
-    client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As models, 1,000 orders with their history take 11 MB, which the allocator does not return."""
-    await made(client, 4 * ORDERS_AT_ONCE)
-    gc.collect()
-    before, most = alive(), 0
-    read = database.read_orders
-
-    def counted(*given: Any) -> Any:
-        nonlocal most
-        found = read(*given)
-        most = max(most, alive())
-        return found
-
-    monkeypatch.setattr(database, "read_orders", counted)
-    page = (await client.get(ORDERS, params={"limit": 1000})).json()
-    assert len(page["transportOrders"]) == 4 * ORDERS_AT_ONCE
-    assert 0 < most - before <= 2 * ORDERS_AT_ONCE + 1
-
-
-def alive() -> int:
-    """Return how many orders there are in memory, as models."""
-    return sum(isinstance(each, TransportOrderStatus) for each in gc.get_objects())
 
 
 async def test_a_store_that_fails_within_a_page_is_answered_as_a_problem(

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import gc
 import json
 
 import pytest
@@ -8,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.plant.errors import PlantModelError
-from nena_shared.plant.exchange import JsonLimits, check_size, parse_json, paused_collector
+from nena_shared.plant.exchange import JsonLimits, check_size, parse_json
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**53), 2**53) | st.text(max_size=5),
@@ -52,25 +51,3 @@ def test_json_beyond_the_limits_is_refused(text: bytes, limits: JsonLimits) -> N
 def test_text_just_within_the_limits_is_accepted() -> None:
     check_size(b'"' + b"x" * 98 + b'"', JsonLimits(size_bytes=100))
     check_size(b"[1,2,3,4]", JsonLimits(values=4))
-
-
-def _fail_while_it_rests() -> None:
-    assert not gc.isenabled()
-    raise LookupError
-
-
-def test_collector_is_paused_inside_and_resumed_after_errors() -> None:
-    assert gc.isenabled()
-    with pytest.raises(LookupError), paused_collector():
-        _fail_while_it_rests()
-    assert gc.isenabled()
-
-
-def test_disabled_collector_stays_disabled() -> None:
-    gc.disable()
-    try:
-        with paused_collector():
-            pass
-        assert not gc.isenabled()
-    finally:
-        gc.enable()

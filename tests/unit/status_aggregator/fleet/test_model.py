@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import gc
 from copy import deepcopy
 from typing import Any
 
@@ -415,5 +414,4 @@ def test_map_beyond_the_limit_is_refused_until_another_is_freed(monkeypatch: pyt
     assert first is not None
     assert cache.shared(robot_map(OTHER)) is None
     del first
-    gc.collect()
     assert cache.shared(robot_map(OTHER)) is not None

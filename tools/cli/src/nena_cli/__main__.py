@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-
-gc.disable()  # nothing that modules create is garbage: the search for it took a quarter of their loading time
-
 import os
 import sys
 from dataclasses import dataclass
@@ -48,8 +44,6 @@ class Command:
 
         model_building.deferred = True
         found = getattr(import_module(self.module), self.name)
-        gc.freeze()
-        gc.enable()  # for commands that run for days, such as watch
         if isinstance(found, typer.Typer):
             found.info.help = self.help
             return get_command(found)

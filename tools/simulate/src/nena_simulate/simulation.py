@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -72,4 +71,3 @@ def _sets_in_one_order() -> Iterator[None]:
 
 def _prepare() -> None:
     log.configure(LogSettings(level="error"))
-    gc.set_threshold(100_000, 50, 50)

@@ -17,7 +17,6 @@ from nena_shared.plant.exchange import (
     ImportReport,
     JsonLimits,
     parse_json,
-    paused_collector,
     refusal,
 )
 from nena_shared.plant.lif import checks, mobile_robots
@@ -66,11 +65,6 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
     Common deviations are repaired with a warning; with `strict` they are errors. Raises PlantModelError with
     all problems if the file is not LIF, has another version, exceeds a limit or is inconsistent.
     """
-    with paused_collector():
-        return _read(data, strict=strict, limits=limits)
-
-
-def _read(data: bytes, *, strict: bool, limits: JsonLimits) -> ImportReport:
     raw = parse_json(data, limits)
     file, findings = _file(data, raw)
     if problems := tuple(checks.errors(file)):

@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 from math import hypot
 from types import MappingProxyType
 from typing import Any, Final
-from xml.etree.ElementTree import Element
 
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError
-from nena_shared.plant.exchange import ImportReport, paused_collector
+from nena_shared.plant.exchange import ImportReport
 from nena_shared.plant.model import (
     Block,
     BlockType,
@@ -55,11 +54,7 @@ def read(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> ImportReport:
     Raises PlantModelError with all problems if the file is not a plant model, has an unsupported version,
     exceeds a limit or is inconsistent.
     """
-    with paused_collector():
-        return _read(parse(data, limits))
-
-
-def _read(element: Element) -> ImportReport:
+    element = parse(data, limits)
     name = element.get("name", "")
     # Removed, because everything left unread is reported.
     findings = Findings(FormatVersion.parse(element.attrib.pop("version", ""), name))
