@@ -107,28 +107,16 @@ class Codec:
 
     def formed(self, message: Header) -> Header:
         """Return a message in this version's form, for :meth:`written`; raises as :meth:`encode`."""
-        if isinstance(message, Order):
-            self.check(message)
-        return self._formed(message)
-
-    def written(self, wire: Header) -> bytes:
-        """Encode a message of this version's form."""
-        return type(wire).__pydantic_serializer__.to_json(wire, by_alias=True, exclude_none=True)
-
-    def check(self, order: Order) -> None:
-        """Raise MalformedMessageError if an order violates the graph rules."""
-        if problems := violations(order):
+        if isinstance(message, Order) and (problems := violations(message)):
             raise MalformedMessageError(Order.__name__, problems)
-
-    def write(self, message: Header) -> bytes:
-        """Encode a message, or part of an order, as :meth:`encode` does, without the graph rules."""
-        return self.written(self._formed(message))
-
-    def _formed(self, message: Header) -> Header:
         form = self.forms[self._kind_of(message)]
         if message.version != self.version:
             message = message.model_copy(update={"version": self.version})
         return form.from_neutral(message)
+
+    def written(self, wire: Header) -> bytes:
+        """Encode a message of this version's form."""
+        return type(wire).__pydantic_serializer__.to_json(wire, by_alias=True, exclude_none=True)
 
     def _kind_of(self, message: Header) -> type[Header]:
         for kind in self.forms:

@@ -8,9 +8,9 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from nena_order_service.fleet.feasibility import Fitter, fitted, fitted_action, order_problem
+from nena_order_service.fleet.feasibility import fitted, fitted_action, order_problem
 from nena_order_service.fleet.robot import Abilities
-from nena_order_service.fleet.vda_order import VdaOrder, released_to
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
@@ -307,38 +307,3 @@ def test_the_load_handling_device_has_the_listed_key_or_that_of_the_version(
     robot = Abilities(abilities(pick(**kinds)).factsheet.model_copy(update={"version": version}))
     (parameter,) = fitted_action(action, robot).action_parameters
     assert (parameter.key, parameter.value) == (sent, "fork")
-
-
-class TestFitter:
-    """Updates are fitted like new orders, but only where they differ from the last one."""
-
-    PLAN = make_vda_order("m1", *"ABCDE")
-    ROBOT = abilities(
-        demands=("edges.length", "nodes.nodePosition.theta", "nodes.nodePosition.allowedDeviationTheta")
-    )
-
-    def test_unchanged_nodes_and_edges_are_not_fitted_again(self) -> None:
-        fitter = Fitter()
-        before = fitter.fitted(released_to(self.PLAN, 2), self.ROBOT)
-        after = fitter.fitted(released_to(self.PLAN, 4), self.ROBOT)
-
-        assert after == fitted(released_to(self.PLAN, 4), self.ROBOT)
-        kept = [one is other for one, other in zip(before.nodes, after.nodes, strict=True)]
-        assert kept == [True, True, False, True, True]
-        kept = [one is other for one, other in zip(before.edges, after.edges, strict=True)]
-        assert kept == [True, False, True, True]
-
-    def test_a_new_factsheet_applies_to_the_next_update(self) -> None:
-        fitter, other = Fitter(), abilities(demands=("nodes.nodeDescriptor",))
-        fitter.fitted(self.PLAN, self.ROBOT)
-        assert fitter.fitted(self.PLAN, other) == fitted(self.PLAN, other)
-        assert fitter.fitted(self.PLAN, None) == fitted(self.PLAN, None)
-        assert fitter.fitted(self.PLAN, self.ROBOT) == fitted(self.PLAN, self.ROBOT)
-
-    def test_a_node_that_is_reached_from_elsewhere_is_fitted_again(self) -> None:
-        fitter, elsewhere = Fitter(), make_vda_order("m1", *"XYZ", x=9.0)
-        fitter.fitted(self.PLAN, self.ROBOT)
-        turned = VdaOrder(
-            order_id="m1", nodes=(elsewhere.nodes[0], *self.PLAN.nodes[1:]), edges=self.PLAN.edges
-        )
-        assert fitter.fitted(turned, self.ROBOT) == fitted(turned, self.ROBOT)

@@ -12,7 +12,7 @@ from typing import Final
 from nena_order_service.fleet import availability
 from nena_order_service.fleet.availability import equipment, significant_fields
 from nena_order_service.fleet.failures import RobotBusyError
-from nena_order_service.fleet.feasibility import Fitter, order_problem
+from nena_order_service.fleet.feasibility import fitted, order_problem
 from nena_order_service.fleet.instant_actions import STATE_REQUEST, InstantActionManager, state_request
 from nena_order_service.fleet.order_execution import OrderExecution
 from nena_order_service.fleet.outputs import (
@@ -77,7 +77,6 @@ class RobotControl:
         self._settings = settings
         self._new_id = new_id
         self._instant_actions = InstantActionManager(self.robot, settings, new_id, broker=broker)
-        self._fitter = Fitter()
         self._run: OrderExecution | None = None
         self._ended: deque[str] = deque(maxlen=ENDED_ORDERS_KEPT)
         self._last_order_at: float | None = None
@@ -201,7 +200,7 @@ class RobotControl:
         """
         run, abilities = self._run, self.robot.abilities
         if run and run.vda_order.order_id == vda_order.order_id:
-            run.extend(self._fitter.fitted(vda_order, abilities))
+            run.extend(fitted(vda_order, abilities))
         return self._advance(now)
 
     def new_run(
@@ -338,7 +337,7 @@ class RobotControl:
             return
         if run.phase is VdaOrderPhase.WAITING:
             abilities = self.robot.abilities
-            run.vda_order = self._fitter.fitted(run.vda_order, abilities)
+            run.vda_order = fitted(run.vda_order, abilities)
             if abilities and (problem := order_problem(run.vda_order, abilities)):
                 yield from self._refuse(run, problem)
                 return
@@ -354,7 +353,7 @@ class RobotControl:
         if self._cannot_get(run, now):
             run.hold()
             return
-        run.refit(lambda vda_order: self._fitter.fitted(vda_order, self.robot.abilities))
+        run.refit(lambda vda_order: fitted(vda_order, self.robot.abilities))
         self._last_order_at = now
         yield run.send_update(state.errors, now)
 

@@ -46,64 +46,6 @@ _Ends = tuple[NodePosition | None, NodePosition | None]
 """The positions of an edge's nodes."""
 
 
-class Fitter:
-    """Fits the VDA orders of one robot to its factsheet (section 7.1.1).
-
-    An update repeats most nodes and edges of the order unchanged, so those of the last one are kept: the
-    same objects, as far as it leads through the same positions.
-    """
-
-    def __init__(self) -> None:
-        self._abilities: Abilities | None = None
-        self._edge_rules = _EdgeRules()
-        self._nodes: list[tuple[Node, float, Node]] = []
-        """The nodes of the last order, with the heading at each, and each as fitted."""
-        self._edges: list[tuple[Edge, Edge]] = []
-        """Its edges, and each as fitted."""
-
-    def fitted(self, vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
-        """Return a VDA order as :func:`fitted` does."""
-        if abilities is None:
-            return fitted(vda_order, None)
-        if abilities is not self._abilities:
-            self._abilities, self._edge_rules = abilities, _EdgeRules.of(abilities)
-            self._nodes, self._edges = [], []
-        given, same = vda_order.nodes, 0
-        for node, known in zip(given, self._nodes, strict=False):
-            if node.node_position is not known[0].node_position:
-                break
-            same += 1
-        nodes = [
-            (node, heading, fit if node is known else _fitted_node(node, heading, abilities))
-            for node, (known, heading, fit) in zip(given[:same], self._nodes, strict=False)
-        ]
-        for node in given[same:]:
-            before, arrived = nodes[-1][:2] if nodes else (None, 0.0)
-            heading = _heading(before, node, arrived)
-            nodes.append((node, heading, _fitted_node(node, heading, abilities)))
-        edges = [
-            (edge, fit if edge is known else self._fitted_edge(edge, ends, abilities))
-            for edge, (known, fit), ends in zip(
-                vda_order.edges[: max(same - 1, 0)], self._edges, pairwise(given), strict=False
-            )
-        ]
-        ends_ahead = pairwise(given[len(edges) :])
-        edges += [
-            (edge, self._fitted_edge(edge, ends, abilities))
-            for edge, ends in zip(vda_order.edges[len(edges) :], ends_ahead, strict=True)
-        ]
-        self._nodes, self._edges = nodes, edges
-        return VdaOrder(
-            order_id=vda_order.order_id,
-            nodes=tuple([fit for _, _, fit in nodes]),
-            edges=tuple([fit for _, fit in edges]),
-        )
-
-    def _fitted_edge(self, edge: Edge, ends: tuple[Node, Node], abilities: Abilities) -> Edge:
-        start, end = ends
-        return _fitted_edge(edge, (start.node_position, end.node_position), abilities, self._edge_rules)
-
-
 def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
     """Remove optional fields that the robot does not support, and fill required ones (section 7.1.1).
 
@@ -115,7 +57,18 @@ def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
         nothing = {"maximum_speed": None, **dict.fromkeys(_RULED.values())}
         edges = tuple(_changed(each, nothing) for each in vda_order.edges)
         return VdaOrder(order_id=vda_order.order_id, nodes=vda_order.nodes, edges=edges)
-    return Fitter().fitted(vda_order, abilities)
+    rules, nodes = _EdgeRules.of(abilities), list[Node]()
+    before: Node | None = None
+    heading = 0.0
+    for node in vda_order.nodes:
+        heading = _heading(before, node, heading)
+        nodes.append(_fitted_node(node, heading, abilities))
+        before = node
+    edges = tuple(
+        _fitted_edge(edge, (start.node_position, end.node_position), abilities, rules)
+        for edge, (start, end) in zip(vda_order.edges, pairwise(vda_order.nodes), strict=True)
+    )
+    return VdaOrder(order_id=vda_order.order_id, nodes=tuple(nodes), edges=edges)
 
 
 def fitted_action(action: Action, abilities: Abilities) -> Action:

@@ -45,7 +45,6 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.order_writer import OrderWriter
 from nena_shared.vda5050.records import changed
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.robot_sources import Dated, RobotSources
@@ -403,7 +402,6 @@ class FleetLink:
         self._clock = clock
         self._on_events = on_events
         self._outgoing = Outgoing(clock, epoch)
-        self._writers: dict[RobotKey, OrderWriter] = {}
         self._last_nodes = LastNodes()
         self._connected = False
         self._term = 0
@@ -676,9 +674,7 @@ class FleetLink:
         topic, message = self._outgoing.message(output, address.codec.version)
         dialect = self._addresses.dialect(output.robot)
         try:
-            payload = dialect.renamed(
-                topic, self._encoded(output.robot, dialect.fitted(message), address.codec)
-            )
+            payload = dialect.renamed(topic, address.codec.encode(dialect.fitted(message)))
         except (MalformedMessageError, ValidationError):
             log.exception(
                 "message not supported by the robot's VDA 5050 version", robot=str(output.robot), topic=topic
@@ -693,11 +689,6 @@ class FleetLink:
         for listener in self.listeners:
             listener.published(topic, output, now)
         self._mqtt.publish(Outbound(place, payload, qos=self._settings.qos, keep=False))
-
-    def _encoded(self, robot: RobotKey, message: Message, codec: Codec) -> bytes:
-        if not isinstance(message, Order):
-            return codec.encode(message)
-        return self._writers.setdefault(robot, OrderWriter()).encode(message, codec)
 
     def _now(self) -> float:
         return self._clock.monotonic()

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, pairwise, zip_longest
-from operator import attrgetter, is_
 from types import MappingProxyType
 from typing import Any, Final, TypeVar
 from uuid import uuid4
@@ -34,8 +32,6 @@ from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePositi
 from nena_shared.vda5050.state import State
 
 G = TypeVar("G", Node, Edge)
-
-_SEQUENCE_ID: Final = attrgetter("sequence_id")
 
 
 class VdaOrder(WireObject):
@@ -72,20 +68,6 @@ class VdaOrder(WireObject):
     def edges_with_actions(self) -> tuple[Edge, ...]:
         """The edges that have actions; usually none."""
         return tuple([each for each in self.edges if each.actions])
-
-    @cached_property
-    def as_base(self) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
-        """Its nodes and edges, all released; the same objects each time, so that what fits is known."""
-        return self._all_released(released=True)
-
-    @cached_property
-    def as_horizon(self) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
-        """Its nodes and edges, not released; the same objects each time, so that what fits is known."""
-        return self._all_released(released=False)
-
-    def _all_released(self, *, released: bool) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
-        nodes = tuple(_released(each, released=released) for each in self.nodes)
-        return nodes, tuple(_released(each, released=released) for each in self.edges)
 
     @cached_property
     def base_length(self) -> int:
@@ -428,15 +410,9 @@ def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 
 def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
     """Return the plan with its base ending at the node ``sequence_id`` (section 6.1.1)."""
-    nodes, edges = plan.as_base
-    nodes_ahead, edges_ahead = plan.as_horizon
-    base = bisect_right(nodes, sequence_id, key=_SEQUENCE_ID)
-    on_base = bisect_left(edges, sequence_id, key=_SEQUENCE_ID)
-    return VdaOrder(
-        order_id=plan.order_id,
-        nodes=(*nodes[:base], *nodes_ahead[base:]),
-        edges=(*edges[:on_base], *edges_ahead[on_base:]),
-    )
+    nodes = tuple(_released(each, released=each.sequence_id <= sequence_id) for each in plan.nodes)
+    edges = tuple(_released(each, released=each.sequence_id < sequence_id) for each in plan.edges)
+    return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
 
 
 def held_by(state: State, plan: VdaOrder) -> VdaOrder:
@@ -449,9 +425,7 @@ def _same_base(held: VdaOrder, plan: VdaOrder, base: int) -> bool:
     """Return whether both have the same base; its optional fields may differ, as after a new factsheet."""
     before: tuple[Node | Edge, ...] = (*held.nodes[:base], *held.edges[: base - 1])
     after: tuple[Node | Edge, ...] = (*plan.nodes[:base], *plan.edges[: base - 1])
-    if len(before) != len(after):
-        return False
-    return all(map(is_, before, after)) or [*map(_outline, before)] == [*map(_outline, after)]
+    return [*map(_outline, before)] == [*map(_outline, after)]
 
 
 def _outline(part: Node | Edge) -> tuple[object, ...]:
