@@ -126,7 +126,7 @@ class Bench:
         return self.take(self.fleet.instant_action(self.robot.key, action, self.now))
 
     def tick(self) -> Outputs:
-        return self.take(tuple(chain.from_iterable(self.fleet.tick(lambda: self.now))))
+        return self.take(tuple(chain.from_iterable(self.fleet.tick(self.now))))
 
     def wait(self, seconds: float, *, reporting: bool = False) -> None:
         """Advance the time, with a tick each quarter of a second, and with a state each second on request."""

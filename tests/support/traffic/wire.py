@@ -102,7 +102,7 @@ class CoreFleet:
             self._wire.bring(("state", robot.key), lambda: self._heard(robot, state))
 
     def tick(self) -> None:
-        self._take(tuple(chain.from_iterable(self.core.tick(lambda: self.now))))
+        self._take(tuple(chain.from_iterable(self.core.tick(self.now))))
 
     def _heard(self, robot: DrivingRobot, state: object) -> None:
         if self.alive and robot.key not in self.away:

@@ -41,7 +41,7 @@ async def test_open_orders_beyond_the_limit_are_counted_and_logged() -> None:
     for number in range(5):
         aggregator.model.on_order_status(order_status(f"TO-{number}"), aggregator.now())
     assert [each["orders_removed"] for each in limits_logged(aggregator)] == [3]
-    text = b"".join(Exposition(aggregator).parts()).decode()
+    text = Exposition(aggregator).text().decode()
     assert "nena_transport_orders_open_forgotten_total 3" in text
 
     aggregator.model.on_order_status(order_status("TO-9"), aggregator.now())

@@ -11,7 +11,6 @@ from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, iso
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.loop_lag import LoopLag
-from nena_status_aggregator.api.encoding import encode
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.queues import JamLimits
@@ -94,10 +93,10 @@ class Aggregator:
                 self.model.advance(self.now())
             await asyncio.sleep(self._interval)
 
-    async def _snapshot(self) -> tuple[int, bytes]:
+    def _snapshot(self) -> tuple[int, bytes]:
         self.publish_changes()
         view = self.model.snapshot()
-        return view["id"], await encode({**view, "time": iso(self.clock.now()), "share": str(self.share)})
+        return view["id"], to_json({**view, "time": iso(self.clock.now()), "share": str(self.share)})
 
 
 def _recordings(settings: RecordingSettings) -> RecordingStore | None:

@@ -171,7 +171,7 @@ def test_many_robots_are_asked_a_few_at_a_time_those_with_an_order_first() -> No
     fleet, now, sent = FleetController(FleetSettings()), 100.0, list[list[str]]()
 
     def tick() -> None:
-        outputs = chain.from_iterable(fleet.tick(lambda: now))
+        outputs = chain.from_iterable(fleet.tick(now))
         sent.append([each.robot.serial_number for each in outputs if isinstance(each, PublishInstantActions)])
 
     fleet.on_broker(connected=True, now=now)

@@ -10,19 +10,17 @@ import pytest
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.link import (
     STANDARD,
-    TICKED_AT_ONCE,
     FleetLink,
     LastNodes,
     RobotAddresses,
 )
-from nena_order_service.fleet.outputs import BrokerLinkChanged, FleetOutput, RobotChanged, VdaOrderFinished
+from nena_order_service.fleet.outputs import VdaOrderFinished
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.mqtt import Handler, Inbound, MqttLink, Outbound
 from nena_shared.plant import Vehicle
 from nena_shared.plant.fleet_checks import KEY_LENGTH
 from nena_shared.settings import ConfigurationError, MqttSettings
-from nena_shared.tasks import end
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import ConnectionState
@@ -403,74 +401,3 @@ async def test_waiting_messages_are_read_before_an_order_is_sent_again() -> None
     await until(lambda: len(looks) >= 3, what="timeouts are checked")
     running.cancel()
     assert len(sent) == 1
-
-
-async def test_other_tasks_run_between_the_timeouts_of_many_robots(monkeypatch: pytest.MonkeyPatch) -> None:
-    mqtt, codec = Handlers(), codec_for("2.1.0")
-    fleet = [HonestRobot(key=RobotKey("ACME", f"r{number}")) for number in range(3 * TICKED_AT_ONCE)]
-    at_once: list[set[RobotKey]] = [set()]
-    link = FleetLink(
-        mqtt,
-        addresses=RobotAddresses([V2]),
-        settings=FleetSettings(tick_interval=0.001),
-        clock=ManualClock(),
-        on_events=lambda *events: at_once[-1].update(
-            each.robot for each in events if isinstance(each, RobotChanged)
-        ),
-    )
-    for robot in fleet:
-        topic = Topic.CONNECTION
-        payload = codec.encode(robot.connection(ConnectionState.ONLINE))
-        mqtt.by_filter[V2.for_all(topic)](Inbound(V2.of(robot.key, topic), payload, retained=False))
-    at_once.append(set())
-    monkeypatch.setattr(mqtt.state, "connected", True)
-    running = asyncio.create_task(link.run())
-
-    def take_turn() -> None:
-        at_once.append(set())
-        asyncio.get_running_loop().call_soon(take_turn)
-
-    take_turn()
-    await until(lambda: set().union(*at_once[1:]) == {each.key for each in fleet})
-    await end(running)
-
-    assert max(map(len, at_once[1:])) == TICKED_AT_ONCE
-
-
-async def test_a_new_term_between_two_parts_holds_for_the_robots_after_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    mqtt, codec, clock = Handlers(), codec_for("2.1.0"), ManualClock()
-    mqtt.state.connected = True
-    settings, events = FleetSettings(tick_interval=0.001), list[FleetOutput]()
-    link = FleetLink(
-        mqtt,
-        addresses=RobotAddresses([V2]),
-        settings=settings,
-        clock=clock,
-        on_events=lambda *new: events.extend(new),
-    )
-    for number in range(2 * TICKED_AT_ONCE):
-        robot = HonestRobot(key=RobotKey("ACME", f"r{number}"), last_node_id="A")
-        for topic, message in (
-            (Topic.CONNECTION, robot.connection(ConnectionState.ONLINE)),
-            (Topic.FACTSHEET, factsheet()),
-            (Topic.STATE, robot.state()),
-        ):
-            inbound = Inbound(V2.of(robot.key, topic), codec.encode(message), retained=False)
-            mqtt.by_filter[V2.for_all(topic)](inbound)
-        link.start_vda_order(robot.key, make_vda_order("m", "A", "B"))
-    assert events[0] == BrokerLinkChanged(), "before what follows for single robots"
-    sent: list[str] = []
-
-    def publish(message: Outbound) -> None:
-        sent.append(message.topic)
-        mqtt.state.term = 1  # the link was lost and is back
-
-    monkeypatch.setattr(mqtt, "publish", publish)
-    clock.advance(settings.resend_after + 0.1)
-    await link._look()
-
-    orders = [each for each in sent if each.endswith("/order")]
-    assert len(orders) == TICKED_AT_ONCE, "the others have to report first"
-    assert events.count(BrokerLinkChanged()) == 2

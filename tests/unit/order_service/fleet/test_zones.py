@@ -271,7 +271,7 @@ def test_the_controller_answers_once_all_robots_have_reported() -> None:
     fleet.on_broker(connected=True, now=5.0)
 
     def grants(now: float) -> dict[str, str]:
-        outputs = chain.from_iterable(fleet.tick(lambda: now))
+        outputs = chain.from_iterable(fleet.tick(now))
         messages = (each for each in outputs if isinstance(each, PublishResponses))
         return {each.request_id: each.grant_type.value for message in messages for each in message.responses}
 

@@ -33,7 +33,7 @@ class Published:
         self.number = 0
         self.stream = EventStream(EventSettings(**settings), epoch="e", snapshot=self.snapshot)
 
-    async def snapshot(self) -> tuple[int, bytes]:
+    def snapshot(self) -> tuple[int, bytes]:
         return self.number, json.dumps({"upTo": self.number}).encode()
 
     def publish(self, count: int = 1) -> None:

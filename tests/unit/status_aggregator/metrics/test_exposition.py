@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import asyncio
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -18,13 +17,12 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.metrics.exposition import SECTIONS, Exposition
-from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE, documented
+from nena_status_aggregator.metrics.robot_series import documented
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, JamSettings
 from support.certificates import Authority
 from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, connection, order_status, position, vehicle_status
 from support.fleet_records import state
-from support.pausing import turn_passes
 
 PARTS_OF_HISTOGRAM = {"le"}
 
@@ -76,7 +74,7 @@ def aggregator(tmp_path: Path) -> Aggregator:
 
 
 def exposed(aggregator: Aggregator) -> str:
-    return b"".join(Exposition(aggregator).parts()).decode()
+    return Exposition(aggregator).text().decode()
 
 
 def families(aggregator: Aggregator) -> Iterator[Metric]:
@@ -150,20 +148,3 @@ def test_prometheus_accepts_the_metrics(aggregator: Aggregator) -> None:
         check=False,
     )
     assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
-
-
-async def test_event_loop_runs_other_tasks_between_metric_families(aggregator: Aggregator) -> None:
-    turns = 0
-
-    async def count() -> None:
-        nonlocal turns
-        while True:
-            turns += 1
-            await turn_passes()
-
-    counting = asyncio.create_task(count())
-    parts = [part async for part in Exposition(aggregator).stream()]
-    counting.cancel()
-
-    assert parts[-1].endswith(b"\n")
-    assert turns >= len(OF_ROBOT) + len(OF_STATE)

@@ -613,18 +613,17 @@ class FleetController:
         control = self._control(robot)
         return self._reported(control, control.instruct(action, now))
 
-    def tick(self, now: Callable[[], float]) -> Iterator[Outputs]:
-        """Resend messages, and handle timeouts and silent robots, one at a time.
+    def tick(self, now: float) -> Iterator[Outputs]:
+        """Resend messages, and handle timeouts and silent robots, one after the other.
 
-        Call this several times per second. Other calls may be made between two robots, so ``now`` returns the
-        current time.
+        Call this several times per second.
         """
-        for each in self._due(now()):
-            yield self._reported(each, each.tick(now()))
+        for each in self._due(now):
+            yield self._reported(each, each.tick(now))
         if self._broker and self._to_ask:
-            yield from self._ask(now())
+            yield from self._ask(now)
         if self._instant_actions.busy:
-            yield self._answers(now())
+            yield self._answers(now)
 
     def _ask(self, now: float) -> Iterator[Outputs]:
         """Ask the next robots for their states.
@@ -636,7 +635,7 @@ class FleetController:
             control = self._robots[robot]
             if control.unasked and known_only and control.robot.connection is None:
                 continue
-            self._to_ask.pop(robot, None)  # our link may have changed meanwhile
+            del self._to_ask[robot]
             if control.unasked:
                 yield self._reported(control, control.ask(now))
                 asked += 1

@@ -352,9 +352,6 @@ READ_WITHIN: Final = 2.0
 """Seconds within which waiting messages are read before timeouts are checked: under load, orders were sent
 again although the robots' answers were there."""
 
-TICKED_AT_ONCE: Final = 25
-"""Number of robots whose timeouts are handled before other tasks run; each takes about 0.1 ms."""
-
 LOGGED_OF_NAME: Final = 60
 """Characters of a name that is too long."""
 
@@ -495,13 +492,8 @@ class FleetLink:
         self._rate.read_postponed(self._now())
         outputs: list[FleetOutput] = []
         try:
-            for number, found in enumerate(self._controller.tick(self._now), 1):
-                outputs += found
-                if number % TICKED_AT_ONCE == 0:
-                    self._hand_out(outputs)
-                    outputs = []
-                    await asyncio.sleep(0)
-                    self._notice_broker()
+            for of_robot in self._controller.tick(self._now()):
+                outputs += of_robot
         finally:  # what one robot's failure leaves of the others is not lost
             self._hand_out(outputs)
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from fastapi import APIRouter, FastAPI, Request
 from starlette.datastructures import MutableHeaders
-from starlette.responses import PlainTextResponse, Response, StreamingResponse
+from starlette.responses import PlainTextResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_shared.clock import SystemClock
 from nena_shared.web.access import AccessControl, access_tokens_of
-from nena_shared.web.metrics import METRICS, metrics_stream
+from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import describe_problems
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import users_of
@@ -100,9 +100,9 @@ def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRou
         return {"status": "ready"}
 
     @router.get(METRICS, response_class=PlainTextResponse)
-    async def metrics(request: Request) -> StreamingResponse:
+    async def metrics(request: Request) -> Response:
         """Return all metrics in the Prometheus text format, compressed for clients that accept gzip."""
-        return metrics_stream(request, exposition.stream())
+        return metrics_response(request, exposition.text())
 
     return router
 

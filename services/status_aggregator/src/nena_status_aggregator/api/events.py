@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncGenerator, Awaitable, Callable
+from collections.abc import AsyncGenerator, Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Query
@@ -22,7 +22,7 @@ class EventStream(EventRing[bytes]):
     """
 
     def __init__(
-        self, settings: EventSettings, *, epoch: str, snapshot: Callable[[], Awaitable[tuple[int, bytes]]]
+        self, settings: EventSettings, *, epoch: str, snapshot: Callable[[], tuple[int, bytes]]
     ) -> None:
         """Create an empty stream.
 
@@ -65,19 +65,19 @@ class EventStream(EventRing[bytes]):
 
         async def following() -> bytes:
             nonlocal position
-            frames, position = await self._next(position)
+            frames, position = self._next(position)
             return frames
 
         with self.client():
             async for frames in self.frames(following):
                 yield frames
 
-    async def _next(self, position: int | None) -> tuple[bytes, int]:
+    def _next(self, position: int | None) -> tuple[bytes, int]:
         """Return the next frames for a client at ``position``, and its new position."""
         behind = None if position is None else self._last - position
         events = self.last(behind) if behind is not None and behind <= self._settings.backlog else None
-        if events is None:  # events during the snapshot follow it
-            number, data = await self._snapshot()
+        if events is None:
+            number, data = self._snapshot()
             self.snapshots += 1
             return self._frame("snapshot", number, data), number
         return b"".join(events), self._last

@@ -8,7 +8,6 @@ from typing_extensions import TypedDict
 from nena_shared.clock import iso
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.api.encoding import encode, encode_list
 from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import as_json, found
 from nena_status_aggregator.fleet.view_builder import view_known_actions
@@ -102,16 +101,15 @@ def make_router(aggregator: Aggregator) -> APIRouter:
         """Return the whole fleet: robots, orders, devices, plant model summary, broker connection."""
         aggregator.publish_changes()
         view = model.snapshot()
-        robots = (with_age(aggregator, each) for each in view["robots"])
+        robots = [with_age(aggregator, each) for each in view["robots"]]
         time, share = iso(aggregator.now().utc), str(aggregator.share)
-        body = await encode({**view, "time": time, "share": share, "robots": robots})
-        return Response(body, media_type="application/json")
+        return as_json({**view, "time": time, "share": share, "robots": robots})
 
     @router.get("/orders", responses={200: {"model": list[OrderView]}})
     async def orders() -> Response:
         """Return all transport orders."""
         aggregator.publish_changes()
-        return Response(await encode_list(model.snapshot()["orders"]), media_type="application/json")
+        return as_json(model.snapshot()["orders"])
 
     @router.get("/peripherals", responses={200: {"model": list[PeripheralView]}})
     async def peripherals() -> Response:

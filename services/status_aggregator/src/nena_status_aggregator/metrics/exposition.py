@@ -5,9 +5,8 @@ Labels are bounded: conditions, topics, levels and states by their enumerations,
 
 from __future__ import annotations
 
-import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Final
 
@@ -338,15 +337,8 @@ class Exposition:
         self._robot_series = RobotSeries()
         self._fleet = metrics.Exposition(aggregator, SECTIONS)
 
-    def parts(self) -> Iterator[bytes]:
-        """Yield the text format 0.0.4 in parts of at most a few milliseconds each."""
-        yield self._fleet.text()
+    def text(self) -> bytes:
+        """Return the text format 0.0.4."""
         model, now = self._aggregator.model, self._aggregator.now()
-        for family in self._robot_series.families(list(model.robots), now):
-            yield family.encode()
-
-    async def stream(self) -> AsyncIterator[bytes]:
-        """Yield all parts; the event loop runs other tasks in between."""
-        for part in self.parts():
-            yield part
-            await asyncio.sleep(0)
+        families = self._robot_series.families(list(model.robots), now)
+        return self._fleet.text() + "".join(families).encode()
