@@ -5,7 +5,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
-from nena_status_aggregator.metrics.robot_series import RobotSeries
+from nena_status_aggregator.metrics.robot_series import robot_families
 from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, connection, position, way
 from support.fleet_records import state
@@ -20,7 +20,7 @@ def robot(key: RobotKey = ROBOT) -> Robot:
 def figures(*robots: Robot, after: float = 0.0) -> dict[str, dict[str, float]]:
     """Return what is written of each robot, by its serial number."""
     found: dict[str, dict[str, float]] = {each.key.serial_number: {} for each in robots}
-    text = "".join(RobotSeries().families(robots, Timestamp.of(ManualClock(seconds=after, start=START))))
+    text = robot_families(robots, Timestamp.of(ManualClock(seconds=after, start=START)))
     for family in text_string_to_metric_families(text):
         for sample in family.samples:
             found[sample.labels["serial_number"]][sample.name] = sample.value
@@ -91,13 +91,3 @@ def test_unreported_values_are_absent() -> None:
 def test_odd_names_are_escaped() -> None:
     odd = RobotKey("A\\C", 'r"2\nx')
     assert figures(robot(odd))[odd.serial_number]["nena_robot_condition"] == 1
-
-
-def test_only_current_robots_are_written_and_cached() -> None:
-    series = RobotSeries()
-    now = Timestamp.of(CLOCK)
-    first, second = robot(), robot(RobotKey("ACME", "r2"))
-
-    assert "r1" in "".join(series.families([first, second], now))
-    assert "r1" not in "".join(series.families([second], now))
-    assert list(series._labels) == [second.key]

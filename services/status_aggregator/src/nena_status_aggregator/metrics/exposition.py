@@ -28,7 +28,7 @@ from nena_status_aggregator.fleet.condition import Condition
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.fleet.statistics import DURATION_BOUNDS
 from nena_status_aggregator.history.writer import HistoryWriter
-from nena_status_aggregator.metrics.robot_series import RobotSeries
+from nena_status_aggregator.metrics.robot_series import robot_families
 
 DISTRIBUTION = "nena-status-aggregator"
 
@@ -334,11 +334,9 @@ class Exposition:
 
     def __init__(self, aggregator: Aggregator) -> None:
         self._aggregator = aggregator
-        self._robot_series = RobotSeries()
         self._fleet = metrics.Exposition(aggregator, SECTIONS)
 
     def text(self) -> bytes:
         """Return the text format 0.0.4."""
         model, now = self._aggregator.model, self._aggregator.now()
-        families = self._robot_series.families(list(model.robots), now)
-        return self._fleet.text() + "".join(families).encode()
+        return self._fleet.text() + robot_families(model.robots, now).encode()

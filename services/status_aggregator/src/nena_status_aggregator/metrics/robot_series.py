@@ -10,7 +10,6 @@ from typing import Generic, TypeVar
 from nena_shared.metrics import Metric, MetricKind, gauge
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import EmergencyStop, State
-from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.fleet.view_builder import is_active
 
@@ -160,27 +159,18 @@ OF_STATE: tuple[Series[State], ...] = (
 )
 
 
-class RobotSeries:
-    """Writes the metrics of all robots; the labels of each robot are kept between scrapes."""
-
-    def __init__(self) -> None:
-        self._labels: dict[RobotKey, str] = {}
-
-    def families(self, robots: Iterable[Robot], now: Timestamp) -> Iterator[str]:
-        """Yield one metric family after the other."""
-        known = self._labels
-        self._labels = {robot.key: known.get(robot.key) or _labels_of(robot.key) for robot in robots}
-        yield _conditions([(robot, self._labels[robot.key]) for robot in robots])
-        named = [(robot, f"{{{self._labels[robot.key]}}} ") for robot in robots]
-        for of_robot in OF_ROBOT:
-            yield _family(of_robot, named, now)
-        states = [(robot.state, labels) for robot, labels in named if robot.state is not None]
-        for series in OF_STATE:
-            yield _family(series, states, now)
-
-
-def _labels_of(key: RobotKey) -> str:
-    return labels_text(manufacturer=key.manufacturer, serial_number=key.serial_number)
+def robot_families(robots: Iterable[Robot], now: Timestamp) -> str:
+    """Return the metric families of all robots."""
+    labelled = [
+        (robot, labels_text(manufacturer=robot.key.manufacturer, serial_number=robot.key.serial_number))
+        for robot in robots
+    ]
+    rows = [(robot, f"{{{labels}}} ") for robot, labels in labelled]
+    states = [(robot.state, labels) for robot, labels in rows if robot.state is not None]
+    families = [_conditions(labelled)]
+    families += [_family(series, rows, now) for series in OF_ROBOT]
+    families += [_family(series, states, now) for series in OF_STATE]
+    return "".join(families)
 
 
 CONDITION = "nena_robot_condition"
