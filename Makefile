@@ -107,7 +107,7 @@ $(VENV)/docs/.set-up: requirements/docs.txt $(STAMP)
 	$(VENV)/docs/bin/pip install --quiet --no-deps --require-hashes -r requirements/docs.txt
 	@touch $@
 
-docs: $(VENV)/docs/.set-up ## build the docs as a site with search into build/docs; broken links are errors
+docs: $(VENV)/docs/.set-up reference conformance ## write the generated pages, and build the docs as a site with search into build/docs; broken links are errors
 	NO_MKDOCS_2_WARNING=1 $(VENV)/docs/bin/mkdocs build --strict # not --quiet, which hides warnings from --strict
 	@echo "To read it: python -m http.server --directory build/docs --bind 127.0.0.1 8000"
 

@@ -2,7 +2,7 @@
 
 Expected events are awaited by their condition (``support.waiting``). Time only passes here if no condition
 marks the end: a fault that lasts, a life cut short at some time, a span in which nothing may happen, the pace
-of a load. ``tests/unit/test_form.py`` checks that no other test code sleeps.
+of a load.
 """
 
 from __future__ import annotations

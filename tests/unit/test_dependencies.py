@@ -31,11 +31,6 @@ def test_the_mqtt_library_is_a_declared_dependency_of_the_shared_library() -> No
     assert any(each.startswith("paho-mqtt") for each in named_in(ROOT / "shared/pyproject.toml"))
 
 
-def test_all_distributions_have_one_version() -> None:
-    versions = {tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"] for path in PROJECTS}
-    assert len(versions) == 1, versions
-
-
 INSTALLED = [ROOT / "Makefile", ROOT / "docs/installation.md", *ROOT.glob("services/*/Dockerfile*")]
 
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import gzip
-import sys
 from collections import Counter
 from dataclasses import replace
 from datetime import timedelta
@@ -22,7 +21,6 @@ from nena_order_service.service import OrderService
 from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.tasks import Supervisor
-from nena_shared.vda5050.topics import RobotKey
 from nena_shared.web.settings import HttpSettings
 from support.order_service import NOW, assigned_order, dispatchable_order
 from support.waiting import PATIENCE
@@ -178,37 +176,3 @@ def test_rate_limited_requests_are_counted_from_zero() -> None:
     limited, door = Counter({429: 2, 200: 5}), SimpleNamespace(answers=Counter[int]())
     service: Any = SimpleNamespace(answers=limited, mqtt_api=door)
     assert _answers(service) == {("rest", "429"): 2, ("rest", "200"): 5, ("mqtt", "429"): 0}
-
-
-async def cost(client: httpx.AsyncClient) -> tuple[int, int]:
-    """Return the samples of a scrape, and the number of function calls to write them."""
-    calls = 0
-
-    def count(_frame: object, event: str, _argument: object) -> None:
-        nonlocal calls
-        calls += event in ("call", "c_call")
-
-    await client.get("/metrics")
-    sys.setprofile(count)
-    try:
-        answer = await client.get("/metrics")
-    finally:
-        sys.setprofile(None)
-    return len([line for line in answer.text.splitlines() if not line.startswith("#")]), calls
-
-
-async def test_a_scrape_hardly_grows_with_fleet_and_orders(
-    service: OrderService, client: httpx.AsyncClient
-) -> None:
-    few_samples, few_calls = await cost(client)
-    for number in range(1000):
-        service.engine.registry.discover(RobotKey("ACME", f"r{number}"))
-        service.engine.create(ORDER, f"order-{number}")
-    service.engine.look()
-    await service.engine.unit_of_work.committed()
-
-    samples, calls = await cost(client)
-
-    assert len([*service.engine.unit_of_work.published]) >= 1000
-    assert samples == few_samples
-    assert calls - few_calls < 10 * 1000

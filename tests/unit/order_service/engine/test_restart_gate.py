@@ -12,7 +12,6 @@ from nena_order_service.engine.engine import Engine
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import PlantModel, Vehicle
 from support.clocks import ManualClock
-from support.operations import calls_of
 from support.order_service import request
 from support.pausing import turn_passes
 from support.plants import path, point
@@ -160,23 +159,6 @@ async def test_a_changed_plant_model_does_not_wait_again_for_a_robot_that_does_n
 
     fleet.appear("V2", "A")
     assert again.absent() == frozenset()
-
-
-def test_waiting_costs_the_same_however_many_robots_have_reported() -> None:
-    calls = []
-    for number in (20, 200):
-        names = [f"V{index:03}" for index in range(number)]
-        plant = PlantModel(name="many", vehicles=tuple(Vehicle(name=name) for name in names))
-        fleet = ScriptedFleet(dict.fromkeys(names, "A"), mute={names[-1]})
-        context = make_context(plant, settings=EngineSettings(restart_patience=20.0))
-        context.connect(fleet)
-        gate = RestartGate(context, lambda: None)
-        gate.begin(tuple(context.registry))
-        assert not opened(gate)
-        calls.append(calls_of(lambda gate=gate: opened(gate)))  # type: ignore[misc]
-        fleet.mute.clear()
-        assert opened(gate)
-    assert calls[0] == calls[1]
 
 
 async def test_an_order_is_sent_as_soon_as_the_gate_opens() -> None:

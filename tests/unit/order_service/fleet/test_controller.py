@@ -411,35 +411,18 @@ def test_only_significant_changes_are_reported(change: dict[str, Any], *, worth_
     assert bench.report() == ()
 
 
-def test_the_view_is_rebuilt_only_after_possible_changes() -> None:
+def test_the_view_follows_states_time_and_malformed_messages() -> None:
     bench = Bench().online()
     seen = bench.view()
     bench.now += 1.0
-    assert bench.view() is seen
+    assert bench.view() == seen
     bench.report()
-    assert bench.view() is not seen
+    assert bench.view() != seen
     assert bench.view().state_at == bench.now
     bench.now += bench.settings.silent_after + 1.0
     assert bench.view().link is LinkStatus.SILENT
     bench.fleet.on_malformed(ROBOT, None, bench.now)
     assert bench.view().malformed == 1
-
-
-def test_whether_a_robot_is_free_is_determined_once_per_state(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench().online()
-    bench.start(make_vda_order("m", "A", "B", "C"))
-    calls: list[float] = []
-    original = RobotControl._availability
-
-    def counted(control: RobotControl, now: float, *more: Any) -> Any:
-        calls.append(now)
-        return original(control, now, *more)
-
-    monkeypatch.setattr(RobotControl, "_availability", counted)
-    bench.robot.last_node_id = "B"
-    bench.report()
-    assert bench.view().state == bench.fleet.state(ROBOT)
-    assert len(calls) == 1
 
 
 def test_a_robot_executing_its_order_is_quiet() -> None:

@@ -25,7 +25,7 @@ from nena_shared.vda5050.order import Corridor, CorridorReferencePoint, Edge, No
 from nena_shared.vda5050.state import MobileRobotPosition, NodeState
 from support.fleet_examples import factsheet, state
 from support.lif_files import lif_2_0_of, robot_action, robot_edge, robot_node
-from support.reference import PROJECT, reference_dir
+from support.reference import reference_dir
 
 RULED = (
     "orientation",
@@ -468,26 +468,3 @@ def test_a_vehicle_without_a_type_uses_rules_common_to_all_types() -> None:
     two["mobileRobotTypeEdgeProperties"][1]["maximumRotationSpeed"] = 0.4
     assert first_edge(plant_of(*nodes, two), by=nameless).maximum_rotation_speed is None
     assert first_edge(plant_of(*nodes, two)).maximum_rotation_speed == 0.5
-
-
-def test_the_guide_names_each_field_and_what_is_without_effect() -> None:
-    guide = (PROJECT / "docs/plant-models.md").read_text(encoding="utf-8")
-    for field in RULED:
-        assert f"`edges.{field}`" in guide
-    rules: dict[str, Any] = {"loadRestriction": {"unloaded": True, "loaded": True, "loadSetNames": ["p"]}}
-    odd: dict[str, Any] = {
-        "rotationAtStartNodeAllowed": "CW",
-        "rotationAtEndNodeAllowed": "CW",
-        "reentryAllowed": False,
-    }
-    feasible: dict[str, Any] = {"feasibleActions": [robot_action("x")]}
-    closed: dict[str, Any] = {"loadRestriction": {"unloaded": True, "loaded": False}}
-    parts = (robot_node("A", **rules), robot_node("B", **closed), robot_edge("A B", **odd, **feasible))
-    warnings = [
-        each.text.partition(" (")[0]
-        for each in lif.read(lif_2_0_of(*parts)).warnings
-        if each.code == "NOT_HEEDED"
-    ]
-    assert len(warnings) == 6
-    for what in warnings:
-        assert what.removesuffix(" false") in guide

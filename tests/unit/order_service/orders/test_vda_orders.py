@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import pytest
 
-from nena_order_service.fleet.position import RobotProfile, Standing, TooFarError, locate, max_distance_m
-from nena_order_service.orders import vda_orders
+from nena_order_service.fleet.position import RobotProfile, TooFarError, locate, max_distance_m
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.route_search import Journey
-from nena_shared.plant import PlantModel, Point, Vehicle
-from nena_shared.vda5050.state import State
+from nena_shared.plant import PlantModel, Point
 from support.fleet import make_vda_order
 from support.fleet_examples import state
-from support.scripted_fleet import ScriptedFleet, key, make_context
+from support.scripted_fleet import key
 
 WAY = tuple(ResourceSet(name, 1000, {name: None}) for name in "BCDE")
 RECORD = SentOrder.of(key("V1"), make_vda_order("m", *"ABCDE"), 0, WAY)
@@ -51,26 +47,6 @@ def test_a_completely_released_order_is_unchanged() -> None:
     record = RECORD.released(Journey(WAY, 4, released=4))
 
     assert record.ending_early(partial=True) is record
-
-
-def test_a_vehicle_is_located_once_for_each_of_its_states(monkeypatch: pytest.MonkeyPatch) -> None:
-    located: Counter[str] = Counter()
-
-    def counted(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
-        located[state.last_node_id] += 1
-        return locate(plant, state, profile)
-
-    monkeypatch.setattr(vda_orders, "locate", counted)
-    points = tuple(Point(name=name, x_mm=x, y_mm=0) for name, x in (("A", 0), ("B", 1000)))
-    context = make_context(PlantModel(name="two", points=points, vehicles=(Vehicle(name="V1"),)))
-    vehicle = context.registry.named("V1")
-    assert vehicle
-    for point in "AB":
-        view = ScriptedFleet(at={"V1": point}).view(key("V1"))
-        found = {context.planner.standing(vehicle, view).point for _ in range(3)}
-        assert found == {point}
-
-    assert located == {"A": 1, "B": 1}
 
 
 def test_a_vehicle_at_a_coordinate_may_be_far_from_all_points() -> None:

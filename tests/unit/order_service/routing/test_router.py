@@ -10,7 +10,6 @@ import rustworkx as rx
 from nena_order_service.routing.graph import NoRouteError, hops, travel_time
 from nena_order_service.routing.router import Router
 from nena_shared.plant import Link, Location, LocationType, Orientation, UnknownObjectError, Vehicle
-from support.operations import calls_of
 from support.plants import grid_name, grid_plant, path, plant
 
 SLOW = Vehicle(name="Slow", max_velocity_mm_s=100, max_reverse_velocity_mm_s=0)
@@ -191,16 +190,3 @@ def test_a_plant_of_10_000_points_is_routed_in_time() -> None:
         for a, b in pairs
     )
     assert max(routed, avoiding) <= max(TARGET_SECONDS, TIMES_A_BARE_SEARCH * search)
-
-
-def test_a_route_in_traffic_is_searched_only_near_the_direct_way() -> None:
-    counted = []
-    for rows in (3, 30):
-        router = Router(grid_plant(20, rows))
-        start, goal = grid_name(0, 1), grid_name(19, 1)
-        search = partial(router.route, start, goal, burden={grid_name(5, 1): 0.1})
-        assert search().cost == router.route(start, goal).cost, "and the costs to the goal are cached"
-        counted.append(calls_of(search))
-
-    few, many = counted
-    assert many < 1.2 * few, counted

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -25,14 +24,7 @@ from nena_status_aggregator.fleet.events import Code
 from nena_status_aggregator.history.report import FailureKind
 
 LANGUAGES = ("en", "nl", "de")
-SCRIPTS = sorted(path for path in PANEL.rglob("*.js") if "texts" not in path.parts)
 ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
-KEY = re.compile(
-    r'"((?:page|summary|urgent|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|peripherals?|state|messages|'
-    r"language|filter|goal|because|holder|measure|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
-    r'lists|audit|schedules|search|attention|several|confirm|place|position|form|login|operation|orderForm|drive|event|eventLog|done|history|reports|duration)\.[\w.]+)"'
-)
-MADE = re.compile(r"`([\w.]+\.)\$\{")
 
 
 def texts(language: str) -> dict[str, str]:
@@ -45,47 +37,10 @@ def texts(language: str) -> dict[str, str]:
 KEYS = set(texts("en"))
 
 
-class Page(HTMLParser):
-    """Gathers what must not be in the page."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.inline: list[str] = []
-        self._tag = ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self._tag = tag
-        self.inline += [f"{tag} {name}" for name, _ in attrs if name == "style" or name.startswith("on")]
-
-    def handle_data(self, data: str) -> None:
-        if self._tag in ("script", "style") and data.strip():
-            self.inline.append(data)
-
-
-@pytest.mark.parametrize("name", ["index.html", "login.html"])
-def test_pages_contain_nothing_inline(name: str) -> None:
-    page = Page()
-    page.feed((PANEL / name).read_text(encoding="utf-8"))
-    assert page.inline == []
-
-
 @pytest.mark.parametrize("path", sorted(PANEL.rglob("*.*")), ids=lambda path: path.name)
 def test_all_content_is_from_this_host(path: Path) -> None:
     foreign = re.findall(r"https?://[^\s\"')]+", path.read_text(encoding="utf-8"))
     assert [each for each in foreign if each != "http://www.w3.org/2000/svg"] == []
-
-
-def test_every_text_that_is_used_is_in_the_catalogue_and_no_other() -> None:
-    source = "\n".join(path.read_text(encoding="utf-8") for path in (*SCRIPTS, *PANEL.glob("*.html")))
-    named = {each for each in KEY.findall(source) if not each.endswith((".html", ".js"))} | {
-        "none",
-        "destination",
-    }
-    named |= {f"{key}.{form}" for key in named for form in ("one", "other", "title", "text")} & KEYS
-    made = tuple(MADE.findall(source))
-    bases = {key.rsplit(".", 1)[0] for key in KEYS}
-    assert {each for each in named if each not in KEYS | bases} == set()
-    assert {key for key in KEYS if key not in named and not key.startswith(made)} == set()
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -132,22 +87,3 @@ def test_texts_of_reasons_use_the_values_that_are_sent() -> None:
         assert set(re.findall(r"\{(\w+)\}", texts("en")[f"because.{each.code}"])) == values
     source = (PANEL / "reasons.js").read_text(encoding="utf-8")
     assert set(re.findall(r"^  (\w+): \(\) =>", source, re.MULTILINE)) == {each.code for each in JOINED}
-
-
-def test_every_condition_has_the_same_sign_in_lists_and_on_the_map() -> None:
-    style = (PANEL / "style.css").read_text(encoding="utf-8")
-    rules = re.findall(r'\[data-condition="(\w+)"\](?:, \[data-urgent\])? \{ --sign: "(.*?)";', style)
-    signs = dict(rules)
-    assert set(signs) == set(Condition)
-    assert len(set(signs.values())) == len(signs), "a sign of two conditions"
-    badges = (PANEL / "map" / "badges.js").read_text(encoding="utf-8")
-    drawn = dict(re.findall(r'([A-Z]+): "(.)"', badges))
-    assert drawn == {name: sign for name, sign in signs.items() if name not in ("IDLE", "BUSY")}
-
-
-def test_every_condition_has_its_colour() -> None:
-    style = (PANEL / "style.css").read_text(encoding="utf-8")
-    painter = (PANEL / "map" / "painter.js").read_text(encoding="utf-8")
-    for condition in Condition:
-        assert f"--{condition.lower()}: light-dark(" in style
-        assert f'"{condition.lower()}"' in painter

@@ -13,7 +13,7 @@ import pytest
 from nena_shared.plant import PlantModel, PlantModelError, files, opentcs_xml
 from nena_shared.plant.files import PlantFormat
 from nena_shared.plant.lif import LifVersion, read, write
-from nena_shared.plant.lif.losses import export_warnings, in_1_0, in_2_0, rules_of_types
+from nena_shared.plant.lif.losses import export_warnings
 from nena_shared.plant.lif.mobile_robots import OriginsFile
 from nena_shared.plant.track import DeviationBounds, RequirementType
 from support.lif_files import (
@@ -31,7 +31,7 @@ from support.lif_files import (
     robot_types,
     use,
 )
-from support.reference import PROJECT, reference_dir
+from support.reference import reference_dir
 
 NOW = datetime(2026, 11, 20, 10, 0, tzinfo=UTC)
 EXAMPLES = 25
@@ -385,11 +385,3 @@ def test_ellipse_is_clamped_to_its_bounds(
     bounds: dict[str, float], wanted: float, ellipse: tuple[float, float]
 ) -> None:
     assert DeviationBounds(**bounds).ellipse(wanted) == ellipse
-
-
-def test_the_guide_names_each_loss() -> None:
-    guide = (PROJECT / "docs/plant-models.md").read_text(encoding="utf-8")
-    model = read(lif_2_0_of(robot_node("A"), robot_node("B", 3, 4), robot_edge("A B"))).model
-    for losses_of in (in_1_0, in_2_0, rules_of_types):
-        for what, _ in losses_of(model):
-            assert f"| {what} |" in guide
