@@ -7,10 +7,11 @@ import re
 
 import pytest
 from rich.console import Console
+from rich.text import Text
 
 from nena_cli import output, tables
 from nena_cli.narrow import is_too_wide, narrow
-from nena_cli.styled import Table, Text
+from nena_cli.styled import Table
 from nena_cli.watching import Board
 from nena_client import Event
 from nena_shared.fleet_api.vehicle import VehicleStatus

@@ -5,10 +5,11 @@ import json
 import pytest
 import typer
 import yaml  # type: ignore[import-untyped]
+from rich.text import Text
 
 from nena_cli.options import Format
 from nena_cli.output import REFUSED, WRONG, echo, fail, print_json, print_object, print_table
-from nena_cli.styled import Table, Text
+from nena_cli.styled import Table
 from nena_shared.fleet_api.transport_order import Problem
 
 

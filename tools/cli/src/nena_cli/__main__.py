@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from inspect import Parameter
-from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
@@ -19,11 +16,6 @@ from nena_cli.options import PLAIN, group
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
-
-# Pydantic would look for plug-ins in the files of every installed distribution.
-os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-# httpx also imports its own command line, with click and pygments, which takes longer than the rest of it.
-sys.modules.setdefault("httpx._main", ModuleType("httpx._main"))
 
 ENTRY_POINTS: Final = "nena.commands"
 """Entry points of commands that other distributions add, such as ``simulate`` of nena-simulate."""

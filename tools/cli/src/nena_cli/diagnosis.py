@@ -8,10 +8,11 @@ from datetime import UTC, datetime, timedelta
 from typing import Annotated, Final, TypeVar
 
 import typer
+from rich.text import Text
 
 from nena_cli.output import REFUSED
 from nena_cli.service import Service, of_service
-from nena_cli.styled import Table, Text
+from nena_cli.styled import Table
 from nena_cli.tables import STATE_STYLES, VEHICLE_STYLES, is_stuck, vehicle_chains, vehicle_state
 from nena_client import Client, RefusedError, ServiceState
 from nena_client.exchange import Query

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from rich.cells import cell_len
@@ -33,12 +34,11 @@ def narrow(console: Console, table: Table) -> list[Text]:
     lines = [Text(table.title, style="italic")] if table.title else []
     lines.append(_header(table, widths, beside))
     for row in table.rows:
-        cells = [each.__rich__() for each in row]
-        lines.append(_line(cells, widths, beside))
+        lines.append(_line(row, widths, beside))
         for each in columns:
-            if each not in beside and cells[each].plain:
+            if each not in beside and row[each]:
                 name = Text(f"{table.headers[each]}: ", style="dim")
-                for line in name.append_text(cells[each]).wrap(console, console.width - GAP):
+                for line in name.append_text(row[each]).wrap(console, console.width - GAP):
                     line.rstrip()
                     lines.append(Text(" " * GAP).append_text(line))
     return lines
@@ -47,8 +47,7 @@ def narrow(console: Console, table: Table) -> list[Text]:
 def brief(console: Console, table: Table) -> list[Text]:
     """Return a table as a line per row, cut off where the terminal ends; the last rows, as they fit it."""
     widths, columns = _widths(table), _columns_with_values(table)
-    rows = ([each.__rich__() for each in row] for row in table.rows)
-    lines = [_line(each, widths, columns) for each in rows][-max(1, console.height - 2) :]
+    lines = [_line(row, widths, columns) for row in table.rows][-max(1, console.height - 2) :]
     lines = [_header(table, widths, columns), *lines]
     for each in lines:
         each.truncate(console.width - len("^C"), overflow="ellipsis")  # the terminal writes it there
@@ -76,7 +75,7 @@ def _header(table: Table, widths: list[int], columns: list[int]) -> Text:
     return _line([Text(each, style="bold") for each in table.headers], widths, columns)
 
 
-def _line(cells: list[Text], widths: list[int], columns: list[int]) -> Text:
+def _line(cells: Sequence[Text], widths: list[int], columns: list[int]) -> Text:
     line = Text()
     for each in columns:
         line.append_text(cells[each])

@@ -9,7 +9,9 @@ from typing import Final, NoReturn, TypeVar
 
 import typer
 from pydantic import BaseModel
+from rich.console import Console
 
+from nena_cli.narrow import is_too_wide, narrow
 from nena_cli.options import Format
 from nena_cli.styled import Table
 
@@ -32,8 +34,6 @@ def echo(text: str, style: str | None = None) -> None:
     if not sys.stderr.isatty():
         sys.stderr.write(f"{text}\n")
         return
-    from rich.console import Console  # noqa: PLC0415 - pipes need not wait for it
-
     Console(stderr=True).print(text, markup=False, highlight=False, style=style)
 
 
@@ -80,10 +80,6 @@ def print_table(what: Table, *, wide: bool = False) -> None:
         for row in what.rows:
             _write("\t".join(" ".join(cell.plain.split()) for cell in row))
         return
-    from rich.console import Console  # noqa: PLC0415 - pipes need not wait for it
-
-    from nena_cli.narrow import is_too_wide, narrow  # noqa: PLC0415 - it imports Rich, too
-
     console = Console()
     if what.headers and not what.rows and is_terminal():
         if not what.title:

@@ -12,11 +12,12 @@ from urllib.parse import quote
 import httpx
 import typer
 from pydantic import BaseModel, TypeAdapter, ValidationError
+from rich.text import Text
 
 from nena_cli.options import group
 from nena_cli.output import REFUSED, fail
 from nena_cli.service import Service, of_service, vehicle_names
-from nena_cli.styled import Table, Text
+from nena_cli.styled import Table
 from nena_cli.tables import printable
 from nena_cli.vehicles import act
 from nena_shared.fleet_api.operations.fleet import FETCH_RECORDING

@@ -6,7 +6,9 @@ from collections.abc import Iterable, Mapping
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from nena_cli.styled import Table, Text
+from rich.text import Text
+
+from nena_cli.styled import Table
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.fleet_api.wait_chains import WaitChain, chain_from, wait_chains

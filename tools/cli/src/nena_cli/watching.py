@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Iterator
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from pydantic import BaseModel
+from rich.console import Console, ConsoleOptions
+from rich.live import Live
+from rich.text import Text
 
+from nena_cli.narrow import brief, is_too_wide, narrow
 from nena_cli.options import Format
 from nena_cli.output import echo, is_terminal, print_objects
 from nena_cli.styled import Table
 from nena_client import Client, Event
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-
-if TYPE_CHECKING:
-    from rich.console import Console, ConsoleOptions
-    from rich.text import Text
 
 B = TypeVar("B", TransportOrderStatus, VehicleStatus)
 
@@ -44,8 +44,6 @@ class Board(Generic[B]):
 
     def __rich_console__(self, console: Console, _: ConsoleOptions) -> Iterator[Table | Text]:
         """Yield the table, in a form that fits the screen."""
-        from nena_cli.narrow import brief, is_too_wide, narrow  # noqa: PLC0415 - pipes need not wait for Rich
-
         table = self.table(tuple(self._shown.values()))
         if not is_too_wide(table, console.width):
             yield table
@@ -65,8 +63,6 @@ def watch(connection: Client, board: Board[B], query: dict[str, str], output: Fo
             print_objects(output, (body,), board.table)
             yield body
         return
-    from rich.live import Live  # noqa: PLC0415 - pipes need not wait for it
-
     with Live(board, refresh_per_second=8) as live:
         for body in changes:
             live.refresh()
