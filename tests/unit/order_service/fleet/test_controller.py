@@ -124,7 +124,7 @@ def test_link_duration_counts_from_the_last_connect() -> None:
         assert bench.fleet.connected_for(at + 20.0) == seconds
 
 
-def test_a_tick_checks_only_busy_and_newly_silent_robots() -> None:
+def test_a_silent_robot_is_reported_once() -> None:
     bench = Bench().online()
     assert bench.tick() == ()
     bench.now += bench.settings.silent_after + 0.1

@@ -6,14 +6,11 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from nena_order_service.fleet.order_execution import read
-from nena_order_service.fleet.robot import LinkStatus, MessageOrder, Robot, Silences
+from nena_order_service.fleet.robot import LinkStatus, MessageOrder, Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.topics import RobotKey
 from support.fleet import make_vda_order
 from support.fleet_examples import ROBOT, connection, factsheet, state
 
@@ -222,56 +219,6 @@ def test_after_a_new_connection_any_message_is_new() -> None:
     order.restart()
     assert order.is_new(0, at(0), 0.0)
     assert not order.is_new(0, at(0), 0.0)
-
-
-ONE, OTHER = RobotKey("NeNa", "one"), RobotKey("NeNa", "other")
-
-
-def test_a_robot_is_yielded_once_after_its_time() -> None:
-    silences = Silences()
-    silences.expect(ONE, 10.0)
-    assert list(silences.passed(10.0)) == []
-    assert list(silences.passed(10.1)) == [ONE]
-    assert list(silences.passed(20.0)) == []
-
-
-def test_later_reports_do_not_move_the_scheduled_time() -> None:
-    silences = Silences()
-    silences.expect(ONE, 10.0)
-    silences.expect(ONE, 15.0)
-    assert list(silences.passed(12.0)) == [ONE]
-    silences.expect(ONE, 15.0)
-    assert list(silences.passed(14.0)) == []
-    assert list(silences.passed(16.0)) == [ONE]
-
-
-def test_the_earlier_time_counts() -> None:
-    silences = Silences()
-    silences.expect(ONE, 10.0)
-    silences.expect(ONE, 5.0)
-    assert list(silences.passed(6.0)) == [ONE]
-    assert list(silences.passed(11.0)) == []
-
-
-def test_a_checked_time_is_not_returned_again() -> None:
-    silences = Silences()
-    silences.expect(ONE, 5.0)
-    for robot in silences.passed(10.0):
-        silences.expect(robot, 5.0)
-    silences.expect(ONE, 5.0)
-    assert list(silences.passed(11.0)) == []
-
-
-@given(st.lists(st.tuples(st.sampled_from((ONE, OTHER)), st.floats(0, 100)), max_size=20), st.floats(0, 100))
-def test_all_robots_whose_earliest_time_has_passed_are_yielded(
-    expected: list[tuple[RobotKey, float]], now: float
-) -> None:
-    silences = Silences()
-    for robot, at in expected:
-        silences.expect(robot, at)
-    soonest = {robot: min(at for other, at in expected if other == robot) for robot, _ in expected}
-    found = list(silences.passed(now))
-    assert sorted(found) == sorted(robot for robot, at in soonest.items() if at < now)
 
 
 MISSION = make_vda_order("m", "A", "B")

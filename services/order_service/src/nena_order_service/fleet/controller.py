@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
-from math import inf
 from typing import Final
 
 from nena_order_service.fleet import availability
@@ -29,7 +28,6 @@ from nena_order_service.fleet.robot import (
     LinkStatus,
     Robot,
     RobotView,
-    Silences,
     VdaOrderPhase,
     header_text,
     is_idle,
@@ -92,8 +90,6 @@ class RobotControl:
         self._left_at = -1
         """The number of changes when the last state was handled."""
         self._seen: tuple[tuple[object, ...], RobotView] | None = None
-        self._seen_until = -inf
-        """Time, monotonic seconds, until which the last view only changes with messages."""
 
     def on_broker(self, *, connected: bool, unread: bool) -> None:
         """Note the state of our own link; for ``unread`` see :meth:`FleetController.on_broker`."""
@@ -273,13 +269,8 @@ class RobotControl:
     def view(self, now: float) -> RobotView:
         """Return the known state of the robot; cached until a possible change."""
         robot = self.robot
-        if self._seen and now <= self._seen_until:
-            (changes, *_), seen = self._seen
-            if changes == self._changes and seen.state is (robot.sighting or robot.state):
-                return seen
         link = robot.link(now)
         moment = (self._changes, link, robot.malformed, self._instant_actions.awaits_factsheet(now))
-        self._seen_until = robot.online_until if link is LinkStatus.ONLINE and robot.abilities else -inf
         if self._seen is None or self._seen[0] != moment:
             self._seen = moment, self._view(now)
         elif self._seen[1].state is not (robot.sighting or robot.state):  # an unchanged one
@@ -459,9 +450,6 @@ class RobotControl:
 RETAINED_WITHIN: Final = 1.0
 """Seconds after connecting within which the broker delivers the robots' retained connection messages."""
 
-ASKED_PER_TICK: Final = 100
-"""Number of robots that are asked for their states between two checks: 500 per second by default."""
-
 
 def _utc_now() -> datetime:
     return datetime.now(UTC)
@@ -495,15 +483,12 @@ class FleetController:
         self._robots = {robot: self._new_control(robot) for robot in expected}
         self._to_ask: dict[RobotKey, None] = {}
         """Robots to ask for their states, in this order; those that have reported since are left out."""
-        self._busy: dict[RobotKey, RobotControl] = {}
-        """Robots with a pending timeout; most others just execute their orders."""
-        self._silences = Silences()
         self._instant_actions = ReleaseManager(settings, utc_now)
 
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
         """Handle a connection message (section 6.5)."""
         control = self._control(robot)
-        outputs = self._reported(control, control.on_connection(message, now))
+        outputs = tuple(control.on_connection(message, now))
         if control.unasked:
             self._to_ask[robot] = None
         return outputs
@@ -511,7 +496,7 @@ class FleetController:
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
         """Handle a state message (section 6.6); repeated and outdated ones are ignored."""
         control = self._control(robot)
-        outputs = self._reported(control, control.on_state(message, now))
+        outputs = tuple(control.on_state(message, now))
         if message.zone_requests or message.edge_requests or self._instant_actions.busy:
             self._instant_actions.on_state(robot, control.robot.state or message)
             outputs += self._answers(now)
@@ -519,33 +504,28 @@ class FleetController:
 
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
         """Handle a factsheet (section 7.10)."""
-        control = self._control(robot)
-        return self._reported(control, control.on_factsheet(message, now))
+        return tuple(self._control(robot).on_factsheet(message, now))
 
     def on_unreadable_state(
         self, robot: RobotKey, problem: str, sighting: State | None, now: float
     ) -> Outputs:
         """Handle a state that could not be read; ``sighting``: what it says about the robot itself."""
-        control = self._control(robot)
-        return self._reported(control, control.on_unreadable_state(problem, sighting, now))
+        return tuple(self._control(robot).on_unreadable_state(problem, sighting, now))
 
     def on_old_state(self, robot: RobotKey, header: str, last: str, now: float) -> Outputs:
         """Handle a state that is ignored, because its ``header`` does not come after the ``last`` one."""
-        control = self._control(robot)
-        return self._reported(control, control.on_old_state(header, last, now))
+        return tuple(self._control(robot).on_old_state(header, last, now))
 
     def on_malformed(self, robot: RobotKey, problem: str | None, now: float) -> Outputs:
         """Count another message that could not be read.
 
         ``problem`` describes the error; None: fleet control does not need the message.
         """
-        control = self._control(robot)
-        return self._reported(control, control.on_malformed(problem, now))
+        return tuple(self._control(robot).on_malformed(problem, now))
 
     def on_undeliverable(self, robot: RobotKey, topic: str, now: float) -> Outputs:
         """End a VDA order that cannot be sent, because the broker ends our connection at it."""
-        control = self._control(robot)
-        return self._reported(control, control.on_undeliverable(topic, now))
+        return tuple(self._control(robot).on_undeliverable(topic, now))
 
     def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
         """Note a change of our own link to the broker, which is down initially.
@@ -559,7 +539,6 @@ class FleetController:
         self._broker_since = now
         for each in self._robots.values():
             each.on_broker(connected=connected, unread=unread)
-        self._busy = dict(self._robots)
         self._to_ask = dict.fromkeys(sorted(self._robots, key=lambda robot: self.vda_order(robot) is None))
         return (BrokerLinkChanged(),)
 
@@ -570,7 +549,7 @@ class FleetController:
             RobotBusyError: the robot already has a VDA order.
         """
         control = self._control(robot)
-        return self._reported(control, control.start(control.new_run(vda_order), now))
+        return tuple(control.start(control.new_run(vda_order), now))
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, now: float, *, accepted: bool, update_id: int = 0
@@ -586,7 +565,7 @@ class FleetController:
         """
         control = self._control(robot)
         run = control.new_run(vda_order, adopted=True, accepted=accepted, update_id=update_id)
-        return self._reported(control, control.start(run, now))
+        return tuple(control.start(run, now))
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
         """Update the robot's VDA order to a newer plan: a longer base, or another horizon (section 6.1.2).
@@ -597,50 +576,44 @@ class FleetController:
         Raises:
             BaseChangedError: the plan does not continue from the base that the robot was sent.
         """
-        control = self._control(robot)
-        return self._reported(control, control.extend(vda_order, now))
+        return tuple(self._control(robot).extend(vda_order, now))
 
     def cancel_vda_order(self, robot: RobotKey, now: float) -> Outputs:
         """Cancel the robot's VDA order, if it has one, and track cancelOrder to its end (section 6.1.3)."""
-        control = self._control(robot)
-        return self._reported(control, control.cancel(now))
+        return tuple(self._control(robot).cancel(now))
 
     def instant_action(self, robot: RobotKey, action: Action, now: float) -> Outputs:
         """Send an instant action and track it to InstantActionEnded (section 6.2.1).
 
         It fails at once if the robot is offline.
         """
-        control = self._control(robot)
-        return self._reported(control, control.instruct(action, now))
+        return tuple(self._control(robot).instruct(action, now))
 
     def tick(self, now: float) -> Iterator[Outputs]:
         """Resend messages, and handle timeouts and silent robots, one after the other.
 
         Call this several times per second.
         """
-        for each in self._due(now):
-            yield self._reported(each, each.tick(now))
+        for control in tuple(self._robots.values()):
+            yield tuple(control.tick(now))
         if self._broker and self._to_ask:
             yield from self._ask(now)
         if self._instant_actions.busy:
             yield self._answers(now)
 
     def _ask(self, now: float) -> Iterator[Outputs]:
-        """Ask the next robots for their states.
+        """Ask robots for their states.
 
         Robots of which nothing is known come last: their retained connection messages may arrive meanwhile.
         """
-        known_only, asked = self.connected_for(now) < RETAINED_WITHIN, 0
+        known_only = self.connected_for(now) < RETAINED_WITHIN
         for robot in tuple(self._to_ask):
             control = self._robots[robot]
             if control.unasked and known_only and control.robot.connection is None:
                 continue
             del self._to_ask[robot]
             if control.unasked:
-                yield self._reported(control, control.ask(now))
-                asked += 1
-            if asked == ASKED_PER_TICK:
-                return
+                yield tuple(control.ask(now))
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
         """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
@@ -686,23 +659,6 @@ class FleetController:
 
     def _reachable(self, robot: RobotKey) -> bool:
         return self._robots[robot].robot.reachable
-
-    def _reported(self, control: RobotControl, outputs: Iterator[FleetOutput]) -> Outputs:
-        """Collect the outputs, and schedule the robot's timeouts."""
-        found, robot = tuple(outputs), control.robot
-        if not control.quiet:
-            self._busy[robot.key] = control
-        else:
-            self._busy.pop(robot.key, None)
-        if robot.silent_from is not None:
-            self._silences.expect(robot.key, robot.silent_from)
-        return found
-
-    def _due(self, now: float) -> Iterator[RobotControl]:
-        """Yield the robots for which a timeout may have passed."""
-        busy = dict(self._busy)
-        yield from busy.values()
-        yield from (self._robots[robot] for robot in self._silences.passed(now) if robot not in busy)
 
     def _control(self, robot: RobotKey) -> RobotControl:
         known = self._robots.get(robot)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from enum import StrEnum
 from functools import cached_property
-from heapq import heappop, heappush
 from math import inf
 from typing import Final
 
@@ -106,35 +105,6 @@ class MessageOrder:
 def header_text(header_id: int, timestamp: datetime) -> str:
     """Return the header of a message for people; without a time that could not be read."""
     return f"headerId {header_id}" if timestamp == NO_TIME else f"headerId {header_id} of {iso(timestamp)}"
-
-
-class Silences:
-    """A schedule of the times at which robots may have become silent, so that not all are checked.
-
-    Most robots report again long before their time; the schedule ignores that, and the caller checks each
-    robot that it yields.
-    """
-
-    def __init__(self) -> None:
-        self._at: dict[RobotKey, float] = {}
-        self._next: list[tuple[float, RobotKey]] = []
-        self._looked_at = -inf
-
-    def expect(self, robot: RobotKey, at: float) -> None:
-        """Schedule a robot at ``at``, monotonic seconds, unless an earlier time is scheduled."""
-        known = self._at.get(robot, inf)
-        if self._looked_at <= at < known:
-            self._at[robot] = at
-            heappush(self._next, (at, robot))
-
-    def passed(self, now: float) -> Iterator[RobotKey]:
-        """Yield the robots whose times have passed, and remove them from the schedule."""
-        self._looked_at = now
-        while self._next and self._next[0][0] < now:
-            at, robot = heappop(self._next)
-            if self._at.get(robot) == at:
-                del self._at[robot]
-                yield robot
 
 
 class LinkStatus(StrEnum):
@@ -437,19 +407,6 @@ class Robot:
     def last_header(self) -> str:
         """The header of its last new state, for people."""
         return self._order.last
-
-    @property
-    def online_until(self) -> float:
-        """Until when the robot counts as online without another message."""
-        return -inf if self._heard_at is None else self._heard_at + self._silent_after
-
-    @property
-    def silent_from(self) -> float | None:
-        """When the robot becomes silent unless it reports again (section 6.5); None if it is offline."""
-        if not self.reachable or self._heard_at is None:
-            return None
-        last = self._unreadable_at if self.unreadable else self._heard_at
-        return last + self._silent_after
 
     @property
     def rules(self) -> Rules | None:
