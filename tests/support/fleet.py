@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from itertools import chain, count, pairwise
 from typing import TypeVar
 
-from nena_order_service.fleet.controller import FleetController
+from nena_order_service.fleet.controller import FleetController, RobotControl
 from nena_order_service.fleet.outputs import (
     FleetOutput,
     Outputs,
@@ -89,7 +89,12 @@ class Bench:
     def key(self) -> object:
         return self.robot.key
 
-    def take(self, outputs: Outputs) -> Outputs:
+    @property
+    def control(self) -> RobotControl:
+        return self.fleet.control(self.robot.key)
+
+    def take(self, outputs: Iterable[FleetOutput]) -> Outputs:
+        outputs = tuple(outputs)
         for output in outputs:
             if isinstance(output, PublishResponses):
                 self.answers.append(output)
@@ -111,7 +116,7 @@ class Bench:
         return self.take(self.fleet.on_state(self.robot.key, self.robot.state(self.now), self.now))
 
     def start(self, vda_order: VdaOrder) -> Outputs:
-        return self.take(self.fleet.start_vda_order(self.robot.key, vda_order, self.now))
+        return self.take(self.control.start(vda_order, self.now))
 
     def start_and_tell(self, vda_order: VdaOrder) -> None:
         """Start a VDA order, have the robot get it, and hear so."""
@@ -120,10 +125,10 @@ class Bench:
         self.report()
 
     def cancel(self) -> Outputs:
-        return self.take(self.fleet.cancel_vda_order(self.robot.key, self.now))
+        return self.take(self.control.cancel(self.now))
 
     def instruct(self, action: Action) -> Outputs:
-        return self.take(self.fleet.instant_action(self.robot.key, action, self.now))
+        return self.take(self.control.instruct(action, self.now))
 
     def tick(self) -> Outputs:
         return self.take(tuple(chain.from_iterable(self.fleet.tick(self.now))))

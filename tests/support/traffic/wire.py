@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from itertools import chain, count
@@ -10,7 +10,7 @@ from random import Random
 
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.controller import FleetController
-from nena_order_service.fleet.outputs import Outputs, PublishInstantActions, PublishOrder
+from nena_order_service.fleet.outputs import FleetOutput, PublishInstantActions, PublishOrder
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder
@@ -108,7 +108,8 @@ class CoreFleet:
         if self.alive and robot.key not in self.away:
             self._take(self.core.on_state(robot.key, state, self.now))  # type: ignore[arg-type] # see report
 
-    def _take(self, outputs: Outputs) -> None:
+    def _take(self, outputs: Iterable[FleetOutput]) -> None:
+        outputs = tuple(outputs)
         news = [each for each in outputs if not isinstance(each, PublishOrder | PublishInstantActions)]
         for output in outputs:
             if isinstance(output, PublishOrder | PublishInstantActions):
@@ -127,24 +128,22 @@ class CoreFleet:
         self._wire.bring(("order", robot.key), arrives)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        self._take(self.core.start_vda_order(robot, vda_order, self.now))
+        self._take(self.core.control(robot).start(vda_order, self.now))
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
     ) -> None:
-        outputs = self.core.adopt_vda_order(
-            robot, vda_order, self.now, accepted=accepted, update_id=update_id
-        )
-        self._take(outputs)
+        control = self.core.control(robot)
+        self._take(control.adopt(vda_order, self.now, accepted=accepted, update_id=update_id))
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        self._take(self.core.extend_vda_order(robot, vda_order, self.now))
+        self._take(self.core.control(robot).extend(vda_order, self.now))
 
     def cancel_vda_order(self, robot: RobotKey) -> None:
-        self._take(self.core.cancel_vda_order(robot, self.now))
+        self._take(self.core.control(robot).cancel(self.now))
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
-        self._take(self.core.instant_action(robot, action, self.now))
+        self._take(self.core.control(robot).instruct(action, self.now))
 
     def all_known(self) -> bool:
         return self.core.all_known(self.now)

@@ -154,7 +154,7 @@ def test_a_new_leader_asks_a_robot_and_pauses_it_before_it_has_reported() -> Non
 def test_a_new_leader_says_why_the_states_of_a_robot_are_unreadable() -> None:
     bench = Bench().online()
     reconnect(bench, unread=True)
-    bench.fleet.on_unreadable_state(ROBOT, "sends states that are unreadable: nodeStates", None, bench.now)
+    tuple(bench.control.on_unreadable_state("sends states that are unreadable: nodeStates", None, bench.now))
     assert bench.view().link is LinkStatus.UNREADABLE
     assert bench.view().availability.reason == "sends states that are unreadable: nodeStates"
 
@@ -179,7 +179,7 @@ def test_all_robots_that_have_reported_are_asked_again_those_with_an_order_first
         fleet.on_factsheet(robot.key, robot.factsheet(), now)
         fleet.on_connection(robot.key, robot.connection(ConnectionState.ONLINE, now), now)
         fleet.on_state(robot.key, robot.state(now), now)
-    fleet.start_vda_order(robots[-1].key, make_vda_order("m", "A", "B"), now)
+    tuple(fleet.control(robots[-1].key).start(make_vda_order("m", "A", "B"), now))
     assert tick() == []
 
     fleet.on_broker(connected=False, now=now)

@@ -41,7 +41,7 @@ def other_robot(number: int) -> RobotKey:
 
 def test_the_number_of_robots_is_limited() -> None:
     bench = Bench(FleetSettings(robots_limit=2)).online()
-    bench.fleet.on_malformed(other_robot(1), None, bench.now)
+    tuple(bench.fleet.control(other_robot(1)).on_malformed(None, bench.now))
     assert bench.fleet.robots() == (ROBOT, other_robot(1))
     assert bench.fleet.has_room_for(ROBOT)
     assert bench.fleet.has_room_for(other_robot(1))
@@ -57,7 +57,7 @@ def test_viewing_a_robot_does_not_register_it() -> None:
 def test_messages_that_cannot_be_read_are_counted_by_robot() -> None:
     bench = Bench().online()
     for robot in (ROBOT, ROBOT, other_robot(1)):
-        bench.fleet.on_malformed(robot, None, bench.now)
+        tuple(bench.fleet.control(robot).on_malformed(None, bench.now))
     assert bench.fleet.view(other_robot(1), bench.now).malformed == 1
     assert bench.view().malformed == 2
 
@@ -66,7 +66,7 @@ def test_a_robot_whose_states_cannot_be_read_is_not_silent() -> None:
     bench = Bench().online()
     problem = "sends states that are unreadable: orderId: is missing"
     bench.now += bench.settings.silent_after + 1.0
-    bench.fleet.on_malformed(ROBOT, problem, bench.now)
+    tuple(bench.control.on_malformed(problem, bench.now))
     view = bench.view()
     assert (view.link, view.availability.reason) == (LinkStatus.UNREADABLE, problem)
     bench.now += bench.settings.silent_after + 1.0
@@ -77,7 +77,7 @@ def test_a_robot_with_only_unreadable_messages_is_known() -> None:
     bench = Bench()
     bench.fleet.on_broker(connected=True, now=bench.now)
     problem = "sends states that are unreadable: message: Invalid JSON (received 'x')"
-    bench.fleet.on_malformed(ROBOT, problem, bench.now)
+    tuple(bench.control.on_malformed(problem, bench.now))
     assert bench.view().availability.reason == problem
     bench.online()
     assert bench.view().link is LinkStatus.ONLINE
@@ -87,8 +87,8 @@ def test_a_robot_with_only_unreadable_messages_is_known() -> None:
 def test_a_changed_quoted_value_is_not_a_new_problem() -> None:
     bench = Bench()
     problem = "sends states that are unreadable: orderId: no text (received {})"
-    assert bench.fleet.on_malformed(ROBOT, problem.format(1), bench.now)
-    assert not bench.fleet.on_malformed(ROBOT, problem.format(2), bench.now)
+    assert tuple(bench.control.on_malformed(problem.format(1), bench.now))
+    assert not tuple(bench.control.on_malformed(problem.format(2), bench.now))
 
 
 def test_all_are_known_when_every_connected_robot_has_reported() -> None:
@@ -309,7 +309,7 @@ def extending(settings: FleetSettings | None = None) -> Bench:
     """Return a robot that drives to B, is to continue to C, and has not received that update."""
     bench = Bench(settings).online()
     bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.fleet.extend_vda_order(ROBOT, long_way(), bench.now))
+    bench.take(bench.control.extend(long_way(), bench.now))
     bench.lose()
     return bench
 
@@ -352,7 +352,7 @@ def test_updates_respect_the_minimum_interval_too() -> None:
     bench = Bench(FleetSettings(resend_after=0.25)).online()
     bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
     bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.fleet.extend_vda_order(ROBOT, long_way(), bench.now))
+    bench.take(bench.control.extend(long_way(), bench.now))
     bench.wait(2.75)
     assert bench.orders_sent() == ["m"]
     bench.wait(0.25)
@@ -362,14 +362,14 @@ def test_updates_respect_the_minimum_interval_too() -> None:
 def test_without_a_vda_order_there_is_nothing_to_cancel_or_to_extend() -> None:
     bench = Bench().online()
     assert bench.cancel() == ()
-    assert bench.take(bench.fleet.extend_vda_order(ROBOT, long_way(), bench.now)) == ()
+    assert bench.take(bench.control.extend(long_way(), bench.now)) == ()
     assert bench.sent == []
 
 
 def test_an_extension_of_another_vda_order_is_ignored() -> None:
     bench = Bench().online()
     bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.fleet.extend_vda_order(ROBOT, make_vda_order("n", "A", "B", "C"), bench.now))
+    bench.take(bench.control.extend(make_vda_order("n", "A", "B", "C"), bench.now))
     bench.wait(5)
     assert bench.orders_sent() == ["m"]
 
@@ -421,7 +421,7 @@ def test_the_view_follows_states_time_and_malformed_messages() -> None:
     assert bench.view().state_at == bench.now
     bench.now += bench.settings.silent_after + 1.0
     assert bench.view().link is LinkStatus.SILENT
-    bench.fleet.on_malformed(ROBOT, None, bench.now)
+    tuple(bench.control.on_malformed(None, bench.now))
     assert bench.view().malformed == 1
 
 
@@ -432,7 +432,7 @@ def test_a_robot_executing_its_order_is_quiet() -> None:
     quiet = [control.quiet]
     tuple(control.on_factsheet(robot.factsheet(), 0.0))
     tuple(control.on_state(robot.state(), 0.0))
-    (order, _) = control.start(control.new_run(make_vda_order("m", "A", "B")), 0.0)
+    (order, _) = control.start(make_vda_order("m", "A", "B"), 0.0)
     assert isinstance(order, PublishOrder)
     quiet.append(control.quiet)
     hand_over(order, robot)

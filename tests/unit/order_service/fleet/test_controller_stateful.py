@@ -6,6 +6,7 @@ that the rules forbid.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from typing import Any
 
@@ -75,7 +76,8 @@ class Conversation(RuleBasedStateMachine):
 
     # what is checked of each output
 
-    def take(self, outputs: tuple[FleetOutput, ...]) -> tuple[FleetOutput, ...]:
+    def take(self, outputs: Iterable[FleetOutput]) -> tuple[FleetOutput, ...]:
+        outputs = tuple(outputs)
         for output in outputs:
             self.check(output)
             if isinstance(output, PublishOrder | PublishInstantActions):
@@ -175,11 +177,7 @@ class Conversation(RuleBasedStateMachine):
             known = vda_order in self.accepted
             self.adopted.add(vda_order)
             self.accepted.discard(vda_order)
-            self.take(
-                bench.fleet.adopt_vda_order(
-                    bench.robot.key, self.missions[vda_order], bench.now, accepted=known
-                )
-            )
+            self.take(bench.control.adopt(self.missions[vda_order], bench.now, accepted=known))
             if vda_order in self.cancelled:
                 bench.cancel()
         bench.fleet.on_broker(connected=self.broker, now=bench.now)

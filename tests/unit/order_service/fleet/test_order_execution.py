@@ -109,7 +109,7 @@ def test_an_order_that_is_never_accepted_fails_with_the_number_of_attempts() -> 
 def test_an_order_that_the_broker_refuses_fails_at_once_and_names_the_topic() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
-    bench.take(bench.fleet.on_undeliverable(bench.robot.key, "uagv/v2/ACME/r.1/order", bench.now))
+    bench.take(bench.control.on_undeliverable("uagv/v2/ACME/r.1/order", bench.now))
     assert "uagv/v2/ACME/r.1/order" in failure(bench).reason
     bench.wait(60, reporting=True)
     assert bench.orders_sent() == ["m"]
@@ -120,7 +120,7 @@ def test_a_refused_message_ends_no_order_that_the_robot_has() -> None:
     bench.start(make_vda_order("m", "A", "B"))
     bench.deliver()
     bench.report()
-    bench.take(bench.fleet.on_undeliverable(bench.robot.key, "uagv/v2/ACME/r.1/order", bench.now))
+    bench.take(bench.control.on_undeliverable("uagv/v2/ACME/r.1/order", bench.now))
     bench.run()
     assert bench.ends() == {"m": 1}
     assert bench.told(VdaOrderFailed) == []
@@ -531,7 +531,7 @@ def test_an_adopted_running_vda_order_continues(accepted: bool) -> None:  # noqa
     bench.deliver()
     bench.robot.step()
     again = Bench(robot=bench.robot)
-    again.take(again.fleet.adopt_vda_order(ROBOT, vda_order, again.now, accepted=accepted))
+    again.take(again.control.adopt(vda_order, again.now, accepted=accepted))
     again.online()
     assert again.orders_sent() == []
     assert [each.node_id for each in again.told(NodePassed)] == ["A", "B"]
@@ -546,14 +546,14 @@ def test_an_adopted_vda_order_that_is_done_is_finished() -> None:
     bench.start(vda_order)
     bench.run()
     again = Bench(robot=bench.robot)
-    again.take(again.fleet.adopt_vda_order(ROBOT, vda_order, again.now, accepted=True))
+    again.take(again.control.adopt(vda_order, again.now, accepted=True))
     again.online()
     assert again.story() == ["VdaOrderAccepted", "NodePassed", "NodePassed", "VdaOrderFinished"]
 
 
 def test_an_adopted_vda_order_that_never_arrived_is_sent() -> None:
     bench = Bench()
-    bench.take(bench.fleet.adopt_vda_order(ROBOT, make_vda_order("m", "A", "B"), bench.now, accepted=False))
+    bench.take(bench.control.adopt(make_vda_order("m", "A", "B"), bench.now, accepted=False))
     bench.wait(5)
     assert bench.sent == [], "nothing is known of the robot yet"
     bench.online()
@@ -566,7 +566,7 @@ def test_an_adopted_vda_order_that_never_arrived_is_sent() -> None:
 @pytest.mark.clause("6.6/restart")
 def test_an_adopted_vda_order_that_the_robot_has_lost_fails() -> None:
     bench = Bench()
-    bench.take(bench.fleet.adopt_vda_order(ROBOT, make_vda_order("m", "A", "B"), bench.now, accepted=True))
+    bench.take(bench.control.adopt(make_vda_order("m", "A", "B"), bench.now, accepted=True))
     bench.online()
     assert "no longer has the order" in failure(bench).reason
     assert bench.sent == []
@@ -578,7 +578,7 @@ def test_an_adopted_vda_order_can_be_cancelled_before_anything_is_known() -> Non
     first.start(vda_order)
     first.deliver()
     bench = Bench(robot=first.robot)
-    bench.take(bench.fleet.adopt_vda_order(ROBOT, vda_order, bench.now, accepted=False))
+    bench.take(bench.control.adopt(vda_order, bench.now, accepted=False))
     bench.cancel()
     assert bench.ends() == {}
     bench.online()
@@ -590,7 +590,7 @@ def test_an_adopted_vda_order_can_be_cancelled_before_anything_is_known() -> Non
 
 def test_an_old_vda_order_that_may_still_arrive_is_cancelled() -> None:
     bench = Bench()
-    bench.take(bench.fleet.adopt_vda_order(ROBOT, make_vda_order("m", "A", "B"), bench.now, accepted=False))
+    bench.take(bench.control.adopt(make_vda_order("m", "A", "B"), bench.now, accepted=False))
     bench.cancel()
     bench.online()
     assert bench.ends() == {}  # the robot knows nothing of it yet, but the broker may have it

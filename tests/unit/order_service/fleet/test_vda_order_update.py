@@ -57,7 +57,7 @@ def started(count: int = 2, **robot: Any) -> Bench:
 
 
 def extend(bench: Bench, vda_order: VdaOrder) -> None:
-    bench.take(bench.fleet.extend_vda_order(bench.robot.key, vda_order, bench.now))
+    bench.take(bench.control.extend(vda_order, bench.now))
 
 
 class TestTheCut:
@@ -196,7 +196,7 @@ def test_an_update_that_the_broker_refuses_ends_the_vda_order() -> None:
     bench = started()
     extend(bench, base(3))
     bench.lose()
-    bench.take(bench.fleet.on_undeliverable(bench.robot.key, "uagv/v2/ACME/r1/order", bench.now))
+    bench.take(bench.control.on_undeliverable("uagv/v2/ACME/r1/order", bench.now))
     assert bench.instants_sent() == ["cancelOrder"]
     bench.deliver()
     bench.report()
@@ -270,7 +270,7 @@ def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*,
     after.now = 500.0
     after.fleet.on_broker(connected=True, now=after.now)
     after.tick()
-    after.take(after.fleet.adopt_vda_order(after.robot.key, base(4), after.now, accepted=True, update_id=1))
+    after.take(after.control.adopt(base(4), after.now, accepted=True, update_id=1))
     after.online()
 
     assert updates(after) == ([] if arrived else [(1, ["B", "C", "D"], ["E"])])
@@ -305,7 +305,7 @@ def test_an_update_repeats_its_first_node_as_it_was_sent_before_a_restart() -> N
     after.now = 500.0
     after.online()
     lists_little(after)
-    after.take(after.fleet.adopt_vda_order(after.robot.key, base(2), after.now, accepted=True))
+    after.take(after.control.adopt(base(2), after.now, accepted=True))
     after.report()
 
     extend(after, base(4))
@@ -320,11 +320,10 @@ def test_after_a_restart_an_update_has_no_speeds_for_a_robot_without_a_factsheet
     limited = tuple(each.model_copy(update={"maximum_speed": 0.5}) for each in WHOLE.edges)
     whole = WHOLE.model_copy(update={"edges": limited})
     after = Bench()
-    key = after.robot.key
     after.robot.take_order(order_of(base(2), after.robot))
     after.fleet.on_broker(connected=True, now=after.now)
     after.tick()
-    after.take(after.fleet.adopt_vda_order(key, base(4, whole), after.now, accepted=True, update_id=1))
+    after.take(after.control.adopt(base(4, whole), after.now, accepted=True, update_id=1))
     after.report()
 
     sent = [each.vda_order for each in after.sent if isinstance(each, PublishOrder)]

@@ -115,13 +115,16 @@ class RobotControl:
         yield from self._advance(now)
 
     def on_malformed(self, problem: str | None, now: float) -> Iterator[FleetOutput]:
-        """Handle a message that could not be read; ``problem`` describes the error."""
+        """Count another message that could not be read.
+
+        ``problem`` describes the error; None: fleet control does not need the message.
+        """
         self.robot.take_malformed(problem, now)
         self._changes += 1
         yield from self._report_change(now)
 
     def on_undeliverable(self, topic: str, now: float) -> Iterator[FleetOutput]:
-        """Handle an order that the broker refuses to deliver."""
+        """End a VDA order that cannot be sent, because the broker ends our connection at it."""
         if self._run:
             yield from self._run.on_undeliverable(topic)
             yield from self._advance(now)
@@ -181,45 +184,63 @@ class RobotControl:
             yield from self._run.on_state(message, now)
         yield from self._advance(now)
 
-    def start(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
-        """Start a VDA order; raises RobotBusyError at the call, before the iterator is consumed."""
+    def start(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
+        """Send a VDA order as soon as the robot can be sent one; until then the view has the wait reason.
+
+        Raises:
+            RobotBusyError: the robot already has a VDA order; at the call, before the iterator is consumed.
+        """
+        return self._begin(OrderExecution(self.robot.key, vda_order, self._settings), now)
+
+    def adopt(
+        self, vda_order: VdaOrder, now: float, *, accepted: bool, update_id: int = 0
+    ) -> Iterator[FleetOutput]:
+        """Adopt a VDA order from before a restart; the robot's next state decides how it continues.
+
+        If the robot has the order, it continues, and events may be repeated. If not, it is sent the order,
+        unless it had ``accepted`` it: then the robot has lost the order, and the VDA order fails.
+        ``update_id`` is the last update that was sent; a robot with an older one is sent the rest.
+
+        Raises:
+            RobotBusyError: as :meth:`start`.
+        """
+        run = OrderExecution(
+            self.robot.key, vda_order, self._settings, adopted=True, accepted=accepted, update_id=update_id
+        )
+        return self._begin(run, now)
+
+    def _begin(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
         if self._run:
             raise RobotBusyError(self.robot.key, self._run.vda_order.order_id)
         self._run = run
         return self._advance(now)
 
     def extend(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
-        """Update the robot's VDA order to a newer plan (section 6.1.2); do nothing if it has ended.
+        """Update the robot's VDA order to a newer plan: a longer base, or another horizon (section 6.1.2).
+
+        The order update is sent once the robot has echoed the previous message; of several plans in the
+        meantime, only the newest is sent. Does nothing for a VDA order that has ended.
 
         Raises:
-            BaseChangedError: at the call, before the iterator is consumed.
+            BaseChangedError: the plan does not continue from the base that the robot was sent; at the call,
+                before the iterator is consumed.
         """
         run, abilities = self._run, self.robot.abilities
         if run and run.vda_order.order_id == vda_order.order_id:
             run.extend(fitted(vda_order, abilities))
         return self._advance(now)
 
-    def new_run(
-        self, vda_order: VdaOrder, *, adopted: bool = False, accepted: bool = False, update_id: int = 0
-    ) -> OrderExecution:
-        """Create the execution of a VDA order on this robot."""
-        return OrderExecution(
-            self.robot.key,
-            vda_order,
-            self._settings,
-            adopted=adopted,
-            accepted=accepted,
-            update_id=update_id,
-        )
-
     def cancel(self, now: float) -> Iterator[FleetOutput]:
-        """Cancel the VDA order (section 6.1.3)."""
+        """Cancel the VDA order, if there is one, and track cancelOrder to its end (section 6.1.3)."""
         if self._run:
             yield from self._run.begin_cancel()
             yield from self._advance(now)
 
     def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
-        """Send an instant action that the robot may receive and accept, else fail it (section 6.2.1)."""
+        """Send an instant action, and track it to InstantActionEnded (section 6.2.1).
+
+        It fails at once if the robot cannot receive or does not accept it.
+        """
         yield from self._instant_actions.request(action, now)
         yield from self._advance(now)
 
@@ -487,7 +508,7 @@ class FleetController:
 
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
         """Handle a connection message (section 6.5)."""
-        control = self._control(robot)
+        control = self.control(robot)
         outputs = tuple(control.on_connection(message, now))
         if control.unasked:
             self._to_ask[robot] = None
@@ -495,7 +516,7 @@ class FleetController:
 
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
         """Handle a state message (section 6.6); repeated and outdated ones are ignored."""
-        control = self._control(robot)
+        control = self.control(robot)
         outputs = tuple(control.on_state(message, now))
         if message.zone_requests or message.edge_requests or self._instant_actions.busy:
             self._instant_actions.on_state(robot, control.robot.state or message)
@@ -504,28 +525,7 @@ class FleetController:
 
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
         """Handle a factsheet (section 7.10)."""
-        return tuple(self._control(robot).on_factsheet(message, now))
-
-    def on_unreadable_state(
-        self, robot: RobotKey, problem: str, sighting: State | None, now: float
-    ) -> Outputs:
-        """Handle a state that could not be read; ``sighting``: what it says about the robot itself."""
-        return tuple(self._control(robot).on_unreadable_state(problem, sighting, now))
-
-    def on_old_state(self, robot: RobotKey, header: str, last: str, now: float) -> Outputs:
-        """Handle a state that is ignored, because its ``header`` does not come after the ``last`` one."""
-        return tuple(self._control(robot).on_old_state(header, last, now))
-
-    def on_malformed(self, robot: RobotKey, problem: str | None, now: float) -> Outputs:
-        """Count another message that could not be read.
-
-        ``problem`` describes the error; None: fleet control does not need the message.
-        """
-        return tuple(self._control(robot).on_malformed(problem, now))
-
-    def on_undeliverable(self, robot: RobotKey, topic: str, now: float) -> Outputs:
-        """End a VDA order that cannot be sent, because the broker ends our connection at it."""
-        return tuple(self._control(robot).on_undeliverable(topic, now))
+        return tuple(self.control(robot).on_factsheet(message, now))
 
     def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
         """Note a change of our own link to the broker, which is down initially.
@@ -541,53 +541,6 @@ class FleetController:
             each.on_broker(connected=connected, unread=unread)
         self._to_ask = dict.fromkeys(sorted(self._robots, key=lambda robot: self.vda_order(robot) is None))
         return (BrokerLinkChanged(),)
-
-    def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
-        """Send a VDA order as soon as the robot can be sent one; until then the view has the wait reason.
-
-        Raises:
-            RobotBusyError: the robot already has a VDA order.
-        """
-        control = self._control(robot)
-        return tuple(control.start(control.new_run(vda_order), now))
-
-    def adopt_vda_order(
-        self, robot: RobotKey, vda_order: VdaOrder, now: float, *, accepted: bool, update_id: int = 0
-    ) -> Outputs:
-        """Adopt a VDA order from before a restart; the robot's next state decides how it continues.
-
-        If the robot has the order, it continues, and events may be repeated. If not, it is sent the order,
-        unless it had ``accepted`` it: then the robot has lost the order, and the VDA order fails.
-        ``update_id`` is the last update that was sent; a robot with an older one is sent the rest.
-
-        Raises:
-            RobotBusyError: the robot has a VDA order.
-        """
-        control = self._control(robot)
-        run = control.new_run(vda_order, adopted=True, accepted=accepted, update_id=update_id)
-        return tuple(control.start(run, now))
-
-    def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
-        """Update the robot's VDA order to a newer plan: a longer base, or another horizon (section 6.1.2).
-
-        The order update is sent once the robot has echoed the previous message; of several plans in the
-        meantime, only the newest is sent. Does nothing for a VDA order that has ended.
-
-        Raises:
-            BaseChangedError: the plan does not continue from the base that the robot was sent.
-        """
-        return tuple(self._control(robot).extend(vda_order, now))
-
-    def cancel_vda_order(self, robot: RobotKey, now: float) -> Outputs:
-        """Cancel the robot's VDA order, if it has one, and track cancelOrder to its end (section 6.1.3)."""
-        return tuple(self._control(robot).cancel(now))
-
-    def instant_action(self, robot: RobotKey, action: Action, now: float) -> Outputs:
-        """Send an instant action and track it to InstantActionEnded (section 6.2.1).
-
-        It fails at once if the robot is offline.
-        """
-        return tuple(self._control(robot).instruct(action, now))
 
     def tick(self, now: float) -> Iterator[Outputs]:
         """Resend messages, and handle timeouts and silent robots, one after the other.
@@ -614,6 +567,13 @@ class FleetController:
             del self._to_ask[robot]
             if control.unasked:
                 yield tuple(control.ask(now))
+
+    def control(self, robot: RobotKey) -> RobotControl:
+        """Return the control of a robot, which is registered if it is new."""
+        known = self._robots.get(robot)
+        if known is None:
+            known = self._robots[robot] = self._new_control(robot)
+        return known
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
         """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
@@ -659,12 +619,6 @@ class FleetController:
 
     def _reachable(self, robot: RobotKey) -> bool:
         return self._robots[robot].robot.reachable
-
-    def _control(self, robot: RobotKey) -> RobotControl:
-        known = self._robots.get(robot)
-        if known is None:
-            known = self._robots[robot] = self._new_control(robot)
-        return known
 
     def _new_control(self, robot: RobotKey) -> RobotControl:
         return RobotControl(

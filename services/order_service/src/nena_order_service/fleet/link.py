@@ -431,58 +431,58 @@ class FleetLink:
         await forever("fleet control", self._look)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        """See :meth:`FleetController.start_vda_order`."""
-        outputs = self._controller.start_vda_order(robot, vda_order, self._now())
+        """Send a VDA order (section 6.1.1); raises RobotBusyError."""
+        outputs = self._controller.control(robot).start(vda_order, self._now())
         self._begin(vda_order, outputs, restored=False)
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
     ) -> None:
-        """See :meth:`FleetController.adopt_vda_order`."""
-        outputs = self._controller.adopt_vda_order(
-            robot, vda_order, self._now(), accepted=accepted, update_id=update_id
+        """Restore a VDA order after a restart; raises RobotBusyError."""
+        outputs = self._controller.control(robot).adopt(
+            vda_order, self._now(), accepted=accepted, update_id=update_id
         )
         self._begin(vda_order, outputs, restored=True)
 
-    def _begin(self, vda_order: VdaOrder, outputs: Outputs, *, restored: bool) -> None:
+    def _begin(self, vda_order: VdaOrder, outputs: Iterable[FleetOutput], *, restored: bool) -> None:
         for listener in self.listeners:
             listener.begun(vda_order.order_id, self._now(), restored=restored)
         self._hand_out(outputs)
 
     def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
-        """See :meth:`FleetController.extend_vda_order`."""
-        self._hand_out(self._controller.extend_vda_order(robot, vda_order, self._now()))
+        """Send an order update (section 6.1.2); raises BaseChangedError."""
+        self._hand_out(self._controller.control(robot).extend(vda_order, self._now()))
 
     def cancel_vda_order(self, robot: RobotKey) -> None:
-        """See :meth:`FleetController.cancel_vda_order`."""
-        self._hand_out(self._controller.cancel_vda_order(robot, self._now()))
+        """Cancel the robot's VDA order (section 6.1.3)."""
+        self._hand_out(self._controller.control(robot).cancel(self._now()))
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
-        """See :meth:`FleetController.instant_action`."""
-        self._hand_out(self._controller.instant_action(robot, action, self._now()))
+        """Send an instant action (section 6.2.1)."""
+        self._hand_out(self._controller.control(robot).instruct(action, self._now()))
 
     def send_zone_set(self, robot: RobotKey, zone_set: ZoneSet) -> None:
         """Send a zone set to a robot; its states show whether it has accepted it (section 6.4)."""
         self._publish(PublishZoneSet(robot, zone_set), self._now())
 
     def all_known(self) -> bool:
-        """See :meth:`FleetController.all_known`."""
+        """Return whether every robot that is connected, according to the broker, has reported its state."""
         return self._controller.all_known(self._now())
 
     def connected_for(self) -> float:
-        """See :meth:`FleetController.connected_for`."""
+        """Return how long the link to the broker has been up, seconds; 0 while it is down."""
         return self._controller.connected_for(self._now())
 
     def view(self, robot: RobotKey) -> RobotView:
-        """See :meth:`FleetController.view`."""
+        """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
         return self._controller.view(robot, self._clock.monotonic())
 
     def state(self, robot: RobotKey) -> State | None:
-        """See :meth:`FleetController.state`."""
+        """Return the last state of a robot; None if it never reported one."""
         return self._controller.state(robot)
 
     def robots(self) -> tuple[RobotKey, ...]:
-        """See :meth:`FleetController.robots`."""
+        """Return all robots that are expected, have sent a message or were sent an order."""
         return self._controller.robots()
 
     async def _look(self) -> None:
@@ -598,7 +598,7 @@ class FleetLink:
         if order.is_new(header_id, NO_TIME, self._now(), inbound.payload):
             return True
         header = header_text(header_id, NO_TIME)
-        self._hand_out(self._controller.on_old_state(robot, header, order.last, self._now()))
+        self._hand_out(self._controller.control(robot).on_old_state(header, order.last, self._now()))
         return False
 
     def _note_long_name(self, robot: RobotKey) -> None:
@@ -618,14 +618,15 @@ class FleetLink:
     ) -> None:
         name = Topic(inbound.topic.rpartition("/")[2])
         self.statistics.malformed[name] += 1
+        control = self._controller.control(robot)
         if name is Topic.STATE:
             problem = Reason(R.UNREADABLE_STATES, error.reason)
             sighting = self._reader.sighting(inbound.payload, scheme.major_version)
-            outputs = self._controller.on_unreadable_state(robot, problem, sighting, self._now())
+            outputs = control.on_unreadable_state(problem, sighting, self._now())
         else:
             of_connection = name is Topic.CONNECTION  # no orders without a connection
             reason = Reason(R.UNREADABLE_CONNECTIONS, error.reason) if of_connection else None
-            outputs = self._controller.on_malformed(robot, reason, self._now())
+            outputs = control.on_malformed(reason, self._now())
         self._hand_out(outputs)
         count = self.view(robot).malformed
         if count % MALFORMED_LOGGED_EACH == 1:
@@ -640,7 +641,7 @@ class FleetLink:
     def _hand_out(self, outputs: Iterable[FleetOutput]) -> None:
         events: list[FleetOutput] = []
         now = self._now()
-        for output in outputs:
+        for output in tuple(outputs):
             if isinstance(output, Publish):
                 self._publish(output, now)
             else:
@@ -674,7 +675,7 @@ class FleetLink:
             return
         place = address.scheme.of(output.robot, topic)
         if place in self._mqtt.state.set_aside and topic is Topic.ORDER:
-            self._hand_out(self._controller.on_undeliverable(output.robot, place, now))
+            self._hand_out(self._controller.control(output.robot).on_undeliverable(place, now))
             return
         if topic in COMMANDS:
             self._remember(place, payload)
