@@ -67,10 +67,10 @@ class MemoryStore(Store):
             self.kept.pop(each, None)
             if document is not None:
                 self.kept[each] = document
-        missions = {**self.found.missions, **{n: each and each() for n, each in changes.missions.items()}}
+        sent = {**self.found.sent_orders, **{n: each and each() for n, each in changes.sent_orders.items()}}
         self.found = Unfinished(
             tuple(order for order in orders.values() if not order.state.final),
-            {number: document for number, document in missions.items() if document is not None},
+            {number: document for number, document in sent.items() if document is not None},
             max(orders, default=0),
             {**self.found.vehicles, **{robot: each() for robot, each in changes.vehicles.items()}},
             sequences=tuple(each for each in sequences.values() if not each.status.finished),

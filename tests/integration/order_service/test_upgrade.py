@@ -12,7 +12,6 @@ import pytest
 from nena_order_service.fleet.link import Outgoing
 from nena_order_service.fleet.outputs import PublishOrder
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.store.schema import is_shared
 from nena_shared.clock import SystemClock
 from nena_shared.program import EXIT_FAILED
 from nena_shared.vda5050.v2_1 import CODEC
@@ -27,7 +26,7 @@ from support.order_service_work import (
     start_robots,
     started,
 )
-from support.stores import FIRST_STORE, STORES, first_store, first_tables, make_newer
+from support.stores import OLDEST_STORE, STORES, make_newer, older_store
 from support.waiting import PATIENCE
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e, pytest.mark.timeout(900)]
@@ -41,7 +40,7 @@ ORDERS = tuple(f"T-{number}" for number in range(3))
 def in_first_store(query: str) -> list[Any]:
     """Return the JSON documents that a query finds in the store of the first release."""
     with closing(sqlite3.connect(":memory:")) as store:
-        store.executescript(FIRST_STORE.read_text(encoding="utf-8"))
+        store.executescript(OLDEST_STORE.read_text(encoding="utf-8"))
         return [json.loads(document) for (document,) in store.execute(query)]
 
 
@@ -64,6 +63,8 @@ def assert_kept(before: Any, now: Any) -> None:
 async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
     """Send the robot what the first release had noted to send, as if it had been killed after that."""
     (noted,) = in_first_store("SELECT document FROM missions")
+    noted["vda_order"] = noted.pop("mission")
+    noted["vda_order"]["orderId"] = noted["vda_order"].pop("missionId")
     record = SentOrder.model_validate_json(json.dumps(noted))
     topic = f"{fleet.interface}/v2/NeNa/robot-01"
     await wire.wait_for(f"{topic}/state")
@@ -80,7 +81,7 @@ async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
     ],
 )
 async def test_orders_of_the_first_release_are_completed(fleet: Fleet, keeper: Keeper, *, sent: bool) -> None:
-    first_tables(keeper.url)
+    older_store(keeper.url)
     wire = fleet.peer()
     start_robots(fleet, [AT_STORAGE, AT_SOUTH_3])
     if sent:
@@ -90,9 +91,7 @@ async def test_orders_of_the_first_release_are_completed(fleet: Fleet, keeper: K
 
 @pytest.mark.parametrize("release", sorted(each.stem for each in STORES.glob("[0-9]*.sql")))
 async def test_orders_of_each_later_release_are_completed(fleet: Fleet, keeper: Keeper, release: str) -> None:
-    if is_shared(keeper.url):
-        pytest.skip("the frozen stores are SQLite files")
-    first_store(keeper.url, STORES / f"{release}.sql")
+    older_store(keeper.url, STORES / f"{release}.sql")
     start_robots(fleet, [AT_STORAGE, AT_SOUTH_3])
     await every_order_is_completed(fleet, fleet.peer())
 
@@ -116,7 +115,7 @@ async def every_order_is_completed(fleet: Fleet, wire: MqttPeer) -> None:
 async def test_repeated_requests_after_the_upgrade_return_the_old_orders(
     fleet: Fleet, keeper: Keeper
 ) -> None:
-    first_tables(keeper.url)
+    older_store(keeper.url)
     client = await started(fleet.order_service())
     for name in ("done-1", "running-4"):
         before = first_orders()[name]

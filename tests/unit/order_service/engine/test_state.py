@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -111,11 +109,11 @@ def test_a_robot_works_for_its_order_before_between_and_after_vda_orders() -> No
 
     book.put(record)
     assert (book.find("m"), book.of_order(order), book.of_robot(ROBOT)) == (record, record, record)
-    assert take(state)[0].missions == {1: record.document}
+    assert take(state)[0].sent_orders == {1: record.document}
 
     book.end(record)
     assert (book.find("m"), book.order_number(ROBOT)) == (None, 1)
-    assert take(state)[0].missions == {1: None}
+    assert take(state)[0].sent_orders == {1: None}
 
     assert book.release(order) == ROBOT
     assert book.order_number(ROBOT) is None
@@ -133,7 +131,7 @@ def test_an_ended_order_drops_its_vda_order() -> None:
     book.release(order)
 
     assert list(book) == []
-    assert take(state)[0].missions == {1: None}
+    assert take(state)[0].sent_orders == {1: None}
 
 
 def test_an_evasion_is_not_a_vda_order_of_the_transport_order() -> None:
@@ -150,7 +148,7 @@ def test_an_evasion_is_not_a_vda_order_of_the_transport_order() -> None:
     assert book.find("e") == evasion
     book.end(evasion)
     assert vehicles.of(ROBOT).evasion is None
-    assert take(state)[0].missions == {}
+    assert take(state)[0].sent_orders == {}
 
 
 class Ear:
@@ -238,29 +236,3 @@ def test_an_unreadable_document_is_skipped() -> None:
 
     assert list(book) == []
     assert book.of(key("V1")).integration_level is IntegrationLevel.TO_BE_UTILIZED
-
-
-def test_the_evasion_that_an_earlier_release_stored_is_read() -> None:
-    nodes: list[dict[str, object]] = [
-        {"node_id": name, "sequence_id": 2 * index, "released": True, "node_position": None, "actions": []}
-        for index, name in enumerate("AB")
-    ]
-    edges = [{"edge_id": "A-B", "sequence_id": 1, "released": True, "actions": []}]
-    evasion = {
-        "manufacturer": "NeNa",
-        "serial_number": "V1",
-        "drive_order_index": None,
-        "accepted": False,
-        "mission": {"mission_id": "evasion-1", "nodes": nodes, "edges": edges},
-    }
-    document = json.dumps({"manufacturer": "NeNa", "serial_number": "V1", "evasion": evasion})
-    state = make_state()
-    state.vehicles.load({"NeNa/V1": document})
-    found = state.vehicles.of(key("V1")).evasion
-    assert found
-    assert found.vda_order.order_id == "evasion-1"
-
-    state.vehicles.change(key("V1"), integration_level=IntegrationLevel.TO_BE_RESPECTED)
-    again = make_state()
-    again.vehicles.load({"NeNa/V1": take(state)[0].vehicles["NeNa/V1"]()})
-    assert again.vehicles.of(key("V1")).evasion == found

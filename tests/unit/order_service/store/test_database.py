@@ -176,24 +176,24 @@ def test_unfinished_are_orders_and_missions_that_a_restart_takes_up(url: str) ->
     running = assigned_order(number=2)
     ended = assigned_order(number=7).finished(NOW)
     made = changes((waiting, None), (running, None), (ended, None))
-    made.put_mission(2, lambda: "mission of 2")
+    made.put_sent_order(2, lambda: "sent for 2")
     write(engine, made)
     found = read_unfinished(engine)
     assert found.orders == (waiting, running)
-    assert found.missions == {2: "mission of 2"}
+    assert found.sent_orders == {2: "sent for 2"}
     assert found.last_number == 7
 
 
 def test_stored_vda_order_is_replaced_and_deleted(url: str) -> None:
     engine = open_database(url)
     made = changes((assigned_order(number=2), None))
-    made.put_mission(2, lambda: "first")
+    made.put_sent_order(2, lambda: "first")
     write(engine, made)
     for document, expected in ((lambda: "second", {2: "second"}), (None, {})):
         later = Changes()
-        later.put_mission(2, document)
+        later.put_sent_order(2, document)
         write(engine, later)
-        assert read_unfinished(engine).missions == expected
+        assert read_unfinished(engine).sent_orders == expected
 
 
 def test_pages_are_newest_first_and_continue_after_the_cursor(url: str) -> None:
@@ -316,7 +316,7 @@ def test_locks_of_paths_are_replaced_and_read_again(url: str) -> None:
 def test_nothing_is_nothing_and_anything_is_something() -> None:
     assert not Changes()
     for change in (
-        Changes(missions={1: None}),
+        Changes(sent_orders={1: None}),
         Changes(vehicles={"r": lambda: "{}"}),
         Changes(path_locks={"p": False}),
         Changes(documents={("zoneSet", "z"): None}),
@@ -354,8 +354,8 @@ def test_later_changes_replace_earlier_ones() -> None:
     one = stored.deferred("no vehicle", NOW)
     two = one.deferred("no way", NOW)
     changes, later = (
-        Changes(missions={1: lambda: "sent"}, path_locks={"p": True}),
-        Changes(missions={1: None}),
+        Changes(sent_orders={1: lambda: "sent"}, path_locks={"p": True}),
+        Changes(sent_orders={1: None}),
     )
     changes.put_order(one, stored)
     later.put_order(two, one)
@@ -365,7 +365,7 @@ def test_later_changes_replace_earlier_ones() -> None:
     (change,) = changes.orders.values()
     assert (change.order, change.new) == (two, False)
     assert change.unchanged_history <= len(stored.status.history)
-    assert (changes.missions, changes.path_locks) == ({1: None}, {"p": True})
+    assert (changes.sent_orders, changes.path_locks) == ({1: None}, {"p": True})
 
 
 def test_each_orders_change_has_a_number_of_its_own() -> None:

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from alembic import command
-from alembic.autogenerate import compare_metadata
-from alembic.config import Config
-from alembic.runtime.migration import MigrationContext
-from sqlalchemy import Connection, text
+from sqlalchemy import Connection, MetaData, inspect, text
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
-from nena_order_service import store as store_package
-from nena_order_service.orders.automatic import park_request
-from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.engine.state import VehicleRecord
 from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.store import migrations, schema
+from nena_order_service.store import schema
 from nena_order_service.store.database import (
     OrderFilter,
     read_changes,
@@ -37,8 +31,8 @@ from nena_order_service.store.schema import (
     reason_of,
     unusable,
 )
-from support.order_service import NOW, dispatchable_order
-from support.stores import STORES, changes, first_store, first_tables, make_newer
+from support.order_service import dispatchable_order
+from support.stores import STORES, changes, older_store
 
 
 def test_sqlite_is_durable(sqlite_url: str) -> None:
@@ -102,46 +96,48 @@ def test_reason_is_the_databases_message_in_one_line(url: str) -> None:
     assert "\n" not in reason_of(caught.value)
 
 
-def differences(connection: Connection) -> list[Any]:
-    """Return how the tables of a store differ from those that the program knows."""
-    context = MigrationContext.configure(
-        connection, opts={"compare_type": True, "version_table": schema.VERSION_TABLE}
-    )
-    assert context.get_current_revision() == schema.HEAD
-    return list(compare_metadata(context, schema.metadata))
+def described(connection: Connection) -> dict[str, Any]:
+    """Return the tables of a store, as the database describes them."""
+    names = [*schema.metadata.tables, schema.VERSION_TABLE]
+    look = inspect(connection)
+    return {
+        name: (
+            [(column["name"], str(column["type"]), column["nullable"]) for column in look.get_columns(name)],
+            look.get_pk_constraint(name),
+            sorted(map(str, look.get_foreign_keys(name))),
+            sorted(str(index["column_names"]) for index in look.get_indexes(name)),
+            sorted(str(unique["column_names"]) for unique in look.get_unique_constraints(name)),
+        )
+        for name in names
+    }
 
 
 def leadership_of(connection: Connection) -> list[tuple[Any, ...]]:
     return [tuple(row) for row in connection.execute(text("SELECT * FROM leadership"))]
 
 
-def test_new_tables_are_those_that_the_program_knows(url: str) -> None:
+def test_a_new_store_has_no_leader(url: str) -> None:
     with open_database(url).connect() as connection:
-        assert differences(connection) == []
         assert leadership_of(connection) == [(1, 0, 0, "")]
 
 
-def test_migrations_lead_to_the_tables_of_a_new_store(url: str) -> None:
-    with make_engine(url).begin() as connection:
-        migrations.upgrade(connection, is_versioned=True)
-        assert differences(connection) == []
-        assert leadership_of(connection) == [(1, 0, 0, "")]
-
-
-def test_only_a_store_of_another_release_needs_alembic(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr(store_package, "migrations")
-    monkeypatch.setitem(sys.modules, "nena_order_service.store.migrations", None)  # importing it fails
-    for _ in range(2):
-        open_database(url).dispose()
-    make_newer(url)
-    with pytest.raises(ImportError):
-        open_database(url)
+def test_an_upgraded_store_has_the_tables_of_a_new_one(url: str) -> None:
+    engine = open_database(url)
+    with engine.begin() as connection:
+        new = described(connection)
+        everything = MetaData()
+        everything.reflect(connection)
+        everything.drop_all(connection)
+    older_store(url)
+    with open_database(url).connect() as connection:
+        assert described(connection) == new
+        assert not inspect(connection).has_table("missions")
 
 
 @pytest.mark.parametrize("release", [pytest.param(each, id=each.stem) for each in sorted(STORES.iterdir())])
-def test_upgrading_the_store_of_each_release_keeps_its_content(sqlite_url: str, release: Path) -> None:
-    first_store(sqlite_url, release)
-    engine = open_database(sqlite_url)
+def test_upgrading_the_store_of_each_release_keeps_its_content(url: str, release: Path) -> None:
+    older_store(url, release)
+    engine = open_database(url)
     assert {order.name: order.state.value for order in read_orders(engine, OrderFilter())} == {
         "done-1": "FINISHED",
         "withdrawn-2": "FAILED",
@@ -151,7 +147,8 @@ def test_upgrading_the_store_of_each_release_keeps_its_content(sqlite_url: str, 
     }
     found = read_unfinished(engine)
     assert [order.name for order in found.orders] == ["running-4", "waiting-5"]
-    assert [SentOrder.model_validate_json(text).vda_order.order_id for text in found.missions.values()]
+    (sent,) = map(SentOrder.model_validate_json, found.sent_orders.values())
+    assert (sent.vda_order.order_id, found.sent_orders.keys()) == ("running-4-0", {4})
     done = read_order(engine, idempotency_key="key-done-1")
     assert done is not None
     assert [entry.event_code for entry in done.status.history][-1] == "nena:finalStateReached"
@@ -160,13 +157,18 @@ def test_upgrading_the_store_of_each_release_keeps_its_content(sqlite_url: str, 
     assert [number for number, _ in read_changes(engine, 3, 10)] == [4, 5]
 
 
-def test_the_first_release_refuses_an_upgraded_store(sqlite_url: str) -> None:
-    file = first_store(sqlite_url)
-    for _ in range(2):
-        open_database(sqlite_url).dispose()
-        with sqlite3.connect(file) as store:
-            looked_at_by_it = store.execute("SELECT version FROM schema_version").fetchall()
-        assert looked_at_by_it == [(2,)], "it works on with a store of version 1, or of none"
+@pytest.mark.parametrize("order_id", ["missionId", "mission_id"])
+def test_an_upgrade_keeps_what_makes_room_for_others(url: str, order_id: str) -> None:
+    older_store(url)
+    vda_order = {order_id: "evasion-1", "nodes": [], "edges": []}
+    robot = {"manufacturer": "NeNa", "serial_number": "V1"}
+    evasion = {**robot, "drive_order_index": None, "accepted": True, "mission": vda_order}
+    document = json.dumps({**robot, "evasion": evasion})
+    with make_engine(url).begin() as connection:
+        connection.execute(schema.vehicles.insert().values(robot="NeNa/V1", document=document))
+    record = VehicleRecord.model_validate_json(read_unfinished(open_database(url)).vehicles["NeNa/V1"])
+    assert record.evasion is not None
+    assert (record.evasion.vda_order.order_id, record.evasion.accepted) == ("evasion-1", True)
 
 
 def test_migrating_again_changes_nothing(url: str) -> None:
@@ -178,13 +180,13 @@ def test_migrating_again_changes_nothing(url: str) -> None:
 
 
 def test_a_failed_migration_leaves_the_store_unchanged(sqlite_url: str) -> None:
-    file = first_store(sqlite_url)
-    with sqlite3.connect(file) as store:
-        store.execute("CREATE TABLE leadership (other INTEGER)")
+    older_store(sqlite_url)
+    with sqlite3.connect(sqlite_url.removeprefix("sqlite:///")) as store:
+        store.execute("CREATE TABLE sent_orders (other INTEGER)")
         before = list(store.iterdump())
-    with pytest.raises(StoreError, match="leadership already exists"):
+    with pytest.raises(StoreError, match="sent_orders already exists"):
         open_database(sqlite_url)
-    with sqlite3.connect(file) as store:
+    with sqlite3.connect(sqlite_url.removeprefix("sqlite:///")) as store:
         assert list(store.iterdump()) == before
 
 
@@ -194,14 +196,6 @@ def test_store_of_a_newer_release_is_refused(url: str) -> None:
         connection.execute(text("UPDATE order_service_version SET version_num = '9999'"))
     with pytest.raises(StoreError, match=r"another release .*9999"):
         open_database(url)
-
-
-def test_first_tables_of_an_unknown_version_are_refused(sqlite_url: str) -> None:
-    file = first_store(sqlite_url)
-    with sqlite3.connect(file) as store:
-        store.execute("UPDATE schema_version SET version = 99")
-    with pytest.raises(StoreError, match="version 99"):
-        open_database(sqlite_url)
 
 
 def test_a_database_that_rejects_writes_is_a_database_error(tmp_path: Path) -> None:
@@ -219,57 +213,3 @@ def test_foreign_tables_in_the_same_database_are_untouched(url: str) -> None:
     write(engine, changes((dispatchable_order(), None)))
     with engine.connect() as connection:
         assert connection.execute(text("SELECT version FROM schema_version")).scalar() == 7
-
-
-@pytest.mark.parametrize(
-    ("name", "fields", "automatic"),
-    [
-        ("Park-0123456789abcdef012345", {}, True),
-        ("Recharge-0123456789abcdef012345", {"type": "Charge"}, True),
-        ("Park-1", {}, False),
-        ("Recharge-0123456789abcdef012345", {}, False),
-        ("Park-0123456789abcdef012345", {"on_failure": None}, False),
-        ("Park-0123456789abcdef012345", {"intended_vehicle": None}, False),
-        ("Park-0123456789abcdef012345", {"idempotency_key": "of a host"}, False),
-    ],
-)
-def test_automatic_orders_of_an_older_release_are_recognised(
-    url: str, name: str, fields: dict[str, Any], *, automatic: bool
-) -> None:
-    asked = park_request("V1", "P").model_copy(update=fields)
-    order = TransportOrder.created(asked, number=1, name=name, now=NOW)
-    engine = open_database(url)
-    write(engine, changes((order, None)))
-    with engine.begin() as connection:
-        connection.execute(text("UPDATE order_service_version SET version_num = '0005'"))
-        connection.execute(text("DROP TABLE audit"))
-    found = read_order(open_database(url), name=name)
-    assert found is not None
-    assert found.status.automatic is automatic
-    assert found.status.model_copy(update={"automatic": False}) == order.status
-
-
-def test_a_migration_may_pause_longer_than_other_transactions(
-    url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It reads documents between its statements, which takes long in a large store or on a busy machine."""
-    if not url.startswith("postgresql"):
-        pytest.skip("SQLite ends no transactions")
-    shown: list[str] = []
-    upgrade = command.upgrade
-
-    def watched(config: Config, revision: str) -> None:
-        shown.append(timeout(config.attributes["connection"]))
-        upgrade(config, revision)
-
-    first_tables(url)
-    monkeypatch.setattr(command, "upgrade", watched)
-    engine = open_database(url)
-    with engine.begin() as connection:
-        shown.append(timeout(connection))
-
-    assert shown == ["1min", "3s"]
-
-
-def timeout(connection: Connection) -> str:
-    return str(connection.execute(text("SHOW idle_in_transaction_session_timeout")).scalar())

@@ -148,7 +148,7 @@ class Engine:
             self.peripherals.restore(jobs)
             recovery.restore_vehicles(absent)
             self.state.sequences.rebind(recovery.present_name)
-            self._life_cycle.restore(found.orders, found.missions, recovery)
+            self._life_cycle.restore(found.orders, found.sent_orders, recovery)
             self._rerouting.halt_before_locked_paths()
             while self._rerouting.halts:
                 self._rerouting.reroute_off_locked_paths()

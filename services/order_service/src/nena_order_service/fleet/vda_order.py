@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any, Final, TypeVar
 from uuid import uuid4
 
-from pydantic import AliasChoices, Field, JsonValue
+from pydantic import JsonValue
 
 from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, GOAL_PREFIX, RobotProfile, Standing
 from nena_order_service.fleet.type_rules import (
@@ -41,10 +41,7 @@ class VdaOrder(WireObject):
     actions must not change.
     """
 
-    order_id: Identifier = Field(
-        validation_alias=AliasChoices("missionId", "mission_id"), serialization_alias="missionId"
-    )
-    """The orderId of VDA 5050; stored as ``missionId``, in records of vehicles as ``mission_id``."""
+    order_id: Identifier
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
 

@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple, Self
 
-from pydantic import ConfigDict, Field
-
 from nena_order_service.fleet.failures import OrderFailure
 from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
 from nena_order_service.fleet.robot import RobotView
@@ -49,13 +47,11 @@ class SentOrder(FrozenModel):
     each node after the first. ``drive_order_index`` is None for an order that only makes room for others.
     """
 
-    model_config = ConfigDict(validate_by_name=True, validate_by_alias=True)
-
     manufacturer: str
     serial_number: str
     drive_order_index: int | None
     accepted: bool
-    vda_order: VdaOrder = Field(alias="mission")
+    vda_order: VdaOrder
     released_to: int | None = None
     update_id: int = 0
     way: tuple[ResourceSet, ...] = ()

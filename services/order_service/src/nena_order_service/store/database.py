@@ -50,7 +50,7 @@ class Changes:
 
     orders: dict[int, OrderChange] = field(default_factory=dict)
     """Orders by number."""
-    missions: dict[int, Document | None] = field(default_factory=dict)
+    sent_orders: dict[int, Document | None] = field(default_factory=dict)
     """Documents of sent orders by order number; None: ended."""
     vehicles: dict[str, Document] = field(default_factory=dict)
     """Documents of vehicles by robot key."""
@@ -66,7 +66,7 @@ class Changes:
     """Rows of the audit trail up to this one are deleted."""
 
     def __bool__(self) -> bool:
-        single = self.orders or self.missions or self.vehicles or self.sequences
+        single = self.orders or self.sent_orders or self.vehicles or self.sequences
         return bool(single or self.path_locks or self.documents or self.audit or self.expired_audit)
 
     def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
@@ -79,9 +79,9 @@ class Changes:
             change = OrderChange(order, before is None, unchanged)
         self.orders[order.number] = change
 
-    def put_mission(self, order_number: int, document: Document | None) -> None:
+    def put_sent_order(self, order_number: int, document: Document | None) -> None:
         """Add the sent order of an order; None: nothing is sent any more."""
-        self.missions[order_number] = document
+        self.sent_orders[order_number] = document
 
     def put_vehicle(self, robot: str, document: Document) -> None:
         """Add a vehicle's record."""
@@ -99,7 +99,7 @@ class Changes:
                 unchanged = min(earlier.unchanged_history, change.unchanged_history)
                 change = replace(change, new=earlier.new, unchanged_history=unchanged)  # noqa: PLW2901 - merged
             self.orders[number] = change
-        self.missions.update(later.missions)
+        self.sent_orders.update(later.sent_orders)
         self.vehicles.update(later.vehicles)
         self.sequences.update(later.sequences)
         self.path_locks.update(later.path_locks)
@@ -137,8 +137,8 @@ class Statements:
     insert_history: str
     forget_history: str
     """Deletes the history entries of ``order_number`` from ``entry`` on."""
-    put_mission: str
-    forget_mission: str
+    put_sent_order: str
+    forget_sent_order: str
     put_vehicle: str
     put_sequence: str
     put_path_lock: str
@@ -155,7 +155,7 @@ def statements(engine: sa.Engine) -> Statements:
 
 @lru_cache
 def _statements(name: str) -> Statements:
-    orders, history, missions = schema.transport_orders, schema.history, schema.missions
+    orders, history, sent_orders = schema.transport_orders, schema.history, schema.sent_orders
     documents = schema.documents
     inserting, dialect = _dialect(name)
     others: dict[str, sa.BindParameter[Any]] = {
@@ -168,8 +168,10 @@ def _statements(name: str) -> Statements:
         "forget_history": sa.delete(history).where(
             history.c.order_number == sa.bindparam("order_number"), history.c.entry >= sa.bindparam("entry")
         ),
-        "put_mission": _put(inserting, missions),
-        "forget_mission": sa.delete(missions).where(missions.c.order_number == sa.bindparam("order_number")),
+        "put_sent_order": _put(inserting, sent_orders),
+        "forget_sent_order": sa.delete(sent_orders).where(
+            sent_orders.c.order_number == sa.bindparam("order_number")
+        ),
         "put_vehicle": _put(inserting, schema.vehicles),
         "put_sequence": _put(inserting, schema.order_sequences),
         "put_path_lock": _put(inserting, schema.path_locks),
@@ -350,7 +352,7 @@ class Unfinished:
     """Everything that a restart restores."""
 
     orders: tuple[TransportOrder, ...]
-    missions: dict[int, str]
+    sent_orders: dict[int, str]
     """Documents of sent orders by order number."""
     last_number: int
     """The highest number of an order; 0 if there is none."""
@@ -394,7 +396,7 @@ def _write(engine: sa.Engine, changes: Changes, fence: Fence | None, chain: Audi
     with engine.begin() as connection:
         if fence is None or fence.lets_pass(connection):
             _write_orders(connection, texts, changes.orders.values())
-            _write_missions(connection, texts, changes.missions)
+            _write_sent_orders(connection, texts, changes.sent_orders)
             write_vehicles(connection, texts, changes.vehicles)
             write_sequences(connection, texts, changes.sequences.values())
             locks: list[DatabaseRow] = [
@@ -439,7 +441,7 @@ def _write_orders(connection: sa.Connection, texts: Statements, changes: Iterabl
     execute(connection, texts.insert_history, entries)
 
 
-def _write_missions(
+def _write_sent_orders(
     connection: sa.Connection, texts: Statements, documents: dict[int, Document | None]
 ) -> None:
     rows: list[DatabaseRow] = [
@@ -447,9 +449,9 @@ def _write_missions(
         for number, document in documents.items()
         if document is not None
     ]
-    execute(connection, texts.put_mission, rows)
+    execute(connection, texts.put_sent_order, rows)
     ended: list[DatabaseRow] = [{"order_number": n} for n, document in documents.items() if document is None]
-    execute(connection, texts.forget_mission, ended)
+    execute(connection, texts.forget_sent_order, ended)
 
 
 def _order_row(change: OrderChange) -> DatabaseRow:
@@ -495,11 +497,11 @@ def read_unfinished(engine: sa.Engine) -> Unfinished:
 
 
 def _read_unfinished(engine: sa.Engine) -> Unfinished:
-    orders, missions = schema.transport_orders, schema.missions
+    orders, sent_orders = schema.transport_orders, schema.sent_orders
     with engine.connect() as connection:
         query = sa.select(orders).where(orders.c.state.not_in(FINAL_STATES)).order_by(orders.c.number)
         found = _read_orders(connection, connection.execute(query).all())
-        documents = {row.order_number: row.document for row in connection.execute(sa.select(missions))}
+        documents = {row.order_number: row.document for row in connection.execute(sa.select(sent_orders))}
         last = connection.execute(sa.select(sa.func.max(orders.c.number))).scalar() or 0
         last_change = connection.execute(sa.select(sa.func.max(orders.c.change_number))).scalar() or 0
         return Unfinished(

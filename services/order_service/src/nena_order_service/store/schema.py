@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
 import sqlalchemy as sa
 from sqlalchemy import exc
 from sqlalchemy.engine import make_url
@@ -38,10 +42,7 @@ class StoreLostError(StoreError):
 
 
 VERSION_TABLE = "order_service_version"
-"""Table in which Alembic stores the revision; the database may also contain the aggregator's tables."""
-
-FIRST_TABLES = frozenset({"schema_version", "transport_orders"})
-"""Some of the tables of stores that were created before migrations existed."""
+"""Table with the revision of the tables; the database may also contain the aggregator's tables."""
 
 metadata = sa.MetaData()
 
@@ -70,13 +71,13 @@ history = sa.Table(
     sa.Column("document", sa.Text, nullable=False),
 )
 
-missions = sa.Table(
-    "missions",
+sent_orders = sa.Table(
+    "sent_orders",
     metadata,
     sa.Column("order_number", sa.BigInteger, sa.ForeignKey("transport_orders.number"), primary_key=True),
     sa.Column("document", sa.Text, nullable=False),
 )
-"""The sent order (what was last sent to a robot) of each order that has not ended."""
+"""What was last sent to a robot for each order that has not ended."""
 
 order_sequences = sa.Table(
     "order_sequences",
@@ -154,8 +155,8 @@ leadership = sa.Table(
 LEADERSHIP_ID = 1
 
 
-HEAD = "0007"
-"""Revision of the tables above: that of the last migration."""
+REVISION = "0008"
+"""Revision of the tables above; a change of them needs the next one, and a step from this one in STEPS."""
 
 _version = sa.Table(
     VERSION_TABLE,
@@ -163,44 +164,66 @@ _version = sa.Table(
     sa.Column("version_num", sa.String(32), nullable=False),
     sa.PrimaryKeyConstraint("version_num", name=f"{VERSION_TABLE}_pkc"),
 )
-"""As Alembic creates it."""
 
 
 def migrate(engine: sa.Engine) -> None:
-    """Create or migrate the tables in one transaction.
-
-    Alembic is only loaded for a store of another release, because it takes 12 MB of memory.
+    """Create or upgrade the tables in one transaction.
 
     Raises:
-        StoreError: the tables are from a newer release.
+        StoreError: the tables are from another release.
         SQLAlchemyError: the database rejects the change.
     """
     with engine.begin() as connection:
-        before = _revision(connection)
-        if before == HEAD:
+        revision = _read_revision(connection)
+        if revision == REVISION:
             return
-        tables = set(sa.inspect(connection).get_table_names())
-        is_versioned = VERSION_TABLE in tables
-        if is_versioned or tables >= FIRST_TABLES:
-            from nena_order_service.store import migrations  # noqa: PLC0415 - see the docstring
-
-            migrations.upgrade(connection, is_versioned=is_versioned)
+        if revision is None:
+            metadata.create_all(connection, checkfirst=False)
+            connection.execute(leadership.insert().values(id=LEADERSHIP_ID, epoch=0, commits=0, url=""))
+            _version.create(connection)
+            connection.execute(_version.insert().values(version_num=REVISION))
+        elif revision in STEPS:
+            STEPS[revision](connection)
+            connection.execute(_version.update().values(version_num=REVISION))
         else:
-            _create(connection)
-        log.info("store migrated", before=before, now=_revision(connection))
+            message = (
+                f"the store belongs to another release (revision {revision}): "
+                "use that release, restore a backup, or set another store.url"
+            )
+            raise StoreError(message)
+        log.info("store migrated", before=revision, now=REVISION)
 
 
-def _create(connection: sa.Connection) -> None:
-    metadata.create_all(connection, checkfirst=False)
-    connection.execute(leadership.insert().values(id=LEADERSHIP_ID, epoch=0, commits=0, url=""))
-    _version.create(connection)
-    connection.execute(_version.insert().values(version_num=HEAD))
-
-
-def _revision(connection: sa.Connection) -> str | None:
+def _read_revision(connection: sa.Connection) -> str | None:
     if not sa.inspect(connection).has_table(VERSION_TABLE):
         return None
     return connection.execute(sa.select(_version.c.version_num)).scalar()
+
+
+def _rename_missions(connection: sa.Connection) -> None:
+    """Upgrade revision 0007, in which a sent order was a mission, in tables as in documents."""
+    sent_orders.create(connection)
+    rows = connection.execute(sa.text("SELECT order_number, document FROM missions"))
+    for number, document in rows.all():
+        sent_order = json.dumps(_renamed(json.loads(document)))
+        connection.execute(sent_orders.insert().values(order_number=number, document=sent_order))
+    connection.execute(sa.text("DROP TABLE missions"))
+    for robot, document in connection.execute(sa.select(vehicles)).all():
+        record = json.loads(document)
+        if record.get("evasion"):
+            record["evasion"] = _renamed(record["evasion"])
+            changed = vehicles.update().where(vehicles.c.robot == robot)
+            connection.execute(changed.values(document=json.dumps(record)))
+
+
+def _renamed(sent_order: dict[str, Any]) -> dict[str, Any]:
+    vda_order = sent_order.pop("mission")
+    vda_order["orderId"] = vda_order.pop("missionId", None) or vda_order.pop("mission_id")
+    return {**sent_order, "vda_order": vda_order}
+
+
+STEPS: Final[Mapping[str, Callable[[sa.Connection], None]]] = {"0007": _rename_missions}
+"""How tables of older revisions become those above."""
 
 
 TRANSIENT_ERRORS = (exc.OperationalError, exc.InterfaceError, exc.InternalError)
