@@ -13,8 +13,7 @@ from nena_demo.plants import sample_plant_path
 from nena_order_service.app import serve
 from nena_order_service.plant_file import load_plant
 from nena_order_service.service import PLANT_MODEL, StoredPlant
-from nena_order_service.store.database import Changes, write
-from nena_order_service.store.leadership import Fence
+from nena_order_service.store.database import Changes, Fence, write
 from nena_order_service.store.schema import open_database
 from nena_shared.tasks import TaskFailedError
 from support.order_service_fleet import Fleet

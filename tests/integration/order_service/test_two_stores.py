@@ -10,7 +10,7 @@ from contextlib import suppress
 import httpx
 import pytest
 
-from nena_order_service.fleet.leader import ANSWERED_WITHIN, LeaderRecord
+from nena_order_service.fleet.guard import ANSWERED_WITHIN, LeaderRecord
 from nena_shared.fleet_api.epoch import epoch_of
 from support.broker import Broker, MqttPeer, free_port
 from support.mqtt_line import mqtt_line

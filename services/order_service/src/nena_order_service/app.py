@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 from nena_order_service.api.decisions import make_black_box
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
-from nena_order_service.fleet.leader import LeaderElection
+from nena_order_service.fleet.guard import FleetGuard
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import OrderService, ServiceRunner, build
 from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
 from nena_order_service.store.instance_lock import InstanceLock
-from nena_order_service.store.lead import Lead
-from nena_order_service.store.leadership import begin_epoch, store_id
+from nena_order_service.store.leadership import Leadership, begin_epoch, store_id
 from nena_order_service.store.schema import is_shared, open_database
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
@@ -93,68 +92,81 @@ async def _serve_alone(
     store = Store(engine, lock)
     server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
-        election = _start_election(settings, supervisor, store_id(engine), epoch, always)
-        runner = _runner(
-            settings,
-            plant,
-            store,
-            supervisor,
-            election=election,
-            answers=server.answers,
-            traces=traces,
-        )
-        await _begin_and_serve(runner, store, server, supervisor, stop, election=election)
+        guard = _guard_fleet(settings, store_id(engine), epoch, always)
+        await _lead(settings, plant, store, supervisor, stop, server=server, guard=guard, traces=traces)
     store.close()
 
 
 async def _serve_shared(
     settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event, traces: Exporting | None
 ) -> None:
-    lead = Lead(settings.store.location())
-    server = RestServer(make_standby_app(lambda: lead.active_url, lambda: lead.problem), settings.http)
+    leadership = Leadership(settings.store.location())
+    app = make_standby_app(lambda: leadership.active_url, lambda: leadership.problem)
+    server = RestServer(app, settings.http)
     store = None
     async with Supervisor() as supervisor:
         server.open(supervisor)
         try:
-            if await lead.take(stop):
-                store, election = await _take_over(settings, lead, supervisor, server.url)
-                runner = _runner(
-                    settings,
-                    plant,
-                    store,
-                    supervisor,
-                    election=election,
-                    term=lead.lease.term,
-                    answers=server.answers,
-                    traces=traces,
+            if await leadership.win(stop):
+                own_url = str(settings.public_url or server.url).rstrip("/")
+                engine, fence = await leadership.take_over(own_url)
+                store = Store(engine, fence=fence)
+                supervisor.start("leadership", leadership.keep(store, engine, fence))
+                log.info("shared store taken over", epoch=fence.epoch)
+                guard = _guard_fleet(settings, store_id(engine), fence.epoch, leadership.lease.term)
+                await _lead(
+                    settings, plant, store, supervisor, stop, server=server, guard=guard, traces=traces
                 )
-                await _begin_and_serve(runner, store, server, supervisor, stop, election=election)
         finally:
             await server.close()
     if store:
         store.close()
-    await lead.close()
+    await leadership.close()
 
 
-async def _begin_and_serve(
-    runner: ServiceRunner,
+def _guard_fleet(settings: OrderServiceSettings, store: str, epoch: int, term: Term) -> FleetGuard:
+    topic = FleetTopics(settings.topic_prefix).leader(settings.interface_name)
+    return FleetGuard(settings.mqtt, topic, store=store, epoch=epoch, term=term)
+
+
+async def _lead(
+    settings: OrderServiceSettings,
+    plant: PlantFile,
     store: Store,
-    server: RestServer,
     supervisor: Supervisor,
     stop: asyncio.Event,
     *,
-    election: LeaderElection,
+    server: RestServer,
+    guard: FleetGuard,
+    traces: Exporting | None,
 ) -> None:
     """Serve until ``stop``; during the start, the server reports if the store cannot be written."""
+    black_box = make_black_box(settings, SystemClock())
+
+    def make(model: PlantModel) -> OrderService:
+        return build(
+            settings,
+            model,
+            store,
+            epoch=guard.epoch,
+            term=guard.term,
+            change_plant=runner.change_plant,
+            elected=guard.won,
+            answers=server.answers,
+            traces=traces,
+            black_box=black_box,
+        )
 
     async def begin() -> None:
         await runner.begin()
-        await election.decided()
+        await guard.decided()
 
     def show() -> None:
         server.show(make_starting_app(lambda: store.why_not_ready))
         server.open(supervisor)
 
+    supervisor.start("fleet guard", guard.run())
+    runner = ServiceRunner(plant, store, supervisor, make=make)
     runner.show = server.show
     begun = False
     try:
@@ -169,61 +181,6 @@ async def _begin_and_serve(
         await server.close()
         if begun:
             await _shut_down(runner.service)
-
-
-def _runner(
-    settings: OrderServiceSettings,
-    plant: PlantFile,
-    store: Store,
-    supervisor: Supervisor,
-    *,
-    election: LeaderElection,
-    term: Term = always,
-    answers: Mapping[int, int],
-    traces: Exporting | None,
-) -> ServiceRunner:
-    black_box = make_black_box(settings, SystemClock())
-
-    def make(model: PlantModel) -> OrderService:
-        return build(
-            settings,
-            model,
-            store,
-            epoch=election.epoch,
-            term=term,
-            change_plant=runner.change_plant,
-            elected=election.won,
-            answers=answers,
-            traces=traces,
-            black_box=black_box,
-        )
-
-    runner = ServiceRunner(plant, store, supervisor, make=make)
-    return runner
-
-
-def _start_election(
-    settings: OrderServiceSettings, supervisor: Supervisor, store: str, epoch: int, term: Term
-) -> LeaderElection:
-    topic = FleetTopics(settings.topic_prefix).leader(settings.interface_name)
-    election = LeaderElection(settings.mqtt, topic, store=store, epoch=epoch, term=term)
-    supervisor.start("leader election", election.run())
-    return election
-
-
-async def _take_over(
-    settings: OrderServiceSettings, lead: Lead, supervisor: Supervisor, url: str
-) -> tuple[Store, LeaderElection]:
-    """Take over from the other order service, which can then no longer commit.
-
-    Return the store and the leader election.
-    """
-    own_url = str(settings.public_url or url).rstrip("/")
-    engine, fence = await lead.raise_fence(settings.store.location(), own_url)
-    store = Store(engine, fence=fence)
-    supervisor.start("lead", lead.keep(store, engine, fence))
-    log.info("shared store taken over", epoch=fence.epoch)
-    return store, _start_election(settings, supervisor, store_id(engine), fence.epoch, lead.lease.term)
 
 
 async def _shut_down(service: OrderService) -> None:

@@ -2,61 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import asyncio
+from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
-from sqlalchemy import text
+from sqlalchemy import Engine, text
 
-from nena_order_service.store.database import Changes, read_order, write
-from nena_order_service.store.leadership import Fence, LeaderLock, begin_epoch
-from nena_order_service.store.schema import FencedError, open_database
+from nena_order_service.store import leadership
+from nena_order_service.store.database import Changes, Fence, read_order, write
+from nena_order_service.store.leadership import Leadership, begin_epoch
+from nena_order_service.store.schema import FencedError, StoreError, open_database
+from nena_order_service.store.store import Store
+from nena_shared.tasks import end
 from support.order_service import dispatchable_order
+from support.pausing import pass_time
 from support.postgres import Postgres
 from support.stores import changes
-from support.waiting import until
-
-
-@pytest.fixture
-def locks(postgres: Postgres) -> Iterator[tuple[LeaderLock, LeaderLock]]:
-    made = (LeaderLock(postgres.url), LeaderLock(postgres.url))
-    yield made
-    for lock in made:
-        lock.release()
-
-
-async def test_the_lock_is_held_until_released(locks: tuple[LeaderLock, LeaderLock]) -> None:
-    one, other = locks
-    assert one.connect()
-    assert not one.connect()
-    assert one.take()
-    assert one.keep()
-    assert not other.take()
-    one.release()
-    assert not one.keep()
-    await until(other.take)  # the server notices the end of a connection in its own time
-
-
-def test_a_connection_that_is_ended_holds_no_lock(
-    locks: tuple[LeaderLock, LeaderLock], postgres: Postgres
-) -> None:
-    one, other = locks
-    assert one.take()
-    postgres.stop()
-    postgres.start()
-    assert not one.keep()
-    assert other.take()
-    assert not one.take()
-
-
-def test_the_active_services_url_is_known_after_its_takeover(
-    locks: tuple[LeaderLock, LeaderLock], postgres: Postgres
-) -> None:
-    assert locks[1].active_url() == ""
-    engine = open_database(postgres.url)
-    assert locks[1].active_url() == ""
-    Fence.raise_for(engine, "http://one.example")
-    assert locks[1].active_url() == "http://one.example"
+from support.waiting import PATIENCE, until
 
 
 def test_a_replaced_service_commits_nothing(postgres: Postgres) -> None:
@@ -129,3 +92,162 @@ def test_a_commit_with_a_lost_answer_is_not_repeated(postgres: Postgres) -> None
     assert read_order(engine, name="T-2") is not None
     write(engine, Changes(), fence)
     assert fence.commits == 3
+
+
+@pytest.fixture
+async def leads(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> AsyncIterator[tuple[Leadership, Leadership]]:
+    monkeypatch.setattr(leadership, "POLL", 0.02)
+    monkeypatch.setattr(leadership, "GRACE", 2.0)
+    made = (Leadership(postgres.url), Leadership(postgres.url))
+    yield made
+    for lead in made:
+        await lead.close()
+
+
+async def test_the_lock_is_free_after_the_first_owner(
+    leads: tuple[Leadership, Leadership], postgres: Postgres
+) -> None:
+    first, second = leads
+    stop = asyncio.Event()
+    assert await first.win(stop)
+    Fence.raise_for(open_database(postgres.url), "http://first.example")
+    waiting = asyncio.create_task(second.win(stop))
+    await until(lambda: second.active_url == "http://first.example")
+    assert not waiting.done()
+    await asyncio.to_thread(first._hang_up)
+    async with asyncio.timeout(PATIENCE):
+        assert await waiting
+
+
+async def test_waiting_ends_when_the_program_is_to_stop(leads: tuple[Leadership, Leadership]) -> None:
+    stop = asyncio.Event()
+    assert await leads[0].win(stop)
+    waiting = asyncio.create_task(leads[1].win(stop))
+    stop.set()
+    async with asyncio.timeout(PATIENCE):
+        assert not await waiting
+
+
+async def test_waiting_ends_even_if_the_database_hangs(
+    leads: tuple[Leadership, Leadership], postgres: Postgres
+) -> None:
+    stop = asyncio.Event()
+    assert await leads[0].win(stop)
+    waiting = asyncio.create_task(leads[1].win(stop))
+    await until(lambda: leads[1]._connection is not None)
+    with postgres.frozen():
+        stop.set()
+        async with asyncio.timeout(PATIENCE):
+            assert not await waiting
+
+
+async def test_the_lead_is_kept_over_a_restart_of_the_database(
+    leads: tuple[Leadership, Leadership], postgres: Postgres
+) -> None:
+    first, second = leads
+    stop = asyncio.Event()
+    assert await first.win(stop)
+    engine = open_database(postgres.url)
+    fence = Fence.raise_for(engine, "http://first.example")
+    store = Store(engine, fence=fence)
+    keeping = asyncio.create_task(first.keep(store, engine, fence))
+    waiting = asyncio.create_task(second.win(stop))
+    await until(lambda: second.active_url)
+    postgres.stop()
+    await until(lambda: store.lead_problem and second.problem)
+    assert not store.ready
+    postgres.start()
+    await until(lambda: store.ready and not second.problem and second.active_url)
+    assert not keeping.done()
+    assert not waiting.done()
+    stop.set()
+    keeping.cancel()
+    await asyncio.gather(keeping, waiting, return_exceptions=True)
+    store.close()
+
+
+async def test_a_hanging_database_is_reported_and_does_not_block_shutdown(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(leadership, "POLL", 0.02)
+    monkeypatch.setattr(leadership, "HANG_SECONDS", 0.2)
+    first = Leadership(postgres.url)
+    assert await first.win(asyncio.Event())
+    engine = open_database(postgres.url)
+    fence = Fence.raise_for(engine, "http://first.example")
+    store = Store(engine, fence=fence)
+    tasks = [asyncio.create_task(each) for each in (first.keep(store, engine, fence), store.run())]
+    with postgres.frozen():
+        await until(lambda: store.why_not_ready == "the database does not answer")
+    await until(lambda: store.ready)
+    assert not any(task.done() for task in tasks)
+    with postgres.frozen():
+        await until(lambda: not store.ready)
+        store.commit(changes((dispatchable_order(number=1), None)), lambda: None)
+        assert not await store.drain(0.2)
+        async with asyncio.timeout(PATIENCE):
+            await end(*tasks)
+            await asyncio.to_thread(store.close)
+            await first.close()
+
+
+async def test_a_service_that_finds_another_leader_exits(
+    leads: tuple[Leadership, Leadership], postgres: Postgres
+) -> None:
+    first, second = leads
+    stop = asyncio.Event()
+    assert await first.win(stop)
+    engine = open_database(postgres.url)
+    fence = Fence.raise_for(engine, "")
+    store = Store(engine, fence=fence)
+    await asyncio.to_thread(first._hang_up)
+    assert await second.win(stop)
+    Fence.raise_for(engine, "")
+    async with asyncio.timeout(PATIENCE):
+        with pytest.raises(FencedError):
+            await first.keep(store, engine, fence)
+    store.close()
+
+
+async def test_the_lead_is_kept_while_the_store_is_made_ready(
+    leads: tuple[Leadership, Leadership], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = leads
+    stop = asyncio.Event()
+    assert await first.win(stop)
+    waiting = asyncio.create_task(second.win(stop))
+
+    def slow(url: str) -> Engine:
+        pass_time(1.5 * leadership.HANG_SECONDS)
+        return open_database(url)
+
+    monkeypatch.setattr(leadership, "open_database", slow)
+    _, fence = await first.take_over("http://first.example")
+    assert fence.epoch > 0
+    assert first.lease.term() == 1
+    assert not waiting.done()
+    stop.set()
+    assert not await waiting
+
+
+async def test_a_store_lost_during_a_takeover_is_reported_in_one_line(
+    leads: tuple[Leadership, Leadership], postgres: Postgres
+) -> None:
+    first, _ = leads
+    assert await first.win(asyncio.Event())
+    postgres.stop()
+    try:
+        with pytest.raises(StoreError, match=r"store\.url cannot be used"):
+            await first.take_over("")
+    finally:
+        postgres.start()
+
+
+async def test_an_unreachable_database_at_startup_is_reported_in_one_line() -> None:
+    lead = Leadership("postgresql://user:secret@127.0.0.1:1/orders")
+    with pytest.raises(StoreError, match=r"store\.url cannot be used: ") as caught:
+        await lead.win(asyncio.Event())
+    assert "secret" not in str(caught.value)
+    await lead.close()

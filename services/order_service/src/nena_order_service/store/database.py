@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -19,8 +20,7 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import audit, schema
 from nena_order_service.store.audit import AuditChain, AuditRow
-from nena_order_service.store.leadership import Fence
-from nena_order_service.store.schema import StoreError
+from nena_order_service.store.schema import FencedError, StoreError
 from nena_shared.fleet_api.audit import AuditMark
 from nena_shared.fleet_api.transport_order import (
     HistoryEntry,
@@ -363,6 +363,63 @@ class Unfinished:
     sequences: tuple[OrderSequence, ...] = ()
     last_sequence: int = 0
     """The highest number of an order sequence; 0 if there is none."""
+
+
+LEADERSHIP_ROW = schema.leadership.c.id == schema.LEADERSHIP_ID
+
+
+@dataclass(slots=True)
+class Fence:
+    """Admits the commits of one epoch, each only once; used by the writer's thread only."""
+
+    epoch: int
+    commits: int = 0
+
+    @classmethod
+    def raise_for(cls, engine: sa.Engine, active_url: str) -> Fence:
+        """Take over the store: the previous program can no longer commit.
+
+        Waits for a commit in progress. Raises DBAPIError if the database does not answer.
+        """
+        with engine.begin() as connection:
+            row = connection.execute(
+                sa.select(schema.leadership).where(LEADERSHIP_ROW).with_for_update()
+            ).one()
+            # After a restore from a backup, the stored epoch is older than one that was in use.
+            epoch = max(row.epoch + 1, int(time.time()))
+            taken = sa.update(schema.leadership).where(LEADERSHIP_ROW)
+            connection.execute(taken.values(epoch=epoch, commits=0, url=active_url))
+        return cls(epoch)
+
+    def lets_pass(self, connection: sa.Connection) -> bool:
+        """Return whether to make a commit; False: it was already made, and only the answer was lost.
+
+        Call it first within the commit's transaction, whose lock keeps others from overtaking.
+
+        Raises:
+            FencedError: another order service has taken over the store.
+        """
+        row = connection.execute(sa.select(schema.leadership).where(LEADERSHIP_ROW).with_for_update()).one()
+        if row.epoch != self.epoch:
+            raise FencedError
+        if row.commits > self.commits:
+            return False
+        connection.execute(
+            sa.update(schema.leadership).where(LEADERSHIP_ROW).values(commits=self.commits + 1)
+        )
+        return True
+
+    def passed(self) -> None:
+        """Note that the commit was made."""
+        self.commits += 1
+
+    def is_up(self, engine: sa.Engine) -> bool:
+        """Return whether this epoch is still the current one; raise DBAPIError without a database."""
+        with engine.connect() as connection:
+            return bool(
+                connection.execute(sa.select(schema.leadership.c.epoch).where(LEADERSHIP_ROW)).scalar()
+                == self.epoch
+            )
 
 
 def write(

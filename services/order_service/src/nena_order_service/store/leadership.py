@@ -1,28 +1,54 @@
-"""Leadership among order services that share one PostgreSQL.
+"""Leadership: at most one order service commands the robots of a store.
 
-A database lock, held by a separate connection, decides which instance may be active. It becomes free as soon
-as the connection ends, for whatever reason. The lock alone is no fence, because a program learns late that
-its connection has ended. So each takeover raises an epoch in the store, and each commit of the active
-instance checks it first: a program of another epoch cannot commit. The epoch is the Unix time in seconds, or
-one more than the previous epoch, whichever is greater, so it also rises after a restore from a backup.
+**One mechanism on PostgreSQL**: an advisory lock on a connection of its own. The server frees it when the
+connection ends, for whatever reason, and ends the connection of a holder that is silent for
+:data:`HANG_SECONDS`. Another order service with the same database stands by until it gets the lock.
 
-Messages to robots are not commits. So the active instance also holds a :class:`Lease` by its own clock, which
-ends before the database frees the lock of a hanging program. Without the lease, nothing is published.
+**Why two never act at once.** A holder learns late that its lock is gone, because it hung or its network did.
+Until then it may do two things, and each has its limit:
+
+1. *Commit.* Each takeover raises the epoch in the table ``leadership``, and each commit locks that row and
+   checks the epoch first (:class:`Fence`). A takeover waits for a commit in progress; after it, no commit of
+   an older epoch succeeds. What is new for robots or hosts is sent only after its commit.
+2. *Send again* what was committed. So the MQTT link asks at each write to its socket for a :class:`Lease`,
+   which lasts for :data:`LEASE_SECONDS` from before the database was asked, by a clock that also counts
+   suspend. The server frees the lock of a silent holder HANG_SECONDS after it was asked, later than the end
+   of the lease. If it frees the lock earlier, as at a broken connection, the standby that gets it sends
+   nothing for LEASE_SECONDS. So the former lease has ended in both cases. Only clocks of the same rate are
+   needed, not of the same time.
+
+**A lost database.** Without the lease nothing is sent. The former leader has :data:`GRACE` seconds to connect
+again before a standby tries; if a standby was faster, the leader sees the newer epoch and exits.
+
+**Two stores, one fleet** share neither lock nor epoch; ``fleet/guard.py`` guards against them at the broker.
+A SQLite store is one file of one machine, which ``instance_lock.py`` locks.
 """
 
 from __future__ import annotations
 
+import asyncio
+import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from math import inf
 from secrets import token_hex
+from typing import Any, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError
 
 from nena_order_service.store import schema
-from nena_order_service.store.schema import FencedError, make_engine
+from nena_order_service.store.database import LEADERSHIP_ROW, Fence
+from nena_order_service.store.schema import FencedError, make_engine, open_database, reason_of, unusable
+from nena_order_service.store.store import Store
 from nena_shared.database_connections import close_connections
+from nena_shared.log import get_logger
+from nena_shared.tasks import end
+
+log = get_logger(__name__)
+
+T = TypeVar("T")
 
 STORE_ID = "storeId"
 """Kind of the document that names the store."""
@@ -34,29 +60,18 @@ HANG_SECONDS = 3
 """Seconds of silence after which a holder loses the lock, because it or its network hangs."""
 
 LEASE_SECONDS = 2.0
-"""Seconds for which the leader may act after the database last confirmed its lock; less than HANG_SECONDS, so
-that it stops before another one can start."""
+"""Seconds for which the leader may act after it asked the database that confirmed its lock."""
+
+POLL = 0.25
+"""Seconds between two attempts of a standby, and between two questions of the leader."""
+
+GRACE = 2.0
+"""Seconds for the former leader to connect again after the database was unavailable."""
+
+NOT_ANSWERED = "the database does not answer"
 
 _TAKE = sa.text("SELECT pg_try_advisory_lock(:lock_class, hashtext(current_schema()))")
 _SETTINGS = (f"SET idle_session_timeout = '{HANG_SECONDS}s'", "SET statement_timeout = '2s'")
-
-_leadership = schema.leadership.c
-_ROW = _leadership.id == schema.LEADERSHIP_ID
-_next_epoch = sa.case(
-    (_leadership.epoch < sa.bindparam("utc"), sa.bindparam("utc")),
-    else_=_leadership.epoch + sa.bindparam("one"),
-)
-_TAKE_OVER = (
-    sa.update(schema.leadership)
-    .where(_ROW)
-    .values(epoch=_next_epoch, commits=0, url=sa.bindparam("active_url"))
-    .returning(_leadership.epoch)
-)
-_PASS = (
-    sa.update(schema.leadership)
-    .where(_ROW, _leadership.epoch == sa.bindparam("own_epoch"))
-    .values(commits=sa.bindparam("next_commit"))
-)
 
 
 def seconds_since_boot() -> float:
@@ -99,97 +114,185 @@ class Lease:
         self._until = -inf
 
 
-class LeaderLock:
-    """The lock and its connection; every method blocks, and only one thread may use it at a time."""
+class Leadership:
+    """Waits for the lock of a shared store, and keeps it in a thread that a busy loop does not delay."""
 
     def __init__(self, url: str) -> None:
-        """Prepare the lock without opening a connection.
+        """Prepare it without opening a connection.
 
         Raises:
             StoreError: the URL names no PostgreSQL, or its driver is not installed.
 
         """
+        self._url = url
         self._engine = make_engine(url, pooled=False)
         self._connection: sa.Connection | None = None
+        """Holds the lock; used by the thread only."""
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="leadership")
+        self._ended = threading.Event()
+        self._renewing: asyncio.Future[None]
+        self.lease = Lease()
+        self.active_url = ""
+        """URL of the active instance while it is known and not this one."""
+        self.problem = ""
+        """Why the database does not answer a standby; empty if it does."""
 
-    def connect(self) -> bool:
-        """Connect if not connected; return whether a new connection was opened.
+    async def win(self, stop: asyncio.Event) -> bool:
+        """Wait until this program is the leader; return False if ``stop`` was set first.
 
         Raises:
-            DBAPIError: the database does not answer.
+            StoreError: the database cannot be reached at all.
 
         """
-        fresh = self._connection is None
-        self._connected()
-        return fresh
+        winning = asyncio.create_task(self._win(), name="stand by")
+        stopping = asyncio.create_task(stop.wait(), name="wait for the end")
+        try:
+            await asyncio.wait((winning, stopping), return_when=asyncio.FIRST_COMPLETED)
+            if not stop.is_set():
+                winning.result()
+            return not stop.is_set()
+        finally:
+            await end(winning, stopping)  # a question to a database that hangs ends with its connection
 
-    def take(self) -> bool:
-        """Try to take the lock; return whether this program has it.
+    async def take_over(self, own_url: str) -> tuple[sa.Engine, Fence]:
+        """Open the database, upgrade its tables, and fence off the previous leader.
 
         Raises:
-            DBAPIError: the database does not answer.
+            StoreError: the store cannot be used.
 
+        """
+        engine = await asyncio.to_thread(open_database, self._url)
+        try:
+            return engine, await asyncio.to_thread(Fence.raise_for, engine, own_url)
+        except DBAPIError as error:
+            raise unusable(reason_of(error)) from error
+
+    async def keep(self, store: Store, engine: sa.Engine, fence: Fence) -> None:
+        """Renew the lease until cancelled; while it is uncertain, the store accepts no new orders.
+
+        Raises:
+            FencedError: another order service is the leader now.
         """
         try:
-            connection = self._connected()
-            taken: bool = connection.execute(_TAKE, {"lock_class": LOCK_CLASS}).scalar_one()
+            while True:
+                await self._watch(store)
+                await self._win_again(store, engine, fence)
+        finally:
+            self.lease.end()
+            self._ended.set()
+
+    async def close(self) -> None:
+        """Give up the lead, even while the database does not answer."""
+        self._ended.set()
+        close_connections(self._engine)
+        await self._run(self._hang_up)
+        self._thread.shutdown()
+
+    async def _win(self) -> None:
+        try:
+            await self._run(self._connect)
+        except DBAPIError as error:
+            raise unusable(reason_of(error)) from error
+        stood_by = False
+        while not await self._try_to_win():
+            stood_by = True
+            await asyncio.sleep(POLL)
+        if stood_by:  # the lease of the former leader may last that long, however it lost the lock
+            self.lease.not_before = seconds_since_boot() + LEASE_SECONDS
+        self._renewing = asyncio.ensure_future(self._run(self._renew))
+
+    async def _try_to_win(self) -> bool:
+        try:
+            is_new = self._connection is None
+            await self._run(self._connect)
+            if is_new:
+                # The database was unavailable: the former leader gets the lock again if it still runs.
+                await asyncio.sleep(GRACE)
+            won = await self._run(self._take)
+            self.active_url = "" if won else await self._run(self._read_active_url)
+        except DBAPIError as error:
+            if not self.problem:
+                log.warning("standing by, but the database does not answer", reason=reason_of(error))
+            self.problem = reason_of(error)
+            return False
+        self.problem = ""
+        return won
+
+    async def _watch(self, store: Store) -> None:
+        """Wait until the lock is lost; while the database hangs, accept no orders."""
+        while not self._renewing.done():
+            await asyncio.wait((self._renewing,), timeout=POLL)
+            late = self.lease.age > HANG_SECONDS
+            if late and not store.lead_problem:
+                log.warning(NOT_ANSWERED, seconds=HANG_SECONDS)
+            store.lead_problem = NOT_ANSWERED if late else ""
+        await self._renewing
+
+    async def _win_again(self, store: Store, engine: sa.Engine, fence: Fence) -> None:
+        log.warning("connection of the instance lock lost; taking the lock again")
+        store.lead_problem = "the connection to the database was lost"
+        won = False
+        while not won:
+            try:
+                won = await self._run(self._take)
+                if not await self._run(lambda: fence.is_up(engine)):
+                    raise FencedError
+            except DBAPIError as error:
+                won, store.lead_problem = False, reason_of(error)
+            if not won:
+                await asyncio.sleep(POLL)
+        self._renewing = asyncio.ensure_future(self._run(self._renew))
+        store.lead_problem = ""
+        log.info("instance lock kept")
+
+    async def _run(self, work: Callable[[], T]) -> T:
+        return await asyncio.get_running_loop().run_in_executor(self._thread, work)
+
+    # In the thread
+
+    def _renew(self) -> None:
+        """Renew the lease as long as the lock is held."""
+        while not self._ended.is_set():
+            asked_at = seconds_since_boot()
+            try:
+                if self._connection is None:
+                    break
+                self._ask(sa.text("SELECT 1"))
+            except DBAPIError:
+                break
+            self.lease.renew(asked_at)
+            self._ended.wait(POLL)
+        self.lease.end()
+
+    def _take(self) -> bool:
+        return bool(self._ask(_TAKE, lock_class=LOCK_CLASS))
+
+    def _read_active_url(self) -> str:
+        if self._ask(sa.text("SELECT to_regclass('leadership')")) is None:
+            return ""
+        return str(self._ask(sa.select(schema.leadership.c.url).where(LEADERSHIP_ROW)) or "")
+
+    def _ask(self, statement: sa.Executable, **values: object) -> Any:  # noqa: ANN401 - of any column
+        try:
+            return self._connect().execute(statement, values).scalar()
         except DBAPIError:
-            self.release()
+            self._hang_up()
             raise
-        return taken
 
-    def keep(self) -> bool:
-        """Renew the lock; return whether it is still held.
-
-        The lock is lost when the connection ends; :meth:`take` then opens a new one.
-        """
+    def _connect(self) -> sa.Connection:
         if self._connection is None:
-            return False
-        try:
-            self._connection.execute(sa.text("SELECT 1"))
-        except DBAPIError:
-            self.release()
-            return False
-        return True
+            connection = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+            for setting in _SETTINGS:
+                connection.exec_driver_sql(setting)
+            self._connection = connection
+        return self._connection
 
-    def active_url(self) -> str:
-        """Return the URL of the active order service; empty if none is recorded.
-
-        Raises:
-            DBAPIError: the database does not answer.
-
-        """
-        try:
-            connection = self._connected()
-            if connection.execute(sa.text("SELECT to_regclass('leadership')")).scalar() is None:
-                return ""
-            return str(connection.execute(sa.select(_leadership.url).where(_ROW)).scalar() or "")
-        except DBAPIError:
-            self.release()
-            raise
-
-    def release(self) -> None:
-        """Release the lock and close its connection."""
+    def _hang_up(self) -> None:
+        """End the connection, and with it the lock."""
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.invalidate()  # closes it in any state
             connection.close()
-
-    def close_connections(self) -> None:
-        """End the connection from another thread; the lock's own thread may wait for an answer forever."""
-        close_connections(self._engine)
-
-    def _connected(self) -> sa.Connection:
-        if self._connection is None:
-            made = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
-            for setting in _SETTINGS:
-                made.exec_driver_sql(setting)
-            self._connection = made
-        return self._connection
-
-
-def _next(active_url: str) -> dict[str, object]:
-    return {"active_url": active_url, "utc": int(time.time()), "one": 1}
 
 
 def begin_epoch(engine: sa.Engine) -> int:
@@ -199,8 +302,7 @@ def begin_epoch(engine: sa.Engine) -> int:
     Unix time alone.
     """
     try:
-        with engine.begin() as connection:
-            return int(connection.execute(_TAKE_OVER, _next("")).scalar_one())
+        return Fence.raise_for(engine, "").epoch
     except DBAPIError:
         return int(time.time())
 
@@ -221,46 +323,3 @@ def store_id(engine: sa.Engine) -> str:
     except DBAPIError:
         return token_hex(8)
     return str(found)
-
-
-@dataclass(slots=True)
-class Fence:
-    """Admits the commits of one epoch, each only once; used by the writer's thread only."""
-
-    epoch: int
-    commits: int = 0
-
-    @classmethod
-    def raise_for(cls, engine: sa.Engine, active_url: str) -> Fence:
-        """Take over the store: the previous program can no longer commit.
-
-        Waits for a commit in progress. Raises DBAPIError if the database does not answer.
-        """
-        with engine.begin() as connection:
-            return cls(connection.execute(_TAKE_OVER, _next(active_url)).scalar_one())
-
-    def lets_pass(self, connection: sa.Connection) -> bool:
-        """Return whether to make a commit; False: it was already made, and only the answer was lost.
-
-        Call it first within the commit's transaction, whose lock keeps others from overtaking.
-
-        Raises:
-            FencedError: another order service has taken over the store.
-        """
-        row = connection.execute(sa.select(schema.leadership).where(_ROW).with_for_update()).one()
-        if row.epoch != self.epoch:
-            raise FencedError
-        if row.commits > self.commits:
-            return False
-        connection.execute(_PASS, {"own_epoch": self.epoch, "next_commit": self.commits + 1})
-        return True
-
-    def passed(self) -> None:
-        """Note that the commit was made."""
-        self.commits += 1
-
-    def is_up(self, engine: sa.Engine) -> bool:
-        """Return whether this epoch is still the current one; raise DBAPIError without a database."""
-        with engine.connect() as connection:
-            present = connection.execute(sa.select(_leadership.epoch).where(_ROW)).scalar_one()
-        return bool(present == self.epoch)

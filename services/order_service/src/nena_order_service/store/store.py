@@ -16,9 +16,8 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import audit, database
 from nena_order_service.store.audit import AuditChain
-from nena_order_service.store.database import Changes, OrderFilter, Unfinished, read_documents
+from nena_order_service.store.database import Changes, Fence, OrderFilter, Unfinished, read_documents
 from nena_order_service.store.instance_lock import InstanceLock
-from nena_order_service.store.leadership import Fence
 from nena_order_service.store.schema import TRANSIENT_ERRORS, StoreLostError, reason_of
 from nena_shared.database_connections import close_connections
 from nena_shared.fleet_api.audit import AuditMark, AuditPage, AuditQuery

@@ -1,8 +1,9 @@
-"""Leader election over MQTT: two order services with separate stores must not command the same robots.
+"""A guard at the broker: two order services with separate stores must not command the same robots.
 
-The leader keeps a retained record at the broker, which its last will clears. Another order service that finds
-a record asks whether its leader still answers; if so, it exits before it has sent anything. Services that
-share a store elect their leader by a lease in it (``store/lead.py``); here they count as one.
+The one that leads the fleet keeps a retained record at the broker, which its last will clears. Another one
+that finds a record asks whether its owner still answers; if so, it exits before it has sent anything. It may
+be restored from a copy of the same store: then the newer epoch leads. Order services that share a store have
+their leader from it (``store/leadership.py``).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ ANSWERED_WITHIN = 5.0
 CONNECTED_WITHIN = 10.0
 """Timeout for connecting and subscribing, seconds."""
 DECIDED_WITHIN = ANSWERED_WITHIN + 5.0
-"""Timeout for the election after that, seconds."""
+"""Timeout for the decision after that, seconds."""
 LOOK = 0.05
 """Seconds between checks of the link to the broker."""
 
@@ -35,7 +36,7 @@ LOOK = 0.05
 class FleetTakenError(StartError):
     """Another order service is active for the fleet; the message identifies it and says what to do."""
 
-    def __init__(self, record: LeaderRecord, *, own_store: bool = False) -> None:
+    def __init__(self, record: LeaderRecord, *, own_store: bool) -> None:
         if own_store:
             super().__init__(
                 "another order service that uses this store, or a copy of it, was started later and "
@@ -51,7 +52,7 @@ class FleetTakenError(StartError):
 
 
 class LeaderRecord(Resource):
-    """The retained record of a fleet's leader."""
+    """The retained record of the order service that leads a fleet."""
 
     store: str
     epoch: int
@@ -64,42 +65,39 @@ class LeaderRecord(Resource):
         return self.epoch, self.instance
 
 
-class LeaderElection:
-    """Takes part in the election of one fleet's leader, over a separate connection."""
+class FleetGuard:
+    """Finds out over a connection of its own whether this order service leads the fleet."""
 
     def __init__(self, mqtt: MqttSettings, topic: str, *, store: str, epoch: int, term: Term) -> None:
-        """Prepare to take part; ``store`` identifies the store, for ``term`` see :data:`Term`."""
+        """``topic`` is that of the record, ``store`` identifies the store; for ``term`` see :data:`Term`."""
         self.won = asyncio.Event()
         """Set once this order service leads; before that nothing may be sent to robots."""
-        self._asked = asyncio.Event()
-        """Set once the broker has been asked for the leader."""
+        self.epoch = epoch
+        self.term = term
         self._own = LeaderRecord(store=store, epoch=epoch, instance=token_hex(8))
         self._topic = topic
-        self._term = term
-        self._question = f"{self._topic}/question"
+        self._question = f"{topic}/question"
+        self._asked = asyncio.Event()
+        """Set once the broker has been asked for the record."""
         self._holds = False
         """Whether the record at the broker is our own."""
         self._left: LeaderRecord | None = None
         """The record of another order service, while that one may still answer."""
         self._giving_up: asyncio.TimerHandle | None = None
         self._taken: asyncio.Future[LeaderRecord] = asyncio.get_running_loop().create_future()
+        """The record of the order service that leads instead."""
         self._link = MqttLink(
             mqtt.model_copy(update={"client_id": None}),
             client_id=f"nena-order-service-leader-{self._own.instance}",
             hooks=LinkHooks(
-                will=lambda: Outbound(self._topic, b"", retain=True),
+                will=lambda: Outbound(topic, b"", retain=True),
                 on_subscribed=self._ask,
-                on_lost=self._lost,
+                on_lost=self._forget_connection,
             ),
             term=term,
         )
-        self._link.subscribe(self._topic, self._on_record)
+        self._link.subscribe(topic, self._on_record)
         self._link.subscribe(self._question, self._on_question)
-
-    @property
-    def epoch(self) -> int:
-        """Epoch of this order service."""
-        return self._own.epoch
 
     async def run(self) -> None:
         """Lead until cancelled.
@@ -108,7 +106,7 @@ class LeaderElection:
             FleetTakenError: another order service leads the fleet.
 
         """
-        linking = asyncio.create_task(self._link.run(), name="link of the leader election")
+        linking = asyncio.create_task(self._link.run(), name="link of the fleet guard")
         try:
             await asyncio.wait((linking, self._taken), return_when=asyncio.FIRST_COMPLETED)
             if linking.done():
@@ -120,7 +118,7 @@ class LeaderElection:
                 self._link.publish(Outbound(self._topic, b"", retain=True))
                 with suppress(asyncio.CancelledError):
                     await self._link.drain(1.0)
-            self._lost()
+            self._forget_connection()
             await end(linking)
 
     async def decided(self) -> None:
@@ -128,19 +126,17 @@ class LeaderElection:
 
         Orders must not be accepted earlier, because this order service may still have to exit.
         """
-        if await self._reached(self._asked, CONNECTED_WITHIN):
-            await self._reached(self.won, DECIDED_WITHIN)
-
-    async def _reached(self, step: asyncio.Event, seconds: float) -> bool:
-        with suppress(TimeoutError):
-            async with asyncio.timeout(seconds):
-                while not (self._link.state.last_error or self._term() is None):
-                    if await set_within(step, LOOK):
-                        return True
-        return False
+        for step, seconds in ((self._asked, CONNECTED_WITHIN), (self.won, DECIDED_WITHIN)):
+            with suppress(TimeoutError):
+                async with asyncio.timeout(seconds):
+                    while not (self._link.state.last_error or self.term() is None):
+                        if await set_within(step, LOOK):
+                            break
+            if not step.is_set():
+                return
 
     def _ask(self) -> None:
-        """Publish the question to the leader; retained records arrive before it comes back."""
+        """Publish the question; retained records arrive before it comes back."""
         self._asked.set()
         self._link.publish(Outbound(self._question, self._own.instance.encode()))
 
@@ -163,32 +159,22 @@ class LeaderElection:
                 self._hold()
             return
         try:
-            found = LeaderRecord.model_validate_json(message.payload)
+            record = LeaderRecord.model_validate_json(message.payload)
         except ValidationError:
             log.warning("leader record is unreadable", topic=message.topic)
             return
-        if found.instance != self._own.instance:
-            self._meet(found, alive=not message.retained)
-
-    def _meet(self, found: LeaderRecord, *, alive: bool) -> None:
-        """Decide which service leads; with the same store, the one with the newer epoch."""
-        if found.store == self._own.store:
-            if found.rank > self._own.rank:
-                self._yield_to(found)
-            elif self._holds:
-                self._publish()
-        elif self.won.is_set() and self._own.rank > found.rank:
+        if record.instance == self._own.instance:
+            return
+        own_store, is_higher = record.store == self._own.store, record.rank > self._own.rank
+        if (own_store or self.won.is_set()) and not is_higher:
             if self._holds:
                 self._publish()
-        elif alive:
-            self._yield_to(found)
+        elif own_store or not message.retained:
+            self._holds = False
+            if not self._taken.done():
+                self._taken.set_result(record)
         else:
-            self._left = found
-
-    def _yield_to(self, found: LeaderRecord) -> None:
-        self._holds = False
-        if not self._taken.done():
-            self._taken.set_result(found)
+            self._left = record
 
     def _hold(self) -> None:
         if self._left is not None:
@@ -201,8 +187,8 @@ class LeaderElection:
         body = self._own.model_dump_json(by_alias=True).encode()
         self._link.publish(Outbound(self._topic, body, retain=True))
 
-    def _lost(self) -> None:
-        """Discard the results of an earlier connection."""
+    def _forget_connection(self) -> None:
+        """Discard what an earlier connection has shown."""
         self._holds, self._left = False, None
         if self._giving_up:
             self._giving_up.cancel()
