@@ -28,6 +28,7 @@ SURVIVED = (
     "message handler failed",
     "reading a postponed message failed",
     "effect of a committed change failed",
+    "unit of work failed",
     "a committed change was not published",
     "event not handled",
     "a step failed",

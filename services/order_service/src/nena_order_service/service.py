@@ -75,6 +75,8 @@ PLANT_MODEL = "plantModel"
 CHANGING = "the plant model is being changed; retry in a moment"
 CHANGE_TIMEOUT = 20.0
 """Timeout of a host's change, seconds; the change may still succeed afterwards."""
+RESTART_PAUSE = 10.0
+"""Least time from one restart after an internal error to the next one, seconds."""
 
 
 @dataclass(slots=True)
@@ -195,7 +197,7 @@ def build(
         plant_json=plant_json,
         change_plant=change_plant,
         asyncapi=cache(lambda: json.dumps(document(topics)).encode()),
-        readiness=lambda: readiness(mqtt, store, lag.longest),
+        readiness=lambda: readiness(mqtt, store, lag.longest, failed=engine.unit_of_work.failed.is_set()),
         max_body=settings.max_body,
         metrics=Exposition(parts, SECTIONS).text,
         mounted={prefix: opentcs.make_app(hosts, operations, engine, changes, change)} if prefix else {},
@@ -294,7 +296,7 @@ def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
     return f"{name}-{epoch}" if epoch else name
 
 
-def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0) -> Readiness:
+def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0, *, failed: bool = False) -> Readiness:
     """Return whether the broker is connected and the store can be written, and any problems."""
     problems = []
     if not mqtt.state.connected:
@@ -305,6 +307,8 @@ def readiness(mqtt: MqttLink, store: Store, loop_lag: float = 0.0) -> Readiness:
         problems.append(f"The MQTT broker refuses the subscription to {topics}: check its access list.")
     if not store.ready:
         problems.append(f"Database unavailable ({store.why_not_ready}). Orders are refused.")
+    if failed:
+        problems.append("An internal error has stopped a change (see the log). Restarting from the store.")
     ready = not problems
     if mqtt.state.set_aside:
         topics = ", ".join(mqtt.state.set_aside)
@@ -400,7 +404,10 @@ class ServiceRunner:
         self._supervisor = supervisor
         self._make = make
         self._tasks: list[asyncio.Task[None]] = []
-        self._asked: asyncio.Queue[_RequestedChange] = asyncio.Queue(maxsize=1)
+        self._asked: asyncio.Queue[_RequestedChange | None] = asyncio.Queue()
+        """Changes that hosts request; None: rebuild the service, because its engine has failed."""
+        self._restart_at = 0.0
+        """Earliest time of the next restart, by the clock of the event loop."""
 
     async def begin(self) -> None:
         """Start all tasks of the service.
@@ -411,7 +418,7 @@ class ServiceRunner:
         """
         self._supervisor.start("store", self._store.run())
         self.service = self._make(await self._present())
-        await self.service.begin(self._start)
+        await self._begin(self.service)
         self._supervisor.start("plant model", self._change_when_asked())
 
     async def change_plant(self, model: PlantModel | EditPlant, *, check_only: bool = False) -> None:
@@ -426,16 +433,21 @@ class ServiceRunner:
 
         """
         asked = _RequestedChange(model, asyncio.get_running_loop().create_future(), check_only)
+        if not self._asked.empty():
+            raise StoreNotReadyError(CHANGING)
+        self._asked.put_nowait(asked)
         try:
-            self._asked.put_nowait(asked)
             async with asyncio.timeout(CHANGE_TIMEOUT):
                 await asked.done
-        except (asyncio.QueueFull, TimeoutError):
+        except TimeoutError:
             raise StoreNotReadyError(CHANGING) from None
 
     async def _change_when_asked(self) -> None:
         while True:
             asked = await self._asked.get()
+            if asked is None:
+                await self._restart()
+                continue
             try:
                 await self._change(asked)
             except (InvalidPlantError, PlantInUseError, StoreNotReadyError) as error:
@@ -447,6 +459,8 @@ class ServiceRunner:
 
     async def _change(self, asked: _RequestedChange) -> None:
         old = self.service
+        if old.engine.unit_of_work.failed.is_set():
+            raise StoreNotReadyError(old.engine.unit_of_work.closed)
         model = asked.model if isinstance(asked.model, PlantModel) else asked.model(old.engine.plant)
         if model is old.engine.plant:
             return
@@ -460,20 +474,42 @@ class ServiceRunner:
             raise StoreNotReadyError(self._store.why_not_ready)
         if asked.check_only:
             return
-        absent = old.engine.absent()  # a location that is locked does not hold the fleet for half a minute
         old.engine.close(CHANGING)  # nothing else has run since the check above
+        await self._replace(service, partial(self._keep, model, asked.record))
+        log.info("plant model changed", name=model.name, points=len(model.points))
+
+    async def _restart(self) -> None:
+        """Rebuild the service from the store; not at once again, if its engine fails again and again."""
+        time = asyncio.get_running_loop().time
+        await asyncio.sleep(self._restart_at - time())
+        self._restart_at = time() + RESTART_PAUSE
+        service = await asyncio.to_thread(self._make, self.service.engine.plant)
+        await self._replace(service, partial(self._commit, Changes()))
+        log.warning("restarted from the store after an internal error")
+
+    async def _replace(self, service: OrderService, commit: Callable[[], Awaitable[None]]) -> None:
+        """Run ``service`` in place of the present one, from what is stored after ``commit``."""
+        old = self.service
+        absent = old.engine.absent()  # a location that is locked does not hold the fleet for half a minute
         await self._end(old)
-        await self._keep(model, asked.record)
+        await commit()
         service.changes.count = old.changes.count
         self.service = service
         try:
-            await service.begin(self._start, absent)
+            await self._begin(service, absent)
         except StoreNotReadyError as error:
             # Not an answer to a host: no engine is active any more, so the program must exit.
-            message = "the changed plant model cannot be activated: the store is unavailable"
+            message = "the order service cannot continue from its store: it is unavailable"
             raise RuntimeError(message) from error
         self.show(service.app)
-        log.info("plant model changed", name=model.name, points=len(model.points))
+
+    async def _begin(self, service: OrderService, absent: Collection[RobotKey] = ()) -> None:
+        await service.begin(self._start, absent)
+        self._start("restart", self._request_restart(service.engine.unit_of_work.failed), vital=False)
+
+    async def _request_restart(self, failed: asyncio.Event) -> None:
+        await failed.wait()
+        self._asked.put_nowait(None)
 
     async def _end(self, service: OrderService) -> None:
         tasks, self._tasks = self._tasks, []
@@ -484,12 +520,13 @@ class ServiceRunner:
         """Commit the model, however long the store takes."""
         given = model.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True)
         stored = StoredPlant(file=self._file.digest, model=given)
-        await self._commit(stored.model_dump_json(), record)
-
-    async def _commit(self, document: str | None, record: Callable[[Changes], None] = lambda _: None) -> None:
         changes = Changes()
-        changes.documents[PLANT_MODEL, ""] = document
+        changes.documents[PLANT_MODEL, ""] = stored.model_dump_json()
         record(changes)
+        await self._commit(changes)
+
+    async def _commit(self, changes: Changes) -> None:
+        """Commit all earlier changes and these."""
         done = asyncio.Event()
         self._store.commit(changes, done.set)
         await done.wait()
@@ -507,7 +544,7 @@ class ServiceRunner:
             return self._file.model
         if stored.file != self._file.digest:
             log.warning("the plant model file has changed: using it and discarding the uploaded model")
-            await self._commit(None)
+            await self._commit(Changes(documents={(PLANT_MODEL, ""): None}))
             return self._file.model
         return model
 

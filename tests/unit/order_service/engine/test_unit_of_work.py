@@ -9,6 +9,7 @@ from structlog.testing import capture_logs
 from nena_order_service.engine.state import FleetState
 from nena_order_service.engine.status import Essentials
 from nena_order_service.engine.unit_of_work import UNPUBLISHED_AT_MOST, UnitOfWork
+from nena_order_service.errors import StoreNotReadyError, UnknownOrderError
 from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from support.order_service import dispatchable_order
@@ -66,15 +67,42 @@ def test_the_event_that_an_effect_returns_is_handled(work: Work) -> None:
     assert work.events == [RobotChanged(key("V1"))]
 
 
-def test_changes_of_a_unit_that_fails_half_way_are_kept(work: Work, store: MemoryStore) -> None:
+@pytest.mark.provokes_failures
+def test_nothing_of_a_unit_that_fails_half_way_is_committed(work: Work, store: MemoryStore) -> None:
+    done: list[str] = []
+
     def fail_half_way() -> None:
         with work.unit.begin():
             work.state.orders.put(dispatchable_order())
+            work.state.after_commit(lambda: done.append("sent"))
             raise KeyError
 
     with pytest.raises(KeyError):
         fail_half_way()
-    assert [order.name for order in store.found.orders] == ["T-1"]
+    assert (store.commits, done) == (0, [])
+    assert work.unit.failed.is_set()
+    with pytest.raises(StoreNotReadyError, match="restarts from its store"), work.unit.begin():
+        pass
+
+
+def test_after_a_refused_request_work_continues(work: Work) -> None:
+    with pytest.raises(UnknownOrderError), work.unit.begin():
+        raise UnknownOrderError("T")
+    with work.unit.begin():
+        pass
+
+
+@pytest.mark.provokes_failures
+def test_a_request_that_is_refused_after_a_change_is_a_failure(work: Work, store: MemoryStore) -> None:
+    def refuse_late() -> None:
+        with work.unit.begin():
+            work.state.orders.put(dispatchable_order())
+            raise UnknownOrderError("T")
+
+    with pytest.raises(UnknownOrderError):
+        refuse_late()
+    assert store.commits == 0
+    assert work.unit.failed.is_set()
 
 
 def test_the_last_of_several_pending_units_publishes_a_vehicle(store: MemoryStore) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from time import thread_time
@@ -29,7 +30,7 @@ from nena_order_service.engine.state import PERIPHERAL_JOB
 from nena_order_service.engine.status import StatusReporter
 from nena_order_service.engine.stops import STOP, STOPPED_ROBOT, FleetStop, Stops
 from nena_order_service.engine.traffic_plan import TrafficPlans
-from nena_order_service.engine.unit_of_work import UnitOfWork, UnitWithSteps
+from nena_order_service.engine.unit_of_work import UnitOfWork
 from nena_order_service.fleet import outputs
 from nena_order_service.fleet.robot import LinkStatus, RobotView
 from nena_order_service.orders.transport_order import TransportOrder
@@ -165,10 +166,15 @@ class Engine:
             self._look_due.clear()
             vehicles = [*self.registry] if clock() >= vehicles_due else []
             took, begin = 0.0, thread_time()
-            for _ in self._look(vehicles):
-                took += thread_time() - begin
-                await asyncio.sleep(0)
-                begin = thread_time()
+            try:
+                for _ in self._look(vehicles):
+                    took += thread_time() - begin
+                    await asyncio.sleep(0)
+                    begin = thread_time()
+            except Exception:
+                if not self.unit_of_work.failed.is_set():
+                    raise
+                await asyncio.Event().wait()  # another engine is built from the store
             if vehicles:
                 vehicles_due = clock() + took / LOOK_SHARE
 
@@ -181,9 +187,13 @@ class Engine:
         """Accept no more changes, because another engine takes over the store."""
         self.unit_of_work.closed = reason
 
-    def change(self) -> UnitWithSteps:
+    @contextmanager
+    def change(self) -> Iterator[None]:
         """Make changes and all steps that follow from them in one unit of work."""
-        return UnitWithSteps(self.unit_of_work, self._settle, self._leave_rest)
+        with self.unit_of_work.begin():
+            yield
+            self._settle()
+        self._leave_rest()
 
     def _leave_rest(self) -> None:
         """Leave what a change has not finished to the next turn of the event loop."""

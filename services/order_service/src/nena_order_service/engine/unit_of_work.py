@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Protocol
 
 from nena_order_service.engine.state import Effect, FleetState, PendingChanges
 from nena_order_service.engine.status import Essentials
-from nena_order_service.errors import StoreNotReadyError
+from nena_order_service.errors import RefusedError, StoreNotReadyError
 from nena_order_service.fleet import outputs
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
@@ -22,6 +22,11 @@ from nena_shared.tasks import report_failure
 
 UNPUBLISHED_AT_MOST = 20
 """Units of work after which a vehicle is published even if later ones that change it are pending."""
+
+
+FAILED = (
+    "an internal error has stopped a change; the order service restarts from its store, retry in a moment"
+)
 
 
 class Listener(Protocol):
@@ -73,6 +78,8 @@ class UnitOfWork:
         self.peripheral_listeners: list[PeripheralListener] = []
         self.closed = ""
         """Why no more changes are accepted; empty while they are."""
+        self.failed = asyncio.Event()
+        """Set once a unit has failed, so that the state in memory is not that of the store."""
         self.record: Callable[[Changes], None] = lambda _: None
         """Adds to changes who requested them; called before they are committed."""
         self._state = state
@@ -86,8 +93,12 @@ class UnitOfWork:
         """Number of committed units that have not published each vehicle, because of later ones."""
         self._published: dict[str, Essentials] = {}
 
-    def begin(self) -> AbstractContextManager[None]:
+    @contextmanager
+    def begin(self) -> Iterator[None]:
         """Collect the changes made in this context, commit them at its end, and publish them afterwards.
+
+        After an exception nothing of them is committed, sent or published. What is in memory may be changed
+        in part, though: then no more changes are accepted, and the service is rebuilt from the store.
 
         Raises:
             StoreNotReadyError: this engine accepts no more changes.
@@ -95,18 +106,28 @@ class UnitOfWork:
         """
         if self.closed:
             raise StoreNotReadyError(self.closed)
-        return self
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, *_: object) -> None:
+        try:
+            yield
+        except BaseException as error:
+            self._discard(error)
+            raise
         changes = self._state.pending.take()
         if changes:
             self.record(changes.stored)
             for name in changes.vehicles:
                 self._unpublished[name] += 1
             self._store.commit(changes.stored, partial(self._committed, changes))
+
+    def _discard(self, error: BaseException) -> None:
+        changes = self._state.pending.take()
+        if isinstance(error, RefusedError) and not changes:
+            return  # a request was refused before it changed anything
+        self._fail("unit of work failed and is not committed; restarting from the store", error)
+
+    def _fail(self, event: str, error: BaseException) -> None:
+        report_failure(event, error)
+        self.closed = FAILED
+        self.failed.set()
 
     def committed(self) -> asyncio.Future[None]:
         """Return a future that is done when all changes so far are committed."""
@@ -190,7 +211,7 @@ class UnitOfWork:
             if event := effect():
                 self._on_event(event)
         except Exception as error:  # noqa: BLE001 - it is reported
-            report_failure("effect of a committed change failed", error)
+            self._fail("effect of a committed change failed; restarting from the store", error)
 
     def _no_longer_unpublished(self, vehicles: Iterable[str]) -> list[str]:
         """Return the vehicles of a committed unit that are to be published now, not by a later unit."""
@@ -205,27 +226,3 @@ class UnitOfWork:
             if not self._unpublished[name]:
                 del self._unpublished[name]
         return due
-
-
-class UnitWithSteps:
-    """A unit of work that ends with all steps that follow from its changes; no generator, it is frequent."""
-
-    __slots__ = ("_leave_rest", "_settle", "_unit", "_units")
-
-    def __init__(self, units: UnitOfWork, settle: Callable[[], None], leave_rest: Callable[[], None]) -> None:
-        self._units = units
-        self._settle = settle
-        self._leave_rest = leave_rest
-
-    def __enter__(self) -> None:
-        self._unit = self._units.begin()
-        self._unit.__enter__()
-
-    def __exit__(self, failed: type[BaseException] | None, *_: object) -> None:
-        try:
-            if failed is None:
-                self._settle()
-        finally:
-            self._unit.__exit__(None, None, None)
-        if failed is None:
-            self._leave_rest()
