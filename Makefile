@@ -122,7 +122,7 @@ reference: $(STAMP) ## regenerate docs/configuration.md, docs/metrics.md, docs/c
 soak: soak-site soak-pauses soak-nemesis soak-cores ## soak-site, soak-pauses, soak-nemesis, then soak-cores
 
 soak-cores: $(STAMP) broker ## property tests of the cores with many more examples: about two hours on two cores
-	NENA_EXAMPLES=100000 NENA_MESSAGES=2000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
+	NENA_EXAMPLES=100000 NENA_MESSAGES=2000 NENA_PLANTS=400 NENA_ENGINE_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest --long -n $(WORKERS) --timeout 7200 $(SOAK)
 
 # Cut network links and full disks need root; without it these tests are skipped with a message.
 faults: $(STAMP) broker ## inject every kind of fault into a working site, about half an hour; writes docs/recovery.md

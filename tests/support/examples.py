@@ -13,7 +13,7 @@ MESSAGES = int(os.environ.get("NENA_MESSAGES", "10"))
 PLANTS = int(os.environ.get("NENA_PLANTS", "6"))
 """Random plants on which a fleet is simulated."""
 
-KERNEL_PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "4"))
+ENGINE_PLANTS = int(os.environ.get("NENA_ENGINE_PLANTS", "4"))
 """Random plants on which a fleet is simulated under the real engine."""
 
 KILLS = int(os.environ.get("NENA_KILLS", "3"))

@@ -103,15 +103,15 @@ class Fleet:
             *("--interface_name_v3", self.interface),
             *("--topic_prefix", self.prefix),
             *("--end_kept", END_KEPT),
-            *("--kernel.restart_patience", RESTART_PATIENCE),
-            "--no-kernel.speed_limits",  # these robots are faster than the plant, for short tests
+            *("--engine.restart_patience", RESTART_PATIENCE),
+            "--no-engine.speed_limits",  # these robots are faster than the plant, for short tests
         ]
 
     def settings(self, *, speed_limits: bool = False, **more: Any) -> OrderServiceSettings:
         """Return the settings of an order service in this process.
 
         ``speed_limits``: whether robots get the speeds of the plant, at which they drive for a minute; it has
-        no effect if ``kernel`` sets it.
+        no effect if ``engine`` sets it.
         """
         made = OrderServiceSettings.model_validate(
             {
@@ -127,8 +127,8 @@ class Fleet:
             }
         )
         own = {"speed_limits": speed_limits, "restart_patience": RESTART_PATIENCE}
-        chosen = {name: getattr(made.kernel, name) for name in made.kernel.model_fields_set}
-        return made.model_copy(update={"kernel": made.kernel.model_copy(update=own | chosen)})
+        chosen = {name: getattr(made.engine, name) for name in made.engine.model_fields_set}
+        return made.model_copy(update={"engine": made.engine.model_copy(update=own | chosen)})
 
     def agent(self, serial: str = "robot-01", **options: Unpack[RobotOptions]) -> Program:
         """Start a loopback robot, by default on the point `South 1`."""

@@ -67,7 +67,7 @@ async def operated(
     fleet = Fleet(broker, interface_name, folder)
     with fleet.stack:
         fleet.agent(speed=speed)
-        service = fleet.order_service("--kernel.instant_action_timeout", PATIENCE)  # else: "still running"
+        service = fleet.order_service("--engine.instant_action_timeout", PATIENCE)  # else: "still running"
         async with await service.client() as orders:
             await vehicle_idle(orders)
             port = free_port()

@@ -29,7 +29,7 @@ async def test_a_hibernating_robot_has_a_button_that_wakes_it(
     port = free_port()
     url = f"http://127.0.0.1:{port}/{ROBOT}"
     with fleet.stack:
-        async with await fleet.order_service("--kernel.instant_action_timeout", 60).client() as orders:
+        async with await fleet.order_service("--engine.instant_action_timeout", 60).client() as orders:
             # started last: the plant names another version, which only a live message overrides
             content = fleet.agent_file(version="3.0.1")
             fleet.agent_of(content.replace("[loopback]", "[loopback]\npower = true"))

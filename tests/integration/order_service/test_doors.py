@@ -252,7 +252,7 @@ async def test_robot_outside_the_plant_is_listed_without_orders(fleet: Fleet, se
 
 
 async def test_robot_outside_the_plant_is_adopted_if_configured(fleet: Fleet, service: Start) -> None:
-    client = await service(kernel={"adopt_unknown": True})
+    client = await service(engine={"adopt_unknown": True})
     fleet.agent("stranger")
     await vehicle_idle(client, "stranger")
     await client.post("/v1/transportOrders", json=TRANSPORT)

@@ -60,7 +60,7 @@ async def test_an_action_that_fails_once_is_retried(
     fleet: Fleet, service: Start, version: str, orders: set[str], asked: set[str]
 ) -> None:
     wire = fleet.peer()
-    client = await service(kernel=FAILING)
+    client = await service(engine=FAILING)
     rehearsing(fleet, version)
     await vehicle_idle(client)
     await create(client, LOAD, onFailure=[{"do": "RETRY", "times": 2}])
@@ -73,7 +73,7 @@ async def test_an_action_that_fails_once_is_retried(
 
 @pytest.mark.parametrize("version", ["2.1.0", "3.0.0"])
 async def test_an_action_that_always_fails_is_skipped(fleet: Fleet, service: Start, version: str) -> None:
-    client = await service(kernel=FAILING)
+    client = await service(engine=FAILING)
     rehearsing(fleet, version)
     await vehicle_idle(client)
     skipping = {**UNLOAD, "onFailure": [{"do": "RETRY"}, {"do": "SKIP"}]}
@@ -128,7 +128,7 @@ async def test_a_held_order_survives_a_kill_and_continues_when_resumed(fleet: Fl
 @pytest.mark.e2e
 async def test_killed_between_two_attempts_it_retries(fleet: Fleet) -> None:
     wire = fleet.peer()
-    mapped = ("--kernel.action_types", json.dumps(FAILING["action_types"]))
+    mapped = ("--engine.action_types", json.dumps(FAILING["action_types"]))
     program = fleet.order_service(*mapped)
     client = await program.client()
     rehearsing(fleet)

@@ -22,7 +22,7 @@ ECHO_DELAY = 0.3
 """Seconds after which the robot reports that it has an order."""
 BACKLOG = 300
 """States of the robot that wait in front of its echo."""
-STRICTLY_BY_AGE = ("--kernel.dispatch.age_window", 0)
+STRICTLY_BY_AGE = ("--engine.dispatch.age_window", 0)
 ORDERS = {"T-1": "South 2", "T-2": "South 1", "T-3": "South 2"}
 
 

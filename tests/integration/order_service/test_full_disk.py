@@ -38,7 +38,7 @@ def fleet_on_it(fleet: Fleet, disk: SmallDisk) -> Fleet:
 async def killed_with_a_full_disk(fleet: Fleet, disk: SmallDisk) -> None:
     """Kill an order service during an order, with no space on its disk."""
     fleet.agent(speed=0.01)
-    program = fleet.order_service("--kernel.commit_timeout", 1)
+    program = fleet.order_service("--engine.commit_timeout", 1)
     async with await program.client() as client:
         await vehicle_idle(client)
         assert (await client.post(ORDERS, json=ORDER)).status_code == 201

@@ -65,7 +65,7 @@ def orders_sent(wire: MqttPeer) -> set[str]:
 @pytest.mark.parametrize("version", IN_3)
 async def test_an_order_waits_until_its_robot_is_awake(fleet: Fleet, service: Start, version: str) -> None:
     wire = fleet.peer()
-    client = await service(kernel=PATIENT)
+    client = await service(engine=PATIENT)
     sleepy(fleet, version)
     await vehicle_idle(client)
 
@@ -93,7 +93,7 @@ async def test_an_order_waits_until_its_robot_is_awake(fleet: Fleet, service: St
 async def test_a_robot_with_an_order_is_neither_hibernated_nor_shut_down(
     fleet: Fleet, service: Start, request_: dict[str, Any]
 ) -> None:
-    client = await service(kernel=PATIENT)
+    client = await service(engine=PATIENT)
     sleepy(fleet, "3.0.1", speed=0.5)
     await vehicle_idle(client)
     await create(client, "T")
@@ -111,7 +111,7 @@ async def test_a_robot_that_does_not_list_it_is_not_sent_it(
     fleet: Fleet, service: Start, version: str, request_: dict[str, Any]
 ) -> None:
     wire = fleet.peer()
-    client = await service(kernel=PATIENT)
+    client = await service(engine=PATIENT)
     sleepy(fleet, version, power=version == "2.1.0")
     await vehicle_idle(client)
 
@@ -125,7 +125,7 @@ async def test_a_robot_that_does_not_list_it_is_not_sent_it(
 @pytest.mark.clause("6.2.3/hibernationAsked")
 async def test_a_host_does_the_same_over_mqtt(fleet: Fleet, service: Start) -> None:
     host = fleet.peer(f"{fleet.prefix}/#")
-    client = await service(kernel=PATIENT)
+    client = await service(engine=PATIENT)
     sleepy(fleet, "3.0.1")
     await vehicle_idle(client)
 
@@ -144,7 +144,7 @@ async def test_a_host_does_the_same_over_mqtt(fleet: Fleet, service: Start) -> N
 
 @pytest.mark.clause("6.2.3/hibernationAsked", "6.2.3/shutdown")
 async def test_a_robot_is_shut_down_and_started_again(fleet: Fleet, service: Start) -> None:
-    client = await service(kernel=PATIENT)
+    client = await service(engine=PATIENT)
     robot = sleepy(fleet, "3.0.0")
     await vehicle_idle(client)
 

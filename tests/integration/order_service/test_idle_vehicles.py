@@ -71,7 +71,7 @@ async def ended(client: httpx.AsyncClient, kind: str) -> list[dict[str, Any]]:
 
 
 async def test_an_idle_robot_parks_recharges_and_is_reassigned(fleet: Fleet, service: Start) -> None:
-    client = await service(kernel=SETTINGS)
+    client = await service(engine=SETTINGS)
     robot(fleet)
 
     def set_battery(percent: float) -> None:

@@ -13,7 +13,7 @@ LIMIT_MB = 150
 
 
 async def test_fifty_robots_need_little_memory(fleet: Fleet) -> None:
-    program = fleet.order_service("--kernel.adopt_unknown", "--no-kernel.traffic")
+    program = fleet.order_service("--engine.adopt_unknown", "--no-engine.traffic")
     client = await program.client()
     fleet.agent("many", count=ROBOTS, x=3.0, y=2.0)
 

@@ -66,7 +66,7 @@ async def connects(client: httpx.AsyncClient) -> int:
 
 async def test_difficult_names_on_each_broker(fleet: Fleet) -> None:
     host = fleet.peer(f"{fleet.prefix}/#")
-    async with running(fleet.settings(plant=plant(fleet.folder), kernel=PERIPHERALS)) as client:
+    async with running(fleet.settings(plant=plant(fleet.folder), engine=PERIPHERALS)) as client:
         await listening(client)
         device = SimulatedPeripheral(DEVICE, fleet.broker.settings, FleetTopics(fleet.prefix), seconds=0.05)
         opening = asyncio.create_task(device.link.run(), name="device")

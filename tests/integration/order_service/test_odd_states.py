@@ -123,11 +123,11 @@ class OddRobot:
         self.robot.take_instant_actions(CODEC.decode(InstantActions, inbound.payload))
 
 
-async def start_on(service: Start, fleet: Fleet, *names: str, **kernel: Any) -> httpx.AsyncClient:
+async def start_on(service: Start, fleet: Fleet, *names: str, **engine: Any) -> httpx.AsyncClient:
     """Start the order service on a line of points."""
     file = fleet.folder / "line.json"
     file.write_text(line(*names).to_json())
-    return await service(plant=file, fleet=QUICK, kernel={"speed_limits": False, **kernel})
+    return await service(plant=file, fleet=QUICK, engine={"speed_limits": False, **engine})
 
 
 async def vehicle(client: httpx.AsyncClient, name: str) -> Content:

@@ -27,7 +27,7 @@ DOOR = "Door 1/east"
 """With a sign that topics must not have."""
 BEFORE, BEHIND = "South 2", "South 3"
 GATED = f"{BEFORE} --- {BEHIND}"
-ENABLED = "--kernel.peripherals.enabled"
+ENABLED = "--engine.peripherals.enabled"
 
 
 def plant_with_door(folder: Path) -> Path:

@@ -66,7 +66,7 @@ def way(order: dict[str, Any]) -> list[str]:
 )
 async def test_replanned_routes_are_joined_to_the_base(fleet: Fleet, service: Start, version: str) -> None:
     wire = fleet.peer()
-    client = await service(kernel={"release_ahead": 1})
+    client = await service(engine={"release_ahead": 1})
     fleet.agent("robot-01", version=version, x=3.0, y=12.0, speed=2.0)
     await vehicle_idle(client)
     body = {"name": "T-1", "destinations": [{"locationName": "Packing", "operation": "Load cargo"}]}

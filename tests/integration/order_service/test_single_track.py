@@ -75,7 +75,7 @@ async def test_sixty_orders_over_a_single_track_finish_without_conflicts(
     plant = single_track()
     (tmp_path / "plant.json").write_text(plant.to_json())
     wire = fleet.peer(f"{fleet.interface}/v2/#")
-    program = fleet.order_service("--plant", tmp_path / "plant.json", "--kernel.release_ahead", 2)
+    program = fleet.order_service("--plant", tmp_path / "plant.json", "--engine.release_ahead", 2)
     client = await program.client()
     for number in range(ROBOTS):
         yard = plant.point(f"{'West' if number < 3 else 'East'} {number}")

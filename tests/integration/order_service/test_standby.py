@@ -139,7 +139,7 @@ async def test_a_hanging_active_service_is_replaced_and_writes_nothing_afterward
 async def test_nothing_acknowledged_is_lost_during_a_database_outage(
     shared: Fleet, postgres: Postgres
 ) -> None:
-    program = shared.order_service("--kernel.commit_timeout", 3, name="first")
+    program = shared.order_service("--engine.commit_timeout", 3, name="first")
     client = await active(await program.client())
     shared.agent(speed=40.0)
     await vehicle_idle(client)

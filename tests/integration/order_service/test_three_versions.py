@@ -35,7 +35,7 @@ async def test_each_robot_executes_its_order_in_its_version(
     fleet: Fleet, service: Start, versions: dict[str, str]
 ) -> None:
     wire = fleet.peer()
-    client = await service(kernel={"adopt_unknown": True})
+    client = await service(engine={"adopt_unknown": True})
     for serial, version in versions.items():
         x, y = PLACES[serial]
         fleet.agent(serial, x=x, y=y, version=version)
@@ -74,7 +74,7 @@ async def test_a_route_is_released_stepwise_and_conforms_to_the_standard(
     fleet: Fleet, service: Start, version: str
 ) -> None:
     wire = fleet.peer()
-    client = await service(kernel={"release_ahead": 1})
+    client = await service(engine={"release_ahead": 1})
     fleet.agent("robot-01", version=version)
     await vehicle_idle(client)
     body = {"name": "T-1", "destinations": [{"locationName": "North 3", "operation": "MOVE"}]}

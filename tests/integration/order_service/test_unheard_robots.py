@@ -68,12 +68,12 @@ async def standing(fleet: Fleet, robot: RobotKey, place: str, x: float) -> Async
 
 
 @asynccontextmanager
-async def started(fleet: Fleet, **kernel: Any) -> AsyncIterator[httpx.AsyncClient]:
+async def started(fleet: Fleet, **engine: Any) -> AsyncIterator[httpx.AsyncClient]:
     """Start the order service with an empty store."""
     file = fleet.folder / "plant.json"
     file.write_text(ONE_WAY.to_json())
-    kernel = {"default_map_id": MAP, "restart_patience": 30.0, **kernel}
-    async with running(fleet.settings(plant=file, kernel=kernel)) as client:
+    engine = {"default_map_id": MAP, "restart_patience": 30.0, **engine}
+    async with running(fleet.settings(plant=file, engine=engine)) as client:
         await listening(client)
         yield client
 

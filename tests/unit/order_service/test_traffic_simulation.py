@@ -7,7 +7,7 @@ from random import Random
 import pytest
 
 from nena_order_service.dispatching.settings import DispatchSettings, ParkingSettings, RechargingSettings
-from support.examples import KERNEL_PLANTS
+from support.examples import ENGINE_PLANTS
 from support.traffic.engine_simulation import Adversity, EngineSimulation
 from support.traffic.random_plant import random_plant
 
@@ -51,7 +51,7 @@ def simulated(seed: int, random: Random, robots: int, dispatch: DispatchSettings
     return simulation
 
 
-@pytest.mark.parametrize("seed", range(KERNEL_PLANTS))
+@pytest.mark.parametrize("seed", range(ENGINE_PLANTS))
 def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None:
     simulation = simulated(seed, Random(seed), ROBOTS[seed % len(ROBOTS)], DispatchSettings())
 
@@ -59,7 +59,7 @@ def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None
     assert simulation.driven_nodes > ORDERS
 
 
-@pytest.mark.parametrize("seed", range(max(2, KERNEL_PLANTS // 10)))
+@pytest.mark.parametrize("seed", range(max(2, ENGINE_PLANTS // 10)))
 def test_parking_and_recharging_vehicles_block_no_orders(seed: int) -> None:
     robots = IDLE_ROBOTS[seed % len(IDLE_ROBOTS)]
     simulation = simulated(seed, Random(1000 + seed), robots, IDLE_ONES_MOVE)

@@ -96,11 +96,11 @@ def test_the_command_reports_the_failure(tmp_path: Path, monkeypatch: pytest.Mon
     plant.write_text(CASE.plant.to_json(), encoding="utf-8")
 
     def simulate_all(*_: object, **__: object) -> None:
-        raise SimulationFailedError("task 'kernel' has ended: RuntimeError('why')")
+        raise SimulationFailedError("task 'engine' has ended: RuntimeError('why')")
 
     monkeypatch.setattr("nena_simulate.__main__.simulate_all", simulate_all)
 
     result = CliRunner().invoke(app, [str(plant)])
 
     assert result.exit_code == 1
-    assert "task 'kernel' has ended: RuntimeError('why')" in result.output
+    assert "task 'engine' has ended: RuntimeError('why')" in result.output

@@ -116,7 +116,7 @@ class OrderService:
         await self.engine.start(self.fleet, absent)
         start("mqtt", self._once_elected(self.mqtt.run))
         start("fleet control", self.fleet.run())
-        start("kernel", self.engine.run())
+        start("engine", self.engine.run())
         start("loop lag", self.loop_lag.run())
         start("heartbeat", self.heartbeat.run(self.mqtt))
         start("zone sets", self.hosts.zones.run())
@@ -340,7 +340,7 @@ def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store,
     """Build the engine over ``store``."""
     router = Router(plant, evaluators(settings.routing.costs, plant))
     without_host_locks = Router(plant, evaluators(settings.routing.costs, plant))
-    operations = OperationMap(settings.kernel.action_types)
+    operations = OperationMap(settings.engine.action_types)
     finder = RouteFinder(
         plant, router, without_host_locks=without_host_locks, action_type=operations.action_type
     )
@@ -348,16 +348,16 @@ def make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store,
         plant,
         finder,
         operations,
-        speed_limits=settings.kernel.speed_limits,
-        peripherals=settings.kernel.peripherals.enabled,
+        speed_limits=settings.engine.speed_limits,
+        peripherals=settings.engine.peripherals.enabled,
     )
     registry = VehicleRegistry(
         plant,
-        default_map_id=settings.kernel.default_map_id,
-        adopt_unknown=settings.kernel.adopt_unknown,
-        max_distance=settings.kernel.max_distance_to_point,
+        default_map_id=settings.engine.default_map_id,
+        adopt_unknown=settings.engine.adopt_unknown,
+        max_distance=settings.engine.max_distance_to_point,
     )
-    context = Context(planner, registry, settings.kernel, clock, on_failure=settings.orders.on_failure)
+    context = Context(planner, registry, settings.engine, clock, on_failure=settings.orders.on_failure)
     return Engine(context, store)
 
 

@@ -175,7 +175,7 @@ class OrderServiceSettings(ServiceSettings):
     fleet: FleetSettings = Field(
         default_factory=FleetSettings, description="Fleet control: timeouts, retries and limits for robots."
     )
-    kernel: EngineSettings = Field(
+    engine: EngineSettings = Field(
         default_factory=EngineSettings, description="Orders, vehicles and traffic."
     )
     end_kept: float = Field(

@@ -101,10 +101,10 @@ plant = {_text(plant)}
 http = {{ port = {port} }}
 store = {{ url = {_text(f"sqlite:///{processes.folder / 'orders.sqlite3'}")} }}
 
-[kernel.peripherals]
+[engine.peripherals]
 enabled = true
 
-[kernel.dispatch]
+[engine.dispatch]
 parking = {{ enabled = true }}
 recharging = {{ enabled = true }}
 energy = {{ until_fully_recharged = false }}

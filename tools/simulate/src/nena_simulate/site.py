@@ -240,7 +240,7 @@ class Site:
             await self.engine.start(self.fleet)
             supervisor.start("mqtt", self._mqtt.run())
             supervisor.start("fleet control", self.fleet.run())
-            supervisor.start("kernel", self.engine.run())
+            supervisor.start("engine", self.engine.run())
             for robot in self.robots:
                 supervisor.start(f"robot {robot.key}", robot.run(self._clock))
             await self._all_there()

@@ -430,7 +430,7 @@ export const TEXTS = {
   "peripherals.job": "Geräteauftrag",
   "peripherals.vehicle": "Fahrzeug",
   "peripherals.empty.title": "Keine Geräte",
-  "peripherals.empty.text": "Türen, Aufzüge und andere Geräte des Anlagenmodells erscheinen, sobald im Auftragsdienst kernel.peripherals.enabled gesetzt ist.",
+  "peripherals.empty.text": "Türen, Aufzüge und andere Geräte des Anlagenmodells erscheinen, sobald im Auftragsdienst engine.peripherals.enabled gesetzt ist.",
   "peripherals.head": "{name}: {state}",
   "peripherals.failed": "{operation} fehlgeschlagen:",
   "peripherals.since": "{state}, angefordert vor {age}",

@@ -430,7 +430,7 @@ export const TEXTS = {
   "peripherals.job": "Job",
   "peripherals.vehicle": "Vehicle",
   "peripherals.empty.title": "No devices",
-  "peripherals.empty.text": "Doors, lifts and other devices of the plant model appear once kernel.peripherals.enabled is set in the order service.",
+  "peripherals.empty.text": "Doors, lifts and other devices of the plant model appear once engine.peripherals.enabled is set in the order service.",
   "peripherals.head": "{name}: {state}",
   "peripherals.failed": "{operation} failed:",
   "peripherals.since": "{state}, requested {age} ago",

@@ -430,7 +430,7 @@ export const TEXTS = {
   "peripherals.job": "Opdracht",
   "peripherals.vehicle": "Voertuig",
   "peripherals.empty.title": "Geen apparaten",
-  "peripherals.empty.text": "Deuren, liften en andere apparaten uit het installatiemodel verschijnen zodra kernel.peripherals.enabled is ingesteld in de orderservice.",
+  "peripherals.empty.text": "Deuren, liften en andere apparaten uit het installatiemodel verschijnen zodra engine.peripherals.enabled is ingesteld in de orderservice.",
   "peripherals.head": "{name}: {state}",
   "peripherals.failed": "{operation} mislukt:",
   "peripherals.since": "{state}, {age} geleden aangevraagd",
