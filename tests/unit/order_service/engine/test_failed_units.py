@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.engine.state import FleetState
+from nena_order_service.engine.state import FleetState, SentOrders, VehicleRecords
 from nena_order_service.fleet.outputs import NodePassed, RobotChanged, VdaOrderFinished
 from nena_order_service.store.database import Changes
 from nena_shared.fleet_api.transport_order import (
@@ -48,20 +49,21 @@ class Fault:
     def install(self, monkeypatch: pytest.MonkeyPatch) -> None:
         for owner, name in (
             (Changes, "put_order"),
-            (Changes, "put_sent_order"),
-            (Changes, "put_vehicle"),
+            (SentOrders, "put"),
+            (SentOrders, "end"),
+            (VehicleRecords, "change"),
             (FleetState, "after_commit"),
             (FleetState, "publish"),
             (ScriptedFleet, "start_vda_order"),
         ):
             monkeypatch.setattr(owner, name, self._counted(getattr(owner, name)))
 
-    def _counted(self, change: Callable[..., None]) -> Callable[..., None]:
-        def counted(*values: object) -> None:
+    def _counted(self, change: Callable[..., Any]) -> Callable[..., Any]:
+        def counted(*values: Any, **more: Any) -> Any:
             self.count += self.armed
             if self.armed and self.count == self.at:
                 raise ProvokedError
-            change(*values)
+            return change(*values, **more)
 
         return counted
 

@@ -51,9 +51,9 @@ def test_the_newest_document_of_each_robot_counts(url: str) -> None:
     engine = open_database(url)
     for place in ("at A", "at B"):
         made, later = Changes(), Changes()
-        made.put_vehicle("NeNa/V1", lambda: "nowhere")
-        later.put_vehicle("NeNa/V1", partial(str, place))
-        later.put_vehicle("NeNa/V2", lambda: "at C")
+        made.vehicles["NeNa/V1"] = lambda: "nowhere"
+        later.vehicles["NeNa/V1"] = partial(str, place)
+        later.vehicles["NeNa/V2"] = lambda: "at C"
         made.merge(later)
         assert made
         write(engine, made)
@@ -69,10 +69,10 @@ def test_the_newest_version_of_each_sequence_counts(url: str) -> None:
     engine = open_database(url)
     first, second = sequence(1, idempotencyKey="k"), sequence(2, intendedVehicle="V-1", failureFatal=True)
     made, later = Changes(), Changes()
-    made.put_sequence(first)
-    made.put_sequence(second)
+    made.sequences[first.number] = first
+    made.sequences[second.number] = second
     grown = second.appended("T-1", NOW).bound("V-1", NOW)
-    later.put_sequence(grown)
+    later.sequences[grown.number] = grown
     assert made
     made.merge(later)
     write(engine, made)
@@ -80,7 +80,7 @@ def test_the_newest_version_of_each_sequence_counts(url: str) -> None:
     assert (found.sequences, found.last_sequence) == ((first, grown), 2)
 
     ended, done = Changes(), first.completed("by a host", NOW)
-    ended.put_sequence(done)
+    ended.sequences[done.number] = done
     write(engine, ended)
     found = read_unfinished(engine)
     assert (found.sequences, found.last_sequence) == ((grown,), 2)
@@ -96,7 +96,7 @@ def test_sequences_are_listed_newest_first_with_filters(url: str) -> None:
     changes = Changes()
     for number in range(1, 5):
         one = sequence(number, intendedVehicle="V-1" if number > 2 else None)
-        changes.put_sequence(one.completed("by a host", NOW) if number == 4 else one)
+        changes.sequences[number] = one.completed("by a host", NOW) if number == 4 else one
     write(engine, changes)
 
     def numbers(wanted: SequenceFilter) -> list[int]:
@@ -115,7 +115,9 @@ def test_sequences_are_found_by_time_of_creation(url: str) -> None:
     for number in range(1, 5):
         asked = OrderSequenceRequest.model_validate({})
         created = NOW + timedelta(minutes=number)
-        changes.put_sequence(OrderSequence.created(asked, number=number, name=f"S-{number}", now=created))
+        changes.sequences[number] = OrderSequence.created(
+            asked, number=number, name=f"S-{number}", now=created
+        )
     write(engine, changes)
 
     def between(first: int, last: int) -> list[int]:
@@ -176,7 +178,7 @@ def test_unfinished_are_orders_and_missions_that_a_restart_takes_up(url: str) ->
     running = assigned_order(number=2)
     ended = assigned_order(number=7).finished(NOW)
     made = changes((waiting, None), (running, None), (ended, None))
-    made.put_sent_order(2, lambda: "sent for 2")
+    made.sent_orders[2] = lambda: "sent for 2"
     write(engine, made)
     found = read_unfinished(engine)
     assert found.orders == (waiting, running)
@@ -187,11 +189,11 @@ def test_unfinished_are_orders_and_missions_that_a_restart_takes_up(url: str) ->
 def test_stored_vda_order_is_replaced_and_deleted(url: str) -> None:
     engine = open_database(url)
     made = changes((assigned_order(number=2), None))
-    made.put_sent_order(2, lambda: "first")
+    made.sent_orders[2] = lambda: "first"
     write(engine, made)
     for document, expected in ((lambda: "second", {2: "second"}), (None, {})):
         later = Changes()
-        later.put_sent_order(2, document)
+        later.sent_orders[2] = document
         write(engine, later)
         assert read_unfinished(engine).sent_orders == expected
 

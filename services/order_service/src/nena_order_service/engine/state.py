@@ -244,7 +244,7 @@ class OrderSequences:
         if self._sequences.get(sequence.name) is sequence:
             return
         self._index(sequence)
-        self._pending.stored.put_sequence(sequence)
+        self._pending.stored.sequences[sequence.number] = sequence
         self._pending.sequences.append(sequence)
 
     def committed(self, sequences: Iterable[OrderSequence]) -> None:
@@ -371,7 +371,7 @@ class VehicleRecords:
         record = before.model_copy(update={"name": name, **changes})
         if record != before:
             self._records[robot] = record
-            self._pending.stored.put_vehicle(str(robot), partial(record.model_dump_json, by_alias=True))
+            self._pending.stored.vehicles[str(robot)] = partial(record.model_dump_json, by_alias=True)
 
 
 class SentOrders:
@@ -407,7 +407,7 @@ class SentOrders:
         sent = self._sent.get(robot)
         if sent and not sent.evasion:
             self._forget(sent)
-            self._pending.stored.put_sent_order(order.number, None)
+            self._pending.stored.sent_orders[order.number] = None
         return robot
 
     def load(self, sent: SentOrder) -> None:
@@ -421,7 +421,7 @@ class SentOrders:
         if sent.evasion:
             self._vehicles.change(sent.robot, evasion=sent)
         else:
-            self._pending.stored.put_sent_order(self._order_of[sent.robot], sent.document)
+            self._pending.stored.sent_orders[self._order_of[sent.robot]] = sent.document
 
     def end(self, sent: SentOrder) -> None:
         """Remove a sent order that has ended; the robot keeps its transport order, if any."""
@@ -429,7 +429,7 @@ class SentOrders:
         if sent.evasion:
             self._vehicles.change(sent.robot, evasion=None)
         else:
-            self._pending.stored.put_sent_order(self._order_of[sent.robot], None)
+            self._pending.stored.sent_orders[self._order_of[sent.robot]] = None
 
     def find(self, order_id: str) -> SentOrder | None:
         """Return a sent order by its VDA 5050 orderId; None if it is unknown."""

@@ -32,9 +32,6 @@ T = TypeVar("T")
 RETRY_PAUSE = 0.5
 """Seconds between attempts to write while the database is unavailable."""
 
-PUBLISHED_AT_ONCE = 4
-"""Number of committed units of work published before other tasks run; each takes milliseconds."""
-
 WAITING_LIMIT = 10_000
 """Maximum number of units of work waiting for the writer; beyond, new orders are refused."""
 
@@ -273,26 +270,12 @@ class Store:
                 await self._write(changes)
                 if self._lost():
                     return  # the commit is lost with its file, so it is not published
-            await self._publish_all(then)
+            for publish in then:
+                if self._loss:
+                    break  # what is not published yet is lost with the database file
+                self._publish(publish)
         finally:
             self._writing = False
-
-    async def _publish_all(self, then: list[Callable[[], None]]) -> None:
-        """Publish committed units of work in order, and in parts; all of them even if cancelled meanwhile.
-
-        If the database file is lost meanwhile, the others are lost with it and are not published.
-        """
-        waiting = iter(then)
-        try:
-            for number, each in enumerate(waiting, 1):
-                self._publish(each)
-                if number % PUBLISHED_AT_ONCE == 0:
-                    await asyncio.sleep(0)
-                    if self._loss:
-                        break
-        finally:
-            for each in () if self._loss else waiting:
-                self._publish(each)
 
     async def _write(self, changes: Changes) -> None:
         loop = asyncio.get_running_loop()
