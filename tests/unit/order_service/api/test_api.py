@@ -3,8 +3,12 @@ from __future__ import annotations
 from importlib.metadata import version
 
 import httpx
+from starlette.routing import Mount, Router
 
 from nena_order_service.service import OrderService
+from support.problems import problem
+
+ORDERS = "/v1/transportOrders"
 
 
 async def test_health_and_readiness(client: httpx.AsyncClient, service: OrderService) -> None:
@@ -41,3 +45,19 @@ async def test_openapi_describes_every_path(client: httpx.AsyncClient) -> None:
         "/v1/vehicles/{name}/instantActions",
         "/v1/plantModel",
     } <= set(paths)
+
+
+async def test_below_another_path_operations_are_answered_alike(service: OrderService) -> None:
+    transport = httpx.ASGITransport(Router([Mount("/site", service.app)]))
+    async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as client:
+        body = {"name": "T-1", "destinations": [{"locationName": "Goods in"}]}
+        made = await client.post(f"/site{ORDERS}", json=body)
+        assert (made.status_code, made.headers["location"]) == (201, f"{ORDERS}/T-1")
+        problem(await client.post(f"/site{ORDERS}", json=[]), 422)
+        problem(await client.get(f"/site{ORDERS}/T-9"), 404)
+
+
+async def test_a_header_that_an_operation_does_not_know_is_ignored(client: httpx.AsyncClient) -> None:
+    body = {"location": "Door 1", "operation": "open", "reservationToken": "host"}
+    answer = await client.post("/v1/peripheralJobs", json=body, headers={"Idempotency-Key": "key-1"})
+    assert "Door 1" in problem(answer, 404).detail

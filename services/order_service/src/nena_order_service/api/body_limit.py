@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from http import HTTPStatus
 
+from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -28,9 +29,9 @@ class BodyLimit:
             await self._app(scope, receive, send)
             return
         limit = self._larger.get(scope["path"], self._limit)
-        try:
-            check_content_length(scope, limit)
-        except HTTPException as error:
+        announced = Headers(scope=scope).get("content-length", "")
+        if announced.isdecimal() and int(announced) > limit:
+            error = _too_long(limit)
             await refusal(HTTPStatus(error.status_code), error.detail)(scope, receive, send)
             return
         received = 0
@@ -44,33 +45,6 @@ class BodyLimit:
             return message
 
         await self._app(scope, counted, send)
-
-
-async def read_body(scope: Scope, receive: Receive, limit: int) -> bytes:
-    """Return the body of a request.
-
-    Raises:
-        HTTPException: it has more than ``limit`` bytes, or its client has disconnected.
-    """
-    check_content_length(scope, limit)
-    body = bytearray()
-    more = True
-    while more:
-        message = await receive()
-        if message["type"] == "http.disconnect":
-            raise HTTPException(HTTPStatus.BAD_REQUEST, "The connection was closed before the body ended.")
-        body += message.get("body", b"")
-        if len(body) > limit:
-            raise _too_long(limit)
-        more = message.get("more_body", False)
-    return bytes(body)
-
-
-def check_content_length(scope: Scope, limit: int) -> None:
-    """Raise HTTPException if a request announces a body of more than ``limit`` bytes."""
-    for name, value in scope["headers"]:
-        if name == b"content-length" and value.isdigit() and int(value) > limit:
-            raise _too_long(limit)
 
 
 def _too_long(limit: int) -> HTTPException:

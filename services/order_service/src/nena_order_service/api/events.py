@@ -15,7 +15,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 
-from nena_order_service.api.encoding import as_json
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.settings import EventSettings
@@ -191,15 +190,15 @@ class EventStream(EventRing[_Event]):
 
 def _order_frame(status: TransportOrderStatus, number: int) -> bytes:
     head = b"id: %d\n" % number if number else b""
-    return b"%bevent: transportOrder\ndata: %b\n\n" % (head, as_json(status))
+    return b"%bevent: transportOrder\ndata: %b\n\n" % (head, status.model_dump_json(by_alias=True).encode())
 
 
 def _sequence_frame(status: OrderSequenceStatus) -> bytes:
-    return b"event: orderSequence\ndata: %b\n\n" % as_json(status)
+    return b"event: orderSequence\ndata: %b\n\n" % status.model_dump_json(by_alias=True).encode()
 
 
 def _vehicle_frame(status: VehicleStatus) -> bytes:
-    return b"event: vehicle\ndata: %b\n\n" % as_json(status)
+    return b"event: vehicle\ndata: %b\n\n" % status.model_dump_json(by_alias=True).encode()
 
 
 def _synced(number: int) -> bytes:

@@ -16,7 +16,6 @@ from pydantic import BaseModel, Field, ValidationError, create_model
 from pydantic_core import from_json
 
 from nena_order_service.api.audit import Origin
-from nena_order_service.api.encoding import encode
 from nena_order_service.api.host_requests import ETag
 from nena_order_service.api.operations import Call, HostOperations
 from nena_order_service.api.problems import FORESEEN, problem_of
@@ -227,8 +226,7 @@ class MqttApi:
         else:
             found = {"status": reply.status, operation.result: reply.body}
         answer = CommandAnswer(request_id=command.request_id, **found)
-        self.answers[answer.status] += 1
-        self._mqtt.publish(Outbound(topic, await encode(answer, exclude_none=True)))
+        self._publish(topic, answer)
 
     def _refuse(self, host: str, name: str, message: Inbound, problem: Problem) -> None:
         request_id = text_in(message, "requestId", max_body=self._max_body)

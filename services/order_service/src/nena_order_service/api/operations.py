@@ -9,9 +9,9 @@ from http import HTTPStatus
 from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel
+from pydantic_core import to_json
 
 from nena_order_service.api.audit import ChangingRequest, Origin, body_of_model, kind_of, masked
-from nena_order_service.api.encoding import EncodedPage
 from nena_order_service.api.host_requests import Creation, ETag, HostServices, Refused
 from nena_order_service.api.place_requests import path_page
 from nena_order_service.api.problems import problem_of
@@ -69,7 +69,8 @@ class Call(Generic[R]):
 class Reply:
     """The answer to a successful request."""
 
-    body: BaseModel | EncodedPage
+    body: BaseModel | bytes
+    """The answer; bytes: a page in JSON, whose objects would take five times the memory as models."""
     status: HTTPStatus = HTTPStatus.OK
 
 
@@ -154,7 +155,7 @@ class HostOperations:
                 last = order.number
             else:
                 following = str(last)
-        return Reply(EncodedPage("transportOrders", tuple(encoded), following))
+        return Reply(b'{"transportOrders":[%s],"next":%s}' % (b",".join(encoded), to_json(following)))
 
     @_does(table.SHOW_ORDER)
     async def _show_order(self, call: Call[None]) -> Reply:
@@ -449,7 +450,7 @@ def _size_of_batch(batch: TransportOrderBatch) -> Callable[[], str]:
     return lambda: masked(content)
 
 
-def _outcome(body: BaseModel | EncodedPage) -> str:
+def _outcome(body: BaseModel | bytes) -> str:
     """Return the outcome of requests that end without a change of an object; empty for others."""
     if isinstance(body, bodies.InstantActionAnswer):
         return masked({"actionId": body.action_id, "status": body.status})

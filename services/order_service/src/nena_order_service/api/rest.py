@@ -29,8 +29,7 @@ from nena_order_service.api.documentation import DOCS, FILES, REDOC, describe_lo
 from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_order_service.api.operation_routes import (
     READING,
-    OperationRoute,
-    RestApp,
+    add_operation,
     refusals_of,
     refuse_unknown_query,
 )
@@ -121,9 +120,7 @@ class Service:
 
 def make_app(operations: HostOperations, stream: EventStream, service: Service) -> FastAPI:
     """Create the ASGI application."""
-    handlers, limit = operations.handlers, service.max_body
-    app = RestApp(
-        [OperationRoute(each, handlers[each.name], max_body=limit) for each in OPERATIONS],
+    app = FastAPI(
         title="NeNa order service",
         description="Transport orders and vehicles. Errors are problems (RFC 9457) of documented types.",
         version="1",
@@ -137,8 +134,10 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
         if each.max_body is not None
         for prefix in ("", *service.mounted)
     }
-    app.add_middleware(BodyLimit, limit=limit, larger=larger)
+    app.add_middleware(BodyLimit, limit=service.max_body, larger=larger)
     problems.install(app)
+    for each in OPERATIONS:
+        add_operation(app, each, operations.handlers[each.name])
     app.include_router(
         audit_csv(operations.trail),
         dependencies=[_known_query(*FILTERS)],

@@ -10,7 +10,6 @@ from typing import Final
 
 from pydantic import BaseModel
 
-from nena_order_service.api.encoding import as_json
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import StoreNotReadyError
 from nena_shared.clock import Clock
@@ -158,7 +157,9 @@ class StatusPublisher:
         return self._status(topic, self._engine.peripherals.status(location))
 
     def _status(self, topic: str, status: BaseModel) -> Outbound:
-        return Outbound(topic, with_epoch(as_json(status), self.epoch), retain=True)
+        return Outbound(
+            topic, with_epoch(status.model_dump_json(by_alias=True).encode(), self.epoch), retain=True
+        )
 
 
 class Heartbeat:
@@ -209,7 +210,9 @@ class Heartbeat:
             store_ready=online and self._store_ready(),
             stops=self._stops() if online else (),
         )
-        return Outbound(self._topic, with_epoch(as_json(status), self._epoch), retain=True)
+        return Outbound(
+            self._topic, with_epoch(status.model_dump_json(by_alias=True).encode(), self._epoch), retain=True
+        )
 
 
 TERM_POLL = 0.25
