@@ -7,13 +7,14 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable
+from functools import wraps
 from typing import Any
 
 import httpx
 import pytest
 
 from nena_order_service.api import mqtt as mqtt_limits
-from nena_order_service.api.host_requests import HostRequests
+from nena_order_service.api.orders import OrderOperations
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, listening
 
@@ -62,13 +63,14 @@ class Gate:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
         self.opened = asyncio.Event()
-        original = getattr(HostRequests, method)
+        original = getattr(OrderOperations, method)
 
-        async def waiting(*arguments: object) -> object:
+        @wraps(original)
+        async def waiting(*arguments: object, **named: object) -> object:
             await self.opened.wait()
-            return await original(*arguments)
+            return await original(*arguments, **named)
 
-        monkeypatch.setattr(HostRequests, method, waiting)
+        monkeypatch.setattr(OrderOperations, method, waiting)
 
 
 async def names(client: httpx.AsyncClient) -> set[str]:

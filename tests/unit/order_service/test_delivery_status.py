@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from nena_order_service.api.host_requests import delivery_status
+from nena_order_service.api.orders import delivery_status
 from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView, VdaOrderPhase
 from nena_shared.fleet_api.transport_order import DeliveryPhase
 from nena_shared.fleet_api.vehicle import VehicleState

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.api.host_requests import ETag
+from nena_order_service.api.operations import ETag
 
 
 @pytest.mark.parametrize("value", ['"3"', "*", 'W/"3"', '"1", "3"', ' "3" '])

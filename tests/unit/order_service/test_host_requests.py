@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from nena_order_service.api.host_requests import HostRequests
+from nena_order_service.api.orders import OrderOperations
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import NOW, assigned_order, request
@@ -37,7 +37,7 @@ class AskedStore(MemoryStore):
 
 async def test_concurrent_identical_requests_create_one_order() -> None:
     engine = await make_engine(PLANT, AskedStore(askers=2), ScriptedFleet({}))
-    requests = HostRequests(engine)
+    requests = OrderOperations(engine)
     wanted = request("B", name="T", idempotencyKey="key", dependencies=["D"])
     async with asyncio.timeout(30):
         (one, new), (other, also_new) = await asyncio.gather(requests.create(wanted), requests.create(wanted))

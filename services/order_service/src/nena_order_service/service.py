@@ -22,23 +22,20 @@ from nena_order_service.api.audit import Trail, record_current, recorder
 from nena_order_service.api.audit_states import ObjectStates
 from nena_order_service.api.decisions import DecisionRecorder, RecordingRequests
 from nena_order_service.api.events import EventStream
-from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
+from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.metrics import SECTIONS, Monitored
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.opentcs_events import ChangeLog
 from nena_order_service.api.opentcs_plant import EditPlant
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.peripheral_link import PeripheralLink
-from nena_order_service.api.peripheral_requests import PeripheralRequests
-from nena_order_service.api.place_requests import PlaceRequests
-from nena_order_service.api.rest import ChangePlant, Service, make_app
+from nena_order_service.api.plant import ChangePlant
+from nena_order_service.api.rest import Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
-from nena_order_service.api.stop_requests import StopRequests
 from nena_order_service.api.tracing import OrderTracer
 from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
-from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.plant_change import conflicts
 from nena_order_service.engine.schedules import Schedules
 from nena_order_service.engine.zone_sets import ZoneSets
@@ -188,7 +185,7 @@ def build(
     _listen(engine, publisher, stream, changes, hosts.webhooks)
     _follow(engine, fleet, traces, black_box)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
-    operations = HostOperations(hosts)
+    operations = HostOperations(hosts.trail, hosts.handlers())
     api = MqttApi(mqtt, topics, operations, MqttLimits(settings.hosts, clock), max_body=settings.max_body)
     ends = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
     parts = Monitored(engine, fleet, mqtt, api, stream, lag, answers, hosts, certificates=ends, traces=traces)
@@ -262,18 +259,15 @@ def _make_host_services(
     zones, schedules = ZoneSets(engine, fleet.send_zone_set), Schedules(engine)
     states = ObjectStates(engine, zones, schedules)
     engine.unit_of_work.record = record_current
+    trail = Trail(engine.store, engine.clock, states, kept_days=settings.audit.kept_days)
+    webhooks = Webhooks.of(settings.webhooks, engine.store, engine.clock)
     return HostServices(
-        HostRequests(engine),
-        SequenceRequests(engine),
-        PathLocks(engine),
-        zones,
-        PeripheralRequests(engine),
-        StopRequests(engine),
-        PlaceRequests(engine),
-        schedules,
-        Trail(engine.store, engine.clock, states, kept_days=settings.audit.kept_days),
-        RecordingRequests(black_box),
-        Webhooks.of(settings.webhooks, engine.store, engine.clock),
+        engine,
+        zones=zones,
+        schedules=schedules,
+        trail=trail,
+        recordings=RecordingRequests(black_box),
+        webhooks=webhooks,
     )
 
 

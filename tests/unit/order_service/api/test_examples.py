@@ -2,43 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import httpx
-import pytest
 from pydantic import TypeAdapter
 
-from nena_order_service.api.examples import ANSWERS, BODIES
-from nena_shared.fleet_api.operations import OPERATIONS, Operation
-
-BY_NAME = {each.name: each for each in OPERATIONS}
+from nena_order_service.service import OrderService
+from nena_shared.fleet_api.operations import OPERATIONS
 
 
-def test_every_operation_with_a_body_has_an_example() -> None:
-    assert set(BODIES) == {each.name for each in OPERATIONS if each.request and each.method != "GET"}
+def test_every_operation_with_a_body_has_a_valid_example(service: OrderService) -> None:
+    bodies = {each.operation.name: each for each in service.hosts.handlers() if each.body is not None}
+    assert set(bodies) == {each.name for each in OPERATIONS if each.request and each.method != "GET"}
+    for each in bodies.values():
+        TypeAdapter(each.operation.request).validate_python(each.body, by_alias=True, by_name=False)
 
 
-@pytest.mark.parametrize("name", BODIES)
-def test_bodies_are_valid(name: str) -> None:
-    TypeAdapter(BY_NAME[name].request).validate_python(BODIES[name], by_alias=True, by_name=False)
+def test_answers_have_exactly_the_fields_of_the_operation(service: OrderService) -> None:
+    for each in service.hosts.handlers():
+        if each.answer is not None:
+            answer = each.operation.answer.model_validate(each.answer)
+            assert answer.model_dump(mode="json", by_alias=True) == each.answer
 
 
-@pytest.mark.parametrize("name", ANSWERS)
-def test_answers_have_exactly_the_fields_of_the_operation(name: str) -> None:
-    operation: Operation[Any] = BY_NAME[name]
-    assert (
-        operation.answer.model_validate(ANSWERS[name]).model_dump(mode="json", by_alias=True) == ANSWERS[name]
-    )
-
-
-async def test_the_document_shows_them_and_its_server(client: httpx.AsyncClient) -> None:
+async def test_the_document_shows_them_and_its_server(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    handlers = {each.operation.name: each for each in service.hosts.handlers()}
     document = (await client.get("/openapi.json")).json()
     assert document["servers"][0]["url"] == "/"
     post = document["paths"]["/v1/transportOrders"]["post"]
     assert post["requestBody"]["content"]["application/json"] == {
         "schema": {"$ref": "#/components/schemas/TransportOrderRequest"},
-        "example": BODIES["createTransportOrder"],
+        "example": handlers["createTransportOrder"].body,
     }
     answer = document["paths"]["/v1/locations"]["get"]["responses"]["200"]["content"]["application/json"]
-    assert answer["example"] == ANSWERS["locations"]
+    assert answer["example"] == handlers["locations"].answer
     assert answer["schema"] == {"$ref": "#/components/schemas/LocationPage"}

@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from nena_order_service.api.place_requests import PlaceRequests
+from nena_order_service.api.plant import PlantOperations
 from nena_order_service.service import OrderService
 from nena_shared.fleet_api.places import LocationsQuery, LocationStatus, PointsQuery, PointStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Point
@@ -123,12 +123,12 @@ SHELF = PlantModel(
 
 
 @pytest.fixture
-def shelf(service: OrderService, monkeypatch: pytest.MonkeyPatch) -> PlaceRequests:
+def shelf(service: OrderService, monkeypatch: pytest.MonkeyPatch) -> PlantOperations:
     monkeypatch.setattr(service.engine, "plant", SHELF)
-    return PlaceRequests(service.engine)
+    return PlantOperations(service.engine, service.hosts.locks)
 
 
-def test_a_link_offers_no_more_than_the_type_of_its_location(shelf: PlaceRequests) -> None:
+def test_a_link_offers_no_more_than_the_type_of_its_location(shelf: PlantOperations) -> None:
     """As orders are checked: they are refused what the location type lacks."""
     assert [(each.point, each.operations) for each in shelf.location("S").links] == [
         ("A", ("Load",)),
@@ -148,7 +148,7 @@ def test_a_link_offers_no_more_than_the_type_of_its_location(shelf: PlaceRequest
 
 
 async def test_only_what_a_page_contains_is_described(
-    shelf: PlaceRequests, monkeypatch: pytest.MonkeyPatch
+    shelf: PlantOperations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With 10,000 places, describing all of them would block other requests for over 0.1 s."""
     described: list[str] = []
@@ -158,6 +158,6 @@ async def test_only_what_a_page_contains_is_described(
 
     monkeypatch.setattr(shelf, "_point_status", noted)
     monkeypatch.setattr(shelf, "_location_status", noted)
-    await shelf.points(PointsQuery(vehicle="Robot-01"))
+    shelf.points(PointsQuery(vehicle="Robot-01"))
     shelf.locations(LocationsQuery(operation="Juggle"))
     assert described == []

@@ -5,7 +5,7 @@ from fastapi import FastAPI
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.api import problems
-from nena_order_service.api.rest import plant_model_router
+from nena_order_service.api.plant import plant_model_router
 from nena_order_service.service import OrderService
 from nena_shared.plant import PlantModel
 

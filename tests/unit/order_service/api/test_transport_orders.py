@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy.exc import OperationalError
 from starlette.types import Receive, Scope, Send
 
-from nena_order_service.api.host_requests import ORDERS_AT_ONCE
+from nena_order_service.api.orders import ORDERS_AT_ONCE
 from nena_order_service.service import OrderService
 from nena_order_service.store import database
 from nena_shared.fleet_api.base import Role

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.api.host_requests import HostRequests
+from nena_order_service.api.orders import OrderOperations
+from nena_order_service.api.vehicles import VehicleOperations
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.driving import EVASION_PAUSE
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import VehicleBusyError
 from nena_order_service.fleet.vda_order import VdaOrder
+from nena_shared.fleet_api.requests import InstantActionRequest
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
@@ -201,8 +203,10 @@ async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> No
     assert reason(engine, "T-1").endswith("but it waits for V2, which stands on 'B'")
     assert engine.status(engine.registry.discover(key("V2"))).reason == "makes room for others"
 
+    vehicles = VehicleOperations(engine, OrderOperations(engine))
+    shutdown = InstantActionRequest(action_type="shutdown")
     with pytest.raises(VehicleBusyError, match="'V2' makes room for another vehicle"):
-        await HostRequests(engine).instant_action("V2", "shutdown")
+        await vehicles.instant_action("V2", shutdown)
 
     again = ScriptedFleet({"V1": "A", "V2": "B"})
     restarted = await make_engine(TRACK, store, again)

@@ -14,7 +14,7 @@ from time import time
 from typing import Final, Protocol
 
 from nena_order_service.api.events import EventStream
-from nena_order_service.api.host_requests import HostServices
+from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.mqtt import MqttApi
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.link import FleetLink

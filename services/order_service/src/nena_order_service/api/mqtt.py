@@ -16,8 +16,7 @@ from pydantic import BaseModel, Field, ValidationError, create_model
 from pydantic_core import from_json
 
 from nena_order_service.api.audit import Origin
-from nena_order_service.api.host_requests import ETag
-from nena_order_service.api.operations import Call, HostOperations
+from nena_order_service.api.operations import Call, ETag, HostOperations
 from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.settings import HostSettings
 from nena_shared.clock import Clock
@@ -134,7 +133,7 @@ class MqttApi:
     ) -> None:
         self._mqtt = mqtt
         self._topics = topics
-        self._handlers = operations.handlers
+        self._operations = operations
         self._limits = limits
         self._max_body = max_body
         self._creations: set[asyncio.Task[None]] = set()
@@ -179,7 +178,7 @@ class MqttApi:
     ) -> None:
         try:
             call = Call("", request, SOMEBODY, origin=Origin(AuditInterface.MQTT, host))
-            reply = await self._handlers[table.CREATE_ORDER.name](call)
+            reply = await self._operations.execute(table.CREATE_ORDER, call)
         except Exception as error:
             if not isinstance(error, FORESEEN):
                 log.exception("creation request failed", host=host)
@@ -217,7 +216,7 @@ class MqttApi:
     async def _do(self, host: str, operation: Operation[Any], command: Command) -> None:
         topic = self._topics.command_answer(host, operation.name)
         try:
-            reply = await self._handlers[operation.name](_call(operation, command, host))
+            reply = await self._operations.execute(operation, _call(operation, command, host))
         except Exception as error:
             if not isinstance(error, FORESEEN):
                 log.exception("command failed", host=host, command=operation.name)

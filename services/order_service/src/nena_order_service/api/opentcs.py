@@ -13,18 +13,21 @@ from starlette.types import Scope
 
 from nena_order_service import errors
 from nena_order_service.api import opentcs_devices, opentcs_events, opentcs_peripherals, opentcs_plant
-from nena_order_service.api.host_requests import HostRequests, HostServices, SequenceRequests
+from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.opentcs_answers import Body, NotPossibleError, angle_of, done, install
 from nena_order_service.api.opentcs_audit import AuditedRoutes
 from nena_order_service.api.opentcs_events import LAST_MOMENT, ChangeLog, StateTimes
 from nena_order_service.api.opentcs_plant import ChangePlant
-from nena_order_service.api.operations import Call, HostOperations
+from nena_order_service.api.operations import HostOperations
+from nena_order_service.api.orders import OrderOperations
+from nena_order_service.api.sequences import SequenceOperations
+from nena_order_service.api.vehicles import VehicleOperations
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.base import Moment
-from nena_shared.fleet_api.requests import SOMEBODY, InstantActionAnswer, InstantActionRequest
+from nena_shared.fleet_api.requests import InstantActionAnswer, InstantActionRequest, WithdrawalRequest
 from nena_shared.fleet_api.transport_order import (
     Destination,
     DriveOrderStatus,
@@ -332,7 +335,7 @@ class OrderSequenceState(Body):
 _SEQUENCES = TypeAdapter(list[OrderSequenceState])
 
 
-def _add_sequences(app: FastAPI, requests: SequenceRequests, vehicles: HostRequests) -> None:
+def _add_sequences(app: FastAPI, requests: SequenceOperations, vehicles: VehicleOperations) -> None:
     @_serve(app, table.LIST_SEQUENCES, response_model=list[OrderSequenceState])
     async def list_sequences(
         intended_vehicle: Annotated[str | None, Query(alias="intendedVehicle")] = None,
@@ -363,7 +366,7 @@ def _add_sequences(app: FastAPI, requests: SequenceRequests, vehicles: HostReque
 LISTED = 1000
 """Maximum number of orders in a list, the newest ones; openTCS has no pages."""
 
-REASON = "withdrawn by a host of openTCS's web API"
+WITHDRAWAL = WithdrawalRequest(reason="withdrawn by a host of openTCS's web API")
 
 KEY_HEADER = b"x-api-access-key"
 
@@ -389,14 +392,14 @@ def make_app(
     install(app)
     app.add_middleware(AuditedRoutes, trail=operations.trail, routes=app.routes)
     _add_dispatcher(app, engine.look)
-    _add_orders(app, hosts.requests)
-    _add_assignment(app, hosts.requests, engine)
-    _add_sequences(app, hosts.sequences, hosts.requests)
-    _add_vehicles(app, hosts.requests, operations, engine.plant, changes)
+    _add_orders(app, hosts.orders, hosts.vehicles)
+    _add_assignment(app, hosts.orders, engine)
+    _add_sequences(app, hosts.sequences, hosts.vehicles)
+    _add_vehicles(app, hosts.vehicles, engine.plant, changes)
     _add_paths(app, hosts.locks)
     opentcs_plant.add_routes(app, engine.plant, hosts.locks, change_plant)
     opentcs_devices.add_routes(app, engine)
-    opentcs_peripherals.add_routes(app, hosts.requests, hosts.peripherals, engine)
+    opentcs_peripherals.add_routes(app, hosts, engine)
     opentcs_events.add_routes(app, changes)
     return app
 
@@ -425,13 +428,13 @@ def _add_dispatcher(app: FastAPI, dispatch: Callable[[], None]) -> None:
         return done()
 
 
-def _add_orders(app: FastAPI, requests: HostRequests) -> None:
+def _add_orders(app: FastAPI, requests: OrderOperations, vehicles: VehicleOperations) -> None:
     @_serve(app, table.LIST_ORDERS, response_model=list[TransportOrderState])
     async def list_orders(
         intended_vehicle: Annotated[str | None, Query(alias="intendedVehicle")] = None,
     ) -> Response:
         if intended_vehicle is not None:
-            requests.vehicle(intended_vehicle)
+            vehicles.vehicle(intended_vehicle)
         wanted = OrderFilter(intended_vehicle=intended_vehicle, limit=LISTED)
         encoded = [
             TransportOrderState.of(each.status).model_dump_json(by_alias=True).encode()
@@ -453,18 +456,18 @@ def _add_orders(app: FastAPI, requests: HostRequests) -> None:
     @_serve(app, table.WITHDRAW, response_class=Response)
     async def withdraw(name: str) -> Response:
         with suppress(errors.OrderEndedError):  # like openTCS: nothing is left to withdraw
-            await requests.withdraw(name, REASON)
+            await requests.withdraw(name, WITHDRAWAL)
         return done()
 
     @_serve(app, table.WITHDRAW, 1, response_class=Response)
     async def withdraw_from_vehicle(name: str) -> Response:
-        order = requests.vehicle(name).transport_order
+        order = vehicles.vehicle(name).transport_order
         if order is not None:
-            await requests.withdraw(order, REASON)
+            await requests.withdraw(order, WITHDRAWAL)
         return done()
 
 
-def _add_assignment(app: FastAPI, requests: HostRequests, engine: Engine) -> None:
+def _add_assignment(app: FastAPI, requests: OrderOperations, engine: Engine) -> None:
     @app.put("/v1/transportOrders/{name}/intendedVehicle", response_class=Response)
     async def intend(name: str, vehicle: str | None = None) -> Response:
         try:
@@ -500,9 +503,7 @@ def _why_not_assigned(order: TransportOrderStatus) -> str:
     return "" if order.wrapping_sequence is None else "it belongs to a sequence"
 
 
-def _add_vehicles(
-    app: FastAPI, requests: HostRequests, operations: HostOperations, plant: PlantModel, changes: ChangeLog
-) -> None:
+def _add_vehicles(app: FastAPI, requests: VehicleOperations, plant: PlantModel, changes: ChangeLog) -> None:
     models = plant.vehicles_by_name
 
     def state_of(status: VehicleStatus) -> VehicleState:
@@ -513,9 +514,7 @@ def _add_vehicles(
         proc_state: Annotated[ProcessingState | None, Query(alias="procState")] = None,
     ) -> Response:
         states = [
-            state_of(each)
-            async for each in requests.vehicles()
-            if proc_state in (None, each.processing_state)
+            state_of(each) for each in requests.vehicles() if proc_state in (None, each.processing_state)
         ]
         return Response(_VEHICLES.dump_json(states, by_alias=True), media_type="application/json")
 
@@ -532,7 +531,7 @@ def _add_vehicles(
     @_serve(app, table.INSTANT_ACTION, response_class=Response)
     async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
         request = InstantActionRequest(action_type="pause" if new_value else "resume")
-        reply = await operations.instant_action(Call(name, request, SOMEBODY))
+        reply = await requests.instant_action(name, request)
         if isinstance(reply.body, InstantActionAnswer) and reply.body.status == "FAILED":
             raise NotPossibleError(reply.body.reason)
         return done()
@@ -545,7 +544,7 @@ def _add_vehicles(
     _add_order_types(app, requests)
 
 
-def _add_order_types(app: FastAPI, requests: HostRequests) -> None:
+def _add_order_types(app: FastAPI, requests: VehicleOperations) -> None:
     @_serve(app, table.ORDER_TYPES, response_class=Response)
     async def accept(name: str, body: AcceptableOrderTypes) -> Response:
         await requests.accept_order_types(name, body.acceptable_order_types)

@@ -8,10 +8,10 @@ from fastapi import FastAPI, Query, Response
 from pydantic import Field
 from starlette.exceptions import HTTPException
 
-from nena_order_service.api.host_requests import HostRequests
+from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.opentcs_answers import Body, NotPossibleError, done
 from nena_order_service.api.opentcs_events import peripheral_job
-from nena_order_service.api.peripheral_requests import PeripheralRequests
+from nena_order_service.api.peripherals import PeripheralOperations
 from nena_order_service.engine.engine import Engine
 from nena_order_service.orders.transport_order import sortable_id
 from nena_shared.fleet_api.peripherals import PeripheralJobRequest, PeripheralJobsQuery
@@ -37,18 +37,20 @@ class JobRequest(Body):
     peripheral_operation: JobOperation
 
 
-def _add_jobs(app: FastAPI, requests: HostRequests, peripherals: PeripheralRequests, engine: Engine) -> None:
+def _add_jobs(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
+    peripherals = hosts.peripherals
+
     @app.get("/v1/peripheralJobs")
     async def list_jobs(
         vehicle: Annotated[str | None, Query(alias="relatedVehicle")] = None,
         order: Annotated[str | None, Query(alias="relatedTransportOrder")] = None,
     ) -> list[dict[str, Any]]:
         if vehicle is not None:
-            requests.vehicle(vehicle)
+            hosts.vehicles.vehicle(vehicle)
         if order is not None:
-            await requests.order(order)
-        found = peripherals.jobs(PeripheralJobsQuery(vehicle=vehicle, transport_order=order))
-        return [peripheral_job(each) for each in found]
+            await hosts.orders.order(order)
+        found = peripherals.page(PeripheralJobsQuery(vehicle=vehicle, transport_order=order))
+        return [peripheral_job(each) for each in found.peripheral_jobs]
 
     @app.post("/v1/peripheralJobs/dispatcher/trigger", response_class=Response)
     @app.post("/v1/peripherals/dispatcher/trigger", response_class=Response)
@@ -77,7 +79,7 @@ def _add_jobs(app: FastAPI, requests: HostRequests, peripherals: PeripheralReque
         return done()
 
 
-def _add_devices(app: FastAPI, peripherals: PeripheralRequests, engine: Engine) -> None:
+def _add_devices(app: FastAPI, peripherals: PeripheralOperations, engine: Engine) -> None:
     def has_device(name: str) -> bool:
         if name not in engine.plant.locations_by_name:
             raise HTTPException(NOT_FOUND, f"Could not find location {name!r}.")
@@ -112,7 +114,7 @@ def _add_devices(app: FastAPI, peripherals: PeripheralRequests, engine: Engine) 
         return done()
 
 
-def add_routes(app: FastAPI, requests: HostRequests, peripherals: PeripheralRequests, engine: Engine) -> None:
+def add_routes(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
     """Add the paths of peripheral jobs and devices."""
-    _add_jobs(app, requests, peripherals, engine)
-    _add_devices(app, peripherals, engine)
+    _add_jobs(app, hosts, engine)
+    _add_devices(app, hosts.peripherals, engine)

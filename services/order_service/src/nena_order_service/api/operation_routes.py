@@ -9,16 +9,14 @@ from inspect import Parameter, Signature
 from typing import Annotated, Any, Final
 from urllib.parse import quote
 
-from fastapi import FastAPI, Header, Query, Request, Response
+from fastapi import Depends, FastAPI, Header, Query, Request, Response
 from starlette.exceptions import HTTPException
 
 from nena_order_service.api import problems
 from nena_order_service.api.audit import origin_of
-from nena_order_service.api.examples import examples_of
-from nena_order_service.api.host_requests import ETag
-from nena_order_service.api.operations import Call, Handler, Reply
+from nena_order_service.api.operations import Call, ETag, Handler, HostOperations, Reply
 from nena_shared.fleet_api.audit import AuditInterface
-from nena_shared.fleet_api.operations import Operation
+from nena_shared.fleet_api.operations.operation import Operation
 from nena_shared.fleet_api.refusals import Refusal, by_status
 from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, DispatchRequest
 from nena_shared.fleet_api.transport_order import TransportOrderBatch, TransportOrderRequest
@@ -39,16 +37,16 @@ IfNoneMatch = Annotated[
 IdempotencyKey = Annotated[str | None, Header(alias="Idempotency-Key", min_length=1, max_length=200)]
 
 
-def add_operation(app: FastAPI, operation: Operation[Any], handler: Handler) -> None:
+def add_operation(app: FastAPI, operations: HostOperations, operation: Operation[Any]) -> None:
     """Add the route of an operation."""
     reads = operation.method in READING
     fields = operation.request.model_fields if operation.request and reads else {}
-    known_query = {field.alias or name for name, field in fields.items()}
+    names = {field.alias or name for name, field in fields.items()}
 
     async def endpoint(http: Request, **values: Any) -> Response:  # noqa: ANN401 - as validated by FastAPI
-        refuse_unknown_query(http, known_query)
+        refuse_unknown_query(http, names)
         try:
-            reply = await handler(_call(operation, http, values))
+            reply = await operations.execute(operation, _call(operation, http, values))
         except Exception as error:  # noqa: BLE001 - Starlette would raise it again, and the server close the connection
             return problems.response_to(http, error)
         return _response(operation, reply, values.get("if_none_match"))
@@ -71,8 +69,18 @@ def add_operation(app: FastAPI, operation: Operation[Any], handler: Handler) -> 
         status_code=status,
         response_model=operation.answer,
         responses=successes | refusals_of(operation.refusals),
-        openapi_extra=examples_of(operation, status),
+        openapi_extra=_examples_of(operations.handlers[operation.name], status),
     )
+
+
+def _examples_of(handler: Handler, status: int) -> dict[str, Any]:
+    """Return the examples of an operation, as parts of its description; ``status``: of its answer."""
+
+    def content(example: object) -> dict[str, Any]:
+        return {"content": {"application/json": {"example": example}}}
+
+    body = {"requestBody": content(handler.body)} if handler.body else {}
+    return body | ({"responses": {str(status): content(handler.answer)}} if handler.answer else {})
 
 
 def _parameters_of(operation: Operation[Any]) -> Iterator[Parameter]:
@@ -95,6 +103,15 @@ def _parameters_of(operation: Operation[Any]) -> Iterator[Parameter]:
 
 def _parameter(name: str, kind: Any, *, default: Any = Parameter.empty) -> Parameter:  # noqa: ANN401 - any type
     return Parameter(name, Parameter.KEYWORD_ONLY, annotation=kind, default=default)
+
+
+def known_query(*names: str) -> Any:  # noqa: ANN401 - of FastAPI
+    """Return the dependency of a route that refuses all query parameters but these."""
+
+    def check(request: Request) -> None:
+        refuse_unknown_query(request, names)
+
+    return Depends(check)
 
 
 def refuse_unknown_query(request: Request, known: Collection[str]) -> None:

@@ -5,24 +5,20 @@ Outside the table are the plant model (a file), the event stream, probes, and th
 
 from __future__ import annotations
 
-import asyncio
-import hashlib
 import re
-from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from collections.abc import AsyncGenerator, Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from http import HTTPStatus
 from importlib.metadata import version
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, FastAPI, Header, Query, Request, Response
-from pydantic import BaseModel
+from fastapi import APIRouter, FastAPI, Header, Query, Request, Response
 from starlette.responses import HTMLResponse, PlainTextResponse, StreamingResponse
 from starlette.routing import Mount
 from starlette.types import ASGIApp
 
 from nena_order_service.api import problems
-from nena_order_service.api.audit import ChangingRequest, OpenRequest, Trail, masked, origin_of
 from nena_order_service.api.audit_csv import FILTERS, audit_csv
 from nena_order_service.api.body_limit import BodyLimit
 from nena_order_service.api.documentation import DOCS, FILES, REDOC, describe_login, documentation
@@ -30,20 +26,17 @@ from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_order_service.api.operation_routes import (
     READING,
     add_operation,
+    known_query,
     refusals_of,
-    refuse_unknown_query,
 )
 from nena_order_service.api.operations import HostOperations
-from nena_order_service.plant_file import read_plant
-from nena_shared.fleet_api.audit import AuditInterface
+from nena_order_service.api.plant import ChangePlant, plant_model_router
 from nena_shared.fleet_api.base import ObjectName, Role
 from nena_shared.fleet_api.operations import (
     CHANGE_PLANT,
     OPERATIONS,
-    PLANT_MODEL,
     Operation,
 )
-from nena_shared.fleet_api.plant import PlantModelChange
 from nena_shared.fleet_api.refusals import PROBLEMS, Refusal
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.web.access import RoleNeeded
@@ -51,10 +44,6 @@ from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import describe_problems
 from nena_shared.web.server_sent_events import HEADERS
 from nena_shared.web.settings import HttpSettings
-
-ChangePlant = Callable[..., Awaitable[None]]
-"""Signature of :meth:`ServiceRunner.change_plant`."""
-
 
 ALIVE = f"ok\nnena-order-service {version('nena-order-service')}\n"
 """Answer of ``/healthz``."""
@@ -88,15 +77,6 @@ START_PAGE = f"""<!doctype html>
 """
 NOT_READY: dict[int | str, dict[str, object]] = {
     503: {"model": Readiness, "description": "What is missing, and its effect."}
-}
-PLANT_BODY: dict[str, Any] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "application/json": {"schema": {"type": "object"}},
-            "application/xml": {"schema": {"type": "string"}},
-        },
-    }
 }
 
 
@@ -137,10 +117,10 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     app.add_middleware(BodyLimit, limit=service.max_body, larger=larger)
     problems.install(app)
     for each in OPERATIONS:
-        add_operation(app, each, operations.handlers[each.name])
+        add_operation(app, operations, each)
     app.include_router(
         audit_csv(operations.trail),
-        dependencies=[_known_query(*FILTERS)],
+        dependencies=[known_query(*FILTERS)],
         responses=refusals_of((Refusal.NOT_SAVED,)),
     )
     app.include_router(_events(stream))
@@ -185,83 +165,6 @@ def rule_of(settings: HttpSettings) -> RoleNeeded:
     return needed
 
 
-def _known_query(*names: str) -> Any:  # noqa: ANN401 - FastAPI's own type
-    """Return the dependency of a route that refuses all query parameters but these."""
-
-    def check(request: Request) -> None:
-        refuse_unknown_query(request, names)
-
-    return Depends(check)
-
-
-def _json_response(
-    body: BaseModel, status: HTTPStatus = HTTPStatus.OK, headers: Mapping[str, str] | None = None
-) -> Response:
-    """Return a response with this body as JSON."""
-    return Response(body.model_dump_json(by_alias=True), status, headers, "application/json")
-
-
-def plant_model_router(plant_json: bytes, change: ChangePlant | None, trail: Trail) -> APIRouter:
-    """Create the routes of the plant model; without ``change`` it is read-only."""
-    router = APIRouter(tags=[CHANGE_PLANT.tag])
-
-    @router.get(PLANT_MODEL, operation_id="plantModel", dependencies=[_known_query()])
-    async def show() -> Response:
-        """Return the plant model; lengths in mm, angles in degrees."""
-        return Response(plant_json, media_type="application/json")
-
-    if change is None:
-        return router
-
-    @router.put(
-        PLANT_MODEL,
-        operation_id=CHANGE_PLANT.name,
-        summary=CHANGE_PLANT.summary,
-        response_model=CHANGE_PLANT.answer,
-        responses=refusals_of(CHANGE_PLANT.refusals),
-        openapi_extra=PLANT_BODY,
-        dependencies=[_known_query("check")],
-    )
-    async def put(request: Request, *, check: Annotated[bool, Query()] = False) -> Response:
-        """Refused while orders or vehicles use objects that the new model lacks; `check` changes nothing."""
-        body = await request.body()
-        if check:
-            return await _replaced(change, body, None)
-        body_digest = partial(_digest, body)
-        origin = origin_of(request, AuditInterface.REST)
-        with trail.recorded(
-            ChangingRequest(origin, CHANGE_PLANT.name, "plantModel", "", body_digest)
-        ) as asked:
-            return await _replaced(change, body, asked)
-
-    return router
-
-
-async def _replaced(change: ChangePlant, body: bytes, asked: OpenRequest | None) -> Response:
-    """Replace the plant model, or only check whether it can be replaced if nothing is ``asked``."""
-    report = await asyncio.to_thread(read_plant, body, strict=True)
-    model = report.model
-    found = PlantModelChange(
-        name=model.name,
-        changed=asked is not None,
-        points=len(model.points),
-        paths=len(model.paths),
-        locations=len(model.locations),
-        blocks=len(model.blocks),
-        vehicles=len(model.vehicles),
-        warnings=tuple(map(str, report.warnings)),
-    )
-    if asked:
-        asked.name = model.name
-        asked.after = masked({"name": model.name, "points": found.points, "paths": found.paths})
-    await change(model, check_only=asked is None)
-    return _json_response(found)
-
-
-def _digest(body: bytes) -> str:
-    return masked({"bytes": len(body), "sha256": hashlib.sha256(body).hexdigest()})
-
-
 def _events(stream: EventStream) -> APIRouter:
     router = APIRouter(prefix="/v1", tags=["events"])
 
@@ -270,7 +173,7 @@ def _events(stream: EventStream) -> APIRouter:
         operation_id="events",
         response_class=StreamingResponse,
         responses=refusals_of((Refusal.TOO_MANY_CLIENTS, Refusal.NOT_SAVED)),
-        dependencies=[_known_query("kind", "transportOrder", "vehicle", "after")],
+        dependencies=[known_query("kind", "transportOrder", "vehicle", "after")],
     )
     async def events(
         kind: Annotated[list[EventKind] | None, Query(description="Only events of these kinds.")] = None,
@@ -335,8 +238,9 @@ def _probes(service: Service) -> APIRouter:
     @router.get("/readyz", operation_id="readyz", response_model=Readiness, responses=NOT_READY)
     async def ready() -> Response:
         """Return whether the broker is connected and the store can be written."""
-        now = service.readiness()
-        return _json_response(now, HTTPStatus.OK if now.ready else HTTPStatus.SERVICE_UNAVAILABLE)
+        readiness = service.readiness()
+        status = HTTPStatus.OK if readiness.ready else HTTPStatus.SERVICE_UNAVAILABLE
+        return Response(readiness.model_dump_json(by_alias=True), status, media_type="application/json")
 
     return router
 

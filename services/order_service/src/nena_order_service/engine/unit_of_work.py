@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from functools import partial
 from typing import Protocol
 
@@ -142,6 +142,18 @@ class UnitOfWork:
             raise StoreNotReadyError(self._store.why_not_ready)
         if self.closed:
             raise StoreNotReadyError(self.closed)
+
+    @asynccontextmanager
+    async def saved(self) -> AsyncIterator[None]:
+        """Make a change of a host: refuse it if it cannot be committed, and wait at the end until it is.
+
+        Raises:
+            StoreNotReadyError: nothing was changed, or the change may be lost.
+
+        """
+        self.require_store()
+        yield
+        await self.wait_committed()
 
     async def wait_committed(self) -> None:
         """Wait until all changes so far are committed; raises StoreNotReadyError."""

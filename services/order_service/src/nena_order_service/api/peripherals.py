@@ -1,9 +1,11 @@
-"""Requests of hosts about peripheral devices and their jobs."""
+"""Peripheral devices and their jobs: operations of hosts."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import dropwhile, islice
 
+from nena_order_service.api.operations import Handler
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.peripherals import JOB_PREFIX
 from nena_order_service.errors import (
@@ -15,52 +17,67 @@ from nena_order_service.errors import (
 from nena_order_service.orders.transport_order import sortable_id
 from nena_order_service.orders.validation import Finding, InvalidRequestError
 from nena_order_service.peripherals.jobs import PeripheralJob
+from nena_shared.fleet_api.operations import peripherals as table
 from nena_shared.fleet_api.peripherals import (
+    PeripheralJobList,
     PeripheralJobRequest,
     PeripheralJobsQuery,
     PeripheralJobStatus,
+    PeripheralList,
     PeripheralStatus,
 )
 
 
-class PeripheralRequests:
-    """Executes requests about peripheral devices; changes are committed before the answer."""
+class PeripheralOperations:
+    """Executes requests about peripheral devices."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._peripherals = engine.peripherals
         self._jobs = engine.state.peripheral_jobs
 
-    def devices(self) -> tuple[PeripheralStatus, ...]:
+    def handlers(self) -> Iterator[Handler]:
+        """Yield what executes each operation."""
+        yield Handler(table.LIST_PERIPHERALS, self.devices)
+        yield Handler(table.SHOW_PERIPHERAL, self.device)
+        yield Handler(table.LIST_JOBS, self.page)
+        yield Handler(table.SHOW_JOB, self.job)
+        example = {"location": "Door 1", "operation": "open", "reservationToken": "host"}
+        yield Handler(table.CREATE_JOB, self.create, example)
+        yield Handler(table.WITHDRAW_JOB, lambda name, caller: self.withdraw(name, f"by {caller}"))
+
+    def devices(self) -> PeripheralList:
         """Return all devices."""
-        return tuple(map(self._peripherals.status, self._peripherals.locations))
+        locations = self._peripherals.locations
+        return PeripheralList(peripherals=tuple(map(self._peripherals.status, locations)))
 
-    def device(self, location: str) -> PeripheralStatus:
+    def device(self, name: str) -> PeripheralStatus:
         """Return the device of a location; raises UnknownPeripheralError."""
-        if self._peripherals.operations(location) is None:
-            raise UnknownPeripheralError(location)
-        return self._peripherals.status(location)
+        if self._peripherals.operations(name) is None:
+            raise UnknownPeripheralError(name)
+        return self._peripherals.status(name)
 
-    def jobs(self, query: PeripheralJobsQuery) -> tuple[PeripheralJobStatus, ...]:
-        """Return the jobs that fit the query, the newest first; one more than its limit if there are more.
+    def page(self, request: PeripheralJobsQuery) -> PeripheralJobList:
+        """Return a page of jobs, the newest first.
 
         Raises:
             UnknownPeripheralJobError: there is no job with the name ``after``, or it is no longer in memory.
 
         """
         jobs = iter(self._jobs.all_visible())
-        if query.after is not None:
-            self.job(query.after)
-            jobs = islice(dropwhile(lambda job: job.status.name != query.after, jobs), 1, None)
-        fitting = (job for job in jobs if _fits(job, query))
-        return tuple(map(self._peripherals.job_status, islice(fitting, query.limit + 1)))
+        if request.after is not None:
+            self.job(request.after)
+            jobs = islice(dropwhile(lambda job: job.status.name != request.after, jobs), 1, None)
+        fitting = (job for job in jobs if _fits(job, request))
+        found = tuple(map(self._peripherals.job_status, islice(fitting, request.limit + 1)))
+        page = found[: request.limit]
+        return PeripheralJobList(
+            peripheral_jobs=page, next=page[-1].name if len(found) > request.limit else None
+        )
 
     def job(self, name: str) -> PeripheralJobStatus:
         """Return a job; raises UnknownPeripheralJobError."""
-        job = self._jobs.visible(name)
-        if job is None:
-            raise UnknownPeripheralJobError(name)
-        return self._peripherals.job_status(job)
+        return self._peripherals.job_status(self._visible(name))
 
     async def create(self, request: PeripheralJobRequest) -> PeripheralJobStatus:
         """Create a job.
@@ -69,7 +86,6 @@ class PeripheralRequests:
             UnknownPeripheralError: no device is at the location.
             InvalidRequestError: the device has no such operation.
             NameTakenError: a job has this name.
-            StoreNotReadyError: the job may be lost.
 
         """
         possible = self._peripherals.operations(request.location)
@@ -84,29 +100,24 @@ class PeripheralRequests:
         name = request.name or f"{JOB_PREFIX}-{sortable_id()}"
         if self._jobs.named(name):
             raise NameTakenError(name, "Peripheral job")
-        self._engine.unit_of_work.require_store()
-        self._engine.create_peripheral_job(request, name)
-        await self._engine.unit_of_work.wait_committed()
+        async with self._engine.unit_of_work.saved():
+            self._engine.create_peripheral_job(request, name)
         return self.job(name)
 
     async def withdraw(self, name: str, reason: str) -> PeripheralJobStatus:
-        """Withdraw a job.
+        """Withdraw a job; raises UnknownPeripheralJobError or PeripheralJobEndedError."""
+        job = self._visible(name)
+        if job.over:
+            raise PeripheralJobEndedError(name, job.status.state)
+        async with self._engine.unit_of_work.saved():
+            self._engine.withdraw_peripheral_job(name, reason)
+        return self.job(name)
 
-        Raises:
-            UnknownPeripheralJobError: no such job.
-            PeripheralJobEndedError: it has ended.
-            StoreNotReadyError: the change may be lost.
-
-        """
+    def _visible(self, name: str) -> PeripheralJob:
         job = self._jobs.visible(name)
         if job is None:
             raise UnknownPeripheralJobError(name)
-        if job.over:
-            raise PeripheralJobEndedError(name, job.status.state)
-        self._engine.unit_of_work.require_store()
-        self._engine.withdraw_peripheral_job(name, reason)
-        await self._engine.unit_of_work.wait_committed()
-        return self.job(name)
+        return job
 
 
 def _fits(job: PeripheralJob, query: PeripheralJobsQuery) -> bool:

@@ -1,0 +1,118 @@
+"""Order sequences: operations of hosts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from nena_order_service import errors
+from nena_order_service.api.operations import ETag, Handler
+from nena_order_service.api.orders import check_same, check_version
+from nena_order_service.engine.engine import Engine
+from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.transport_order import sortable_id
+from nena_order_service.store.database import SequenceFilter
+from nena_shared.fleet_api.operations import sequences as table
+from nena_shared.fleet_api.requests import OrderSequencePage, OrderSequencesQuery
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, OrderSequenceStatus
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+SEQUENCE_PREFIX = "OSequence"
+
+
+class SequenceOperations:
+    """Executes requests about order sequences."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._sequences = engine.state.sequences
+
+    def handlers(self) -> Iterator[Handler]:
+        """Yield what executes each operation."""
+        yield Handler(table.CREATE_SEQUENCE, self.create, {"name": "Tour-1", "failureFatal": True})
+        yield Handler(table.LIST_SEQUENCES, self.page)
+        yield Handler(table.SHOW_SEQUENCE, self.sequence)
+        yield Handler(table.COMPLETE_SEQUENCE, self.complete)
+
+    async def create(self, request: OrderSequenceRequest) -> tuple[OrderSequenceStatus, bool]:
+        """Create a sequence; return it with False if the same request created it before."""
+        vehicle = request.intended_vehicle
+        if vehicle is not None and vehicle not in self._engine.registry.names():
+            raise errors.UnknownVehicleError(vehicle)
+        prefix = request.name or SEQUENCE_PREFIX
+        complete = request.name is None or request.incomplete_name
+        name = f"{prefix}-{sortable_id()}" if complete else prefix
+        known = await self._find(None if complete else name, request.idempotency_key)
+        if known is None:
+            async with self._engine.unit_of_work.saved():
+                with self._engine.change():
+                    sequence = self._engine.sequences.create(request, name)
+                log.info("order sequence created", sequence=name)
+            return self._visible(sequence), True
+        name = f"{prefix}-" if complete else name
+        check_same(known, request, name, complete=complete, same=known.was_created_by(request))
+        await self._engine.unit_of_work.wait_committed()
+        return self._visible(known), False
+
+    async def complete(self, name: str, seen: ETag | None = None) -> OrderSequenceStatus:
+        """Mark a sequence complete: no more orders can join. A complete sequence stays unchanged."""
+        sequence = await self._named(name)
+        check_version(name, sequence.status.version, seen)
+        async with self._engine.unit_of_work.saved():
+            if not sequence.status.complete:
+                with self._engine.change():
+                    sequence = self._engine.sequences.complete(sequence)
+                log.info("order sequence complete", sequence=name)
+        return self._visible(sequence)
+
+    async def page(self, request: OrderSequencesQuery) -> OrderSequencePage:
+        """Return a page of sequences, newest first."""
+        wanted = SequenceFilter(
+            request.finished,
+            request.intended_vehicle,
+            request.since,
+            request.until,
+            before=int(request.after) if request.after else None,
+            limit=request.limit + 1,
+        )
+        sequences = await self.sequences(wanted)
+        page = sequences[: request.limit]
+        return OrderSequencePage(
+            order_sequences=tuple(each.status for each in page),
+            next=str(page[-1].number) if len(sequences) > request.limit else None,
+        )
+
+    async def sequence(self, name: str) -> OrderSequenceStatus:
+        """Return a sequence."""
+        found = self._sequences.visible(name) or await self._engine.store.sequence(name=name)
+        if found is None:
+            raise errors.UnknownSequenceError(name)
+        return found.status
+
+    async def sequences(self, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
+        """Return a page of sequences, newest first."""
+        return await self._engine.store.sequences(wanted)
+
+    async def _find(self, name: str | None, key: str | None) -> OrderSequence | None:
+        """Return the sequence with this key, otherwise with this name; from the store if not in memory."""
+        if found := self._in_memory(name, key):
+            return found
+        if name is None and key is None:
+            return None
+        stored = await self._engine.store.sequence(name=name, idempotency_key=key)
+        return stored or self._in_memory(name, key)
+
+    def _in_memory(self, name: str | None, key: str | None) -> OrderSequence | None:
+        return self._sequences.keyed(key) or self._sequences.named(name)
+
+    async def _named(self, name: str) -> OrderSequence:
+        found = await self._find(name, None)
+        if found is None:
+            raise errors.UnknownSequenceError(name)
+        return self._sequences.named(name) or found
+
+    def _visible(self, sequence: OrderSequence) -> OrderSequenceStatus:
+        return (
+            self._sequences.visible(sequence.name) or self._sequences.named(sequence.name) or sequence
+        ).status
