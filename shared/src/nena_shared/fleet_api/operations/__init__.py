@@ -1,8 +1,8 @@
 """The operations of the order service for hosts, each defined once in the module of its noun.
 
 REST routes, MQTT commands, OpenAPI and AsyncAPI documents, roles, and the client of the ``nena`` command are
-generated from this table. A new operation needs an entry in its noun's module and a method of
-``nena_order_service.api.operations.HostOperations``; see ``docs/architecture.md``.
+generated from this table. A new operation needs an entry in its noun's module, and what executes it in the
+file of the same noun in ``nena_order_service.api``; see ``docs/architecture.md``.
 
 All are here, too, imported when one is used first. A command that needs few imports them from their noun's
 module, which is faster.

@@ -109,7 +109,7 @@ FETCH_RECORDING = Operation(
     refusals=(Refusal.NO_BLACK_BOX, Refusal.RECORDING_NOT_WRITTEN),
 )
 
-OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+FLEET_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     LIST_STOPS,
     STOP,
     END_STOP,

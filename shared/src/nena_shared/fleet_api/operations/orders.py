@@ -152,7 +152,7 @@ RESUME = Operation(
     refusals=_CHANGE,
 )
 
-OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+ORDER_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     CREATE_ORDER,
     CREATE_ORDERS,
     LIST_ORDERS,

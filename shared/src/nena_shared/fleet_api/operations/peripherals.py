@@ -92,7 +92,7 @@ WITHDRAW_JOB = Operation(
     refusals=(Refusal.UNKNOWN_JOB, Refusal.JOB_ENDED, Refusal.NOT_SAVED),
 )
 
-OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+PERIPHERAL_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     LIST_PERIPHERALS,
     SHOW_PERIPHERAL,
     LIST_JOBS,

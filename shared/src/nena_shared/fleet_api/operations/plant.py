@@ -186,7 +186,7 @@ CHANGE_PLANT = Operation(
 )
 """The body is a file in one of several formats, so this route is written by hand."""
 
-OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+PLANT_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     LIST_POINTS,
     SHOW_POINT,
     LIST_LOCATIONS,

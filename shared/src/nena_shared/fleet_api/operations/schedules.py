@@ -79,7 +79,7 @@ DELETE_SCHEDULE = Operation(
     refusals=_CHANGE,
 )
 
-OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+SCHEDULE_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     LIST_SCHEDULES,
     SHOW_SCHEDULE,
     PUT_SCHEDULE,

@@ -66,7 +66,7 @@ COMPLETE_SEQUENCE = Operation(
     refusals=(Refusal.UNKNOWN_SEQUENCE, Refusal.VERSION_CHANGED, Refusal.NOT_SAVED),
 )
 
-OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+SEQUENCE_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     CREATE_SEQUENCE,
     LIST_SEQUENCES,
     SHOW_SEQUENCE,

@@ -116,7 +116,7 @@ REROUTE = Operation(
     refusals=(*_CHANGE, Refusal.NOT_REROUTABLE, Refusal.NOT_REACHED),
 )
 
-OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+VEHICLE_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     LIST_VEHICLES,
     SHOW_VEHICLE,
     INTEGRATION_LEVEL,
