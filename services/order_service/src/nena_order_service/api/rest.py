@@ -147,13 +147,12 @@ def role_needed(method: str, path: str) -> Role | None:
     if not reads and any(part in path for part in OPENTCS_PLANT_CHANGES):
         return Role.ADMIN
     inner = path[max(path.rfind("/v1/"), 0) :]  # as seen by a mounted application, such as openTCS's web API
-    alike = (
-        each
-        for each in GUARDED
-        if (each.method in READING) == reads and any(part.startswith(each.prefix) for part in (path, inner))
+    needs_admin = any(
+        operation.admin and (operation.method in READING) == reads
+        for operation in GUARDED
+        if any(part.startswith(operation.prefix) for part in (path, inner))
     )
-    least = Role.VIEWER if reads else Role.OPERATOR
-    return max((each.role for each in alike), default=least)
+    return Role.ADMIN if needs_admin else Role.VIEWER if reads else Role.OPERATOR
 
 
 def rule_of(settings: HttpSettings) -> RoleNeeded:

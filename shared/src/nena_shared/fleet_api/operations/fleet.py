@@ -6,7 +6,6 @@ from typing import Any, Final
 
 from nena_shared.fleet_api import requests
 from nena_shared.fleet_api.audit import AuditPage, AuditQuery
-from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.operations.operation import (
     AUDIT,
     RECORDINGS,
@@ -28,7 +27,6 @@ LIST_STOPS = Operation(
     "GET",
     STOPS,
     StopList,
-    Role.VIEWER,
     result="stops",
 )
 
@@ -38,7 +36,6 @@ STOP = Operation(
     "POST",
     STOPS,
     StopStatus,
-    Role.OPERATOR,
     request=StopRequest,
     result="stop",
     refusals=(Refusal.TOO_MANY_STOPS, Refusal.NOT_SAVED),
@@ -50,7 +47,6 @@ END_STOP = Operation(
     "POST",
     f"{STOPS}/{{name}}/end",
     StopStatus,
-    Role.OPERATOR,
     request=StopEndRequest,
     may_be_empty=True,
     subject="stop",
@@ -64,7 +60,6 @@ SUMMARISE = Operation(
     "GET",
     SUMMARY,
     requests.FleetSummary,
-    Role.VIEWER,
     result="summary",
 )
 
@@ -74,7 +69,6 @@ SHOW_TRAFFIC_PLAN = Operation(
     "GET",
     TRAFFIC_PLAN,
     TrafficPlan,
-    Role.VIEWER,
     result="traffic_plan",
 )
 
@@ -84,7 +78,7 @@ LIST_WEBHOOKS = Operation(
     "GET",
     WEBHOOKS,
     WebhookList,
-    Role.ADMIN,
+    admin=True,
 )
 
 LIST_AUDIT = Operation(
@@ -93,7 +87,7 @@ LIST_AUDIT = Operation(
     "GET",
     AUDIT,
     AuditPage,
-    Role.ADMIN,
+    admin=True,
     request=AuditQuery,
     refusals=(Refusal.NOT_SAVED,),
 )
@@ -104,7 +98,6 @@ FETCH_RECORDING = Operation(
     "POST",
     RECORDINGS,
     RecordingAnswer,
-    Role.OPERATOR,
     result="recording",
     refusals=(Refusal.NO_BLACK_BOX, Refusal.RECORDING_NOT_WRITTEN),
 )

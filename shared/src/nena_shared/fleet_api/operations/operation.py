@@ -8,7 +8,6 @@ from http import HTTPStatus
 from typing import Any, Final, Generic, Literal, TypeVar
 from urllib.parse import quote
 
-from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.refusals import Refusal
 
 A = TypeVar("A")
@@ -67,8 +66,8 @@ class Operation(Generic[A]):
     path: str
     """REST path; ``{name}`` is the name of the object."""
     answer: type[A]
-    role: Role
-    """Minimum role of REST clients."""
+    admin: bool = False
+    """Whether a REST client must be an administrator; otherwise a viewer may read, and an operator change."""
     request: Any = None
     """Type of the body, or of the query parameters for GET; None: no body."""
     may_be_empty: bool = False

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 from nena_shared.fleet_api import requests, transport_order
-from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.operations.operation import MADE_BEFORE, ORDER_BATCH, ORDERS, VEHICLES, Operation
 from nena_shared.fleet_api.refusals import Refusal
 
@@ -27,7 +26,6 @@ CREATE_ORDER = Operation(
     "POST",
     ORDERS,
     transport_order.TransportOrderStatus,
-    Role.OPERATOR,
     request=transport_order.TransportOrderRequest,
     versioned=True,
     creates=ORDERS,
@@ -48,7 +46,6 @@ CREATE_ORDERS = Operation(
     "POST",
     ORDER_BATCH,
     transport_order.TransportOrderBatchAnswer,
-    Role.OPERATOR,
     request=transport_order.TransportOrderBatch,
     refusals=(Refusal.NOT_SAVED,),
     max_body=BATCH_BYTES,
@@ -60,7 +57,6 @@ LIST_ORDERS = Operation(
     "GET",
     ORDERS,
     requests.TransportOrderPage,
-    Role.VIEWER,
     request=requests.TransportOrdersQuery,
     opentcs=(f"GET {ORDERS}",),
     refusals=(Refusal.NOT_SAVED,),
@@ -72,7 +68,6 @@ SHOW_ORDER = Operation(
     "GET",
     f"{ORDERS}/{{name}}",
     transport_order.TransportOrderStatus,
-    Role.VIEWER,
     versioned=True,
     opentcs=(f"GET {ORDERS}/{{name}}",),
     refusals=_STORED,
@@ -84,7 +79,6 @@ DELIVERY = Operation(
     "GET",
     f"{ORDERS}/{{name}}/delivery",
     transport_order.DeliveryStatus,
-    Role.VIEWER,
     subject="transport_order",
     result="delivery",
     refusals=_STORED,
@@ -96,7 +90,6 @@ ASSIGNMENT = Operation(
     "GET",
     f"{ORDERS}/{{name}}/assignment",
     transport_order.AssignmentStatus,
-    Role.VIEWER,
     request=requests.AssignmentQuery,
     subject="transport_order",
     result="assignment",
@@ -109,7 +102,6 @@ WITHDRAW = Operation(
     "POST",
     f"{ORDERS}/{{name}}/withdrawal",
     transport_order.TransportOrderStatus,
-    Role.OPERATOR,
     request=requests.WithdrawalRequest,
     may_be_empty=True,
     versioned=True,
@@ -128,7 +120,6 @@ HOLD = Operation(
     "POST",
     f"{ORDERS}/{{name}}/hold",
     transport_order.TransportOrderStatus,
-    Role.OPERATOR,
     request=requests.HoldRequest,
     may_be_empty=True,
     versioned=True,
@@ -143,7 +134,6 @@ RESUME = Operation(
     "POST",
     f"{ORDERS}/{{name}}/resume",
     transport_order.TransportOrderStatus,
-    Role.OPERATOR,
     request=requests.ResumeRequest,
     may_be_empty=True,
     versioned=True,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.operations.operation import PERIPHERAL_JOBS, PERIPHERALS, Operation
 from nena_shared.fleet_api.peripherals import (
     PeripheralJobList,
@@ -22,7 +21,6 @@ LIST_PERIPHERALS = Operation(
     "GET",
     PERIPHERALS,
     PeripheralList,
-    Role.VIEWER,
     result="peripherals",
 )
 
@@ -32,7 +30,6 @@ SHOW_PERIPHERAL = Operation(
     "GET",
     f"{PERIPHERALS}/{{name:path}}",
     PeripheralStatus,
-    Role.VIEWER,
     subject="location",
     result="peripheral",
     refusals=(Refusal.UNKNOWN_PERIPHERAL,),
@@ -44,7 +41,6 @@ LIST_JOBS = Operation(
     "GET",
     PERIPHERAL_JOBS,
     PeripheralJobList,
-    Role.VIEWER,
     request=PeripheralJobsQuery,
     refusals=(Refusal.UNKNOWN_JOB,),
     result="peripheral_jobs",
@@ -56,7 +52,6 @@ SHOW_JOB = Operation(
     "GET",
     f"{PERIPHERAL_JOBS}/{{name}}",
     PeripheralJobStatus,
-    Role.VIEWER,
     subject="peripheral_job",
     result="peripheral_job",
     refusals=(Refusal.UNKNOWN_JOB,),
@@ -68,7 +63,6 @@ CREATE_JOB = Operation(
     "POST",
     PERIPHERAL_JOBS,
     PeripheralJobStatus,
-    Role.OPERATOR,
     request=PeripheralJobRequest,
     creates=PERIPHERAL_JOBS,
     result="peripheral_job",
@@ -86,7 +80,6 @@ WITHDRAW_JOB = Operation(
     "POST",
     f"{PERIPHERAL_JOBS}/{{name}}/withdrawal",
     PeripheralJobStatus,
-    Role.OPERATOR,
     subject="peripheral_job",
     result="peripheral_job",
     refusals=(Refusal.UNKNOWN_JOB, Refusal.JOB_ENDED, Refusal.NOT_SAVED),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from nena_shared.fleet_api.base import ObjectName, Role
+from nena_shared.fleet_api.base import ObjectName
 from nena_shared.fleet_api.operations.operation import (
     LOCATIONS,
     PATHS,
@@ -42,7 +42,6 @@ LIST_POINTS = Operation(
     "GET",
     POINTS,
     PointPage,
-    Role.VIEWER,
     request=PointsQuery,
     result="points",
     refusals=(Refusal.UNKNOWN_POINT, Refusal.UNKNOWN_VEHICLE),
@@ -53,7 +52,6 @@ SHOW_POINT = Operation(
     "GET",
     f"{POINTS}/{{name:path}}",
     PointStatus,
-    Role.VIEWER,
     subject="point",
     result="point",
     refusals=(Refusal.UNKNOWN_POINT,),
@@ -64,7 +62,6 @@ LIST_LOCATIONS = Operation(
     "GET",
     LOCATIONS,
     LocationPage,
-    Role.VIEWER,
     request=LocationsQuery,
     result="locations",
     refusals=(Refusal.UNKNOWN_LOCATION, Refusal.UNKNOWN_POINT),
@@ -75,7 +72,6 @@ SHOW_LOCATION = Operation(
     "GET",
     f"{LOCATIONS}/{{name:path}}",
     LocationStatus,
-    Role.VIEWER,
     subject="location",
     result="location",
     refusals=(Refusal.UNKNOWN_LOCATION,),
@@ -86,7 +82,6 @@ LIST_PATHS = Operation(
     "GET",
     PATHS,
     PathPage,
-    Role.VIEWER,
     request=PathsQuery,
     refusals=(Refusal.UNKNOWN_PATH,),
 )
@@ -97,7 +92,6 @@ LOCK_PATH = Operation(
     "PUT",
     f"{PATHS}/{{name:path}}/lock",
     PathStatus,
-    Role.OPERATOR,
     request=PathLockRequest,
     subject="path",
     result="path",
@@ -111,7 +105,6 @@ SHOW_PATH = Operation(
     "GET",
     f"{PATHS}/{{name:path}}",
     PathStatus,
-    Role.VIEWER,
     refusals=(Refusal.UNKNOWN_PATH,),
 )
 
@@ -121,7 +114,6 @@ LIST_ZONE_SETS = Operation(
     "GET",
     ZONE_SETS,
     ZoneSetList,
-    Role.VIEWER,
 )
 
 SHOW_ZONE_SET = Operation(
@@ -130,7 +122,6 @@ SHOW_ZONE_SET = Operation(
     "GET",
     f"{ZONE_SETS}/{{name}}",
     ZoneSetStatus,
-    Role.VIEWER,
     name_type=ObjectName,
     refusals=(Refusal.UNKNOWN_ZONE_SET,),
 )
@@ -141,7 +132,7 @@ PUT_ZONE_SET = Operation(
     "POST",
     ZONE_SETS,
     ZoneSetStatus,
-    Role.ADMIN,
+    admin=True,
     request=ZoneSetRequest,
     request_field="zone_set",
     result="zone_set",
@@ -154,7 +145,7 @@ ENABLE_ZONE_SET = Operation(
     "POST",
     f"{ZONE_SETS}/{{name}}/enable",
     ZoneSetStatus,
-    Role.ADMIN,
+    admin=True,
     subject="zone_set_id",
     result="zone_set",
     name_type=ObjectName,
@@ -167,7 +158,7 @@ DELETE_ZONE_SET = Operation(
     "DELETE",
     f"{ZONE_SETS}/{{name}}",
     ZoneSetStatus,
-    Role.ADMIN,
+    admin=True,
     subject="zone_set_id",
     result="zone_set",
     name_type=ObjectName,
@@ -180,7 +171,7 @@ CHANGE_PLANT = Operation(
     "PUT",
     PLANT_MODEL,
     PlantModelChange,
-    Role.ADMIN,
+    admin=True,
     max_body=MAX_BYTES,
     refusals=(Refusal.INVALID_PLANT, Refusal.PLANT_IN_USE, Refusal.NOT_SAVED),
 )

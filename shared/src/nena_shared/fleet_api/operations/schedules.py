@@ -5,7 +5,7 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import Any, Final
 
-from nena_shared.fleet_api.base import ObjectName, Role
+from nena_shared.fleet_api.base import ObjectName
 from nena_shared.fleet_api.operations.operation import SCHEDULES, Operation
 from nena_shared.fleet_api.refusals import Refusal
 from nena_shared.fleet_api.schedules import ScheduleList, ScheduleRequest, ScheduleStatus, ScheduleSwitch
@@ -18,7 +18,6 @@ LIST_SCHEDULES = Operation(
     "GET",
     SCHEDULES,
     ScheduleList,
-    Role.VIEWER,
     result="schedules",
 )
 SHOW_SCHEDULE = Operation(
@@ -27,7 +26,6 @@ SHOW_SCHEDULE = Operation(
     "GET",
     f"{SCHEDULES}/{{name}}",
     ScheduleStatus,
-    Role.VIEWER,
     subject="schedule",
     result="schedule",
     name_type=ObjectName,
@@ -39,7 +37,6 @@ PUT_SCHEDULE = Operation(
     "PUT",
     f"{SCHEDULES}/{{name}}",
     ScheduleStatus,
-    Role.OPERATOR,
     request=ScheduleRequest,
     also={HTTPStatus.CREATED: "Created."},
     subject="schedule",
@@ -59,7 +56,6 @@ ENABLE_SCHEDULE = Operation(
     "PUT",
     f"{SCHEDULES}/{{name}}/enabled",
     ScheduleStatus,
-    Role.OPERATOR,
     request=ScheduleSwitch,
     subject="schedule",
     result="schedule",
@@ -72,7 +68,6 @@ DELETE_SCHEDULE = Operation(
     "DELETE",
     f"{SCHEDULES}/{{name}}",
     ScheduleStatus,
-    Role.OPERATOR,
     subject="schedule",
     result="schedule",
     name_type=ObjectName,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 from nena_shared.fleet_api import requests, transport_order
-from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.operations.operation import MADE_BEFORE, SEQUENCES, Operation
 from nena_shared.fleet_api.refusals import Refusal
 
@@ -15,7 +14,6 @@ CREATE_SEQUENCE = Operation(
     "POST",
     SEQUENCES,
     transport_order.OrderSequenceStatus,
-    Role.OPERATOR,
     request=transport_order.OrderSequenceRequest,
     versioned=True,
     creates=SEQUENCES,
@@ -31,7 +29,6 @@ LIST_SEQUENCES = Operation(
     "GET",
     SEQUENCES,
     requests.OrderSequencePage,
-    Role.VIEWER,
     request=requests.OrderSequencesQuery,
     result="order_sequences",
     opentcs=(f"GET {SEQUENCES}",),
@@ -44,7 +41,6 @@ SHOW_SEQUENCE = Operation(
     "GET",
     f"{SEQUENCES}/{{name}}",
     transport_order.OrderSequenceStatus,
-    Role.VIEWER,
     versioned=True,
     subject="order_sequence",
     result="order_sequence",
@@ -58,7 +54,6 @@ COMPLETE_SEQUENCE = Operation(
     "POST",
     f"{SEQUENCES}/{{name}}/completion",
     transport_order.OrderSequenceStatus,
-    Role.OPERATOR,
     versioned=True,
     subject="order_sequence",
     result="order_sequence",

@@ -6,7 +6,6 @@ from http import HTTPStatus
 from typing import Any, Final
 
 from nena_shared.fleet_api import requests, transport_order
-from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.operations.operation import ORDERS, VEHICLES, Operation
 from nena_shared.fleet_api.operations.orders import NEW_ORDER_REFUSALS
 from nena_shared.fleet_api.refusals import Refusal
@@ -20,7 +19,6 @@ LIST_VEHICLES = Operation(
     "GET",
     VEHICLES,
     requests.VehicleList,
-    Role.VIEWER,
     request=requests.VehiclesQuery,
     opentcs=(f"GET {VEHICLES}",),
     refusals=(Refusal.UNKNOWN_VEHICLE,),
@@ -32,7 +30,6 @@ SHOW_VEHICLE = Operation(
     "GET",
     f"{VEHICLES}/{{name}}",
     VehicleStatus,
-    Role.VIEWER,
     opentcs=(f"GET {VEHICLES}/{{name}}",),
     refusals=(Refusal.UNKNOWN_VEHICLE,),
 )
@@ -43,7 +40,6 @@ INTEGRATION_LEVEL = Operation(
     "PUT",
     f"{VEHICLES}/{{name}}/integrationLevel",
     VehicleStatus,
-    Role.OPERATOR,
     request=requests.IntegrationLevelRequest,
     subject="vehicle",
     result="vehicle",
@@ -57,7 +53,6 @@ ORDER_TYPES = Operation(
     "PUT",
     f"{VEHICLES}/{{name}}/acceptableOrderTypes",
     VehicleStatus,
-    Role.OPERATOR,
     request=requests.OrderTypesRequest,
     subject="vehicle",
     result="vehicle",
@@ -74,7 +69,6 @@ DISPATCH = Operation(
     "POST",
     f"{VEHICLES}/{{name}}/dispatch",
     transport_order.TransportOrderStatus,
-    Role.OPERATOR,
     request=requests.DispatchRequest,
     creates=ORDERS,
     subject="vehicle",
@@ -88,7 +82,6 @@ INSTANT_ACTION = Operation(
     "POST",
     f"{VEHICLES}/{{name}}/instantActions",
     requests.InstantActionAnswer,
-    Role.OPERATOR,
     request=requests.InstantActionRequest,
     also={HTTPStatus.ACCEPTED: "It is still running."},
     subject="vehicle",
@@ -108,7 +101,6 @@ REROUTE = Operation(
     "POST",
     f"{VEHICLES}/{{name}}/rerouting",
     ReroutingAnswer,
-    Role.OPERATOR,
     request=requests.ReroutingRequest,
     subject="vehicle",
     result="rerouting",
