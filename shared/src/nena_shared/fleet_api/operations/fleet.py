@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
-
 from nena_shared.fleet_api import requests
 from nena_shared.fleet_api.audit import AuditPage, AuditQuery
 from nena_shared.fleet_api.operations.operation import (
@@ -100,15 +98,4 @@ FETCH_RECORDING = Operation(
     RecordingAnswer,
     result="recording",
     refusals=(Refusal.NO_BLACK_BOX, Refusal.RECORDING_NOT_WRITTEN),
-)
-
-FLEET_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
-    LIST_STOPS,
-    STOP,
-    END_STOP,
-    SUMMARISE,
-    SHOW_TRAFFIC_PLAN,
-    LIST_WEBHOOKS,
-    LIST_AUDIT,
-    FETCH_RECORDING,
 )

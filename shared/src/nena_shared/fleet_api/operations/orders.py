@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from nena_shared.fleet_api import requests, transport_order
 from nena_shared.fleet_api.operations.operation import MADE_BEFORE, ORDER_BATCH, ORDERS, VEHICLES, Operation
@@ -140,16 +140,4 @@ RESUME = Operation(
     subject="transport_order",
     result="transport_order",
     refusals=_CHANGE,
-)
-
-ORDER_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
-    CREATE_ORDER,
-    CREATE_ORDERS,
-    LIST_ORDERS,
-    SHOW_ORDER,
-    DELIVERY,
-    ASSIGNMENT,
-    WITHDRAW,
-    HOLD,
-    RESUME,
 )

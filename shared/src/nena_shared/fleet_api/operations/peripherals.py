@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
-
 from nena_shared.fleet_api.operations.operation import PERIPHERAL_JOBS, PERIPHERALS, Operation
 from nena_shared.fleet_api.peripherals import (
     PeripheralJobList,
@@ -83,13 +81,4 @@ WITHDRAW_JOB = Operation(
     subject="peripheral_job",
     result="peripheral_job",
     refusals=(Refusal.UNKNOWN_JOB, Refusal.JOB_ENDED, Refusal.NOT_SAVED),
-)
-
-PERIPHERAL_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
-    LIST_PERIPHERALS,
-    SHOW_PERIPHERAL,
-    LIST_JOBS,
-    SHOW_JOB,
-    CREATE_JOB,
-    WITHDRAW_JOB,
 )

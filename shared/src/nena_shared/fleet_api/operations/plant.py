@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from nena_shared.fleet_api.base import ObjectName
 from nena_shared.fleet_api.operations.operation import (
@@ -176,18 +176,3 @@ CHANGE_PLANT = Operation(
     refusals=(Refusal.INVALID_PLANT, Refusal.PLANT_IN_USE, Refusal.NOT_SAVED),
 )
 """The body is a file in one of several formats, so this route is written by hand."""
-
-PLANT_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
-    LIST_POINTS,
-    SHOW_POINT,
-    LIST_LOCATIONS,
-    SHOW_LOCATION,
-    LIST_PATHS,
-    LOCK_PATH,
-    SHOW_PATH,
-    LIST_ZONE_SETS,
-    SHOW_ZONE_SET,
-    PUT_ZONE_SET,
-    ENABLE_ZONE_SET,
-    DELETE_ZONE_SET,
-)

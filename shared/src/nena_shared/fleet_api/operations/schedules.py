@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import Any, Final
+from typing import Final
 
 from nena_shared.fleet_api.base import ObjectName
 from nena_shared.fleet_api.operations.operation import SCHEDULES, Operation
@@ -72,12 +72,4 @@ DELETE_SCHEDULE = Operation(
     result="schedule",
     name_type=ObjectName,
     refusals=_CHANGE,
-)
-
-SCHEDULE_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
-    LIST_SCHEDULES,
-    SHOW_SCHEDULE,
-    PUT_SCHEDULE,
-    ENABLE_SCHEDULE,
-    DELETE_SCHEDULE,
 )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
-
 from nena_shared.fleet_api import requests, transport_order
 from nena_shared.fleet_api.operations.operation import MADE_BEFORE, SEQUENCES, Operation
 from nena_shared.fleet_api.refusals import Refusal
@@ -59,11 +57,4 @@ COMPLETE_SEQUENCE = Operation(
     result="order_sequence",
     opentcs=(f"PUT {SEQUENCES}/{{name}}/complete",),
     refusals=(Refusal.UNKNOWN_SEQUENCE, Refusal.VERSION_CHANGED, Refusal.NOT_SAVED),
-)
-
-SEQUENCE_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
-    CREATE_SEQUENCE,
-    LIST_SEQUENCES,
-    SHOW_SEQUENCE,
-    COMPLETE_SEQUENCE,
 )

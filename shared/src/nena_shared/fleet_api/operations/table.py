@@ -24,16 +24,16 @@ from nena_shared.fleet_api.operations.schedules import *  # noqa: F403
 from nena_shared.fleet_api.operations.sequences import *  # noqa: F403
 from nena_shared.fleet_api.operations.vehicles import *  # noqa: F403
 
-OPERATIONS: Final[tuple[operation.Operation[Any], ...]] = (
-    *orders.ORDER_OPERATIONS,
-    *sequences.SEQUENCE_OPERATIONS,
-    *schedules.SCHEDULE_OPERATIONS,
-    *vehicles.VEHICLE_OPERATIONS,
-    *plant.PLANT_OPERATIONS,
-    *fleet.FLEET_OPERATIONS,
-    *peripherals.PERIPHERAL_OPERATIONS,
+OPERATIONS: Final[tuple[operation.Operation[Any], ...]] = tuple(
+    each
+    for noun in (orders, sequences, schedules, vehicles, plant, fleet, peripherals)
+    for each in vars(noun).values()
+    if isinstance(each, operation.Operation) and each is not plant.CHANGE_PLANT
 )
-"""All operations with generated routes. A route that also matches another one's path comes after it."""
+"""All operations that are served alike, in the order of their modules: all but the one whose body is a file.
+
+A route that also matches another one's path comes after it.
+"""
 
 COMMANDS: Final[Mapping[str, operation.Operation[Any]]] = {
     each.name: each for each in OPERATIONS if each.result

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import Any, Final
+from typing import Final
 
 from nena_shared.fleet_api import requests, transport_order
 from nena_shared.fleet_api.operations.operation import ORDERS, VEHICLES, Operation
@@ -106,14 +106,4 @@ REROUTE = Operation(
     result="rerouting",
     opentcs=(f"POST {VEHICLES}/{{name}}/rerouteRequest",),
     refusals=(*_CHANGE, Refusal.NOT_REROUTABLE, Refusal.NOT_REACHED),
-)
-
-VEHICLE_OPERATIONS: Final[tuple[Operation[Any], ...]] = (
-    LIST_VEHICLES,
-    SHOW_VEHICLE,
-    INTEGRATION_LEVEL,
-    ORDER_TYPES,
-    DISPATCH,
-    INSTANT_ACTION,
-    REROUTE,
 )
