@@ -95,14 +95,6 @@ class BlocksLater(Running):
         super().finish()
 
 
-class Hangs(Running):
-    """Never comes back."""
-
-    def __init__(self, action_id: str, report: Report) -> None:
-        threading.Event().wait()
-        super().__init__(action_id, report)
-
-
 class Raises(Running):
     def __init__(self, action_id: str, report: Report) -> None:  # noqa: ARG002
         message = "no hydraulic pressure"
@@ -201,36 +193,46 @@ def _check(_: Action) -> str | None:
 KEY = Parameter("key", ValueDataType.STRING)
 
 BAD: dict[str, tuple[Good, str]] = {
-    "blocks": (made(Blocks), "Does not block"),
-    "blocks later": (made(BlocksLater), "Does not block"),
-    "raises": (made(Raises), "Start to end"),
-    "gives nothing": (made(lambda *_: None), "Start to end"),
-    "gives no running action": (made(lambda *_: object()), "Start to end"),
-    "silent": (made(Silent), "Start to end"),
-    "tells of another": (made(TellsOfAnother), "Start to end"),
-    "tells no reports": (made(TellsNoReports), "Start to end"),
-    "ends twice": (made(EndsTwice), "Start to end"),
-    "never ends": (made(NeverEnds, ActionDeclaration("good", NODE)), "Start to end"),
-    "cannot give up": (made(CannotGiveUp), "Cancel"),
-    "raises at cancel": (made(RaisesAtCancel), "Cancel"),
-    "gives no reason": (made(GivesNoReason), "Cancel"),
-    "does not hold": (made(DoesNotHold), "Pause and resume"),
-    "works in the pause": (made(WorksInThePause), "Pause and resume"),
-    "talks behind the end": (made(TalksBehindTheEnd), "After the end"),
-    "leaves a task": (made(LeavesATask), "No leaks"),
-    "leaves a thread": (made(LeavesAThread), "No leaks"),
-    "one at a time": (OneAtATime(), "Two at a time"),
-    "is the agent's": (made(declaration=ActionDeclaration("cancelOrder", NODE)), "Declaration"),
-    "has no scope": (made(declaration=ActionDeclaration("good", ())), "Declaration"),
-    "has a key twice": (made(declaration=ActionDeclaration("good", NODE, (KEY, KEY))), "Declaration"),
+    "blocks": (made(Blocks), "blocks the whole agent at .* in pass_time"),
+    "blocks later": (made(BlocksLater), "blocks the whole agent at .*bad_plugins.* in finish"),
+    "raises": (made(Raises), "start raised RuntimeError: no hydraulic pressure"),
+    "gives nothing": (made(lambda *_: None), "returned None, which has no pause, resume, cancel"),
+    "gives no running action": (made(lambda *_: object()), "which has no pause, resume, cancel"),
+    "silent": (made(Silent), "no report within 0.3 s of the start"),
+    "tells of another": (made(TellsOfAnother), "it reported on another action: 'another'"),
+    "tells no reports": (made(TellsNoReports), "it reported 'RUNNING', which is not an ActionReport"),
+    "ends twice": (made(EndsTwice), "it reported RUNNING, FINISHED, FAILED"),
+    "never ends": (
+        made(NeverEnds, ActionDeclaration("good", NODE)),
+        "cannot be cancelled and has no timeout",
+    ),
+    "cannot give up": (made(CannotGiveUp), "did not end within 0.3 s of cancel"),
+    "raises at cancel": (made(RaisesAtCancel), "cancel raised RuntimeError: not now"),
+    "gives no reason": (made(GivesNoReason), "cancelled without a reason"),
+    "does not hold": (made(DoesNotHold), "PAUSED was not reported within 0.3 s of pause"),
+    "works in the pause": (made(WorksInThePause), "it reported RUNNING while paused"),
+    "talks behind the end": (made(TalksBehindTheEnd), "FINISHED, RUNNING"),
+    "leaves a task": (made(LeavesATask), "left running by actions that have ended: forgotten"),
+    "leaves a thread": (made(LeavesAThread), "left running by actions that have ended: forgotten"),
+    "one at a time": (OneAtATime(), "it reported on another action"),
+    "is the agent's": (made(declaration=ActionDeclaration("cancelOrder", NODE)), "reserved by the agent"),
+    "has no scope": (made(declaration=ActionDeclaration("good", ())), "no scopes"),
+    "has a key twice": (made(declaration=ActionDeclaration("good", NODE, (KEY, KEY))), "the same key"),
     "cannot be told": (
         made(declaration=ActionDeclaration("good", NODE, description=cast("str", 7))),
-        "Declaration",
+        "does not fit the factsheet",
     ),
-    "cannot judge": (made(declaration=ActionDeclaration("good", NODE, check=_check)), "Check of parameters"),
+    "cannot judge": (
+        made(declaration=ActionDeclaration("good", NODE, check=_check)),
+        "check raised KeyError",
+    ),
     "judges by no sentence": (
         made(declaration=ActionDeclaration("good", NODE, check=lambda _: cast("str", 7))),
-        "Check of parameters",
+        "check returned 7",
+    ),
+    "refuses its parameters": (
+        made(declaration=ActionDeclaration("good", NODE, check=lambda _: "too high")),
+        "too high: pass valid parameters",
     ),
 }
-"""By what is wrong: the plug-in, and the check that finds it."""
+"""By what is wrong: the plug-in, and what the helper says about it."""

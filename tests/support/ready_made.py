@@ -8,7 +8,7 @@ from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
 from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import ActionRunner
-from nena_edge_agent.plugin_check.command import DryDrive
+from nena_edge_agent.plugin_check import DryDrive
 from nena_edge_agent.protocol.events import ActionReport, StartAction
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.topics import RobotKey

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +44,7 @@ def make(context):
 def example() -> dict[str, str]:
     """Return the files of the example, as they are on the page."""
     part = PAGE.read_text(encoding="utf-8").split("## A plug-in of your own")[1]
-    (project, *_), (code,) = (
+    (project, *_), (code, *_) = (
         re.findall(rf"```{kind}\n(.*?)```", part, re.DOTALL) for kind in ("toml", "python")
     )
     return {"pyproject.toml": project, "acme_forks.py": code}
@@ -65,35 +63,6 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "acme_no_ros.py": NO_ROS,
     }
     return install(files, tmp_path_factory.mktemp("broken"))
-
-
-def check(*arguments: str, sites: tuple[Path, ...]) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "nena_edge_agent", "check-plugin", *arguments]
-    return subprocess.run(
-        command, env=environment_with(*sites), capture_output=True, text=True, timeout=100, check=False
-    )
-
-
-def test_example_of_the_guide_passes_the_contract_tests(forks: Path) -> None:
-    done = check("forks", "--parameters", '{"height": 1.0}', sites=(forks,))
-
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "ok        Start to end: FINISHED: at 1.00 m" in done.stdout
-    assert "Passed: the plug-in keeps the contract." in done.stdout
-
-
-def test_plugin_that_cannot_be_loaded_is_reported_as_broken(broken: Path) -> None:
-    done = check("broken", sites=(broken,))
-
-    assert done.returncode == 1
-    assert "No module named 'acme_hydraulics'" in done.stdout
-
-
-def test_unknown_plugin_is_a_usage_error(forks: Path) -> None:
-    done = check("froks", sites=(forks,))
-
-    assert done.returncode == 2
-    assert "not a plug-in (forks) or an action (pick, drop" in done.stderr
 
 
 @pytest.mark.clause("6.2.3", "6.10", "6.6.9")

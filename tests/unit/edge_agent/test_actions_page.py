@@ -12,7 +12,7 @@ import pytest
 from nena_edge_agent.actions.plugin import PluginContext
 from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.robot_ports import LoadSensor
-from nena_edge_agent.plugin_check.command import DryDrive, DryRos
+from nena_edge_agent.plugin_check import DryDrive, DryRos
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.topics import RobotKey

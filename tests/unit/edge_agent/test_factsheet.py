@@ -16,7 +16,7 @@ from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.factsheet import braking_distance, make_capabilities, make_factsheet
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.nav2.offers import Nav2Offers
-from nena_edge_agent.plugin_check.command import DryDrive
+from nena_edge_agent.plugin_check import DryDrive
 from nena_edge_agent.program import make_registry
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT

@@ -20,10 +20,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         from nena_edge_agent.doctor import program as doctor  # noqa: PLC0415 - see the docstring
 
         return doctor.main(arguments[1:])
-    if arguments[:1] == ["check-plugin"]:
-        from nena_edge_agent.plugin_check import command  # noqa: PLC0415
-
-        return command.main(arguments[1:])
     from nena_edge_agent import program  # noqa: PLC0415
 
     return program.main(arguments)

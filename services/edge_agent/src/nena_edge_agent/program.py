@@ -46,8 +46,7 @@ from nena_shared.vda5050.versions import codec_for, topics_for
 PROGRAM = "nena-edge-agent"
 DESCRIPTION = (
     "Run a ROS 2 robot with Nav2 as a VDA 5050 robot: execute orders and instant actions, publish states. "
-    "Without a robot: nena-edge-agent --driver loopback. Find connection problems: nena-edge-agent doctor. "
-    "Test an action plug-in: nena-edge-agent check-plugin NAME"
+    "Without a robot: nena-edge-agent --driver loopback. Find connection problems: nena-edge-agent doctor"
 )
 
 NAV2_STORE = "nav2"

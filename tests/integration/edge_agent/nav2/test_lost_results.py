@@ -17,7 +17,7 @@ from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.run import ActionRunner
 from nena_edge_agent.nav2.session import RosSession
-from nena_edge_agent.plugin_check.command import DryDrive
+from nena_edge_agent.plugin_check import DryDrive
 from nena_edge_agent.protocol.events import ActionReport, CancelAction, StartAction
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_robot_simulator.interfaces import build

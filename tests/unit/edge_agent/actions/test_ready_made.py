@@ -9,8 +9,7 @@ import pytest
 from nena_edge_agent.actions.builtin import Wait
 from nena_edge_agent.actions.plugin import ActionTimeouts
 from nena_edge_agent.actions.registry import Installed
-from nena_edge_agent.plugin_check.command import findings_of
-from nena_edge_agent.plugin_check.contract import Subject, Verdict
+from nena_edge_agent.plugin_check import check_plugin
 from nena_edge_agent.program import effective_operations
 from nena_edge_agent.protocol.declaration import LoadChange
 from nena_edge_agent.protocol.events import ActionReport
@@ -110,23 +109,20 @@ KEPT = [
 
 
 @pytest.mark.parametrize(("operation", "parameters"), KEPT, ids=lambda each: str(each.get("kind", "")))
-def test_each_ready_made_action_meets_the_contract(
+async def test_each_ready_made_action_meets_the_contract(
     operation: dict[str, Any], parameters: dict[str, Any]
 ) -> None:
     ros = ScriptedRos()
     ros.services["clamp"] = {"success": True, "message": ""}
     (plugin,) = plugins_of(operation, ros=ros)
 
-    findings = findings_of(Subject(plugin, parameters, ActionTimeouts(begin=10.0, obey=10.0), 0.5))
-
-    assert [each for each in findings if each.verdict is Verdict.BROKEN] == []
-    assert len([each for each in findings if each.verdict is Verdict.OK]) >= 6
+    await check_plugin(plugin, parameters, seconds=0.5, timeouts=ActionTimeouts(begin=10.0, obey=10.0))
 
 
-def test_wait_meets_the_contract() -> None:
-    findings = findings_of(Subject(Wait(), {"duration": 0.3}, ActionTimeouts(begin=10.0, obey=10.0), 30.0))
+async def test_wait_meets_the_contract() -> None:
+    timeouts = ActionTimeouts(begin=10.0, obey=10.0)
 
-    assert {each.verdict for each in findings} == {Verdict.OK}
+    await check_plugin(Wait(), {"duration": 0.3}, seconds=30.0, timeouts=timeouts)
 
 
 def test_without_ros_actions_that_need_it_are_refused_and_not_offered() -> None:

@@ -20,7 +20,7 @@ from nena_edge_agent.actions.registry import (
     make,
 )
 from nena_edge_agent.actions.settings import ActionSettings
-from nena_edge_agent.plugin_check.command import DryDrive
+from nena_edge_agent.plugin_check import DryDrive
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.action import Action

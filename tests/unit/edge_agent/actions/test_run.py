@@ -14,13 +14,10 @@ from nena_edge_agent.actions.builtin import Wait
 from nena_edge_agent.actions.plugin import ENDED, ActionTimeouts, Report, RunningAction
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import (
-    BLOCKED_SAMPLES,
     MAXIMUM_RESULT,
     PROGRESS_INTERVAL,
-    SAMPLE_INTERVAL,
     ActionRunner,
     Run,
-    Watchdog,
     report_problem,
 )
 from nena_edge_agent.protocol.declaration import ActionDeclaration
@@ -384,25 +381,3 @@ def test_a_valid_report_has_no_problem(report: ActionReport) -> None:
 
 def test_a_problem_of_a_report_is_described_briefly() -> None:
     assert len(report_problem("x" * 10_000, "a") or "") < 200
-
-
-async def test_an_idle_event_loop_is_not_blocked() -> None:
-    dog = Watchdog()
-    for _ in range(BLOCKED_SAMPLES * 4):
-        await time_passes(SAMPLE_INTERVAL / 2)
-    dog.stop()
-
-    assert dog.blocked == ""
-
-
-@pytest.mark.filterwarnings("ignore")
-async def test_a_blocked_event_loop_is_detected_with_the_location() -> None:
-    dog = Watchdog()
-    await until(lambda: dog._rounds > 1)
-    end = time.monotonic() + 30.0
-    while not dog.blocked and time.monotonic() < end:
-        pass
-    dog.stop()
-
-    assert "test_a_blocked_event_loop_is_detected_with_the_location" in dog.blocked
-    assert not dog.hangs.is_set()

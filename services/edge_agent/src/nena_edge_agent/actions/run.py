@@ -1,15 +1,12 @@
-"""Run actions in their plug-ins: supervise each run, check its reports, and detect a blocked event loop."""
+"""Run actions in their plug-ins: supervise each run, and check its reports."""
 
 from __future__ import annotations
 
 import asyncio
-import sys
 import threading
-import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import inf
-from pathlib import Path
 from typing import Any, Final
 
 from nena_edge_agent.actions.plugin import ActionPlugin, ActionTimeouts, Report, RunningAction
@@ -69,67 +66,6 @@ def report_problem(report: object, action_id: str) -> str | None:
 
 def _named(value: object) -> str:
     return repr(value)[:100]
-
-
-SAMPLE_INTERVAL: Final = 0.05
-"""Interval between two samples, seconds."""
-BLOCKED_SAMPLES: Final = 4
-"""Samples without progress until the loop counts as blocked. Samples, not seconds: on a busy machine, samples
-are late as well."""
-HUNG_SAMPLES: Final = 100
-"""Samples without progress until the loop counts as blocked forever."""
-WAITING: Final = frozenset({"select", "poll", "epoll", "_run_once"})
-"""Functions in which an event loop waits."""
-
-
-class Watchdog:
-    """Watches the running event loop; ``blocked`` is the line of code that has blocked it, or empty."""
-
-    def __init__(self) -> None:
-        self._loop = asyncio.get_running_loop()
-        self._thread = threading.get_ident()
-        self._rounds = 0
-        self._stop = threading.Event()
-        self.blocked = ""
-        self.hangs = threading.Event()
-        """Set when the loop is blocked forever."""
-        self._beat()
-        threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
-
-    def stop(self) -> None:
-        """Stop watching."""
-        self._stop.set()
-
-    def _beat(self) -> None:
-        self._rounds += 1
-        self._loop.call_later(SAMPLE_INTERVAL / 2, self._beat)
-
-    def _watch(self) -> None:
-        seen, samples = 0, 0
-        while not self._stop.wait(SAMPLE_INTERVAL):
-            stuck = self._rounds == seen and not self._idle()
-            samples, seen = (samples + 1 if stuck else 0), self._rounds
-            if samples == BLOCKED_SAMPLES:
-                self.blocked = self.blocked or self._place()
-            if samples == HUNG_SAMPLES:
-                self.hangs.set()
-
-    def _idle(self) -> bool:
-        frame = sys._current_frames().get(self._thread)  # noqa: SLF001 - the documented way to inspect another thread
-        return frame is None or frame.f_code.co_name in WAITING
-
-    def _place(self) -> str:
-        """Return the innermost line outside the event loop and the standard library."""
-        frame = sys._current_frames().get(self._thread)  # noqa: SLF001
-        stack = traceback.extract_stack(frame) if frame else []
-        library = str(Path(threading.__file__).parent)
-        own = [
-            each
-            for each in stack
-            if not each.filename.startswith(library) or "site-packages" in each.filename
-        ]
-        last = (own or stack)[-1] if stack else None
-        return f"{last.filename}:{last.lineno} in {last.name}" if last else "an unknown place"
 
 
 log = get_logger(__name__)

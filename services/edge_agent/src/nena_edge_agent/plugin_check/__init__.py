@@ -1,1 +1,0 @@
-"""Checks an action plug-in by using it as the agent would."""
