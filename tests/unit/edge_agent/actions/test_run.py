@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import threading
-import time
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -26,7 +25,6 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.state import Load
-from support.pausing import time_passes
 from support.robot_core import action
 from support.waiting import until
 
