@@ -44,7 +44,7 @@ async def test_invalid_messages_and_types_are_refused_first() -> None:
 
 
 class Silent:
-    """A session whose action server accepts goals, if at all, and never answers."""
+    """A session with clients whose action server accepts goals, if at all, and never answers."""
 
     state = SessionState.ACTIVE
 
@@ -55,7 +55,7 @@ class Silent:
     def subscribe(self, *_: object, **__: object) -> None:
         """Do nothing: the status array lists no goal."""
 
-    def create_client(self, _node: object, kind: Any, path: str) -> Any:
+    def create_client(self, kind: Any, path: str) -> Any:
         """Return a client that has found its service."""
         made = SimpleNamespace(goal_info=SimpleNamespace(goal_id=None))
         service = SimpleNamespace(Request=lambda: made)
@@ -94,7 +94,8 @@ async def test_a_goal_without_feedback_is_cancelled(
     session = Silent(accepts=accepts)
     port = PluginRos()
     action = port.action("lift", "acme_msgs/action/Lift")
-    port.enter(session, SimpleNamespace(get_publishers_info_by_topic=lambda _: []))  # type: ignore[arg-type]
+    node = SimpleNamespace(get_publishers_info_by_topic=lambda _: [], create_client=session.create_client)
+    port.enter(session, node)  # type: ignore[arg-type]
 
     with pytest.raises(RosError):
         await action.run({})

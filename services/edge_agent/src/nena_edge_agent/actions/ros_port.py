@@ -171,10 +171,10 @@ class _Publisher:
         self._shape = installed(message_type, type_name)
         self._publisher: Any = None
 
-    def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
+    def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401, ARG002
         from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
 
-        self._publisher = session.create_publisher(node, self._shape.make, self._topic, RELIABLE)
+        self._publisher = node.create_publisher(self._shape.make, self._topic, RELIABLE)
 
     @property
     def listeners(self) -> int:
@@ -242,8 +242,8 @@ class _Client:
         self._request, _ = installed(service_type, type_name)
         self._client: Any = None
 
-    def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
-        self._client = session.create_client(node, self._kind, self._service)
+    def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401, ARG002
+        self._client = node.create_client(self._kind, self._service)
 
     async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:
         request = _message(fields, self._request, self._service)
@@ -287,9 +287,9 @@ class _Action:
             handle=self._on_statuses,
             limit=STATUS_ARRAYS,
         )
-        self._send = session.create_client(node, services.SendGoalService, f"{hidden}/send_goal")
-        self._results = session.create_client(node, services.GetResultService, f"{hidden}/get_result")
-        self._cancel = session.create_client(node, CancelGoal, f"{hidden}/cancel_goal")
+        self._send = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
+        self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
+        self._cancel = node.create_client(CancelGoal, f"{hidden}/cancel_goal")
 
     async def run(self, fields: Mapping[str, JsonValue]) -> Fields:
         goal = _message(fields, self._goal, self._name)

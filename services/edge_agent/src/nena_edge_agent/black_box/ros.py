@@ -36,7 +36,7 @@ class RosTopicRecorder:
         self._ring = ring
         self._clock = clock
 
-    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+    def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401, ARG002
         """Subscribe on a new node; a topic whose type is not installed is logged and left out."""
         from nena_edge_agent.nav2.node import SENSOR  # noqa: PLC0415 - the loopback needs no ROS
 
@@ -48,7 +48,7 @@ class RosTopicRecorder:
                 continue
             name = node.resolve_topic_name(each.topic)
             add = partial(self._add, Channel(name, each.type))
-            session.subscribe_serialised(node, kind, each.topic, SENSOR, add)
+            node.create_subscription(kind, each.topic, add, SENSOR, raw=True)
 
     def _add(self, channel: Channel, message: bytes) -> None:
         self._ring.add(channel, message, self._clock.monotonic())

@@ -170,8 +170,8 @@ class _Probe:
         self._node = node
         self._parameters.enter(self._session, node)
         self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
-        self._lifecycle = self._session.create_client(node, Trigger, names.lifecycle)
-        self._fresh_pose = self._session.create_client(node, Empty, names.fresh_pose)
+        self._lifecycle = node.create_client(Trigger, names.lifecycle)
+        self._fresh_pose = node.create_client(Empty, names.fresh_pose)
         for qos in (LATCHED, SENSOR):
             subscribe(
                 node,

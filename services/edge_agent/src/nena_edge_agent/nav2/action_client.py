@@ -71,8 +71,8 @@ class ActionClient:
         """Create the clients and the subscription."""
         self._session, self._node = session, node
         services, hidden = self._types.Impl, f"{self._name}/_action"
-        self._goals = session.create_client(node, services.SendGoalService, f"{hidden}/send_goal")
-        self._results = session.create_client(node, services.GetResultService, f"{hidden}/get_result")
+        self._goals = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
+        self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
         session.subscribe(
             node,
             services.FeedbackMessage,
@@ -119,12 +119,11 @@ class ActionClient:
     def request_result(self, goal_id: str) -> None:
         """Request the result of a goal, which arrives when it ends; an earlier request is dropped."""
         if self._result_request is not None:
-            self._session.drop(self._results, self._result_request)
+            self._results.remove_pending_request(self._result_request)
         request = self._types.Impl.GetResultService.Request()
         request.goal_id.uuid = list(bytes.fromhex(goal_id))
-        self._result_request = self._session.request(
-            self._results, request, lambda answer: self._on_result(goal_id, answer)
-        )
+        self._result_request = self._results.call_async(request)
+        self._result_request.add_done_callback(lambda future: self._on_result(goal_id, future.result()))
 
     def _feedback_due(self) -> bool:
         now = time.monotonic()

@@ -149,7 +149,7 @@ class KeepOutMask:
         """Use a new node; publish on it once there is a mask."""
         self._session, self._node, self._masks, self._unused_since = session, node, None, None
         if self._mask is not None:
-            self._publish(session, self._mask)
+            self._publish(self._mask)
 
     async def show(self, areas: Collection[MapArea], map_id: str) -> None:
         """Publish the areas of one map as the only ones to avoid.
@@ -167,7 +167,7 @@ class KeepOutMask:
         self._mask = mask
         log.info("keep-out mask", areas=len(polygons), width=self._mask.width, height=self._mask.height)
         if self._session is not None and self._session.state is SessionState.ACTIVE:
-            self._publish(self._session, self._mask)
+            self._publish(self._mask)
 
     def look(self, now: float) -> KeepOutReport | None:
         """Return whether a node plans around the mask; None if that is not known yet, or none is published.
@@ -184,19 +184,19 @@ class KeepOutMask:
         self._unused_since = now if self._unused_since is None else self._unused_since
         return KeepOutReport(problem) if now - self._unused_since >= DISCOVERY else None
 
-    def _create_publishers(self, session: RosSession) -> None:
+    def _create_publishers(self) -> None:
         from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
 
         from nena_edge_agent.nav2.node import LATCHED  # noqa: PLC0415
 
-        names, create = self._settings.names, session.create_publisher
+        names = self._settings.names
         self._grid, self._info = OccupancyGrid, interface(FILTER_INFO)
-        self._masks = create(self._node, OccupancyGrid, names.zone_mask, LATCHED)
-        self._infos = create(self._node, self._info, names.zone_filter_info, LATCHED)
+        self._masks = self._node.create_publisher(OccupancyGrid, names.zone_mask, LATCHED)
+        self._infos = self._node.create_publisher(self._info, names.zone_filter_info, LATCHED)
 
-    def _publish(self, session: RosSession, mask: Mask) -> None:
+    def _publish(self, mask: Mask) -> None:
         if self._masks is None:
-            self._create_publishers(session)
+            self._create_publishers()
         grid = self._grid()
         grid.header.frame_id = self._settings.frame
         grid.info.resolution, grid.info.width, grid.info.height = mask.resolution, mask.width, mask.height

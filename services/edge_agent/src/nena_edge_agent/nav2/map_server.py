@@ -80,7 +80,7 @@ class MapServer:
         names = self._settings.names
         self._session, self._node = session, node
         self._publishers = frozenset()
-        self._load = session.create_client(node, interface(LOAD_MAP), f"{names.map_server}/load_map")
+        self._load = node.create_client(interface(LOAD_MAP), f"{names.map_server}/load_map")
         self._parameters = session.late_client(node, GetParameters, f"{names.map_server}/get_parameters")
         kind: Any = interface(CLEAR_COSTMAP)
         self._clear = [(each, session.late_client(node, kind, each)) for each in names.clear_costmaps]

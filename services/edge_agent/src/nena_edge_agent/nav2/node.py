@@ -134,7 +134,6 @@ class Nav2Node:
         if self._session.state is not SessionState.ACTIVE:
             return None
         self._subscribe_to_volatile_poses()
-        self._session.read_events()
         return Presence(
             servers=self.servers(),
             goal_listeners=self._goals.get_subscription_count(),
@@ -168,17 +167,15 @@ class Nav2Node:
     def _populate(self, node: Any) -> None:  # noqa: ANN401
         names, session = self._settings.names, self._session
         self._node = node
-        self._goals = session.create_publisher(node, PoseStamped, names.goal_pose, RELIABLE)
-        self._initial_poses = session.create_publisher(
-            node, PoseWithCovarianceStamped, names.initial_pose, RELIABLE
-        )
-        self._cancel = session.create_client(node, CancelGoal, f"{self._settings.action}/_action/cancel_goal")
+        self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
+        self._initial_poses = node.create_publisher(PoseWithCovarianceStamped, names.initial_pose, RELIABLE)
+        self._cancel = node.create_client(CancelGoal, f"{self._settings.action}/_action/cancel_goal")
         controller, *others = (f"{action}/_action/cancel_goal" for action in names.motions)
-        self._controller = session.create_client(node, CancelGoal, controller)
+        self._controller = node.create_client(CancelGoal, controller)
         self._motions = [session.late_client(node, CancelGoal, each) for each in others]
         self._fresh_pose = session.late_client(node, Empty, names.fresh_pose)
-        self._lifecycle = session.create_client(node, Trigger, names.lifecycle)
-        self._localiser = session.create_client(node, GetState, names.localiser)
+        self._lifecycle = node.create_client(Trigger, names.lifecycle)
+        self._localiser = node.create_client(GetState, names.localiser)
         self._listen(node)
         for extension in self._extensions:
             extension.enter(session, node)

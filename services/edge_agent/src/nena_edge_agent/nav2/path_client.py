@@ -43,7 +43,7 @@ class PathClient(ActionClient):
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Create the clients and the subscriptions."""
         super().enter(session, node)
-        self._cancel = session.create_client(node, CancelGoal, f"{self._name}/_action/cancel_goal")
+        self._cancel = node.create_client(CancelGoal, f"{self._name}/_action/cancel_goal")
         session.subscribe(
             node,
             GoalStatusArray,

@@ -7,16 +7,16 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
-from time import monotonic
 from typing import Any, Generic, TypeVar
 
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from nena_edge_agent.driver.port import SessionState
-from nena_edge_agent.nav2.executor import make_executor
 from nena_edge_agent.nav2.session_control import SessionError
 from nena_shared import ros
 from nena_shared.log import get_logger
@@ -60,46 +60,10 @@ class RosMailbox(Generic[T]):
 
 log = get_logger(__name__)
 
-EVENTS_READ_FOR = 0.05
-"""Time in which pending QoS events are read, seconds."""
 LOOP_TIMEOUT = 5.0
 """Maximum time in which the event loop is told of a failure, seconds."""
 NO_TYPE_DESCRIPTIONS = Parameter("start_type_description_service", value=False)
 """A service of each node that only introspection tools call, since Jazzy."""
-
-
-class _Answers(ReentrantCallbackGroup):  # type: ignore[misc] # rclpy carries no types
-    """Keeps its client out of the executor's wait set while no answer is awaited.
-
-    rclpy builds the wait set again for each message, and each entity in it costs time.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.awaited: set[Any] = set()
-        """The futures of the answers."""
-
-    def can_execute(self, _: object) -> bool:
-        return bool(self.awaited)
-
-
-class _Events(ReentrantCallbackGroup):  # type: ignore[misc]
-    """Keeps QoS events out of the executor's wait set except for a short time after each :meth:`read`."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._due = False
-        self._end = 0.0
-
-    def read(self) -> None:
-        """Read pending events, which the middleware has kept."""
-        self._due = True
-
-    def can_execute(self, _: object) -> bool:
-        now = monotonic()
-        if self._due:  # the time starts now: a busy executor may need longer until it asks
-            self._due, self._end = False, now + EVENTS_READ_FOR
-        return now < self._end
 
 
 class RosSession:
@@ -114,9 +78,7 @@ class RosSession:
         self._began = asyncio.Event()
         self._ended = asyncio.Event()
         self._stop = threading.Event()
-        self._executor: Any = None
-        self._topics = ReentrantCallbackGroup()
-        self._events = _Events()
+        self._executor: SingleThreadedExecutor | None = None
         self._on_failure: Callable[[str], None] = lambda _reason: None
         self.state = SessionState.NOT_ACTIVE
         self.reason = ""
@@ -197,75 +159,33 @@ class RosSession:
                     log.warning("messages cannot be used", topic=topic, reason=repr(error))
                 well = False
 
-        subscription = node.create_subscription(
-            kind, topic, on_message, qos, raw=due is not None, callback_group=self._topics
+        # The wait set is built for each message, so topics with many have no QoS events in it. A best-effort
+        # subscriber fits each publisher, and events of others say in the log why there are no messages.
+        events = due is None and qos.reliability is not ReliabilityPolicy.BEST_EFFORT
+        return node.create_subscription(
+            kind,
+            topic,
+            on_message,
+            qos,
+            raw=due is not None,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=events),
         )
-        return self._with_rare_events(subscription)
-
-    def subscribe_serialised(
-        self,
-        node: Any,  # noqa: ANN401
-        kind: Any,  # noqa: ANN401
-        topic: str,
-        qos: Any,  # noqa: ANN401
-        handle: Callable[[bytes], None],
-    ) -> None:
-        """Pass each message of a topic to ``handle`` in the ROS thread, in CDR, without reading it."""
-        subscription = node.create_subscription(
-            kind, topic, handle, qos, raw=True, callback_group=self._topics
-        )
-        self._with_rare_events(subscription)
-
-    def create_publisher(self, node: Any, kind: Any, topic: str, qos: Any) -> Any:  # noqa: ANN401
-        """Create a publisher; incompatible subscribers are logged by :meth:`read_events`."""
-        publisher = node.create_publisher(kind, topic, qos, callback_group=self._topics)
-        return self._with_rare_events(publisher)
-
-    def read_events(self) -> None:
-        """Log which publishers and subscribers with incompatible QoS or type have appeared."""
-        self._events.read()
-        self._executor.wake()
-
-    def create_client(self, node: Any, kind: Any, name: str) -> Any:  # noqa: ANN401
-        """Create a client for :meth:`request` and :meth:`call`."""
-        return node.create_client(kind, name, callback_group=_Answers())
-
-    def request(self, client: Any, request: Any, on_answer: Callable[[Any], None]) -> Any:  # noqa: ANN401
-        """Call a service and pass its answer to ``on_answer``, in the ROS thread or at once.
-
-        The answer is None if the client has ended. Returns the future for :meth:`drop`.
-        """
-        awaited = client.callback_group.awaited
-        future = client.call_async(request)
-        awaited.add(future)
-
-        def on_done(_: object) -> None:
-            awaited.discard(future)
-            on_answer(future.result())
-
-        future.add_done_callback(on_done)
-        self._executor.wake()
-        return future
-
-    def drop(self, client: Any, future: Any) -> None:  # noqa: ANN401
-        """Stop waiting for the answer to a request; one that has arrived is unaffected."""
-        client.remove_pending_request(future)
-        client.callback_group.awaited.discard(future)
 
     async def call(self, client: Any, request: Any, *, seconds: float) -> Any:  # noqa: ANN401
         """Call a service and return its answer; None if it is missing or silent for ``seconds``."""
         if self.state is not SessionState.ACTIVE or not client.service_is_ready():
             return None
         answered = asyncio.Event()
-        future = self.request(client, request, lambda _: self.post(answered.set))
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: self.post(answered.set))
         try:
             return future.result() if await set_within(answered, seconds) else None
         finally:
-            self.drop(client, future)
+            client.remove_pending_request(future)
 
     def late_client(self, node: Any, kind: Any, name: str) -> LateClient:  # noqa: ANN401
         """Return a client that is created with its first call."""
-        return LateClient(self, lambda: self.create_client(node, kind, name))
+        return LateClient(self, lambda: node.create_client(kind, name))
 
     def post(self, function: Callable[[], None]) -> None:
         """Call ``function`` in the event loop; it is dropped if the loop has ended."""
@@ -273,11 +193,6 @@ class RosSession:
             self._loop.call_soon_threadsafe(function)
         except RuntimeError:
             log.debug("the event loop has ended before ROS")
-
-    def _with_rare_events(self, entity: Any) -> Any:  # noqa: ANN401
-        for handler in entity.event_handlers:
-            handler.callback_group = self._events
-        return entity
 
     def _end_thread(self) -> None:
         if self._executor is None:
@@ -291,10 +206,10 @@ class RosSession:
         try:
             with ExitStack() as stack:
                 try:
-                    self._open(stack, populate)
+                    executor = self._open(stack, populate)
                     self.post(self._become_active)
                     while not self._stop.is_set():
-                        self._executor.spin_once()
+                        executor.spin_once()
                 except Exception as error:  # any failure has to reach the program
                     log.exception(
                         "ROS session has failed", domain_id=self._domain_id, namespace=self._namespace
@@ -315,7 +230,7 @@ class RosSession:
         self.post(tell)
         told.wait(LOOP_TIMEOUT)
 
-    def _open(self, stack: ExitStack, populate: Callable[[Any], None]) -> None:
+    def _open(self, stack: ExitStack, populate: Callable[[Any], None]) -> SingleThreadedExecutor:
         context = stack.enter_context(ros.joined_domain(self._domain_id))
         node = Node(
             self._node_name,
@@ -327,10 +242,11 @@ class RosSession:
             parameter_overrides=[NO_TYPE_DESCRIPTIONS],
         )
         stack.callback(node.destroy_node)
-        self._executor = make_executor(self._topics, self._events, context)
-        stack.callback(self._executor.shutdown)
+        self._executor = executor = SingleThreadedExecutor(context=context)
+        stack.callback(executor.shutdown)
         populate(node)
-        self._executor.add_node(node)
+        executor.add_node(node)
+        return executor
 
     def _become_active(self) -> None:
         if self.state is SessionState.INITIATING:

@@ -54,7 +54,7 @@ class SpeedLimiter:
         from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
 
         kind = interface(SPEED_LIMIT)
-        self._publisher = session.create_publisher(node, kind, self._topic, RELIABLE)
+        self._publisher = node.create_publisher(kind, self._topic, RELIABLE)
         self._session, self._node, self._kind = session, node, kind
         self._listeners, self._sent = frozenset(), None
 
