@@ -11,9 +11,18 @@ from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.qos import qos_profile_system_default
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose
-from nena_edge_agent.driver.map_port import MapPoseReport as PoseTold
-from nena_edge_agent.driver.port import Arrived, DriveFailed, GoalReport, GoalTable, Halted, NavigationReport
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveGoal,
+    DriverEvent,
+    GoalReport,
+    GoalTable,
+    Halted,
+    NavigationReport,
+    Pose,
+)
+from nena_edge_agent.driver.port import PoseReport as PoseTold
 from nena_edge_agent.nav2.driver import Nav2Driver
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_robot_simulator.messages import pose_message, stamp_of
@@ -22,7 +31,7 @@ from nena_shared.clock import SystemClock
 from support.ros import LATCHED, Inbox, RosPeer
 from support.waiting import PATIENCE, until
 
-Told = MapDriverEvent | GoalReport
+Told = DriverEvent | GoalReport
 E = TypeVar("E", bound=Told)
 
 MAP = "hall"
@@ -34,8 +43,8 @@ PATIENT = GoalSettings(settle_time=0.3, pose_wait=3.0, localisation_wait=0.1)
 """Long timeouts, so that a slow machine fails nothing that is still coming."""
 
 
-def goal_at(generation: int, x: float, y: float = 0.0, *, theta: float = 0.0, xy: float = 0.5) -> MapGoal:
-    return MapGoal(generation, MapPose(x, y, theta, MAP), deviation_xy=xy)
+def goal_at(generation: int, x: float, y: float = 0.0, *, theta: float = 0.0, xy: float = 0.5) -> DriveGoal:
+    return DriveGoal(generation, Pose(x, y, theta, MAP), deviation_xy=xy)
 
 
 class DrivenRobot:
@@ -61,7 +70,7 @@ class DrivenRobot:
     async def __aexit__(self, *_: object) -> None:
         await self.driver.stop()
 
-    def _hear(self, event: MapDriverEvent) -> None:
+    def _hear(self, event: DriverEvent) -> None:
         """Store an event, and each new or changed row of a goal table."""
         self.events.append(event)
         if isinstance(event, GoalTable):
@@ -69,7 +78,7 @@ class DrivenRobot:
             self._goals = {goal.goal_id: goal for goal in event.goals}
 
     @property
-    def ends(self) -> list[MapDriverEvent]:
+    def ends(self) -> list[DriverEvent]:
         """Return the events that end drives and halts, without progress information."""
         return [event for event in self.events if isinstance(event, Arrived | DriveFailed | Halted)]
 
@@ -95,7 +104,7 @@ class DrivenRobot:
         await self.hears(NavigationReport, lambda report: report.available)
         return self
 
-    async def driving(self, goal: MapGoal) -> GoalReport:
+    async def driving(self, goal: DriveGoal) -> GoalReport:
         """Return a goal and wait until navigation has it."""
         before = len(self.all(GoalReport))
         self.driver.go_to(goal)

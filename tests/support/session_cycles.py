@@ -18,8 +18,7 @@ from typing import Any
 
 import psutil
 
-from nena_edge_agent.driver.map_port import MapPoseReport
-from nena_edge_agent.driver.port import SessionReport
+from nena_edge_agent.driver.port import PoseReport, SessionReport
 from nena_shared.log import configure
 from nena_shared.settings import LogSettings
 from support.nav2_driver import DrivenRobot
@@ -81,7 +80,7 @@ async def _off(robot: DrivenRobot) -> None:
 async def _live(robot: DrivenRobot) -> None:
     """Stay active for long enough to receive the robot's pose."""
     await robot.driver.session.start()
-    await robot.hears(MapPoseReport)
+    await robot.hears(PoseReport)
     await robot.driver.session.stop()
     await _off(robot)
     robot.events.clear()

@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 
 from nena_edge_agent.actions.ros_session import SessionSwitch
 from nena_edge_agent.agent import DriverMaker
-from nena_edge_agent.driver.map_port import MapDriver, MapEmit
-from nena_edge_agent.driver.plant_frame import PlantFrame, PlantFrameDriver
+from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.driver.port import Driver, Emit, Pose
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
@@ -65,7 +64,7 @@ def _nav2(
     map_server: MapServer | None,
 ) -> DriverMaker:
     try:
-        from nena_edge_agent.nav2.driver import Nav2Driver, Nav2Options  # noqa: PLC0415 - the loopback needs no ROS
+        from nena_edge_agent.nav2.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
     except ImportError as error:
         message = (
             f"ROS 2 for Python is missing ({error.name}); install nena-edge-agent[ros], or source the "
@@ -74,21 +73,20 @@ def _nav2(
         raise StartError(message) from error
 
     def make(emit: Emit, _: Pose | None) -> Driver:
-        def make_on_map(emit_on_map: MapEmit) -> MapDriver:
-            limiter = None
-            if nav2_offers(settings.ros).limits_speed:
-                limiter = SpeedLimiter(settings.ros.names.speed_limit, settings.description.maximum_speed)
-            ros = switch.address.applied(settings.ros)
-            driver = Nav2Driver(
-                ros,
-                settings.map_id,
-                emit_on_map,
-                clock,
-                Nav2Options(extensions, limiter, map_server),
-            )
-            switch.attach(driver.session)
-            return driver
-
-        return PlantFrameDriver(make_on_map, PlantFrame.of(settings.map_transforms), emit)
+        limiter = None
+        if nav2_offers(settings.ros).limits_speed:
+            limiter = SpeedLimiter(settings.ros.names.speed_limit, settings.description.maximum_speed)
+        driver = Nav2Driver(
+            switch.address.applied(settings.ros),
+            settings.map_id,
+            emit,
+            clock,
+            frame=PlantFrame.of(settings.map_transforms),
+            extensions=extensions,
+            limiter=limiter,
+            map_server=map_server,
+        )
+        switch.attach(driver.session)
+        return driver
 
     return make

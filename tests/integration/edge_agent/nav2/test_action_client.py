@@ -8,16 +8,18 @@ from itertools import count
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapGoal, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
+    DriveGoal,
     DriveProgress,
     GoalReport,
     GoalTable,
     Halted,
     NavigationReport,
+    Pose,
+    PoseReport,
 )
 from nena_edge_agent.nav2.goals import GoalIdPrefix
 from nena_edge_agent.nav2.settings import Navigation
@@ -65,7 +67,7 @@ async def test_feedback_contains_pose_remaining_distance_and_recoveries(
     await robot.driving(goal_at(1, 5.0))
     told = await robot.hears(DriveProgress)
     assert (told.left, told.recoveries) == (3.5, 2)
-    await robot.hears(MapPoseReport, lambda report: report.pose.x == 1.5)
+    await robot.hears(PoseReport, lambda report: report.pose.x == 1.5)
     nav2.end()
 
 
@@ -138,8 +140,8 @@ async def test_node_skipped_by_nav2_is_driven_to_separately(domain_id: int, peer
     server = RclpyNav2(peer, Action.THROUGH_POSES)
     async with DrivenRobot(domain_id, navigation=Navigation.THROUGH_POSES) as robot:
         await robot.ready()
-        beside, behind = MapPose(5.0, 0.6, 0.0, MAP), MapPose(10.0, 0.0, 0.0, MAP)
-        await robot.driving(MapGoal(1, beside, deviation_xy=0.5, ahead=(behind,)))
+        beside, behind = Pose(5.0, 0.6, 0.0, MAP), Pose(10.0, 0.0, 0.0, MAP)
+        await robot.driving(DriveGoal(1, beside, deviation_xy=0.5, ahead=(behind,)))
         await robot.hears(DriveProgress)
         await until(lambda: not robot.driver._feedback.fresh(time.monotonic()), what="the end of feedback")
         way = count(40)
@@ -147,7 +149,7 @@ async def test_node_skipped_by_nav2_is_driven_to_separately(domain_id: int, peer
 
         def passes_by() -> bool:
             nonlocal place
-            if not place or robot.all(MapPoseReport)[-1].pose.x == place:  # the last step is known
+            if not place or robot.all(PoseReport)[-1].pose.x == place:  # the last step is known
                 place = next(way) / 10
                 server.pose(place)
             return len(server.goals) > 1

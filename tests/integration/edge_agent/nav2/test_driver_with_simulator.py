@@ -13,15 +13,18 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
-from nena_edge_agent.driver.map_port import MapGoal, MapPlanReport, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import (
     Arrived,
     BatteryReport,
     DriveFailed,
     DriveFailure,
+    DriveGoal,
     GoalReport,
     Halted,
     NavigationReport,
+    PlanReport,
+    Pose,
+    PoseReport,
     PositionInitialized,
 )
 from nena_edge_agent.nav2.settings import LocalisationSettings, Navigation
@@ -78,7 +81,7 @@ async def hurried_robot(domain_id: int, navigation: Navigation) -> AsyncIterator
 async def test_drives_to_its_goal(robot: DrivenRobot) -> None:
     robot.driver.go_to(goal_at(1, 4.0, 2.0))
     assert await robot.hears(Arrived) == Arrived(1)
-    pose = robot.all(MapPoseReport)[-1].pose
+    pose = robot.all(PoseReport)[-1].pose
     assert (pose.x, pose.y) == pytest.approx((4.0, 2.0), abs=0.5)
     assert pose.map_id == MAP
     assert robot.ends == [Arrived(1)]
@@ -94,8 +97,8 @@ async def test_drive_aborted_halfway(robot: DrivenRobot, peer: RosPeer) -> None:
     with fault(peer, '{"kind": "abort_halfway"}'):
         robot.driver.go_to(goal_at(1, 4.0))
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.ABORTED
-    await robot.hears(MapPoseReport, lambda report: report.pose.x > 1.0)
-    assert max(report.pose.x for report in robot.all(MapPoseReport)) < 3.5
+    await robot.hears(PoseReport, lambda report: report.pose.x > 1.0)
+    assert max(report.pose.x for report in robot.all(PoseReport)) < 3.5
 
 
 async def test_drive_cancelled_by_someone_else(robot: DrivenRobot, peer: RosPeer) -> None:
@@ -142,7 +145,7 @@ async def test_external_goal_takes_the_robot_over(robot: DrivenRobot, peer: RosP
 async def test_next_goal_replaces_the_active_one_without_a_stop(robot: DrivenRobot, peer: RosPeer) -> None:
     odometry = peer.subscribe(Odometry, "odom", BEST_EFFORT)
     await robot.driving(goal_at(1, 25.0))
-    await robot.hears(MapPoseReport, lambda report: report.pose.x > 5.0)
+    await robot.hears(PoseReport, lambda report: report.pose.x > 5.0)
     await robot.driving(goal_at(2, 35.0))
     assert await robot.hears(Arrived) == Arrived(2)
     told = [(each.pose.pose.position.x, each.twist.twist.linear.x) for each in odometry.messages]
@@ -154,18 +157,18 @@ async def test_next_goal_replaces_the_active_one_without_a_stop(robot: DrivenRob
 async def test_only_the_plan_of_our_own_drive_is_reported(robot: DrivenRobot, peer: RosPeer) -> None:
     with fault(peer, '{"kind": "foreign_goal", "x": 2.0, "y": 2.0}'):
         await robot.hears(GoalReport, lambda report: report.ended)
-    assert robot.all(MapPlanReport) == []
+    assert robot.all(PlanReport) == []
     await robot.driving(goal_at(1, 15.0))
-    plan = await robot.hears(MapPlanReport)
+    plan = await robot.hears(PlanReport)
     assert plan.points[-1] == pytest.approx((15.0, 0.0), abs=0.75)
 
 
 async def test_halt_during_a_drive(robot: DrivenRobot, peer: RosPeer) -> None:
     await robot.driving(goal_at(1, 30.0))
-    await robot.hears(MapPoseReport, lambda report: (report.vx or 0.0) > 3.0)
+    await robot.hears(PoseReport, lambda report: (report.vx or 0.0) > 3.0)
     robot.driver.halt()
     await robot.hears(Halted)
-    assert robot.all(MapPoseReport)[-1].vx == 0.0
+    assert robot.all(PoseReport)[-1].vx == 0.0
     assert statuses(peer) == [5]
     assert robot.ends == [Halted()]
     robot.driver.go_to(goal_at(2, 8.0))
@@ -188,13 +191,13 @@ async def test_stop_during_a_drive_leaves_the_robot_standing(domain_id: int, pee
 @pytest.mark.parametrize(
     ("place", "reason"),
     [
-        (MapPose(3.0, 0.0, 0.0, "attic"), "map 'attic'"),
-        (MapPose(math.nan, 0.0, 0.0, MAP), "is not a valid pose"),
+        (Pose(3.0, 0.0, 0.0, "attic"), "map 'attic'"),
+        (Pose(math.nan, 0.0, 0.0, MAP), "is not a valid pose"),
     ],
 )
-async def test_invalid_goal(robot: DrivenRobot, place: MapPose, reason: str) -> None:
+async def test_invalid_goal(robot: DrivenRobot, place: Pose, reason: str) -> None:
     await robot.driving(goal_at(1, 30.0))
-    robot.driver.go_to(MapGoal(2, place, deviation_xy=0.5))
+    robot.driver.go_to(DriveGoal(2, place, deviation_xy=0.5))
     failed = await robot.hears(DriveFailed)
     assert failed.generation == 2
     assert reason in failed.description
@@ -203,7 +206,7 @@ async def test_invalid_goal(robot: DrivenRobot, place: MapPose, reason: str) -> 
 
 
 async def test_invalid_position_is_not_sent_to_the_localisation(robot: DrivenRobot) -> None:
-    robot.driver.initialize_position(MapPose(math.inf, 0.0, 0.0, MAP))
+    robot.driver.initialize_position(Pose(math.inf, 0.0, 0.0, MAP))
     assert not (await robot.hears(PositionInitialized)).succeeded
 
 
@@ -212,10 +215,10 @@ async def test_lost_localisation_is_reported(domain_id: int) -> None:
         async with DrivenRobot(domain_id) as robot:
             missing = await robot.hears(NavigationReport, lambda report: "amcl_pose" in report.reason)
             assert not missing.available
-            robot.driver.initialize_position(MapPose(2.0, 1.0, -2.5, MAP))
+            robot.driver.initialize_position(Pose(2.0, 1.0, -2.5, MAP))
             assert (await robot.hears(PositionInitialized)).succeeded
             await robot.ready()
-            report = robot.all(MapPoseReport)[-1]
+            report = robot.all(PoseReport)[-1]
     assert (report.pose.x, report.pose.y) == pytest.approx((2.0, 1.0), abs=0.2)
     assert report.pose.theta == pytest.approx(-2.5, abs=0.1)
     assert report.localized
@@ -227,7 +230,7 @@ async def test_unconfirmed_initial_position(domain_id: int, peer: RosPeer) -> No
         async with DrivenRobot(domain_id, localisation=patience) as robot:
             await robot.ready()
             with fault(peer, '{"kind": "amcl_silent"}'):
-                robot.driver.initialize_position(MapPose(2.0, 1.0, 0.0, MAP))
+                robot.driver.initialize_position(Pose(2.0, 1.0, 0.0, MAP))
                 answer = await robot.hears(PositionInitialized)
     assert not answer.succeeded
     assert "after 2 initial positions" in answer.description

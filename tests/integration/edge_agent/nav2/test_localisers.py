@@ -9,7 +9,7 @@ import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from nena_edge_agent.driver.map_port import MapPoseReport
+from nena_edge_agent.driver.port import PoseReport
 from support.nav2_driver import DrivenRobot
 from support.ros import LATCHED, RosPeer
 from support.waiting import until
@@ -40,7 +40,7 @@ async def test_pose_is_received_with_any_quality_of_service(peer: RosPeer, domai
 
         def heard() -> bool:
             publisher.publish(pose(next(places)))
-            return bool(robot.all(MapPoseReport))
+            return bool(robot.all(PoseReport))
 
         await until(heard, what="a pose")
 
@@ -49,8 +49,8 @@ async def test_latched_pose_is_received_late_and_each_pose_once(peer: RosPeer, d
     publisher = peer.node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
     publisher.publish(pose(3))
     async with DrivenRobot(domain_id) as robot:
-        await robot.hears(MapPoseReport)
+        await robot.hears(PoseReport)
         publisher.publish(pose(7))
-        await robot.hears(MapPoseReport, lambda report: report.pose.x == 7.0)
+        await robot.hears(PoseReport, lambda report: report.pose.x == 7.0)
 
-    assert [report.pose.x for report in robot.all(MapPoseReport)] == [3.0, 7.0]
+    assert [report.pose.x for report in robot.all(PoseReport)] == [3.0, 7.0]

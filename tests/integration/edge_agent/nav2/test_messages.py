@@ -9,7 +9,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Path
 
-from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.messages import UnusablePoseError, plan_points, pose_reading
 from nena_edge_agent.nav2.poses import PLAN_POINTS
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.ros
 
 def test_integers_are_converted_to_floats(peer: RosPeer) -> None:
     inbox = peer.subscribe(PoseStamped, "goal_pose")
-    peer.publisher(PoseStamped, "goal_pose").publish(messages.goal_message(MapPose(3, -2, 0, "hall"), "map"))
+    peer.publisher(PoseStamped, "goal_pose").publish(messages.goal_message(Pose(3, -2, 0, "hall"), "map"))
     arrived = inbox.wait_for()
     assert (arrived.pose.position.x, arrived.pose.position.y, arrived.pose.orientation.w) == (3.0, -2.0, 1.0)
     assert arrived.header.frame_id == "map"
@@ -30,7 +30,7 @@ def test_integers_are_converted_to_floats(peer: RosPeer) -> None:
 def test_initial_pose_comes_back_as_it_was_read(peer: RosPeer, theta: float) -> None:
     inbox = peer.subscribe(PoseWithCovarianceStamped, "initialpose")
     message = messages.initial_pose_message(
-        MapPose(1.5, 2.5, theta, "hall"), "map", xy_variance=0.25, theta_variance=0.068
+        Pose(1.5, 2.5, theta, "hall"), "map", xy_variance=0.25, theta_variance=0.068
     )
     peer.publisher(PoseWithCovarianceStamped, "initialpose").publish(message)
     reading = pose_reading(inbox.wait_for())
@@ -42,7 +42,7 @@ def test_initial_pose_comes_back_as_it_was_read(peer: RosPeer, theta: float) -> 
 @pytest.mark.parametrize("pose", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, math.nan)])
 def test_non_finite_number_is_not_sent(pose: tuple[float, float, float]) -> None:
     with pytest.raises(messages.NotFiniteError):
-        messages.goal_message(MapPose(*pose, "hall"), "map")
+        messages.goal_message(Pose(*pose, "hall"), "map")
 
 
 def test_cancel_request_names_one_goal_and_no_time() -> None:

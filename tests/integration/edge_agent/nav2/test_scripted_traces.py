@@ -6,8 +6,15 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapPoseReport
-from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, GoalReport, Halted
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    DriverEvent,
+    GoalReport,
+    Halted,
+    PoseReport,
+)
 from support.nav2_driver import PATIENT, QUICK, DrivenRobot, ScriptedNav2, goal_at, uuid_of
 from support.ros import RosPeer
 from support.waiting import until
@@ -53,10 +60,10 @@ async def give(number: int, nav2: ScriptedNav2, robot: DrivenRobot) -> None:
 
 async def be_at(number: int, nav2: ScriptedNav2, robot: DrivenRobot) -> None:
     nav2.pose(10.0 * number)
-    await robot.hears(MapPoseReport, lambda report: report.pose.x == 10.0 * number)
+    await robot.hears(PoseReport, lambda report: report.pose.x == 10.0 * number)
 
 
-def outline(event: MapDriverEvent) -> str:
+def outline(event: DriverEvent) -> str:
     match event:
         case Arrived(generation):
             return f"arrived {generation}"

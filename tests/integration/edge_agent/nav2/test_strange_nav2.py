@@ -8,8 +8,7 @@ from contextlib import contextmanager
 import pytest
 from std_msgs.msg import String
 
-from nena_edge_agent.driver.map_port import MapPoseReport
-from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, NavigationReport
+from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, NavigationReport, PoseReport
 from support.nav2_driver import DrivenRobot, goal_at
 from support.ros import RosPeer
 from support.simulator import heard, publisher_to, simulated_robot
@@ -63,7 +62,7 @@ async def test_nav2_restart_during_a_drive_loses_the_goal(robot: DrivenRobot, fa
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
         await until(lambda: not robot.all(NavigationReport)[-1].available, what="word that it is gone")
     await until(lambda: robot.all(NavigationReport)[-1].available, what="Nav2 again")
-    robot.driver.go_to(goal_at(2, robot.all(MapPoseReport)[-1].pose.x + 2.0))
+    robot.driver.go_to(goal_at(2, robot.all(PoseReport)[-1].pose.x + 2.0))
     assert await robot.hears(Arrived) == Arrived(2)
 
 
@@ -78,4 +77,4 @@ async def test_non_finite_pose_is_ignored(robot: DrivenRobot, faults: Faults) ->
     with faults.on("nan_pose"):
         robot.driver.go_to(goal_at(1, 6.0))
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.OUTSIDE_TOLERANCE
-    assert all(abs(report.pose.x) < 30.0 for report in robot.all(MapPoseReport))
+    assert all(abs(report.pose.x) < 30.0 for report in robot.all(PoseReport))

@@ -8,22 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_edge_agent.driver.map_port import (
-    MapArea,
-    MapDriver,
-    MapDriverEvent,
-    MapEmit,
-    MapGoal,
-    MapOwnGoals,
-    MapPlanReport,
-    MapPose,
-    MapPoseReport,
-)
-from nena_edge_agent.driver.plant_frame import PlantFrame, PlantFrameDriver
+from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.driver.port import (
+    Area,
     Arrived,
     BatteryReport,
     DriveGoal,
+    DriveLimits,
     DriveProgress,
     DriverEvent,
     Halted,
@@ -42,76 +33,27 @@ TEXTS = st.builds(
 )
 
 
-class MapRobot:
-    """A driver on the map: stores its commands, and emits the test's events."""
-
-    def __init__(self, emit: MapEmit) -> None:
-        self.emit = emit
-        self.told: list[object] = []
-        self.limits: list[float | None] = []
-
-    async def start(self) -> None:
-        self.told.append("start")
-
-    async def stop(self) -> None:
-        self.told.append("stop")
-
-    def halt(self) -> None:
-        self.told.append("halt")
-
-    def keep_out(self, areas: tuple[MapArea, ...]) -> None:
-        self.areas = areas
-
-    def limit_speed(self, speed: float | None) -> None:
-        self.limits.append(speed)
-
-    def reclaim(self, goals: MapOwnGoals) -> None:
-        self.told.append(goals)
-
-    def go_to(self, goal: MapGoal) -> None:
-        self.told.append(goal)
-
-    def initialize_position(self, pose: MapPose) -> None:
-        self.told.append(pose)
-
-
-def framed() -> tuple[PlantFrameDriver, MapRobot, list[DriverEvent]]:
-    robots: list[MapRobot] = []
-    heard: list[DriverEvent] = []
-
-    def make(emit: MapEmit) -> MapDriver:
-        robots.append(MapRobot(emit))
-        return robots[0]
-
-    return PlantFrameDriver(make, FRAME, heard.append), robots[0], heard
-
-
-def close(pose: object) -> object:
+def close(pose: Pose) -> object:
     """Compare places on the hall's map with room for rounding."""
-    assert isinstance(pose, Pose | MapPose)
     return pytest.approx((pose.x, pose.y, pose.theta))
 
 
 @pytest.mark.clause("6.3/frame")
 def test_goals_are_sent_in_the_maps_frame() -> None:
-    driver, robot, _ = framed()
-    driver.go_to(DriveGoal(7, Pose(1.0, 2.0, 0.5, "hall"), 0.3, 0.2, 0.8))
-    (goal,) = robot.told
-    assert isinstance(goal, MapGoal)
+    ahead = (Pose(3.0, 2.0, 0.0, "hall"),)
+    goal = FRAME.goal_to_map(DriveGoal(7, Pose(1.0, 2.0, 0.5, "hall"), 0.3, 0.2, 0.8, ahead, "tree"))
     assert (6.0, -3.0, 0.5 + pi / 2) == close(goal.pose)
-    assert (goal.generation, goal.pose.map_id) == (7, "hall")
+    assert (6.0, 1.0, pi / 2) == close(goal.ahead[0])
+    assert (goal.generation, goal.pose.map_id, goal.behavior_tree) == (7, "hall", "tree")
     assert goal.deviation_xy == pytest.approx(0.6)
     assert (goal.deviation_theta, goal.maximum_speed) == (0.2, 0.8)
 
 
 @pytest.mark.clause("6.3/frame")
 def test_an_initial_position_and_earlier_goals_are_sent_in_the_maps_frame() -> None:
-    driver, robot, _ = framed()
-    driver.initialize_position(Pose(1.0, 2.0, 0.0, "hall"))
-    driver.reclaim(OwnGoals(("a", "b"), Pose(1.0, 2.0, 0.0, "hall"), Pose(3.0, 2.0, 0.0, "hall"), "a"))
-    pose, goals = robot.told
-    assert (6.0, -3.0, pi / 2) == close(pose)
-    assert isinstance(goals, MapOwnGoals)
+    assert (6.0, -3.0, pi / 2) == close(FRAME.to_map(Pose(1.0, 2.0, 0.0, "hall")))
+    own = OwnGoals(("a", "b"), Pose(1.0, 2.0, 0.0, "hall"), Pose(3.0, 2.0, 0.0, "hall"), "a")
+    goals = FRAME.own_goals_to_map(own)
     assert (goals.goal_ids, goals.behind) == (("a", "b"), "a")
     assert goals.given is not None
     assert (6.0, 1.0, pi / 2) == close(goals.given)
@@ -119,13 +61,17 @@ def test_an_initial_position_and_earlier_goals_are_sent_in_the_maps_frame() -> N
 
 
 @pytest.mark.clause("6.3/frame")
+def test_areas_are_sent_in_the_maps_frame() -> None:
+    area = FRAME.area_to_map(Area("hall", ((0.0, 0.0), (1.0, 2.0))))
+    assert area.map_id == "hall"
+    assert [pytest.approx(point) for point in area.points] == [(10.0, -5.0), (6.0, -3.0)]
+
+
+@pytest.mark.clause("6.3/frame")
 def test_pose_and_plan_are_reported_in_the_plants_frame() -> None:
-    _, robot, heard = framed()
-    robot.emit(
-        MapPoseReport(MapPose(6.0, -3.0, 2.0, "hall"), localized=False, vx=0.7, omega=-0.1, problem="?")
-    )
-    robot.emit(MapPlanReport(((10.0, -5.0), (6.0, -3.0)), "hall"))
-    report, plan = heard
+    pose = PoseReport(Pose(6.0, -3.0, 2.0, "hall"), localized=False, vx=0.7, omega=-0.1, problem="?")
+    report = FRAME.event_to_plant(pose)
+    plan = FRAME.event_to_plant(PlanReport(((10.0, -5.0), (6.0, -3.0)), "hall"))
     assert isinstance(report, PoseReport)
     assert (1.0, 2.0, 2.0 - pi / 2) == close(report.pose)
     assert (report.localized, report.vx, report.omega, report.problem) == (False, 0.7, -0.1, "?")
@@ -134,30 +80,18 @@ def test_pose_and_plan_are_reported_in_the_plants_frame() -> None:
 
 
 def test_events_without_coordinates_pass_unchanged() -> None:
-    _, robot, heard = framed()
-    events: list[MapDriverEvent] = [
+    events: list[DriverEvent] = [
         Arrived(3),
         Halted(),
         NavigationReport(available=True, reason=""),
         BatteryReport(50.0, charging=False),
     ]
-    for event in events:
-        robot.emit(event)
-    assert heard == events
-
-
-async def test_other_methods_are_the_drivers_own() -> None:
-    driver, robot, _ = framed()
-    await driver.start()
-    driver.halt()
-    driver.limit_speed(0.4)
-    await driver.stop()
-    assert (robot.told, robot.limits) == (["start", "halt", "stop"], [0.4])
+    assert list(map(FRAME.event_to_plant, events)) == events
 
 
 def test_a_map_without_a_transform_has_the_plants_frame() -> None:
     pose = FRAME.to_map(Pose(1.25, -7.5, 3.0, "cellar"))
-    assert pose == MapPose(1.25, -7.5, 3.0, "cellar")
+    assert pose == Pose(1.25, -7.5, 3.0, "cellar")
     assert FRAME.to_plant(pose) == Pose(1.25, -7.5, 3.0, "cellar")
 
 
@@ -170,5 +104,11 @@ def test_a_round_trip_conversion_is_the_same_pose(text: str, x: float, y: float,
 
 
 def test_the_remaining_distance_is_in_metres_of_the_plant() -> None:
-    assert FRAME.event(DriveProgress(8.0, 1, "hall")) == DriveProgress(4.0, 1, "hall")
-    assert FRAME.event(DriveProgress(8.0, 1, "attic")) == DriveProgress(8.0, 1, "attic")
+    assert FRAME.event_to_plant(DriveProgress(8.0, 1, "hall")) == DriveProgress(4.0, 1, "hall")
+    assert FRAME.event_to_plant(DriveProgress(8.0, 1, "attic")) == DriveProgress(8.0, 1, "attic")
+
+
+def test_limits_are_in_metres_of_the_plant() -> None:
+    limits = DriveLimits(0.5, 1.0, "hall", ((2.0, 0.0), (0.0, 2.0)), 0.1)
+    expected = DriveLimits(0.25, 0.5, "hall", ((1.0, 0.0), (0.0, 1.0)), 0.1)
+    assert FRAME.event_to_plant(limits) == expected

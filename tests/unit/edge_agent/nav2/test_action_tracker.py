@@ -5,15 +5,18 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
+    DriveGoal,
     DriveProgress,
+    DriverEvent,
     GoalTable,
     Halted,
     NavigationReport,
+    OwnGoals,
+    Pose,
 )
 from nena_edge_agent.nav2 import action_client
 from nena_edge_agent.nav2.action_tracker import (
@@ -38,8 +41,8 @@ MARK = GoalIdPrefix("agent")
 THEIRS = "ff" * 16
 
 
-def goal(generation: int, x: float = 5.0) -> MapGoal:
-    return MapGoal(generation, MapPose(x, 0.0, 0.0, "hall"), deviation_xy=0.5)
+def goal(generation: int, x: float = 5.0) -> DriveGoal:
+    return DriveGoal(generation, Pose(x, 0.0, 0.0, "hall"), deviation_xy=0.5)
 
 
 @dataclass
@@ -53,12 +56,12 @@ class Conversation:
     def ready(self) -> Conversation:
         self.said += self.tracker.on_servers(frozenset({"gid"}), 0.0)
         self.said += self.tracker.on_navigation(NavigationReport(available=True, reason=""), 0.0)
-        self.said += self.tracker.on_pose(MapPose(0.0, 0.0, 0.0, "hall"), 0.0)
+        self.said += self.tracker.on_pose(Pose(0.0, 0.0, 0.0, "hall"), 0.0)
         self.tracker.by_action = True
         self.said += self.tracker.tick(self.now)
         return self
 
-    def go_to(self, wanted: MapGoal) -> None:
+    def go_to(self, wanted: DriveGoal) -> None:
         self.said += self.tracker.go_to(wanted, self.now)
 
     def driving(self, generation: int = 1) -> str:
@@ -78,7 +81,7 @@ class Conversation:
         self.said += self.tracker.on_statuses(entries, self.now)
 
     def arrive(self, x: float = 5.0) -> None:
-        self.said += self.tracker.on_pose(MapPose(x, 0.0, 0.0, "hall"), self.now)
+        self.said += self.tracker.on_pose(Pose(x, 0.0, 0.0, "hall"), self.now)
 
     def later(self, seconds: float) -> None:
         end = self.now + seconds
@@ -91,7 +94,7 @@ class Conversation:
         return [command.goal_id for command in self.said if isinstance(command, SendGoal)]
 
     @property
-    def ends(self) -> list[MapDriverEvent]:
+    def ends(self) -> list[DriverEvent]:
         told = [command.event for command in self.said if isinstance(command, Report)]
         return [event for event in told if isinstance(event, Arrived | DriveFailed | Halted)]
 
@@ -297,7 +300,7 @@ def test_another_clients_goal_takes_over(talk: Conversation) -> None:
 def test_a_goal_of_an_earlier_run_continues_and_its_result_is_requested() -> None:
     goal_id = MARK.new()
     talk = Conversation()
-    talk.tracker.reclaim(MapOwnGoals((goal_id,), goal(1).pose))
+    talk.tracker.reclaim(OwnGoals((goal_id,), goal(1).pose))
     talk.ready()
     talk.array(**{f"g{goal_id}": 2})
     talk.go_to(goal(7))
@@ -314,7 +317,7 @@ def test_a_goal_of_an_earlier_run_continues_and_its_result_is_requested() -> Non
 def test_a_goal_sent_just_before_a_restart_is_adopted_by_its_prefix() -> None:
     goal_id = MARK.new()
     talk = Conversation()
-    talk.tracker.reclaim(MapOwnGoals((), goal(1).pose, goal(1).pose, ""))
+    talk.tracker.reclaim(OwnGoals((), goal(1).pose, goal(1).pose, ""))
     talk.ready()
     talk.array(**{f"g{goal_id}": 2})
     talk.go_to(goal(7))
@@ -354,9 +357,9 @@ def test_a_goal_sent_by_topic_fails_with_the_code_of_its_result(talk: Conversati
     assert (failed.code, failed.transient) == (208, False)
 
 
-def way(generation: int, *xs: float) -> MapGoal:
-    first, *rest = (MapPose(x, 0.0, 0.0, "hall") for x in xs)
-    return MapGoal(generation, first, deviation_xy=0.3, ahead=tuple(rest))
+def way(generation: int, *xs: float) -> DriveGoal:
+    first, *rest = (Pose(x, 0.0, 0.0, "hall") for x in xs)
+    return DriveGoal(generation, first, deviation_xy=0.3, ahead=tuple(rest))
 
 
 def on_its_way(talk: Conversation, *xs: float) -> str:
@@ -387,8 +390,8 @@ def test_an_extended_route_is_sent(talk: Conversation) -> None:
 def test_a_skipped_pose_is_driven_to_separately(talk: Conversation) -> None:
     goal_id = on_its_way(talk, 5.0, 10.0)
     talk.tracker.on_places(goal_id, 1)
-    talk.said += talk.tracker.on_pose(MapPose(5.0, 0.6, 0.0, "hall"), talk.now)
-    talk.said += talk.tracker.on_pose(MapPose(6.0, 0.6, 0.0, "hall"), talk.now)
+    talk.said += talk.tracker.on_pose(Pose(5.0, 0.6, 0.0, "hall"), talk.now)
+    talk.said += talk.tracker.on_pose(Pose(6.0, 0.6, 0.0, "hall"), talk.now)
     last = [command for command in talk.said if isinstance(command, SendGoal)][-1]
     assert last.goal == way(1, 5.0)
     assert len(talk.sent) == 2
@@ -447,20 +450,20 @@ def test_no_code_is_no_reason() -> None:
     assert meaning_of(0) is None
 
 
-def place(x: float, y: float = 0.0, theta: float = 0.0) -> MapPose:
-    return MapPose(x, y, theta, "hall")
+def place(x: float, y: float = 0.0, theta: float = 0.0) -> Pose:
+    return Pose(x, y, theta, "hall")
 
 
-def goal_of_passed_poses(*xs: float) -> MapGoal:
+def goal_of_passed_poses(*xs: float) -> DriveGoal:
     first, *rest = (place(x) for x in xs)
-    return MapGoal(1, first, deviation_xy=0.3, ahead=tuple(rest))
+    return DriveGoal(1, first, deviation_xy=0.3, ahead=tuple(rest))
 
 
 def test_covers_the_remaining_route_regardless_of_headings() -> None:
     way = PassedPoses()
     way.begin(goal_of_passed_poses(1.0, 2.0, 3.0))
     assert way.covers(goal_of_passed_poses(2.0, 3.0))
-    assert way.covers(MapGoal(2, place(3.0, theta=1.0), deviation_xy=0.3))
+    assert way.covers(DriveGoal(2, place(3.0, theta=1.0), deviation_xy=0.3))
     assert not way.covers(goal_of_passed_poses(2.0, 3.0, 4.0))
     assert not way.covers(goal_of_passed_poses(2.0))
     assert not way.covers(goal_of_passed_poses(0.0, 1.0, 2.0, 3.0))
@@ -638,7 +641,7 @@ def test_a_node_gets_an_action_client_also_for_results_and_feedback_alone(naviga
 
 async def test_without_an_action_client_a_goal_gets_no_response() -> None:
     applied: list[Command] = []
-    goal = MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), deviation_xy=0.5)
+    goal = DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), deviation_xy=0.5)
     await side(applied).send(goal, GoalIdPrefix("agent").new())
     side().request_result("aa")
     assert applied == []
@@ -706,10 +709,10 @@ def test_the_robot_also_yields_to_the_very_first_foreign_goal(talk: Conversation
 
 
 def test_a_route_that_succeeded_without_being_driven_is_resent_at_once(talk: Conversation) -> None:
-    ahead = (MapPose(9.0, 0.0, 0.0, "hall"), MapPose(13.0, 0.0, 0.0, "hall"))
+    ahead = (Pose(9.0, 0.0, 0.0, "hall"), Pose(13.0, 0.0, 0.0, "hall"))
     first = talk.driving()
     talk.array(**{f"g{first}": 2})
-    talk.go_to(MapGoal(2, MapPose(7.0, 0.0, 0.0, "hall"), deviation_xy=0.5, ahead=ahead))
+    talk.go_to(DriveGoal(2, Pose(7.0, 0.0, 0.0, "hall"), deviation_xy=0.5, ahead=ahead))
     talk.answer()
     second = talk.sent[-1]
     talk.arrive(4.8)

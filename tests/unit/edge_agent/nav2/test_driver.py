@@ -7,17 +7,22 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
+    DriveGoal,
     DriveLimits,
     DriveProgress,
+    DriverEvent,
     NavigationReport,
+    OwnGoals,
+    Pose,
+    PoseReport,
     SessionReport,
     SessionState,
     VelocityReport,
@@ -25,7 +30,7 @@ from nena_edge_agent.driver.port import (
 from nena_edge_agent.nav2 import driver as driver_module
 from nena_edge_agent.nav2 import goal_tracker, presence
 from nena_edge_agent.nav2.action_tracker import FeedbackReading
-from nena_edge_agent.nav2.driver import Nav2Driver, Nav2Options
+from nena_edge_agent.nav2.driver import Nav2Driver
 from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.parameters import Nav2Parameters
@@ -45,7 +50,7 @@ READING = PoseReading(1.0, 2.0, 0.5, "map", 1, 0.01, 0.01, 0.01)
 
 async def test_a_machine_without_ros_gets_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.node", None)
-    told: list[MapDriverEvent] = []
+    told: list[DriverEvent] = []
     driver = Nav2Driver(RosSettings(), "hall", told.append, ManualClock())
     with pytest.raises(StartError, match="source the robot's ROS installation"):
         await driver.start()
@@ -55,11 +60,11 @@ async def test_a_machine_without_ros_gets_a_remedy(monkeypatch: pytest.MonkeyPat
 
 @asynccontextmanager
 async def started(
-    monkeypatch: pytest.MonkeyPatch, told: list[MapDriverEvent], options: Nav2Options
+    monkeypatch: pytest.MonkeyPatch, told: list[DriverEvent], **parts: Any
 ) -> AsyncIterator[Nav2Driver]:
     """Run a driver outside of the ROS graph."""
     monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.node", ModuleType("node"))
-    driver = Nav2Driver(RosSettings(start_session=False), "hall", told.append, ManualClock(), options)
+    driver = Nav2Driver(RosSettings(start_session=False), "hall", told.append, ManualClock(), **parts)
     await driver.start()
     try:
         yield driver
@@ -67,17 +72,16 @@ async def started(
         await driver.stop()
 
 
-def goal(generation: int) -> MapGoal:
-    return MapGoal(generation, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None, maximum_speed=0.4)
+def goal(generation: int) -> DriveGoal:
+    return DriveGoal(generation, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None, maximum_speed=0.4)
 
 
 @pytest.mark.parametrize("generation", [-1, 1])
 async def test_a_goal_with_a_limit_fails_without_a_controller_for_it(
     monkeypatch: pytest.MonkeyPatch, generation: int
 ) -> None:
-    told: list[MapDriverEvent] = []
-    options = Nav2Options(limiter=SpeedLimiter("speed_limit", 1.0))
-    async with started(monkeypatch, told, options) as driver:
+    told: list[DriverEvent] = []
+    async with started(monkeypatch, told, limiter=SpeedLimiter("speed_limit", 1.0)) as driver:
         driver.go_to(goal(generation))
         await turn_passes()
     failed = [each for each in told if isinstance(each, DriveFailed)]
@@ -96,11 +100,11 @@ async def test_a_pose_on_the_previous_map_is_not_used_after_a_restart(
     mark.touch()
     server = MapServer(RosSettings(), "attic")
     server.remember(mark)
-    told: list[MapDriverEvent] = []
-    async with started(monkeypatch, told, Nav2Options(map_server=server)) as driver:
+    told: list[DriverEvent] = []
+    async with started(monkeypatch, told, map_server=server) as driver:
         driver._on_pose(READING)
         await turn_passes()
-    poses = [each for each in told if isinstance(each, MapPoseReport)]
+    poses = [each for each in told if isinstance(each, PoseReport)]
     assert [each.localized for each in poses] == [False]
     assert "the position on it is not set" in poses[0].problem
     assert mark.exists()
@@ -112,7 +116,7 @@ class Station:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.let_answer = asyncio.Event()
         self.asked: list[str] = []
-        self.goals: list[MapPose] = []
+        self.goals: list[Pose] = []
         self.stopped = 0
         monkeypatch.setattr(MapServer, "_load_in_turn", self._load)
         self.server = MapServer(RosSettings(), "hall")
@@ -142,7 +146,7 @@ class Station:
         self.asked.append(file)
         await self.let_answer.wait()
 
-    def publish_goal(self, pose: MapPose) -> None:
+    def publish_goal(self, pose: Pose) -> None:
         self.goals.append(pose)
 
 
@@ -156,14 +160,14 @@ def available(driver: Nav2Driver) -> None:
 async def test_an_order_that_starts_while_a_map_is_enabled_does_not_drive_on_the_previous_map(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    station, told = Station(monkeypatch), list[MapDriverEvent]()
-    async with started(monkeypatch, told, Nav2Options(map_server=station.server)) as driver:
+    station, told = Station(monkeypatch), list[DriverEvent]()
+    async with started(monkeypatch, told, map_server=station.server) as driver:
         monkeypatch.setattr(driver, "_node", station)
         driver._on_statuses([])
         available(driver)
         enabling = asyncio.create_task(station.server.use("attic", "attic.yaml"))
         await turn_passes()
-        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
         available(driver)
         station.let_answer.set()
         await enabling
@@ -180,8 +184,8 @@ async def test_a_check_running_while_a_map_is_enabled_does_not_make_navigation_a
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Enable a map between the check of Nav2 and its evaluation, while Nav2's parameters are read."""
-    station, told = Station(monkeypatch), list[MapDriverEvent]()
-    async with started(monkeypatch, told, Nav2Options(map_server=station.server)) as driver:
+    station, told = Station(monkeypatch), list[DriverEvent]()
+    async with started(monkeypatch, told, map_server=station.server) as driver:
         enabling: list[asyncio.Task[None]] = []
 
         async def seen() -> Presence:
@@ -198,7 +202,7 @@ async def test_a_check_running_while_a_map_is_enabled_does_not_make_navigation_a
         monkeypatch.setattr(driver, "_node", station)
         monkeypatch.setattr(driver, "_settings", RosSettings(watch_period=0.05))
         driver._on_statuses([])
-        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
         await driver._watch()
         assert (station.goals, station.asked) == ([], ["attic.yaml"])
         monkeypatch.setattr(driver, "_node", None)
@@ -226,10 +230,10 @@ async def test_a_restarted_map_server_gets_the_map_that_was_enabled_meanwhile(
 async def test_a_plugins_drive_that_waits_while_another_map_is_enabled_is_answered(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    station, told = Station(monkeypatch), list[MapDriverEvent]()
+    station, told = Station(monkeypatch), list[DriverEvent]()
     station.let_answer.set()
-    async with started(monkeypatch, told, Nav2Options(map_server=station.server)) as driver:
-        driver.go_to(MapGoal(-1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+    async with started(monkeypatch, told, map_server=station.server) as driver:
+        driver.go_to(DriveGoal(-1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
         await station.server.use("attic", "attic.yaml")
         await turn_passes()
     (failed,) = (each for each in told if isinstance(each, DriveFailed))
@@ -245,7 +249,7 @@ async def test_a_restarted_map_server_gets_its_map_without_delaying_the_check(
     monkeypatch.setattr(server, "_session", object())
     monkeypatch.setattr(server, "_node", SimpleNamespace(get_publishers_info_by_topic=lambda _: []))
     monkeypatch.setattr(server, "_load", SimpleNamespace(service_is_ready=lambda: True), raising=False)
-    async with started(monkeypatch, [], Nav2Options(map_server=server)) as driver:
+    async with started(monkeypatch, [], map_server=server) as driver:
         reasons = []
         for _ in range(3):
             reasons.append(driver._with_map(NavigationReport(available=True, reason="")).reason)
@@ -262,13 +266,13 @@ async def test_a_silent_navigator_is_detected_between_two_checks(
 ) -> None:
     monkeypatch.setattr(driver_module, "FEEDBACK_TIMEOUT", 0.05)
     monkeypatch.setattr(goal_tracker, "GIVEN_UP_AFTER", 0.05)
-    station, told = Station(monkeypatch), list[MapDriverEvent]()
-    async with started(monkeypatch, told, Nav2Options()) as driver:
+    station, told = Station(monkeypatch), list[DriverEvent]()
+    async with started(monkeypatch, told) as driver:
         monkeypatch.setattr(driver, "_node", station)
         monkeypatch.setattr(driver, "_clock", SystemClock())
         driver._on_statuses([])
         available(driver)
-        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
         driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
         driver._on_feedback(FeedbackReading("a" * 32, 0.0, 0.0, 0.0, "map", 1.0, 0))
         await until(lambda: any(isinstance(each, DriveFailed) for each in told), what="the silence")
@@ -280,7 +284,7 @@ async def test_a_silent_navigator_is_detected_between_two_checks(
 async def test_a_hanging_navigator_is_stopped_by_odometry_before_the_drive_fails(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told: list[MapDriverEvent] = []
+    told: list[DriverEvent] = []
     async with on_the_way(monkeypatch, told) as (driver, station, clock):
         stopped_at = 0.0
         for tick in range(1, 16):
@@ -309,16 +313,16 @@ async def odometry_comes(driver: Nav2Driver, clock: ManualClock, messages: int) 
 
 @asynccontextmanager
 async def on_the_way(
-    monkeypatch: pytest.MonkeyPatch, told: list[MapDriverEvent]
+    monkeypatch: pytest.MonkeyPatch, told: list[DriverEvent]
 ) -> AsyncIterator[tuple[Nav2Driver, Station, ManualClock]]:
     """Yield a driver whose robot drives to goal a, of which feedback has arrived."""
     station, clock = Station(monkeypatch), ManualClock()
-    async with started(monkeypatch, told, Nav2Options()) as driver:
+    async with started(monkeypatch, told) as driver:
         monkeypatch.setattr(driver, "_node", station)
         monkeypatch.setattr(driver, "_clock", clock)
         driver._on_statuses([])
         available(driver)
-        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
         driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
         driver._on_feedback(FEEDBACK)
         yield driver, station, clock
@@ -331,12 +335,12 @@ FEEDBACK = FeedbackReading("a" * 32, 0.0, 0.0, 0.0, "map", 1.0, 0)
 async def test_a_goal_without_feedback_after_one_with_it_is_not_stopped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told = list[MapDriverEvent]()
+    told = list[DriverEvent]()
     async with on_the_way(monkeypatch, told) as (driver, station, clock):
         driver._on_velocity((0.5, 0.0))
         ended = GoalEntry("a" * 32, GoalStatus.SUCCEEDED)
         driver._on_statuses([ended])
-        driver.go_to(MapGoal(2, MapPose(2.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver.go_to(DriveGoal(2, Pose(2.0, 0.0, 0.0, "hall"), 0.3, None))
         driver._on_statuses([ended, GoalEntry("b" * 32, GoalStatus.EXECUTING)])
         await odometry_comes(driver, clock, 60)
         assert station.stopped == 0
@@ -346,9 +350,9 @@ async def test_a_goal_without_feedback_after_one_with_it_is_not_stopped(
 async def test_feedback_of_the_previous_goal_is_a_sign_of_life_until_the_next_is_accepted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told = list[MapDriverEvent]()
+    told = list[DriverEvent]()
     async with on_the_way(monkeypatch, told) as (driver, station, clock):
-        driver.go_to(MapGoal(2, MapPose(2.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver.go_to(DriveGoal(2, Pose(2.0, 0.0, 0.0, "hall"), 0.3, None))
         await turn_passes()
         told.clear()
         for _ in range(20):
@@ -366,7 +370,7 @@ async def test_a_pause_of_the_network_fails_no_drive_of_a_robot_with_odometry(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(driver_module, "FEEDBACK_TIMEOUT", 0.05)
-    told = list[MapDriverEvent]()
+    told = list[DriverEvent]()
     async with on_the_way(monkeypatch, told) as (driver, station, clock):
         driver._on_velocity((0.5, 0.0))
         clock.advance(2.1)
@@ -384,12 +388,12 @@ async def test_parameters_are_read_again_until_all_servers_have_answered(
 ) -> None:
     contour = ((0.5, 0.3), (-0.5, 0.3), (0.0, -0.3))
     found = [Nav2Parameters(speed=0.5, complete=False), Nav2Parameters(speed=0.5, contour=contour)]
-    told, read = list[MapDriverEvent](), iter(found)
+    told, read = list[DriverEvent](), iter(found)
 
     async def answer() -> Nav2Parameters:
         return next(read)
 
-    async with started(monkeypatch, told, Nav2Options()) as driver:
+    async with started(monkeypatch, told) as driver:
         monkeypatch.setattr(driver, "_parameters", SimpleNamespace(read=answer))
         for _ in range(4):
             await driver._read_limits(NavigationReport(available=True, reason=""))
@@ -401,14 +405,14 @@ async def test_parameters_are_read_again_until_all_servers_have_answered(
 async def test_a_navigator_that_leaves_the_graph_is_detected_between_two_checks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    station, told = Station(monkeypatch), list[MapDriverEvent]()
+    station, told = Station(monkeypatch), list[DriverEvent]()
     monkeypatch.setattr(driver_module, "GLANCE", 0.01)
-    async with started(monkeypatch, told, Nav2Options()) as driver:
+    async with started(monkeypatch, told) as driver:
         monkeypatch.setattr(driver, "_settings", RosSettings(watch_period=60.0))
         monkeypatch.setattr(station, "servers", frozenset, raising=False)
         driver._on_statuses([])
         available(driver)
-        driver.go_to(MapGoal(1, MapPose(1.0, 0.0, 0.0, "hall"), 0.3, None))
+        driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
         driver._on_statuses([GoalEntry("a" * 32, GoalStatus.EXECUTING)])
         monkeypatch.setattr(driver, "_node", station)
         await until(lambda: any(isinstance(each, DriveFailed) for each in told), what="its absence")
@@ -419,7 +423,7 @@ async def test_a_navigator_that_leaves_the_graph_is_detected_between_two_checks(
 async def test_a_planner_that_dies_during_a_drive_stops_the_robot(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told = list[MapDriverEvent]()
+    told = list[DriverEvent]()
     monkeypatch.setattr(driver_module, "GLANCE", 0.01)
     async with on_the_way(monkeypatch, told) as (_, station, _):
         present = iter([frozenset({"planner"})])
@@ -443,12 +447,12 @@ async def test_a_goal_of_an_earlier_run_can_be_stopped_without_a_search_for_the_
     def node(*_: object) -> SimpleNamespace:
         return SimpleNamespace(start=done, stop=done, prepare_stop=lambda: prepared.append("stop"))
 
-    async with started(monkeypatch, [], Nav2Options()) as driver:
+    async with started(monkeypatch, []) as driver:
         module = SimpleNamespace(Nav2Node=node, Listeners=lambda *_: None)
         monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.node", module)
         await driver._open_node(RosAddress.of(RosSettings()))
         assert prepared == []
-        driver.reclaim(MapOwnGoals(("a" * 32,), MapPose(1.0, 0.0, 0.0, "hall")))
+        driver.reclaim(OwnGoals(("a" * 32,), Pose(1.0, 0.0, 0.0, "hall")))
         await driver._open_node(RosAddress.of(RosSettings()))
         assert prepared == ["stop"]
         monkeypatch.setattr(driver, "_node", None)
@@ -457,14 +461,14 @@ async def test_a_goal_of_an_earlier_run_can_be_stopped_without_a_search_for_the_
 async def test_a_robot_whose_localisation_dies_during_a_drive_is_reported_as_moving(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told = list[MapDriverEvent]()
-    async with started(monkeypatch, told, Nav2Options()) as driver:
+    told = list[DriverEvent]()
+    async with started(monkeypatch, told) as driver:
         driver._on_pose(READING)
         driver._on_velocity((0.5, 0.0))
         for publishers in (frozenset({"amcl"}), frozenset[str](), frozenset[str]()):
             driver._watch_localiser(Presence(frozenset(), 1, Lifecycle.ABSENT, localisers=publishers))
         await turn_passes()
-    lost = [each for each in told if isinstance(each, MapPoseReport)][-1]
+    lost = [each for each in told if isinstance(each, PoseReport)][-1]
     assert (lost.localized, lost.vx) == (False, 0.5)
 
 
@@ -472,35 +476,35 @@ async def test_a_robot_whose_localisation_dies_during_a_drive_is_reported_as_mov
 async def test_without_a_session_it_is_unknown_whether_the_robot_moves(
     monkeypatch: pytest.MonkeyPatch, *, localised: bool
 ) -> None:
-    told = list[MapDriverEvent]()
-    async with started(monkeypatch, told, Nav2Options()) as driver:
+    told = list[DriverEvent]()
+    async with started(monkeypatch, told) as driver:
         if localised:
             driver._on_pose(READING)
         driver._on_velocity((0.5, 0.0))
         driver._on_session(SessionReport(SessionState.FAILED, "", 0, "the node has failed"))
         await turn_passes()
-    *_, last = (each for each in told if isinstance(each, MapPoseReport | VelocityReport))
+    *_, last = (each for each in told if isinstance(each, PoseReport | VelocityReport))
     assert (last.vx, last.omega) == (None, None)
 
 
 async def test_a_standing_robot_whose_localisation_restarts_is_localised_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told = list[MapDriverEvent]()
-    async with started(monkeypatch, told, Nav2Options()) as driver:
+    told = list[DriverEvent]()
+    async with started(monkeypatch, told) as driver:
         driver._on_velocity((0.0, 0.0))
         driver._on_pose(READING)
         for publishers in (frozenset({"amcl"}), frozenset[str](), frozenset[str]()):
             driver._watch_localiser(Presence(frozenset(), 1, Lifecycle.ABSENT, localisers=publishers))
         driver._on_pose(READING)  # within a second, where it stood
         await turn_passes()
-    assert [each.localized for each in told if isinstance(each, MapPoseReport)] == [True, False, True]
+    assert [each.localized for each in told if isinstance(each, PoseReport)] == [True, False, True]
 
 
 async def test_an_arrival_is_judged_after_the_poses_that_a_delay_held_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told = list[MapDriverEvent]()
+    told = list[DriverEvent]()
 
     async def answered() -> bool:
         return True

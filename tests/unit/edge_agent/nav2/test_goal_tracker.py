@@ -4,16 +4,19 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
+    DriveGoal,
+    DriverEvent,
     GoalReport,
     GoalTable,
     Halted,
     HaltFailed,
     NavigationReport,
+    OwnGoals,
+    Pose,
 )
 from nena_edge_agent.nav2.commands import CancelGoal, Command, PublishGoal, Report, RequestPose, StopMotion
 from nena_edge_agent.nav2.goal_tracker import LATE_AT_MOST, GoalDrive, GoalTracker
@@ -24,8 +27,8 @@ from nena_shared.ros import GoalStatus
 READY = NavigationReport(available=True, reason="")
 
 
-def goal(generation: int, x: float = 5.0, *, xy: float = 0.5, theta: float | None = None) -> MapGoal:
-    return MapGoal(generation, MapPose(x, 0.0, 0.0, "hall"), deviation_xy=xy, deviation_theta=theta)
+def goal(generation: int, x: float = 5.0, *, xy: float = 0.5, theta: float | None = None) -> DriveGoal:
+    return DriveGoal(generation, Pose(x, 0.0, 0.0, "hall"), deviation_xy=xy, deviation_theta=theta)
 
 
 @dataclass
@@ -44,7 +47,7 @@ class Conversation:
         self.later(2.05)
         return self
 
-    def go_to(self, wanted: MapGoal) -> None:
+    def go_to(self, wanted: DriveGoal) -> None:
         self.said += self.tracker.go_to(wanted, self.now)
 
     def drives(self) -> None:
@@ -71,7 +74,7 @@ class Conversation:
         self.said += self.tracker.on_statuses(entries, self.now)
 
     def at(self, x: float, *, theta: float = 0.0) -> None:
-        self.said += self.tracker.on_pose(MapPose(x, 0.0, theta, "hall"), self.now)
+        self.said += self.tracker.on_pose(Pose(x, 0.0, theta, "hall"), self.now)
 
     def later(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.05)):
@@ -79,7 +82,7 @@ class Conversation:
             self.said += self.tracker.tick(self.now)
 
     @property
-    def events(self) -> list[MapDriverEvent]:
+    def events(self) -> list[DriverEvent]:
         """What was reported, goals for information left out."""
         reports = [command.event for command in self.said if isinstance(command, Report)]
         return [event for event in reports if not isinstance(event, GoalTable)]
@@ -394,7 +397,7 @@ class TestLocalisation:
 
     def test_a_goal_of_an_earlier_run_is_continued_at_once(self) -> None:
         talk = Conversation()
-        talk.tracker.reclaim(MapOwnGoals(("A",), goal(1).pose))
+        talk.tracker.reclaim(OwnGoals(("A",), goal(1).pose))
         talk.servers(frozenset({"gid"}))
         talk.said += talk.tracker.on_navigation(READY, talk.now)
         talk.array("A:2")
@@ -913,7 +916,7 @@ class TestNavigationGone:
 
     def test_a_goal_of_an_earlier_run_whose_navigator_is_gone_is_stopped(self) -> None:
         talk = Conversation()
-        talk.tracker.reclaim(MapOwnGoals(("A",), MapPose(5.0, 0.0, 0.0, "hall")))
+        talk.tracker.reclaim(OwnGoals(("A",), Pose(5.0, 0.0, 0.0, "hall")))
         for _ in range(6):
             talk.servers(frozenset())
             assert talk.motion_stopped == 0
@@ -934,7 +937,7 @@ class TestRestartOfTheAgent:
     def after_restart(x: float = 5.0, *ids: str) -> Conversation:
         """Return a tracker with the goals of an earlier run, the last one at ``x``."""
         talk = Conversation()
-        talk.tracker.reclaim(MapOwnGoals(ids or ("A",), MapPose(x, 0.0, 0.0, "hall")))
+        talk.tracker.reclaim(OwnGoals(ids or ("A",), Pose(x, 0.0, 0.0, "hall")))
         return talk
 
     def test_a_goal_to_the_same_pose_continues(self) -> None:
@@ -1009,8 +1012,8 @@ class TestRestartOfTheAgent:
     def unlisted(self, behind: str) -> Conversation:
         """Return a tracker with a goal to x = 5 m that an earlier run was about to send."""
         talk = Conversation()
-        place = MapPose(5.0, 0.0, 0.0, "hall")
-        talk.tracker.reclaim(MapOwnGoals((), place, given=place, behind=behind))
+        place = Pose(5.0, 0.0, 0.0, "hall")
+        talk.tracker.reclaim(OwnGoals((), place, given=place, behind=behind))
         return talk
 
     def test_an_earlier_goal_to_another_pose_is_replaced_without_a_cancel(self) -> None:
@@ -1063,14 +1066,14 @@ class TestRestartOfTheAgent:
 WAIT = 2.0
 
 
-def pose(x: float) -> MapPose:
-    return MapPose(x, 0.0, 0.0, "hall")
+def pose(x: float) -> Pose:
+    return Pose(x, 0.0, 0.0, "hall")
 
 
 @pytest.fixture
 def drive() -> GoalDrive:
     """Return one whose goal was reported reached at 100 s."""
-    return GoalDrive(MapGoal(1, pose(5.0), deviation_xy=0.25), reached_at=100.0)
+    return GoalDrive(DriveGoal(1, pose(5.0), deviation_xy=0.25), reached_at=100.0)
 
 
 def test_a_pose_is_waited_for_from_the_arrival_on(drive: GoalDrive) -> None:
@@ -1092,7 +1095,7 @@ def test_poses_are_late_for_a_while_only(drive: GoalDrive) -> None:
 
 
 def test_before_the_arrival_no_pose_is_late() -> None:
-    drive = GoalDrive(MapGoal(1, pose(5.0), deviation_xy=0.25))
+    drive = GoalDrive(DriveGoal(1, pose(5.0), deviation_xy=0.25))
     drive.on_pose(pose(3.0), pose(2.0), 1.0)
     drive.reached_at = 2.0
     assert not drive.pose_may_come(4.0, WAIT)

@@ -13,14 +13,16 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
+    DriveGoal,
+    DriverEvent,
     GoalTable,
     Halted,
     HaltFailed,
     NavigationReport,
+    Pose,
 )
 from nena_edge_agent.nav2.commands import CancelGoal, Command, PublishGoal, Report, RequestPose, StopMotion
 from nena_edge_agent.nav2.goal_tracker import GoalTracker
@@ -134,7 +136,7 @@ class TrackedRobot(RuleBasedStateMachine):
     def go_to(self) -> None:
         self.generation += 1
         self.wanted = self.generation
-        goal = MapGoal(self.generation, MapPose(10.0 * self.generation, 0.0, 0.0, "hall"), deviation_xy=0.5)
+        goal = DriveGoal(self.generation, Pose(10.0 * self.generation, 0.0, 0.0, "hall"), deviation_xy=0.5)
         self._do(self.tracker.go_to(goal, self.now))
 
     @rule()
@@ -240,13 +242,13 @@ class TrackedRobot(RuleBasedStateMachine):
                 case CancelGoal(goal_id):
                     self._cancel(goal_id)
                 case RequestPose():
-                    self._do(self.tracker.on_pose(MapPose(self.place, 0.0, 0.0, "hall"), self.now))
+                    self._do(self.tracker.on_pose(Pose(self.place, 0.0, 0.0, "hall"), self.now))
                 case StopMotion():
                     self._do(self.tracker.on_stop_answer(self.now, answered=True))
                 case Report(event):
                     self._check(event)
 
-    def _give(self, goal: MapGoal) -> None:
+    def _give(self, goal: DriveGoal) -> None:
         assert goal.generation == self.wanted, "a goal that are not wanted any more is given"
         assert not self.halting, "a goal is given while another is stopped"
         if self.goals_to_lose:
@@ -260,7 +262,7 @@ class TrackedRobot(RuleBasedStateMachine):
         self.cancels_to_lose = 0
         self._do(self.tracker.on_cancel_answer(goal_id, code, self.now))
 
-    def _check(self, event: MapDriverEvent) -> None:
+    def _check(self, event: DriverEvent) -> None:
         match event:
             case Arrived(generation) | DriveFailed(generation=generation):
                 assert generation == self.wanted, "an end for a goal that is not wanted, or a second end"

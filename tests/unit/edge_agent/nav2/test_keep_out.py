@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_edge_agent.driver.map_port import MapArea
+from nena_edge_agent.driver.port import Area
 from nena_edge_agent.nav2 import keep_out
 from nena_edge_agent.nav2.keep_out import CLOSED, NOTHING, KeepOutMask, Mask, mask_of, unused_mask
 from nena_edge_agent.nav2.settings import RosNames, RosSettings
@@ -150,7 +150,7 @@ async def test_a_mask_is_drawn_in_a_thread_and_not_published_once_replaced(
 
     monkeypatch.setattr(keep_out, "mask_of", draw)
     mask = KeepOutMask(RosSettings())
-    first = asyncio.create_task(mask.show([MapArea("hall", SQUARE)], "hall"))
+    first = asyncio.create_task(mask.show([Area("hall", SQUARE)], "hall"))
     second = asyncio.create_task(mask.show([], "hall"))
     asyncio.get_running_loop().call_soon(let_draw.set)
     await asyncio.gather(first, second)

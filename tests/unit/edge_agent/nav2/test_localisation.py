@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 from structlog.testing import capture_logs
 
-from nena_edge_agent.driver.map_port import MapPose, MapPoseReport
-from nena_edge_agent.driver.port import PositionInitialized, VelocityReport
+from nena_edge_agent.driver.port import Pose, PoseReport, PositionInitialized, VelocityReport
 from nena_edge_agent.nav2.commands import Report
 from nena_edge_agent.nav2.localisation import (
     InitialPosition,
@@ -37,12 +36,10 @@ def test_nothing_is_known_before_the_first_pose() -> None:
 
 def test_the_pose_is_reported_with_the_newest_velocity() -> None:
     known = localisation()
-    assert known.on_reading(READING) == MapPose(1.0, 2.0, 0.5, "hall")
-    assert known.report() == MapPoseReport(
-        MapPose(1.0, 2.0, 0.5, "hall"), localized=True, vx=None, omega=None
-    )
+    assert known.on_reading(READING) == Pose(1.0, 2.0, 0.5, "hall")
+    assert known.report() == PoseReport(Pose(1.0, 2.0, 0.5, "hall"), localized=True, vx=None, omega=None)
     known.on_velocity((0.7, 0.1), 0.0)
-    assert known.report() == MapPoseReport(MapPose(1.0, 2.0, 0.5, "hall"), localized=True, vx=0.7, omega=0.1)
+    assert known.report() == PoseReport(Pose(1.0, 2.0, 0.5, "hall"), localized=True, vx=0.7, omega=0.1)
 
 
 def test_pose_that_came_already_or_late_is_no_news() -> None:
@@ -77,8 +74,8 @@ def test_a_large_uncertainty_is_reported() -> None:
     assert not report.localized
 
 
-def standing(x: float = 1.0, theta: float = math.pi, map_id: str = "hall") -> MapPoseReport:
-    return MapPoseReport(MapPose(x, 2.0, theta, map_id), localized=True, vx=0.0, omega=0.0)
+def standing(x: float = 1.0, theta: float = math.pi, map_id: str = "hall") -> PoseReport:
+    return PoseReport(Pose(x, 2.0, theta, map_id), localized=True, vx=0.0, omega=0.0)
 
 
 STANDING_ROBOT = standing()
@@ -101,7 +98,7 @@ def test_a_standing_robot_repeats_itself_once_a_second() -> None:
         replace(STANDING_ROBOT, problem="the localisation is uncertain"),
     ],
 )
-def test_what_differs_is_no_repetition(report: MapPoseReport) -> None:
+def test_what_differs_is_no_repetition(report: PoseReport) -> None:
     repetition = Repetition()
     repetition.of(STANDING_ROBOT, 0.0)
     assert not repetition.of(report, 0.05)
@@ -125,12 +122,12 @@ def test_a_position_from_feedback_counts_until_a_newer_pose_arrives() -> None:
     known = localisation()
     assert known.on_nearer(1.5, 2.0, 0.5, "map") is None
     known.on_reading(READING)
-    nearer = MapPose(1.5, 2.0, 0.5, "hall")
+    nearer = Pose(1.5, 2.0, 0.5, "hall")
     assert known.on_nearer(1.5, 2.0, 0.5, "/map") == nearer
     later = replace(READING, x=1.2, stamp=READING.stamp + 1)
     assert known.on_reading(later, old=True) == nearer
     latest = replace(READING, x=1.3, stamp=READING.stamp + 2)
-    assert known.on_reading(latest) == MapPose(1.3, 2.0, 0.5, "hall")
+    assert known.on_reading(latest) == Pose(1.3, 2.0, 0.5, "hall")
 
 
 def test_a_position_from_feedback_in_another_frame_is_ignored() -> None:
@@ -149,8 +146,8 @@ def test_a_velocity_that_no_odometry_confirms_is_forgotten() -> None:
     assert not moving.forget_stale_velocity(12.0)
 
 
-WANTED = MapPose(2.0, 1.0, 3.1, "hall")
-ELSEWHERE = MapPose(9.0, 1.0, 3.1, "hall")
+WANTED = Pose(2.0, 1.0, 3.1, "hall")
+ELSEWHERE = Pose(9.0, 1.0, 3.1, "hall")
 DONE = Report(PositionInitialized(succeeded=True, description=""))
 
 
@@ -162,13 +159,13 @@ def initial_position() -> InitialPosition:
 def test_is_sent_and_confirmed_by_a_pose_near_it(initial_position: InitialPosition) -> None:
     assert initial_position.ask(WANTED, 0.0) == [PublishInitialPose(WANTED)]
     assert initial_position.on_pose(ELSEWHERE) == []
-    assert initial_position.on_pose(MapPose(2.3, 1.2, -3.1, "hall")) == [DONE]
+    assert initial_position.on_pose(Pose(2.3, 1.2, -3.1, "hall")) == [DONE]
     assert not initial_position.busy
 
 
 def test_wrong_heading_confirms_nothing(initial_position: InitialPosition) -> None:
     initial_position.ask(WANTED, 0.0)
-    assert initial_position.on_pose(MapPose(2.0, 1.0, 0.0, "hall")) == []
+    assert initial_position.on_pose(Pose(2.0, 1.0, 0.0, "hall")) == []
     assert initial_position.busy
 
 

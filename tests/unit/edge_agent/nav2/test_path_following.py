@@ -6,14 +6,17 @@ from collections.abc import Callable
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
+    DriveGoal,
+    DriverEvent,
     GoalTable,
     Halted,
     NavigationReport,
+    OwnGoals,
+    Pose,
 )
 from nena_edge_agent.nav2.commands import (
     CancelGoal,
@@ -37,13 +40,13 @@ AVAILABLE = NavigationReport(available=True, reason="")
 NAVIGATORS, CONTROLLERS = frozenset({"bt"}), frozenset({"controller"})
 
 
-def place(x: float) -> MapPose:
-    return MapPose(x, 0.0, 0.0, "hall")
+def place(x: float) -> Pose:
+    return Pose(x, 0.0, 0.0, "hall")
 
 
-def goal(generation: int, x: float = 5.0, *, path: bool = False) -> MapGoal:
+def goal(generation: int, x: float = 5.0, *, path: bool = False) -> DriveGoal:
     way = tuple(place(x * i / 5) for i in range(6)) if path else ()
-    return MapGoal(generation, place(x), deviation_xy=0.5, path=way)
+    return DriveGoal(generation, place(x), deviation_xy=0.5, path=way)
 
 
 class Talk:
@@ -59,7 +62,7 @@ class Talk:
         self.said += self.trackers.on_pose(place(0.0), 0.0)
         self.stands()
 
-    def go_to(self, wanted: MapGoal) -> None:
+    def go_to(self, wanted: DriveGoal) -> None:
         self.said += self.trackers.go_to(wanted, self.now)
 
     def later(self, seconds: float) -> None:
@@ -113,7 +116,7 @@ class Talk:
         return [each for each in self.said if isinstance(each, SendGoal)]
 
     @property
-    def events(self) -> list[MapDriverEvent]:
+    def events(self) -> list[DriverEvent]:
         return [each.event for each in self.said if isinstance(each, Report)]
 
     @property
@@ -278,7 +281,7 @@ def after_restart(*, paths: bool = True) -> Talk:
     """Return a robot without odometry whose agent has just restarted; Nav2 has listed no goals yet."""
     talk = Talk()
     talk.trackers = Trackers(GoalSettings(), MARK)
-    talk.trackers.reclaim(MapOwnGoals((), place(5.0)), paths=paths)
+    talk.trackers.reclaim(OwnGoals((), place(5.0)), paths=paths)
     talk.trackers.controller_takes_paths = talk.trackers.navigator.by_action = True
     talk.said = talk.trackers.on_servers(NAVIGATORS, CONTROLLERS, talk.now)
     talk.said += talk.trackers.on_navigation(AVAILABLE, talk.now)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from nena_edge_agent.driver.map_port import MapGoal, MapPose
+from nena_edge_agent.driver.port import DriveGoal, Pose
 from nena_edge_agent.nav2.poses import PoseReading, agrees, impossible, localized, quaternion_of
 from nena_edge_agent.nav2.settings import LocalisationSettings
 from nena_shared.ros import wrap, yaw_of
@@ -96,28 +96,28 @@ def test_sureness_by_spread(variances: tuple[float, float, float], *, sure: bool
 @pytest.mark.parametrize(
     ("pose", "deviation_theta", "there"),
     [
-        (MapPose(5.4, 0.0, 3.0, "hall"), None, True),
-        (MapPose(5.6, 0.0, 0.0, "hall"), None, False),
-        (MapPose(5.0, 0.0, -math.pi + 0.05, "hall"), 0.2, True),
-        (MapPose(5.0, 0.0, math.pi - 0.4, "hall"), 0.2, False),
+        (Pose(5.4, 0.0, 3.0, "hall"), None, True),
+        (Pose(5.6, 0.0, 0.0, "hall"), None, False),
+        (Pose(5.0, 0.0, -math.pi + 0.05, "hall"), 0.2, True),
+        (Pose(5.0, 0.0, math.pi - 0.4, "hall"), 0.2, False),
     ],
 )
-def test_agreement_with_a_goal(pose: MapPose, deviation_theta: float | None, *, there: bool) -> None:
-    goal = MapGoal(1, MapPose(5.0, 0.0, math.pi - 0.05, "hall"), 0.5, deviation_theta)
+def test_agreement_with_a_goal(pose: Pose, deviation_theta: float | None, *, there: bool) -> None:
+    goal = DriveGoal(1, Pose(5.0, 0.0, math.pi - 0.05, "hall"), 0.5, deviation_theta)
     assert agrees(pose, goal) is there
 
 
 @pytest.mark.parametrize(
     ("pose", "reason"),
     [
-        (MapPose(1.0, 2.0, 0.0, "attic"), "map 'attic'"),
-        (MapPose(1.0, math.nan, 0.0, "hall"), "is not a valid pose"),
-        (MapPose(1.0, 2.0, math.inf, "hall"), "is not a valid pose"),
+        (Pose(1.0, 2.0, 0.0, "attic"), "map 'attic'"),
+        (Pose(1.0, math.nan, 0.0, "hall"), "is not a valid pose"),
+        (Pose(1.0, 2.0, math.inf, "hall"), "is not a valid pose"),
     ],
 )
-def test_reports_why_a_robot_cannot_be_sent_to_a_pose(pose: MapPose, reason: str) -> None:
+def test_reports_why_a_robot_cannot_be_sent_to_a_pose(pose: Pose, reason: str) -> None:
     assert reason in str(impossible(pose, "hall"))
 
 
 def test_a_pose_on_the_robots_map_can_be_driven_to() -> None:
-    assert impossible(MapPose(1.0, 2.0, 0.0, "hall"), "hall") is None
+    assert impossible(Pose(1.0, 2.0, 0.0, "hall"), "hall") is None

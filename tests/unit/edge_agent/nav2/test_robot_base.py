@@ -5,8 +5,7 @@ import math
 import pytest
 from structlog.testing import capture_logs
 
-from nena_edge_agent.driver.map_port import MapPose
-from nena_edge_agent.driver.port import BatteryReport
+from nena_edge_agent.driver.port import BatteryReport, Pose
 from nena_edge_agent.nav2.robot_base import Battery, BatteryReading, MovementWatch, Standstill, without_noise
 from nena_edge_agent.nav2.settings import BatteryScale
 
@@ -75,8 +74,8 @@ def test_turning_on_the_spot_is_movement_and_trembling_is_none() -> None:
 def test_without_odometry_the_poses_decide() -> None:
     watch = MovementWatch(10.0)
     watch.blocked(driving=True, now=0.0)
-    watch.on_pose(MapPose(1.0, 0.0, 0.0, "hall"), 5.0)
-    watch.on_pose(MapPose(1.02, 0.0, 0.0, "hall"), 9.0)
+    watch.on_pose(Pose(1.0, 0.0, 0.0, "hall"), 5.0)
+    watch.on_pose(Pose(1.02, 0.0, 0.0, "hall"), 9.0)
     assert not watch.blocked(driving=True, now=14.9)
     assert watch.blocked(driving=True, now=15.0)
 

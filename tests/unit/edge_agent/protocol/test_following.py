@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapOwnGoals, MapPose
-from nena_edge_agent.driver.port import GoalReport, GoalTable, Halted, NavigationReport
+from nena_edge_agent.driver.port import GoalReport, GoalTable, Halted, NavigationReport, OwnGoals, Pose
 from nena_edge_agent.nav2.commands import Report
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.path_following import Trackers
@@ -180,8 +179,8 @@ def test_after_a_restart_on_a_path_an_operators_goal_is_not_adopted() -> None:
     bench.send(edges({"trajectory": TURN}))
     kept = Bench(memory=bench.core.memory(), ready=False, follows_paths=True).core.own_goals
     assert kept is not None
-    trackers, place = Trackers(GoalSettings(), GoalIdPrefix("agent")), MapPose(10.0, 10.0, 1.5, "hall")
-    trackers.reclaim(MapOwnGoals(kept.goal_ids, place, place if kept.given else None, kept.behind))
+    trackers, place = Trackers(GoalSettings(), GoalIdPrefix("agent")), Pose(10.0, 10.0, 1.5, "hall")
+    trackers.reclaim(OwnGoals(kept.goal_ids, place, place if kept.given else None, kept.behind))
     operators = [GoalEntry("ff" * 16, GoalStatus.EXECUTING)]
     (said,) = trackers.on_statuses(operators, 0.0)
     assert said == Report(GoalTable((GoalReport("ff" * 16, external=True, status="EXECUTING"),)))

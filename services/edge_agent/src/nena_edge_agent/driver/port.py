@@ -1,8 +1,9 @@
 """The port between the protocol core and the robot's driver.
 
 Commands are methods that return at once. The driver reports everything by events: it calls the given callback
-in the event loop's thread. Poses are in the plant's frame: m, rad (counter-clockwise), map ID. A driver on
-the robot's own map implements :mod:`nena_edge_agent.driver.map_port` instead.
+in the event loop's thread. Poses are in the plant's frame: m, rad (counter-clockwise), map ID. A driver whose
+robot has its own map uses the same types within, in the frame of that map, and converts at this port
+(:mod:`nena_edge_agent.driver.plant_frame`).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from math import dist
-from typing import Generic, Protocol, TypeVar
+from typing import Protocol
 
 
 class SessionState(StrEnum):
@@ -27,13 +28,10 @@ class SessionState(StrEnum):
 STANDING = 0.01
 """Velocity below which a robot is at standstill, m/s and rad/s."""
 
-PoseT = TypeVar("PoseT")
-"""The type of a pose, which determines the frame."""
-
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A position and heading: m and rad in the plant's frame of the map ``map_id``."""
+    """A position and heading: m and rad on the map ``map_id``."""
 
     x: float
     y: float
@@ -55,7 +53,7 @@ class Circle:
 
 
 @dataclass(frozen=True, slots=True)
-class BaseGoal(Generic[PoseT]):
+class DriveGoal:
     """A goal of the core.
 
     Attributes:
@@ -72,19 +70,13 @@ class BaseGoal(Generic[PoseT]):
     """
 
     generation: int
-    pose: PoseT
+    pose: Pose
     deviation_xy: float
     deviation_theta: float | None = None
     maximum_speed: float | None = None
-    ahead: tuple[PoseT, ...] = ()
+    ahead: tuple[Pose, ...] = ()
     behavior_tree: str = ""
-    path: tuple[PoseT, ...] = ()
-
-
-class DriveGoal(BaseGoal[Pose]):
-    """A goal in the plant's frame."""
-
-    __slots__ = ()
+    path: tuple[Pose, ...] = ()
 
 
 class DriveFailure(StrEnum):
@@ -156,23 +148,17 @@ class VelocityReport:
 
 
 @dataclass(frozen=True, slots=True)
-class BasePoseReport(Generic[PoseT]):
+class PoseReport:
     """The robot's pose, and its velocity in its own frame (m/s, rad/s; None: unknown).
 
     ``problem`` is why the pose is unreliable; empty if it is reliable.
     """
 
-    pose: PoseT
+    pose: Pose
     localized: bool
     vx: float | None = None
     omega: float | None = None
     problem: str = ""
-
-
-class PoseReport(BasePoseReport[Pose]):
-    """A pose in the plant's frame."""
-
-    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +184,7 @@ class NavigationReport:
 
 
 @dataclass(frozen=True, slots=True)
-class BaseOwnGoals(Generic[PoseT]):
+class OwnGoals:
     """Own goals that have not ended, possibly of an earlier run; the last one leads to ``pose``.
 
     ``given`` is the pose of a goal that is about to be sent, or was sent and is not listed yet. It will be
@@ -206,15 +192,9 @@ class BaseOwnGoals(Generic[PoseT]):
     """
 
     goal_ids: tuple[str, ...]
-    pose: PoseT
-    given: PoseT | None = None
+    pose: Pose
+    given: Pose | None = None
     behind: str = ""
-
-
-class OwnGoals(BaseOwnGoals[Pose]):
-    """Own goals in the plant's frame."""
-
-    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,6 +226,7 @@ class PlanReport:
     """Navigation's plan from the robot's position at that time to the goal: at least two points, m."""
 
     points: tuple[tuple[float, float], ...]
+    map_id: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,20 +309,14 @@ class SessionReport:
 
 
 @dataclass(frozen=True, slots=True)
-class BaseArea:
+class Area:
     """A polygon on the map ``map_id`` that the robot must not enter: corners in m."""
 
     map_id: str
     points: tuple[tuple[float, float], ...]
 
 
-class Area(BaseArea):
-    """An area in the plant's frame that the robot must not enter."""
-
-    __slots__ = ()
-
-
-FrameIndependentEvent = (
+DriverEvent = (
     Arrived
     | DriveFailed
     | Halted
@@ -357,15 +332,15 @@ FrameIndependentEvent = (
     | PositionInitialized
     | GoalTable
     | SessionReport
+    | PoseReport
+    | PlanReport
+    | NoRouteReport
 )
-"""Events that are the same in each frame."""
-
-DriverEvent = FrameIndependentEvent | PoseReport | PlanReport | NoRouteReport
 Emit = Callable[[DriverEvent], None]
 
 
-class BaseDriver(Protocol):
-    """The methods of a driver that are the same in each frame."""
+class Driver(Protocol):
+    """A robot's driver."""
 
     async def start(self) -> None:
         """Start the driver; from now on it may emit events.
@@ -389,10 +364,6 @@ class BaseDriver(Protocol):
         Called only for drivers that support it.
         """
         ...
-
-
-class Driver(BaseDriver, Protocol):
-    """A robot's driver in the plant's frame."""
 
     def reclaim(self, goals: OwnGoals) -> None:
         """Treat ``goals`` as own goals if navigation still drives to them; called before the start.

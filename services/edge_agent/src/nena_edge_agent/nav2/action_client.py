@@ -16,7 +16,7 @@ from typing import Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.action_tracker import FeedbackReading
 from nena_edge_agent.nav2.messages import UnusablePoseError
@@ -88,7 +88,7 @@ class ActionClient:
         """Return whether a server is present that accepts goals."""
         return bool(self._goals.service_is_ready() and self._results.service_is_ready())
 
-    async def send(self, goal_id: str, way: Sequence[MapPose], tree: str = "") -> bool | None:
+    async def send(self, goal_id: str, way: Sequence[Pose], tree: str = "") -> bool | None:
         """Send a goal through the positions of ``way``; NavigateToPose uses only the first.
 
         ``tree`` is the name of a behaviour tree of the settings; "": Nav2's own.

@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from nena_edge_agent.driver.map_port import MapGoal, MapPose
-from nena_edge_agent.driver.port import DriveFailure, DriveProgress
+from nena_edge_agent.driver.port import DriveFailure, DriveGoal, DriveProgress, Pose
 from nena_edge_agent.nav2.commands import Command, RequestResult, SendGoal
 from nena_edge_agent.nav2.error_codes import TRANSIENT, Meaning, meaning_of
 from nena_edge_agent.nav2.goal_tracker import (
@@ -54,11 +53,11 @@ class PassedPoses:
     """Tracks a goal through several poses; those after the next one are its ``ahead``."""
 
     def __init__(self) -> None:
-        self._places: tuple[MapPose, ...] = ()
+        self._places: tuple[Pose, ...] = ()
         self._dropped = False
         self._closest = math.inf
 
-    def begin(self, goal: MapGoal) -> None:
+    def begin(self, goal: DriveGoal) -> None:
         """Record the poses sent to navigation."""
         self._places = (goal.pose, *goal.ahead)
         self.advance()
@@ -67,7 +66,7 @@ class PassedPoses:
         """Record that the next pose is now the goal."""
         self._dropped, self._closest = False, math.inf
 
-    def covers(self, goal: MapGoal) -> bool:
+    def covers(self, goal: DriveGoal) -> bool:
         """Return whether navigation already drives to ``goal`` and through the poses ahead of it."""
         wanted = (goal.pose, *goal.ahead)
         if len(self._places) <= 1 or len(wanted) > len(self._places):
@@ -76,11 +75,11 @@ class PassedPoses:
         same = (near(one, other, xy=SAME, theta=None) for one, other in zip(wanted, rest, strict=True))
         return all(same)
 
-    def left(self, goal: MapGoal, places: int) -> None:
+    def left(self, goal: DriveGoal, places: int) -> None:
         """Record how many poses navigation has left to reach."""
         self._dropped = self._dropped or places <= len(goal.ahead)
 
-    def missed(self, goal: MapGoal, pose: MapPose) -> bool:
+    def missed(self, goal: DriveGoal, pose: Pose) -> bool:
         """Return whether the robot turns away from ``goal`` without having reached it."""
         if not goal.ahead or not self._dropped:
             return False
@@ -238,7 +237,7 @@ class ActionTracker(GoalTracker):
         """Return whether something is awaited, so that :meth:`tick` is needed."""
         return self._aborted is not None or self._registry.yields or super().busy
 
-    def go_to(self, goal: MapGoal, now: float) -> list[Command]:
+    def go_to(self, goal: DriveGoal, now: float) -> list[Command]:
         """Drive to ``goal``; if the current goal already leads there, nothing is sent."""
         drive = self._drive
         same = drive is not None and drive is self._sent_for and drive.goal_id in self._sent
@@ -248,7 +247,7 @@ class ActionTracker(GoalTracker):
             return self._advance(now)
         return super().go_to(goal, now)
 
-    def on_pose(self, pose: MapPose, now: float) -> list[Command]:
+    def on_pose(self, pose: Pose, now: float) -> list[Command]:
         """Handle a pose; resend a pose that a goal through several poses has skipped."""
         drive = self._drive
         if drive is not None and drive.reached_at is None and self._passed.missed(drive.goal, pose):
@@ -445,7 +444,7 @@ class ActionSide:
         """Handle the statuses of the action that only other clients use."""
         self._apply(self._tracker.on_other_statuses(entries, self._clock.monotonic()))
 
-    async def send(self, goal: MapGoal, goal_id: str) -> None:
+    async def send(self, goal: DriveGoal, goal_id: str) -> None:
         """Send a goal and handle the server's response."""
         log.info("goal sent", generation=goal.generation, goal=goal_id, x=goal.pose.x, y=goal.pose.y)
         accepted = (

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal
+from nena_edge_agent.driver.port import DriveGoal, DriverEvent
 
 
 @dataclass(frozen=True, slots=True)
 class PublishGoal:
     """Publish the goal on the topic; it may be lost on the way."""
 
-    goal: MapGoal
+    goal: DriveGoal
 
 
 @dataclass(frozen=True, slots=True)
 class SendGoal:
     """Send the goal to the action's server with this ID; the server responds."""
 
-    goal: MapGoal
+    goal: DriveGoal
     goal_id: str
 
 
@@ -57,7 +57,7 @@ class RequestPose:
 class Report:
     """Report an event to the protocol core."""
 
-    event: MapDriverEvent
+    event: DriverEvent
 
 
 Command = PublishGoal | SendGoal | RequestResult | CancelGoal | OnPath | StopMotion | RequestPose | Report

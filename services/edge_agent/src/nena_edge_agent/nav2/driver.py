@@ -9,27 +9,26 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterable, Sequence
 from contextlib import AsyncExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
 
-from nena_edge_agent.driver.map_port import (
-    MapArea,
-    MapDriverEvent,
-    MapEmit,
-    MapGoal,
-    MapOwnGoals,
-    MapPlanReport,
-    MapPose,
-    MapPoseReport,
-)
+from nena_edge_agent.driver.plant_frame import NO_TRANSFORMS, PlantFrame
 from nena_edge_agent.driver.port import (
+    Area,
     BlockedReport,
     DriveFailed,
     DriveFailure,
+    DriveGoal,
+    DriverEvent,
+    Emit,
     Halted,
     KeepOutReport,
     NavigationReport,
+    OwnGoals,
+    PlanReport,
+    Pose,
+    PoseReport,
     PositionInitialized,
     SessionReport,
     SessionState,
@@ -99,42 +98,36 @@ READINGS = 5
 """Maximum number of attempts to read Nav2's parameters while one of them is unknown."""
 
 
-@dataclass(frozen=True, slots=True)
-class Nav2Options:
-    """Features that only some robots with Nav2 have."""
-
-    extensions: Sequence[NodeExtension] = ()
-    """Topics and services of plug-ins on the robot's nodes."""
-    limiter: SpeedLimiter | None = None
-    map_server: MapServer | None = None
-
-
-NO_OPTIONS = Nav2Options()
-
-
 def _unless(problem: str, report: NavigationReport) -> NavigationReport:
     """Return ``report``, with ``problem`` as the reason if navigation is otherwise available."""
     return NavigationReport(available=False, reason=problem) if problem and report.available else report
 
 
 class Nav2Driver:
-    """One robot with Nav2. Events are emitted by the event loop, never during a method call."""
+    """One robot with Nav2, within in the frame of its map; goals and events are in the plant's frame.
+
+    Events are emitted by the event loop, never during a method call.
+    """
 
     def __init__(
         self,
         settings: RosSettings,
         map_id: str,
-        emit: MapEmit,
+        emit: Emit,
         clock: Clock,
-        options: Nav2Options = NO_OPTIONS,
+        *,
+        frame: PlantFrame = NO_TRANSFORMS,
+        extensions: Sequence[NodeExtension] = (),
+        limiter: SpeedLimiter | None = None,
+        map_server: MapServer | None = None,
     ) -> None:
         self._settings = settings
-        self._extensions, self._limiter = options.extensions, options.limiter
-        self._map_server = map_server = options.map_server
+        self._frame = frame
+        self._extensions, self._limiter, self._map_server = extensions, limiter, map_server
         if map_server is not None:
             map_server.attach(self)
         self._too_fast = ""
-        self._areas: tuple[MapArea, ...] = ()
+        self._areas: tuple[Area, ...] = ()
         self._keep_out = KeepOutMask(settings) if nav2_offers(settings).keeps_out else None
         self._kept_out: KeepOutReport | None = None
         self._map_id = map_server.map_id if map_server is not None else map_id
@@ -210,15 +203,15 @@ class Nav2Driver:
         await self._stack.aclose()
         await self.session.stop()
 
-    def reclaim(self, goals: MapOwnGoals) -> None:
+    def reclaim(self, goals: OwnGoals) -> None:
         """Continue with a goal of an earlier run, if Nav2 still drives to it."""
         if self._limiter is not None:
             self._limiter.reclaim()
-        self._tracker.reclaim(goals, paths=self._paths is not None)
+        self._tracker.reclaim(self._frame.own_goals_to_map(goals), paths=self._paths is not None)
 
-    def go_to(self, goal: MapGoal) -> None:
+    def go_to(self, goal: DriveGoal) -> None:
         """Drive to ``goal``; a current goal is replaced without a stop."""
-        now = self._clock.monotonic()
+        goal, now = self._frame.goal_to_map(goal), self._clock.monotonic()
         problem = impossible(goal.pose, self._map_id)
         if self._limiter is not None:
             if reason := self._limiter.problem(goal.maximum_speed):
@@ -237,7 +230,7 @@ class Nav2Driver:
             self._apply(self._tracker.go_to(goal, now))
             if len(goal.path) > 1:
                 places = tuple((each.x, each.y) for each in goal.path)
-                self._report(MapPlanReport(thinned(places), self._map_id))
+                self._report(PlanReport(thinned(places), self._map_id))
         else:
             self._apply(self._tracker.drop(now))
             self._report(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
@@ -253,20 +246,24 @@ class Nav2Driver:
         if self._limiter is not None:
             self._limiter.for_place(speed)
 
-    def keep_out(self, areas: tuple[MapArea, ...]) -> None:
+    def keep_out(self, areas: tuple[Area, ...]) -> None:
         """Make Nav2 plan around areas; called only if it accepts a mask."""
-        self._areas = areas
+        self._areas = tuple(map(self._frame.area_to_map, areas))
         if not areas:
             self._kept_out = None
+        self._show_areas()
+
+    def _show_areas(self) -> None:
         if self._keep_out is not None:
-            shown = self._keep_out.show(areas, self._map_id)
+            shown = self._keep_out.show(self._areas, self._map_id)
             self._tasks.start("draw the keep-out mask", shown, vital=False)
 
-    def initialize_position(self, pose: MapPose) -> None:
+    def initialize_position(self, pose: Pose) -> None:
         """Set the robot's pose in the localisation.
 
         Answered by ``PositionInitialized``; a newer call replaces an older one, and one event answers both.
         """
+        pose = self._frame.to_map(pose)
         problem = impossible(pose, self._map_id)
         if problem is not None:
             self._report(PositionInitialized(succeeded=False, description=problem))
@@ -299,14 +296,14 @@ class Nav2Driver:
         report = self._localisation.report()
         self._map_id, self._unplaced = map_id, True
         self._forget_position()
-        self.keep_out(self._areas)
+        self._show_areas()
         self._report_unplaced(report)
 
-    def _report_unplaced(self, report: MapPoseReport | None) -> None:
+    def _report_unplaced(self, report: PoseReport | None) -> None:
         if report is not None:
             problem = f"the map '{self._map_id}' was enabled, but the position on it is not set"
             pose = replace(report.pose, map_id=self._map_id)
-            lost = MapPoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
+            lost = PoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
             self._report(lost)
 
     async def _open_node(self, address: RosAddress) -> None:
@@ -644,7 +641,7 @@ class Nav2Driver:
         frame, points = plan
         ours = frame.removeprefix("/") == self._settings.frame
         if ours and len(points) > 1 and self._tracker.wants(points[-1]):
-            self._report(MapPlanReport(points, self._map_id))
+            self._report(PlanReport(points, self._map_id))
 
     def _report_pose(self) -> None:
         report = self._localisation.report()
@@ -718,9 +715,9 @@ class Nav2Driver:
         now = self._clock.monotonic()
         self._apply([*self._initial_position.tick(now), *self._tracker.tick(now)])
 
-    def _report(self, event: MapDriverEvent) -> None:
+    def _report(self, event: DriverEvent) -> None:
         if isinstance(event, Halted):
             self._halted.set()
         if self._limiter is not None:
             self._limiter.on_event(event)
-        self._loop.call_soon(self._emit, event)
+        self._loop.call_soon(self._emit, self._frame.event_to_plant(event))

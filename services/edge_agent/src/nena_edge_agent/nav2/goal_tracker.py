@@ -11,15 +11,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import dist, inf
 
-from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
+    DriveGoal,
+    DriverEvent,
     GoalTable,
     Halted,
     HaltFailed,
     NavigationReport,
+    OwnGoals,
+    Pose,
 )
 from nena_edge_agent.nav2.commands import (
     CancelGoal,
@@ -46,7 +49,7 @@ STANDS = 0.1
 class GoalDrive:
     """The goal requested by the protocol core; times are monotonic seconds."""
 
-    goal: MapGoal
+    goal: DriveGoal
     times_sent: int = 0
     counted_from: int = 0
     """``times_sent`` when Nav2 was last unavailable; attempts before that do not count."""
@@ -73,7 +76,7 @@ class GoalDrive:
         """Return whether it may succeed without the robot arriving."""
         return self.preempts or self.interrupted
 
-    def on_pose(self, pose: MapPose, before: MapPose, now: float) -> None:
+    def on_pose(self, pose: Pose, before: Pose, now: float) -> None:
         """Record a pose and its predecessor; on busy computers, poses are received long after the arrival."""
         self._shown_driving = not near(pose, before, xy=STANDS, theta=STANDS)
         if self.reached_at is not None and self._shown_driving:
@@ -162,10 +165,10 @@ class GoalTracker:
         self._stop_answered = False
         self._no_server_since: float | None = None
         self._server_found = False
-        self._pose: MapPose | None = None
+        self._pose: Pose | None = None
         self._pose_at = self._localised_at = -float("inf")
         self._table = GoalTable()
-        self._reclaimed: MapOwnGoals | None = None
+        self._reclaimed: OwnGoals | None = None
         self._reclaimed_until: float | None = None
         self._arrived_at: float | None = None
         """When the last goal was reached; set while a pose at rest still has to be requested."""
@@ -196,7 +199,7 @@ class GoalTracker:
         return self._registry.live
 
     @property
-    def wanted(self) -> MapGoal | None:
+    def wanted(self) -> DriveGoal | None:
         """Return the active or waiting goal."""
         return self._drive.goal if self._drive is not None else None
 
@@ -228,12 +231,12 @@ class GoalTracker:
             return False
         return dist(place, (drive.goal.pose.x, drive.goal.pose.y)) <= PLAN_TOLERANCE
 
-    def reclaim(self, goals: MapOwnGoals) -> None:
+    def reclaim(self, goals: OwnGoals) -> None:
         """Treat the goals of an earlier run as ours; call it before anything else."""
         self._registry.reclaim(goals.goal_ids, goals.behind if goals.given else None)
         self._reclaimed = goals
 
-    def go_to(self, goal: MapGoal, now: float) -> list[Command]:
+    def go_to(self, goal: DriveGoal, now: float) -> list[Command]:
         """Drive to ``goal``; a current goal is replaced without a stop."""
         self._drove = True
         self._drive = GoalDrive(goal, preempts=self._registry.incomplete(now))
@@ -305,7 +308,7 @@ class GoalTracker:
         if self._silent:
             self._runaway = self._silent = False
 
-    def on_pose(self, pose: MapPose, now: float) -> list[Command]:
+    def on_pose(self, pose: Pose, now: float) -> list[Command]:
         """Handle a pose of the localisation."""
         if self._drive and self._pose:
             self._drive.on_pose(pose, self._pose, now)
@@ -520,12 +523,12 @@ class GoalTracker:
             drive.pose_asked_at = now
             self._out.append(RequestPose())
 
-    def _may_agree(self, goal: MapGoal) -> bool:
+    def _may_agree(self, goal: DriveGoal) -> bool:
         """Return whether a pose from before the stop is compatible with a robot at the goal."""
         pose = self._pose
         return pose is not None and agrees(pose, goal, xy_slack=STALE_XY, theta_slack=STALE_THETA)
 
-    def _disagreement(self, goal: MapGoal) -> str:
+    def _disagreement(self, goal: DriveGoal) -> str:
         if self._pose is None:
             return "Nav2 reports the goal as reached, but the robot's pose is not known"
         return (
@@ -576,7 +579,7 @@ class GoalTracker:
         drive.reached_at = now if reached else None
         return True
 
-    def _earlier(self, goals: MapOwnGoals) -> tuple[str | None, MapPose | None]:
+    def _earlier(self, goals: OwnGoals) -> tuple[str | None, Pose | None]:
         """Return the newest goal of an earlier run that may still be active, and its pose."""
         if self._registry.given_before:
             return self._registry.given_before, goals.given
@@ -658,10 +661,10 @@ class GoalTracker:
             self._table = table
             self._report(table)
 
-    def _report(self, event: MapDriverEvent) -> None:
+    def _report(self, event: DriverEvent) -> None:
         self._out.append(Report(event))
 
 
-def _same_place(pose: MapPose, goal: MapGoal) -> bool:
+def _same_place(pose: Pose, goal: DriveGoal) -> bool:
     theta = None if goal.deviation_theta is None else SAME
     return pose.map_id == goal.pose.map_id and near(pose, goal.pose, xy=SAME, theta=theta)

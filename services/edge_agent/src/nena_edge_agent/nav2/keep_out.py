@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from nena_edge_agent.driver.map_port import MapArea
-from nena_edge_agent.driver.port import KeepOutReport, SessionState
+from nena_edge_agent.driver.port import Area, KeepOutReport, SessionState
 from nena_edge_agent.nav2.offers import FILTER_INFO, interface
 from nena_edge_agent.nav2.presence import DISCOVERY
 from nena_edge_agent.nav2.settings import RosNames, RosSettings
@@ -151,7 +150,7 @@ class KeepOutMask:
         if self._mask is not None:
             self._publish(self._mask)
 
-    async def show(self, areas: Collection[MapArea], map_id: str) -> None:
+    async def show(self, areas: Collection[Area], map_id: str) -> None:
         """Publish the areas of one map as the only ones to avoid.
 
         If all areas are on other maps, the mask is empty: costmaps take it before the map changes. A thread

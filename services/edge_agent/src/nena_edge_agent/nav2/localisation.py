@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from nena_edge_agent.driver.map_port import MapPose, MapPoseReport
-from nena_edge_agent.driver.port import STANDING, PositionInitialized, VelocityReport
+from nena_edge_agent.driver.port import STANDING, Pose, PoseReport, PositionInitialized, VelocityReport
 from nena_edge_agent.nav2.commands import Report
 from nena_edge_agent.nav2.poses import (
     PoseReading,
@@ -30,7 +29,7 @@ class Localisation:
         self._settings = settings
         self._map_id = map_id
         self._reading: PoseReading | None = None
-        self._nearer: MapPose | None = None
+        self._nearer: Pose | None = None
         self._velocity: tuple[float, float] | None = None
         self._velocity_at = -math.inf
         self._logged_frame: str | None = None
@@ -40,7 +39,7 @@ class Localisation:
         """Return whether a pose was received."""
         return self._reading is not None
 
-    def on_reading(self, reading: PoseReading, *, old: bool = False) -> MapPose | None:
+    def on_reading(self, reading: PoseReading, *, old: bool = False) -> Pose | None:
         """Handle a pose; return the position if it is new and in the frame of the settings.
 
         ``old``: newer positions arrive continuously from another source, and the pose does not replace them.
@@ -54,14 +53,14 @@ class Localisation:
         self._nearer = self._nearer if old else None
         return self._nearer or self._pose(reading)
 
-    def on_nearer(self, x: float, y: float, yaw: float, frame: str) -> MapPose | None:
+    def on_nearer(self, x: float, y: float, yaw: float, frame: str) -> Pose | None:
         """Handle a position (m, rad) newer than the pose, whose covariance stays valid; return it.
 
         Return None, and ignore it, if it is in another frame or no pose was received.
         """
         if self._reading is None or frame.removeprefix("/") != self._settings.frame:
             return None
-        self._nearer = MapPose(x, y, yaw, self._map_id)
+        self._nearer = Pose(x, y, yaw, self._map_id)
         return self._nearer
 
     @property
@@ -81,7 +80,7 @@ class Localisation:
         self._velocity = None
         return True
 
-    def report(self) -> MapPoseReport | None:
+    def report(self) -> PoseReport | None:
         """Return the newest pose with the newest velocity; none before the first pose."""
         if self._reading is None:
             return None
@@ -89,9 +88,9 @@ class Localisation:
         sure = localized(self._reading, self._settings.localisation)
         problem = "" if sure else _spread(self._reading)
         pose = self._nearer or self._pose(self._reading)
-        return MapPoseReport(pose, localized=sure, vx=vx, omega=omega, problem=problem)
+        return PoseReport(pose, localized=sure, vx=vx, omega=omega, problem=problem)
 
-    def lost(self, problem: str, *, moves: bool) -> MapPoseReport | None:
+    def lost(self, problem: str, *, moves: bool) -> PoseReport | None:
         """Return the newest pose as no longer valid; ``moves``: its velocity is still valid."""
         report = self.report()
         if report is None:
@@ -103,8 +102,8 @@ class Localisation:
         """Take over the odometry's velocity from ``before``."""
         self._velocity, self._velocity_at = before._velocity, before._velocity_at
 
-    def _pose(self, reading: PoseReading) -> MapPose:
-        return MapPose(reading.x, reading.y, reading.yaw, self._map_id)
+    def _pose(self, reading: PoseReading) -> Pose:
+        return Pose(reading.x, reading.y, reading.yaw, self._map_id)
 
     def _log_frame(self, frame: str) -> None:
         if frame != self._logged_frame:
@@ -122,10 +121,10 @@ class Repetition:
     """Recognises reports of a standing robot that say what the last one said; times are monotonic seconds."""
 
     def __init__(self) -> None:
-        self._last: MapPoseReport | None = None
+        self._last: PoseReport | None = None
         self._at = -math.inf
 
-    def of(self, report: MapPoseReport, now: float) -> bool:
+    def of(self, report: PoseReport, now: float) -> bool:
         """Return whether ``report`` repeats one of the last second."""
         last = self._last
         if last is not None and now - self._at < REPEATED_AFTER and _say_the_same(report, last):
@@ -134,7 +133,7 @@ class Repetition:
         return False
 
 
-def _say_the_same(one: MapPoseReport, other: MapPoseReport) -> bool:
+def _say_the_same(one: PoseReport, other: PoseReport) -> bool:
     facts = [(each.pose.map_id, each.localized, each.vx, each.omega, each.problem) for each in (one, other)]
     return facts[0] == facts[1] and near(one.pose, other.pose, xy=SAME, theta=SAME)
 
@@ -194,12 +193,12 @@ def _moves(velocity: tuple[float, float]) -> bool:
 class PublishInitialPose:
     """Publish the pose for the localisation; it may be lost on the way."""
 
-    pose: MapPose
+    pose: Pose
 
 
 @dataclass(slots=True)
 class _Attempt:
-    pose: MapPose
+    pose: Pose
     given: int
     again_at: float
 
@@ -210,20 +209,20 @@ class InitialPosition:
     def __init__(self, settings: LocalisationSettings) -> None:
         self._settings = settings
         self._attempt: _Attempt | None = None
-        self._latest: MapPose | None = None
+        self._latest: Pose | None = None
 
     @property
     def busy(self) -> bool:
         """Return whether an initial position is not confirmed yet."""
         return self._attempt is not None
 
-    def ask(self, pose: MapPose, now: float) -> list[PublishInitialPose | Report]:
+    def ask(self, pose: Pose, now: float) -> list[PublishInitialPose | Report]:
         """Set an initial position; poses received before it do not confirm it."""
         self._latest = None
         self._attempt = _Attempt(pose, 1, now + self._settings.initial_wait)
         return [PublishInitialPose(pose)]
 
-    def on_pose(self, pose: MapPose) -> list[PublishInitialPose | Report]:
+    def on_pose(self, pose: Pose) -> list[PublishInitialPose | Report]:
         """Handle a pose of the localisation that is newer than all before."""
         attempt = self._attempt
         self._latest = pose

@@ -13,7 +13,7 @@ from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 
-from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.poses import PoseReading, quaternion_of, thinned
 from nena_edge_agent.nav2.robot_base import BatteryReading
@@ -31,7 +31,7 @@ class NotFiniteError(ValueError):
         self.number = number
 
 
-def goal_message(pose: MapPose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries no types
+def goal_message(pose: Pose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries no types
     """Build the geometry_msgs/PoseStamped of a goal; stamp zero selects the newest transforms.
 
     Raises:
@@ -43,7 +43,7 @@ def goal_message(pose: MapPose, frame: str) -> Any:  # noqa: ANN401 - rclpy carr
     return message
 
 
-def initial_pose_message(pose: MapPose, frame: str, *, xy_variance: float, theta_variance: float) -> Any:  # noqa: ANN401
+def initial_pose_message(pose: Pose, frame: str, *, xy_variance: float, theta_variance: float) -> Any:  # noqa: ANN401
     """Build the geometry_msgs/PoseWithCovarianceStamped that sets the robot's pose in the localisation.
 
     Raises:
@@ -70,7 +70,7 @@ def cancel_all_request() -> Any:  # noqa: ANN401
     return CancelGoal.Request()
 
 
-def _pose(pose: MapPose) -> PoseMessage:
+def _pose(pose: Pose) -> PoseMessage:
     message = PoseMessage()
     message.position.x = _number(pose.x)
     message.position.y = _number(pose.y)

@@ -21,8 +21,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import BatteryState
 from std_srvs.srv import Empty, Trigger
 
-from nena_edge_agent.driver.map_port import MapPose
-from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.driver.port import Pose, SessionState
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.poses import PoseReading
@@ -83,11 +82,11 @@ class Nav2Node:
         """Leave the ROS graph."""
         await self._session.stop()
 
-    def publish_goal(self, pose: MapPose) -> None:
+    def publish_goal(self, pose: Pose) -> None:
         """Publish a goal; the status array shows whether it is accepted."""
         self._goals.publish(messages.goal_message(pose, self._settings.frame))
 
-    def publish_initial_pose(self, pose: MapPose) -> None:
+    def publish_initial_pose(self, pose: Pose) -> None:
         """Set the robot's pose in the localisation."""
         spread = self._settings.localisation
         message = messages.initial_pose_message(

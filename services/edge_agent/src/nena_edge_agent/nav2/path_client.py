@@ -10,7 +10,7 @@ from typing import Any
 from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 
-from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.action_client import ActionClient, ActionListeners
 from nena_edge_agent.nav2.action_tracker import FeedbackReading
@@ -58,7 +58,7 @@ class PathClient(ActionClient):
         """Return the endpoint IDs of the publishers of the status array."""
         return endpoints(self._node.get_publishers_info_by_topic(self._status))
 
-    async def send_path(self, goal_id: str, path: Sequence[MapPose]) -> bool | None:
+    async def send_path(self, goal_id: str, path: Sequence[Pose]) -> bool | None:
         """Send a path; return whether the server has accepted it, None: it did not answer in time."""
         request = self._goal_request(goal_id)
         request.goal.path.header.frame_id = self._settings.frame

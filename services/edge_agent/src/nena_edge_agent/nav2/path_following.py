@@ -10,8 +10,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from nena_edge_agent.driver.map_port import MapGoal, MapOwnGoals, MapPose
-from nena_edge_agent.driver.port import DriveFailed, DriveFailure, GoalTable, Halted, NavigationReport
+from nena_edge_agent.driver.port import (
+    DriveFailed,
+    DriveFailure,
+    DriveGoal,
+    GoalTable,
+    Halted,
+    NavigationReport,
+    OwnGoals,
+    Pose,
+)
 from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker, FeedbackReading
 from nena_edge_agent.nav2.commands import CancelGoal, Command, OnPath, Report, RequestResult, SendGoal
 from nena_edge_agent.nav2.goal_tracker import GoalDrive
@@ -64,7 +72,7 @@ class Trackers:
         self.controller_takes_paths = False
         """Whether the controller's action is available; set by the driver."""
         self._current: ActionTracker = self.navigator
-        self._next: MapGoal | None = None
+        self._next: DriveGoal | None = None
 
     @property
     def busy(self) -> bool:
@@ -92,7 +100,7 @@ class Trackers:
         return self._current.goal_id
 
     @property
-    def wanted(self) -> MapGoal | None:
+    def wanted(self) -> DriveGoal | None:
         """Return the active or waiting goal."""
         return self._next or self._current.wanted
 
@@ -110,7 +118,7 @@ class Trackers:
         """Return whether a plan that ends at ``place`` (m) is for the goal that the navigator drives to."""
         return self.navigator.wants(place)
 
-    def reclaim(self, goals: MapOwnGoals, *, paths: bool = False) -> None:
+    def reclaim(self, goals: OwnGoals, *, paths: bool = False) -> None:
         """Treat the goals of an earlier run as ours; a path of that run is ended and resent.
 
         ``paths``: the earlier run may have followed one.
@@ -119,7 +127,7 @@ class Trackers:
         if paths:
             self.controller.expect_earlier()
 
-    def go_to(self, goal: MapGoal, now: float) -> list[Command]:
+    def go_to(self, goal: DriveGoal, now: float) -> list[Command]:
         """Drive to ``goal``; a current goal at the same server is replaced without a stop."""
         wanted = self.controller if goal.path else self.navigator
         if wanted is self._current:
@@ -186,7 +194,7 @@ class Trackers:
         """Record that the server which drives for us works."""
         self._current.on_feedback()
 
-    def on_pose(self, pose: MapPose, now: float) -> list[Command]:
+    def on_pose(self, pose: Pose, now: float) -> list[Command]:
         """Handle a pose of the localisation."""
         return self._both(lambda tracker: tracker.on_pose(pose, now), now)
 
@@ -291,7 +299,7 @@ class PathSide(ActionSide):
                 code = await self._path_client.cancel(goal_id) if self._path_client else None
                 self._apply(self._tracker.on_cancel_answer(goal_id, code, self._clock.monotonic()))
 
-    async def _send_path(self, goal: MapGoal, goal_id: str) -> None:
+    async def _send_path(self, goal: DriveGoal, goal_id: str) -> None:
         log.info("path sent", generation=goal.generation, goal=goal_id, poses=len(goal.path))
         accepted = await self._path_client.send_path(goal_id, goal.path) if self._path_client else None
         self._apply(self._tracker.on_goal_answer(goal_id, self._clock.monotonic(), accepted=accepted))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from nena_edge_agent.driver.map_port import MapGoal, MapPose
+from nena_edge_agent.driver.port import DriveGoal, Pose
 from nena_edge_agent.nav2.settings import LocalisationSettings
 from nena_shared.ros import wrap
 
@@ -50,20 +50,20 @@ def localized(reading: PoseReading, settings: LocalisationSettings) -> bool:
     )
 
 
-def near(pose: MapPose, place: MapPose, *, xy: float, theta: float | None) -> bool:
+def near(pose: Pose, place: Pose, *, xy: float, theta: float | None) -> bool:
     """Return whether ``pose`` is within ``xy`` m and ``theta`` rad (None: any heading) of ``place``."""
     if math.hypot(pose.x - place.x, pose.y - place.y) > xy:
         return False
     return theta is None or abs(wrap(pose.theta - place.theta)) <= theta
 
 
-def agrees(pose: MapPose, goal: MapGoal, *, xy_slack: float = 0.0, theta_slack: float = 0.0) -> bool:
+def agrees(pose: Pose, goal: DriveGoal, *, xy_slack: float = 0.0, theta_slack: float = 0.0) -> bool:
     """Return whether a robot at ``pose`` has reached ``goal``; the slacks (m, rad) widen the tolerance."""
     theta = None if goal.deviation_theta is None else goal.deviation_theta + theta_slack
     return near(pose, goal.pose, xy=goal.deviation_xy + xy_slack, theta=theta)
 
 
-def impossible(pose: MapPose, map_id: str) -> str | None:
+def impossible(pose: Pose, map_id: str) -> str | None:
     """Return why a robot on the map ``map_id`` cannot be sent to ``pose``, None if it can."""
     if pose.map_id != map_id:
         return f"the goal is on map '{pose.map_id}', the robot on '{map_id}'"

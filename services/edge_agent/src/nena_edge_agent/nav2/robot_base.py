@@ -7,8 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from nena_edge_agent.driver.map_port import MapPose
-from nena_edge_agent.driver.port import STANDING, BatteryReport, CollisionReport
+from nena_edge_agent.driver.port import STANDING, BatteryReport, CollisionReport, Pose
 from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface
 from nena_edge_agent.nav2.poses import near
 from nena_edge_agent.nav2.settings import BatteryScale
@@ -100,8 +99,8 @@ class MovementWatch:
         self._turned = 0.0
         self._recoveries = 0
         self._recovering = False
-        self._anchor: MapPose | None = None
-        self._pose_spot: MapPose | None = None
+        self._anchor: Pose | None = None
+        self._pose_spot: Pose | None = None
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
         """Handle a velocity in m/s and rad/s."""
@@ -120,7 +119,7 @@ class MovementWatch:
             self._way, self._turn = 0.0, 0.0
             self._record_movement(now)
 
-    def on_pose(self, pose: MapPose, now: float) -> None:
+    def on_pose(self, pose: Pose, now: float) -> None:
         """Handle a pose of the localisation."""
         stirred = self._anchor is None or not near(pose, self._anchor, xy=REACH, theta=REACH)
         self._anchor = pose if stirred else self._anchor

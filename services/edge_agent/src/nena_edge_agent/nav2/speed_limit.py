@@ -5,8 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-from nena_edge_agent.driver.map_port import MapDriverEvent
-from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, Halted, SessionState
+from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, DriverEvent, Halted, SessionState
 from nena_edge_agent.nav2.offers import SPEED_LIMIT, interface
 from nena_shared.log import get_logger
 
@@ -96,7 +95,7 @@ class SpeedLimiter:
         self._of_goal, self._reclaimed = limit, False
         self._repeat()
 
-    def on_event(self, event: MapDriverEvent) -> None:
+    def on_event(self, event: DriverEvent) -> None:
         """End the goal's limit if the robot no longer drives to a goal of ours."""
         if isinstance(event, DriveFailed):
             # after these, the controller may drive on to the previous goal
