@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from nena_edge_agent.actions.registry import ActionRegistry
-from nena_edge_agent.agent import Equipment, RobotAgent
+from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_shared.clock import SystemClock
 from nena_shared.vda5050.topics import Topic
@@ -69,7 +69,7 @@ async def test_no_visualization_before_the_robot_is_localised(
         emitted.append(emit)
         return ScriptedDriver()
 
-    agent = RobotAgent(settings, SERIAL, Equipment(make_driver, ActionRegistry(())), clock=SystemClock())
+    agent = RobotAgent(settings, SERIAL, make_driver, ActionRegistry(()), clock=SystemClock())
     stop = asyncio.Event()
     with MqttPeer(broker, f"{interface_name}/#") as peer:
         fleet = FleetControl(peer, interface_name)

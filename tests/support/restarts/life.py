@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from nena_edge_agent.actions.registry import ActionRegistry
-from nena_edge_agent.agent import Equipment, RobotAgent
+from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.driver.port import Emit, Pose
 from nena_edge_agent.journal import Journal
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -125,7 +125,8 @@ def _agent(
     agent = RobotAgent(
         settings,
         ROBOT.serial_number,
-        Equipment(make_driver, ActionRegistry(WorldAction(each, world, fate) for each in DECLARATIONS)),
+        make_driver,
+        ActionRegistry(WorldAction(each, world, fate) for each in DECLARATIONS),
         clock=LoopClock(),
         make_link=partial(WiredLink, wire, fate),
         make_journal=partial(_journal, fate, disk_fails),

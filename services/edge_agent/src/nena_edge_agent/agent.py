@@ -115,19 +115,6 @@ DriverMaker = Callable[[Callable[[events.Event], None], Pose | None], Driver]
 
 
 @dataclass(frozen=True, slots=True)
-class Equipment:
-    """Equipment of a robot: its driver, its actions, its maps, what Nav2 offers, traces and black box."""
-
-    make_driver: DriverMaker
-    registry: ActionRegistry
-    maps: tuple[Map, ...] = ()
-    offers: Nav2Offers = NO_OFFERS
-    export: Export | None = None
-    """Takes the spans of traces; None: no traces."""
-    black_box: RobotBlackBox | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class AgentSnapshot:
     """Current values of a robot's agent, for its metrics."""
 
@@ -151,8 +138,6 @@ class RobotAgent:
 
     _logged_ends: frozenset[str] = frozenset()
     """Actions of the current order whose end has been logged."""
-    _prepared: tuple[State, Outbound] | None = None
-    """The next state, encoded while the disk writes what it reports; only the same round may publish it."""
     _map: Outbound | None = None
     """The robot's map, for each connection."""
     _greeting = False
@@ -164,19 +149,25 @@ class RobotAgent:
         self,
         settings: EdgeAgentSettings,
         serial_number: str,
-        equipment: Equipment,
+        make_driver: DriverMaker,
+        registry: ActionRegistry,
         *,
         clock: Clock,
+        maps: tuple[Map, ...] = (),
+        offers: Nav2Offers = NO_OFFERS,
+        export: Export | None = None,
+        black_box: RobotBlackBox | None = None,
         make_link: Callable[..., BrokerLink] = MqttLink,
         make_journal: Callable[[Path, RobotKey], Journal] = Journal,
     ) -> None:
+        """Prepare the agent; ``export`` takes the spans of traces, None: no traces."""
         self._settings = settings
         self._clock = clock
-        self._maps = equipment.maps
+        self._maps = maps
         self.robot = RobotKey(settings.manufacturer, serial_number)
         self._log = log.bind(robot=str(self.robot))
-        self._registry = registry = equipment.registry
-        self._capabilities = make_capabilities(settings, registry, equipment.offers)
+        self._registry = registry
+        self._capabilities = make_capabilities(settings, registry, offers)
         journal = make_journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
         memory, self._journal_loss = read_journal(journal)
         check_frame(memory, self._capabilities.frame)
@@ -185,8 +176,8 @@ class RobotAgent:
             settings, self.robot, self._capabilities, clock=clock, reserved=self._core.header_ids
         )
         self._mailbox, self._statistics = Mailbox(), AgentStatistics()
-        self._tracer = RobotTracer(self.robot, clock, equipment.export) if equipment.export else None
-        self._observers = [each.note for each in (self._tracer, equipment.black_box) if each]
+        self._tracer = RobotTracer(self.robot, clock, export) if export else None
+        self._observers = [each.note for each in (self._tracer, black_box) if each]
         self._recorder = Recorder(
             None if self._journal_loss else journal,
             self._core.durable_version,
@@ -195,7 +186,7 @@ class RobotAgent:
         )
         self._drives, self._others = Postponed(), Postponed()
         self._inbox = self._messages.inbox(self._mailbox.put, clock)
-        self._driver = equipment.make_driver(self._mailbox.put, self._core.last_position)
+        self._driver = make_driver(self._mailbox.put, self._core.last_position)
         if own_goals := self._core.own_goals:
             self._driver.reclaim(own_goals)
         self._runner = ActionRunner(registry, self._mailbox.put, settings.actions.timeouts)
@@ -278,23 +269,10 @@ class RobotAgent:
             to_driver = (each for each in effects if isinstance(each, DRIVER_EFFECTS))
             written = self._recorder.has_written(self._core.durable_version)
             self._perform_all(self._drives.sift(to_driver, recorded=written))
-            self._encode_ahead(effects)
             await self._recorder.sync()
             others = (each for each in effects if not isinstance(each, DRIVER_EFFECTS))
             self._perform_all(self._others.sift(others, recorded=self._recorded))
             self._isolated(self._publish_due)
-
-    def _encode_ahead(self, effects: Iterable[events.Effect]) -> None:
-        """Encode the next state while the disk writes what it reports."""
-        self._prepared = None
-        requested = any(isinstance(each, events.ReportState) for each in effects)
-        sends = self._link.state.connected and not (self._greeting or self._core.power.silent)
-        if requested and sends and self._recorder.syncing and self._states.allows(self._clock.monotonic()):
-            self._isolated(self._prepare_state)
-
-    def _prepare_state(self) -> None:
-        state = self._core.state(self._messages.headers.next(Topic.STATE))
-        self._prepared = (state, self._messages.state(state, keep=False))
 
     def _begin_power(self, supervisor: Supervisor, stop: asyncio.Event) -> asyncio.Event:
         """Serve hibernation and shutdown if the robot offers them; return the event that ends the agent."""
@@ -390,7 +368,7 @@ class RobotAgent:
         for effect in effects:
             self._isolated(self._perform, effect)
 
-    def _perform(self, effect: events.Effect) -> None:
+    def _perform(self, effect: events.Effect) -> None:  # noqa: C901, PLR0912 - a case for each effect
         match effect:
             case events.ReportState():
                 self._states.request(self._clock.monotonic())
@@ -406,21 +384,6 @@ class RobotAgent:
                 self._driver.initialize_position(pose)
             case events.SendFactsheet():
                 self._link.publish(self._messages.factsheet(self._core.robot.reports.limits))
-            case (
-                events.Hibernate()
-                | events.Wake()
-                | events.GoOnline()
-                | events.ShutDown()
-                | events.LogIgnored()
-            ):
-                self._change_power(effect)
-            case events.StartAction() | events.PauseAction() | events.ResumeAction() | events.CancelAction():
-                self._perform_action(effect)
-
-    def _perform_action(
-        self, effect: events.StartAction | events.PauseAction | events.ResumeAction | events.CancelAction
-    ) -> None:
-        match effect:
             case events.StartAction():
                 self._runner.start(effect)
             case events.PauseAction():
@@ -429,11 +392,6 @@ class RobotAgent:
                 self._runner.resume(effect)
             case events.CancelAction():
                 self._runner.cancel(effect)
-
-    def _change_power(
-        self, effect: events.Hibernate | events.Wake | events.GoOnline | events.ShutDown | events.LogIgnored
-    ) -> None:
-        match effect:
             case events.Hibernate(wake_up_at):
                 self._log.info("hibernating", wake_up_at=wake_up_at and iso(wake_up_at))
                 self._link.publish(self._messages.connection(ConnectionState.HIBERNATING))
@@ -493,17 +451,12 @@ class RobotAgent:
         """Publish the state; the first one on a connection is queued until the link sends it."""
         if not (self._greeting or self._link.state.connected):
             return
-        header = self._messages.headers.make(Topic.STATE)
-        if self._prepared and self._recorded and not self._greeting:
-            state, message = self._prepared
-        else:
-            state = self._core.state(header)
-            if not self._recorded:
-                ends = self._core.power is PowerPhase.SHUTTING_DOWN
-                state = with_recorded_fields(state, self._shown, last=ends)
-            message = self._messages.state(state, keep=self._greeting)
-        self._link.publish(message)
-        self._prepared, self._shown, self._greeting = None, state, False
+        state = self._core.state(self._messages.headers.make(Topic.STATE))
+        if not self._recorded:
+            ends = self._core.power is PowerPhase.SHUTTING_DOWN
+            state = with_recorded_fields(state, self._shown, last=ends)
+        self._link.publish(self._messages.state(state, keep=self._greeting))
+        self._shown, self._greeting = state, False
         self._log_ended_actions(state)
 
     def _log_ended_actions(self, state: State) -> None:

@@ -395,11 +395,6 @@ class Recorder:
         return self._journal is None or version == self._durable
 
     @property
-    def syncing(self) -> bool:
-        """Return whether a record is being written to disk."""
-        return self._begun is not None
-
-    @property
     def _hangs(self) -> bool:
         return self._record is not None and not self._record.done()
 

@@ -97,10 +97,6 @@ class HeaderMaker:
             "serial_number": self._robot.serial_number,
         }
 
-    def next(self, topic: Topic) -> dict[str, Any]:
-        """Return the header that :meth:`make` returns next, without counting it."""
-        return self.form(self._counts[topic])
-
     def last_id(self, topic: Topic) -> int:
         """Return the headerId of the last message on ``topic``; 0 before the first."""
         return max(0, self._counts[topic] - 1)

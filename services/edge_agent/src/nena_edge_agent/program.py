@@ -15,7 +15,7 @@ from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
 from nena_edge_agent.actions.settings import AnyOperation
-from nena_edge_agent.agent import Equipment, RobotAgent
+from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.black_box.box import FetchRecording
 from nena_edge_agent.black_box.ros import RosTopicRecorder
 from nena_edge_agent.driver.plant_frame import PlantFrame
@@ -162,8 +162,13 @@ def _agent_maker(
         agent = RobotAgent(
             settings,
             robot.serial_number,
-            Equipment(ports.joined(driver), registry, store.maps if store else (), offers, export, box),
+            ports.joined(driver),
+            registry,
             clock=clock,
+            maps=store.maps if store else (),
+            offers=offers,
+            export=export,
+            black_box=box,
             make_link=recorder.make_link,
             make_journal=recorder.make_journal,
         )

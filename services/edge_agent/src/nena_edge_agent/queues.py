@@ -14,6 +14,9 @@ from nena_shared.tasks import set_within
 MESSAGE_LIMIT = 100
 """Maximum number of waiting messages from fleet control."""
 
+ROUND_PAUSE = 0.001
+"""Pause before the next round if events wait already, seconds; the link, the driver and actions run in it."""
+
 _MESSAGES = (
     events.OrderReceived,
     events.InstantActionsReceived,
@@ -73,7 +76,7 @@ class Mailbox:
     async def wait(self, seconds: float) -> None:
         """Wait for an event, at most ``seconds``."""
         if self._filled.is_set() or seconds <= 0:
-            await asyncio.sleep(0)
+            await asyncio.sleep(ROUND_PAUSE)
             return
         await set_within(self._filled, seconds)
 
@@ -143,10 +146,6 @@ class StateSchedule:
     def due(self) -> float:
         """Return when the next state is due."""
         return min(max(self._requested, self._last + self._minimum), self._last + self._maximum)
-
-    def allows(self, now: float) -> bool:
-        """Return whether a state requested at ``now`` may be sent immediately."""
-        return now >= self._last + self._minimum
 
     def sent(self, now: float) -> None:
         """Record that a state was sent."""

@@ -16,7 +16,7 @@ from sqlalchemy import create_engine
 from nena_edge_agent.actions.plugin import PluginContext
 from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.settings import default_operations
-from nena_edge_agent.agent import Equipment, RobotAgent
+from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
@@ -190,7 +190,8 @@ class SimulatedRobot:
         self.agent = RobotAgent(
             settings,
             settings.serial_number,
-            Equipment(ports.joined(make_driver), registry),
+            ports.joined(make_driver),
+            registry,
             clock=clock,
             make_link=Link.maker(self._broker),
         )
