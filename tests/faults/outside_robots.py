@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from faults.history import History, Kind
-from nena_shared.mqtt.message import Inbound
+from nena_shared.mqtt import Inbound
 from nena_shared.tasks import end
 from support.broker import BrokerAddress, MqttPeer
 from support.json_messages import FACTSHEET

@@ -1,7 +1,7 @@
 """MQTT: one link to the broker per program, with automatic reconnects."""
 
+from nena_shared.mqtt.client import Inbound, Outbound
 from nena_shared.mqtt.link import BrokerLink, Handler, LinkHooks, LinkState, MqttLink, Term, always
-from nena_shared.mqtt.message import Inbound, Outbound
 
 __all__ = [
     "BrokerLink",

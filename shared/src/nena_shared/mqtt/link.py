@@ -3,54 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections import OrderedDict, deque
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from itertools import count
 from time import monotonic
 from typing import Final, Protocol
 
 from paho.mqtt.client import topic_matches_sub
 
 from nena_shared.log import get_logger
-from nena_shared.mqtt.client import Client, MqttError
+from nena_shared.mqtt.client import Client, Inbound, MqttError, Outbound
 from nena_shared.mqtt.identity import tls_context
-from nena_shared.mqtt.message import Inbound, Outbound
-from nena_shared.mqtt.outbox import Outbox
-from nena_shared.mqtt.suspects import ENDS, Suspects
 from nena_shared.settings import ConfigurationError, MqttSettings
 from nena_shared.tasks import end_if_cancelled, report_failure
-
-SUSPICIOUS: Final = 3
-"""Number of consecutive short connections after which a client ID conflict is suspected."""
-
-
-class Pauses:
-    """Delays between connection attempts, doubling from ``shortest`` to ``longest`` seconds.
-
-    They restart at the shortest after a connection that lasted twice the longest delay. A shorter connection
-    counts as a failed attempt, because two programs with one client ID disconnect each other repeatedly.
-    """
-
-    def __init__(self, shortest: float, longest: float) -> None:
-        self._shortest, self._longest = shortest, longest
-        self._next = shortest
-        self._short_lived = 0
-
-    @property
-    def suspicious(self) -> bool:
-        """Whether exactly the last :data:`SUSPICIOUS` connections were too short."""
-        return self._short_lived == SUSPICIOUS
-
-    def after(self, stood: float | None) -> float:
-        """Return the delay (s) after a connection of ``stood`` s; None: the attempt failed."""
-        if stood is not None and stood >= 2 * self._longest:
-            self._next, self._short_lived = self._shortest, 0
-        elif stood is not None:
-            self._short_lived += 1
-        pause, self._next = self._next, min(self._next * 2, self._longest)
-        return pause
-
 
 log = get_logger(__name__)
 
@@ -64,6 +32,9 @@ def always() -> int | None:
     return 0
 
 
+SUSPICIOUS: Final = 3
+"""Number of consecutive short connections after which a client ID conflict is suspected."""
+
 NAMES_AT_ONCE = 200
 """Maximum number of topics in a subscription by name."""
 NAMES_LOGGED = 10
@@ -74,9 +45,6 @@ CONNECT_TIMEOUT = 10.0
 
 IN_FLIGHT_LIMIT = 200
 """Maximum number of unacknowledged QoS 1 messages."""
-
-FIRST_AT_ONCE = 50
-"""Number of first messages created at once; large fleets have thousands."""
 
 TERM_POLL = 0.25
 """Interval between checks whether the program may still publish, seconds."""
@@ -98,6 +66,12 @@ SET_ASIDE_LIMIT = 1000
 
 DROPS_LOGGED_EVERY = 60.0
 """Minimum interval between log lines about messages dropped from a full queue, seconds."""
+
+ENDS: Final = 2
+"""Number of connections that must end at a message, or at a subscription, before it counts as refused."""
+
+SUSPECTS_LIMIT: Final = 1000
+"""Maximum number of suspected topics; beyond, the oldest is no longer suspected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +145,148 @@ class BrokerLink(Protocol):
     async def drain(self, seconds: float) -> bool:
         """Wait up to ``seconds`` until all published messages are acknowledged; return whether they are."""
         ...
+
+
+class Pauses:
+    """Delays between connection attempts, doubling from ``shortest`` to ``longest`` seconds.
+
+    They restart at the shortest after a connection that lasted twice the longest delay. A shorter connection
+    counts as a failed attempt, because two programs with one client ID disconnect each other repeatedly.
+    """
+
+    def __init__(self, shortest: float, longest: float) -> None:
+        self._shortest, self._longest = shortest, longest
+        self._next = shortest
+        self._short_lived = 0
+
+    @property
+    def suspicious(self) -> bool:
+        """Whether exactly the last :data:`SUSPICIOUS` connections were too short."""
+        return self._short_lived == SUSPICIOUS
+
+    def after(self, stood: float | None) -> float:
+        """Return the delay (s) after a connection of ``stood`` s; None: the attempt failed."""
+        if stood is not None and stood >= 2 * self._longest:
+            self._next, self._short_lived = self._shortest, 0
+        elif stood is not None:
+            self._short_lived += 1
+        pause, self._next = self._next, min(self._next * 2, self._longest)
+        return pause
+
+
+_Key = str | int | tuple[str]
+"""A retained topic, the same in a tuple for its clearing message, or the number of any other message."""
+
+
+class Outbox:
+    """A queue with a defined overflow rule.
+
+    - A retained message replaces the queued one of its topic, at the same position. It is never dropped: the
+      queue holds at most one status and one clearing message per topic.
+    - A message that clears a topic comes after the last status of that topic, so that subscribers still see
+      how an order ended.
+    - At most ``limit`` other messages are queued; beyond, a new one replaces the oldest.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._waiting: OrderedDict[_Key, Outbound] = OrderedDict()
+        self._numbers = count()
+        self._droppable: deque[int] = deque()
+        """Keys of messages that are not retained, oldest first."""
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def __iter__(self) -> Iterator[Outbound]:
+        return iter(self._waiting.values())
+
+    def add(self, message: Outbound) -> Outbound | None:
+        """Append a message; return the message dropped for it, if any."""
+        if not message.retain:
+            return self._add_droppable(message)
+        if message.payload:
+            self._waiting.pop((message.topic,), None)
+            self._waiting[message.topic] = message
+        else:
+            self._waiting[message.topic,] = message
+        return None
+
+    def pop(self) -> Outbound:
+        """Remove and return the oldest message.
+
+        Raises:
+            KeyError: the queue is empty.
+
+        """
+        key, message = self._waiting.popitem(last=False)
+        if isinstance(key, int):
+            self._droppable.popleft()
+        return message
+
+    def clear(self) -> None:
+        """Remove all messages."""
+        self._waiting.clear()
+        self._droppable.clear()
+
+    def _add_droppable(self, message: Outbound) -> Outbound | None:
+        dropped = None
+        if len(self._droppable) >= self._limit:
+            dropped = self._waiting.pop(self._droppable.popleft())
+        number = next(self._numbers)
+        self._waiting[number] = message
+        self._droppable.append(number)
+        return dropped
+
+
+class Suspects:
+    """Topics whose messages may be the reason why connections have ended.
+
+    A broker that refuses a message either acknowledges it or ends the connection, without a reason (MQTT
+    3.1.1 section 3.3.5). Connections end for other reasons as well, so all messages in flight at the end are
+    only suspects. On the next connection, the link sends each of them alone, and waits for its
+    acknowledgement, which clears it. A message is refused if :data:`ENDS` connections have ended while it was
+    alone in flight, the last one after it had stood for a while: a broker that crashes again and again, or a
+    cable that is cut, acknowledges it in between.
+
+    Topics stand for messages, because statuses and commands are sent again with other content.
+    """
+
+    def __init__(self) -> None:
+        self._ends: dict[str, int] = {}
+        """By suspected topic, the number of connections that have ended while it was alone in flight."""
+
+    def __len__(self) -> int:
+        return len(self._ends)
+
+    def __contains__(self, topic: str) -> bool:
+        return topic in self._ends
+
+    def near_refusal(self, topic: str) -> bool:
+        """Return whether the next end of a connection at this topic shows that it is refused."""
+        return self._ends.get(topic, 0) == ENDS - 1
+
+    def add_refused(self, topic: str) -> None:
+        """Suspect a topic that was refused before: one more end of a connection shows that it still is."""
+        self._ends[topic] = ENDS - 1
+
+    def clear(self, topic: str) -> None:
+        """Remove a topic: the broker has accepted a message on it."""
+        self._ends.pop(topic, None)
+
+    def note_end(self, in_flight: Collection[str], *, alone: bool) -> str | None:
+        """Suspect the topics in flight at the end of a connection; return the one that is refused, if any.
+
+        It is no longer a suspect then. ``alone``: one message was in flight, with an acknowledgement due.
+        """
+        for topic in in_flight:
+            ends = self._ends.pop(topic, 0) + alone
+            if ends >= ENDS:
+                return topic
+            self._ends[topic] = ends
+        while len(self._ends) > SUSPECTS_LIMIT:
+            del self._ends[next(iter(self._ends))]
+        return None
 
 
 @dataclass(slots=True)
@@ -339,10 +455,10 @@ class MqttLink:
 
         Call it before a timeout is concluded from silence: the answer may be among them.
         """
-        clock = asyncio.get_running_loop().time
-        end = clock() + seconds
-        while self._session and self._session.client.has_unread and clock() < end:  # noqa: ASYNC110 - see below
-            await asyncio.sleep(0)  # in each iteration, a part of them is read
+        with suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                if session := self._session:
+                    await session.client.wait_until(lambda: session.client.has_read_all)
 
     async def drain(self, seconds: float) -> bool:
         """Wait up to ``seconds`` until all published messages are acknowledged; return whether they are.
@@ -408,14 +524,13 @@ class MqttLink:
 
     async def _begin(self, session: _Session) -> None:
         """Publish the first messages, subscribe, then publish the waiting messages."""
-        for number, first in enumerate(self._hooks.on_connected(), start=1):
+        for first in self._hooks.on_connected():
             if first.topic in self.state.set_aside:
                 self._drop_set_aside(first)
                 continue
             session.first.append(replace(first, keep=False))
             self._send_waiting(session)  # before the next one is made
-            if number % FIRST_AT_ONCE == 0:
-                await asyncio.sleep(0)
+            await session.client.wait_until(lambda: session.has_room)
         self.state.refused, self.state.refused_names = (), frozenset()
         await self._subscribe(session)
         self._session = session

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import re
 import socket
 import threading
 from collections.abc import AsyncIterator
@@ -15,17 +16,9 @@ from typing import Any
 
 import pytest
 
+from nena_shared.mqtt import Inbound, Outbound
 from nena_shared.mqtt import client as client_module
-from nena_shared.mqtt.client import (
-    CLOSED_AT_ONCE,
-    CLOSED_UNANSWERED,
-    NOT_ACCEPTED,
-    READ_AT_ONCE,
-    Client,
-    MqttError,
-)
-from nena_shared.mqtt.message import Inbound, Outbound
-from nena_shared.mqtt.packets import PacketReader, Published
+from nena_shared.mqtt.client import CLOSED_AT_ONCE, CLOSED_UNANSWERED, NOT_ACCEPTED, Client, MqttError
 from nena_shared.settings import MqttSettings
 from nena_shared.tasks import end
 from support.pausing import turn_passes
@@ -103,7 +96,7 @@ async def odd_broker(ends_at: int | None = None) -> AsyncIterator[OddBroker]:
 
 
 async def test_backlog_does_not_block_the_event_loop() -> None:
-    number = 20 * READ_AT_ONCE
+    number = 80
     taken: list[Inbound] = []
     turns: list[int] = []
     async with odd_broker() as broker, client_at(broker.port, timeout=PATIENCE) as client:
@@ -116,40 +109,7 @@ async def test_backlog_does_not_block_the_event_loop() -> None:
                 await turn_passes()
                 turns.append(len(taken) - before)
         handing.cancel()
-    assert max(turns) <= 2 * READ_AT_ONCE
-
-
-async def test_messages_of_one_loop_turn_keep_their_order_and_need_two_writes() -> None:
-    sent = [Outbound(f"t/{number}", b"x", qos=1) for number in range(9)]
-    confirmed: list[str] = []
-    async with odd_broker() as broker, client_at(broker.port, timeout=PATIENCE) as client:
-        writings = watch_writings(client)
-        for message in sent:
-            client.send(message, partial(confirmed.append, message.topic))
-        assert len(writings) == 1, "the first goes at once"
-        async with asyncio.timeout(PATIENCE):
-            while broker.got.count(b"t/") < len(sent):
-                await turn_passes()
-        assert writings == [bytes(broker.got[:10]), bytes(broker.got[10:])]
-        assert [Outbound(each.topic, each.payload, qos=1) for each in read_messages(broker.got)] == sent
-        assert confirmed == []
-
-
-async def test_statuses_wait_for_the_end_of_the_turn_but_no_command_does() -> None:
-    statuses = [Outbound(f"s/{number}", b"x", retain=True) for number in range(3)]
-    command = Outbound("c", b"x", qos=0)
-    async with odd_broker() as broker, client_at(broker.port, timeout=PATIENCE) as client:
-        writings = watch_writings(client)
-        for message in statuses[:2]:
-            client.send(message, lambda: None)
-        assert writings == []
-        client.send(command, lambda: None)
-        client.send(statuses[2], lambda: None)
-        assert [len(read_messages(each)) for each in writings] == [3], "in the order of the calls"
-        async with asyncio.timeout(PATIENCE):
-            while broker.got.count(b"s/") < len(statuses):
-                await turn_passes()
-        assert len(writings) == 2
+    assert max(turns) <= 8
 
 
 async def test_qos_0_messages_keep_their_position_among_the_others() -> None:
@@ -161,46 +121,8 @@ async def test_qos_0_messages_keep_their_position_among_the_others() -> None:
         async with asyncio.timeout(PATIENCE):
             while broker.got.count(b"t/") < len(sent):
                 await turn_passes()
-        assert [each.topic for each in read_messages(broker.got)] == [each.topic for each in sent]
+        assert re.findall(rb"t/\d", broker.got) == [each.topic.encode() for each in sent]
         assert confirmed == ["t/0", "t/2", "t/4"]
-
-
-class Watched(socket.socket):
-    """A socket that notes what is written to it."""
-
-    def __init__(self, other: socket.socket) -> None:
-        super().__init__(other.family, other.type, other.proto, fileno=other.detach())
-        self.settimeout(0)
-        self.writings: list[bytes] = []
-
-    def send(self, data: Any, flags: int = 0) -> int:
-        """Note what is written, then write it."""
-        self.writings.append(bytes(data))
-        return super().send(data, flags)
-
-
-def watch_writings(client: Client) -> list[bytes]:
-    """Return a list to which each call of the socket is added."""
-    stream = client._maker.stream
-    assert stream
-    watched = Watched(stream.sock)
-    stream.sock = watched
-    return watched.writings
-
-
-def read_messages(data: bytes | bytearray) -> list[Published]:
-    """Read messages as they came over a socket."""
-    left = [bytes(data)]
-
-    def receive(_: int) -> bytes:
-        if not left:
-            raise BlockingIOError
-        return left.pop()
-
-    reader = PacketReader(receive)
-    reader.fill()
-    packets = iter(lambda: reader.next_packet(()), None)
-    return [each for each in packets if isinstance(each, Published)]
 
 
 async def test_busy_connection_is_not_considered_dead() -> None:
@@ -365,16 +287,13 @@ async def test_unsent_bytes_are_discarded_with_the_connection(*, discarded: bool
         async with Client(settings, "sender", timeout=PATIENCE) as client:
             accepted = await serving
             client.send(Outbound("filling", bytes(8_000_000)), lambda: None)
-            stream = client._maker.stream
-            assert stream is not None
-            taken = stream.queued - stream.waiting
+            await turn_passes()
             if discarded:
                 client.discard()
-            client._close()
+            client._end("as at the end of a lease")
         received = await asyncio.to_thread(_all_of, accepted)
 
-    assert taken > 100_000
-    assert (received < taken) is discarded
+    assert (received > 100_000) is not discarded
 
 
 def _accepted(listening: socket.socket) -> socket.socket:

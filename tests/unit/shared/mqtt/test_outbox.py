@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.mqtt.message import Outbound
-from nena_shared.mqtt.outbox import Outbox
+from nena_shared.mqtt import Outbound
+from nena_shared.mqtt.link import Outbox
 
 
 def status(topic: str, payload: bytes) -> Outbound:

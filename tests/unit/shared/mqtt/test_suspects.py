@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.mqtt.suspects import SUSPECTS_LIMIT, Suspects
+from nena_shared.mqtt.link import SUSPECTS_LIMIT, Suspects
 
 TOPICS = st.sampled_from("abcdefgh")
 
