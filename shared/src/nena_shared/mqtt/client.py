@@ -156,10 +156,10 @@ class Client:
         try:
             async with asyncio.timeout(self._timeout):
                 await asyncio.shield(connecting)
-                self._begin()
+                self._attach_socket()
                 await asyncio.shield(self._accepted)
         except BaseException as error:
-            connecting.add_done_callback(self._discard)
+            connecting.add_done_callback(self._close_late_socket)
             if isinstance(error, TimeoutError):
                 raise MqttError(NO_ANSWER) from None
             raise
@@ -171,13 +171,13 @@ class Client:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Disconnect, gracefully if the broker reads DISCONNECT within :data:`DISCONNECT_TIMEOUT`."""
-        self._receive = _ignore
+        self._receive = _ignore_message
         try:
             if not self._ended.done():
                 self._paho.disconnect()
                 await asyncio.wait({self._ended}, timeout=min(self._timeout, DISCONNECT_TIMEOUT))
         finally:
-            self._end(NOT_CONNECTED)
+            self._end_connection(NOT_CONNECTED)
 
     async def subscribe(self, topic_filters: list[tuple[str, int]]) -> list[ReasonCode]:
         """Subscribe to topic filters with their QoS; return the broker's reason codes.
@@ -229,7 +229,7 @@ class Client:
             raise MqttError(NOT_CONNECTED)
         sent = self._paho.publish(message.topic, message.payload, message.qos, message.retain)
         if sent.rc:  # such as a packet identifier still unacknowledged after 65,534 further messages
-            self._end(error_string(sent.rc))
+            self._end_connection(error_string(sent.rc))
             raise MqttError(NOT_CONNECTED)
         self._unconfirmed[sent.mid] = message, confirmed
 
@@ -248,7 +248,7 @@ class Client:
         poll.register(sock, select.POLLIN)
         return not (_has_decrypted(sock) or poll.poll(0))
 
-    def discard(self) -> None:
+    def discard_unsent(self) -> None:
         """Make the kernel drop unsent data when the connection is closed."""
         if sock := self.socket:
             with suppress(OSError):  # it is broken already
@@ -281,21 +281,21 @@ class Client:
         paho.on_log = self._on_log
         return paho
 
-    def _begin(self) -> None:
+    def _attach_socket(self) -> None:
         sock = self.socket
         assert sock, "paho has connected"  # noqa: S101 - for the type
         # otherwise small messages are delayed by up to 44 ms
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._keeping_alive = self._loop.create_task(self._keep_alive(), name="keep alive")
-        self._loop.add_reader(sock.fileno(), self._read)
-        self._write()
+        self._keeping_alive = self._loop.create_task(self._check_keep_alive(), name="keep alive")
+        self._loop.add_reader(sock.fileno(), self._read_packets)
+        self._write_packets()
 
-    def _discard(self, connecting: asyncio.Future[MQTTErrorCode]) -> None:
+    def _close_late_socket(self, connecting: asyncio.Future[MQTTErrorCode]) -> None:
         """Close a socket that may have opened after the timeout, without writing CONNECT."""
         connecting.exception()  # asyncio logs exceptions that are never retrieved
-        self._end(NOT_CONNECTED)
+        self._end_connection(NOT_CONNECTED)
 
-    def _read(self) -> None:
+    def _read_packets(self) -> None:
         """Let paho read: one packet, and one more for each unacknowledged message.
 
         The next ones are read in the next iteration of the event loop: handling each may take milliseconds.
@@ -305,49 +305,49 @@ class Client:
         try:
             self._paho.loop_read()
         except Exception as error:  # noqa: BLE001 - paho raises various exceptions for malformed packets
-            self._end(f"unreadable packet from the broker: {error}")
+            self._end_connection(f"unreadable packet from the broker: {error}")
         self._progress.set()
         if _has_decrypted(self.socket):
-            self._loop.call_soon(self._read)
+            self._loop.call_soon(self._read_packets)
 
     def _on_data_to_write(self, *_: object) -> None:
         """Write at the end of this iteration of the event loop; paho asks once until all is written."""
         if self._keeping_alive:  # not yet in the thread that connects
-            self._loop.call_soon(self._write)
+            self._loop.call_soon(self._write_packets)
 
-    def _write(self) -> None:
+    def _write_packets(self) -> None:
         """Let paho write; what the socket does not accept is written when it is ready again."""
         sock = self.socket
         if sock is None or self._ended.done():
             return
         if self._paho.want_write() and not self._may_write():
-            self.discard()
-            self._end(NOT_PERMITTED)
+            self.discard_unsent()
+            self._end_connection(NOT_PERMITTED)
             return
         self._paho.loop_write()
         self._progress.set()
         if not self._ended.done() and self._paho.want_write() is not self._awaits_socket:
             self._awaits_socket = not self._awaits_socket
             if self._awaits_socket:
-                self._loop.add_writer(sock.fileno(), self._write)
+                self._loop.add_writer(sock.fileno(), self._write_packets)
             else:
                 self._loop.remove_writer(sock.fileno())
 
-    async def _keep_alive(self) -> None:
+    async def _check_keep_alive(self) -> None:
         """Let paho send PINGREQ and detect a broker that no longer answers."""
         while not self._ended.done():
             await asyncio.sleep(KEEP_ALIVE_INTERVAL)
             self._paho.loop_misc()
 
-    def _end(self, why: str) -> None:
+    def _end_connection(self, why: str) -> None:
         """Close the socket without DISCONNECT; raise MqttError(``why``) in all waiting tasks."""
         if self._ended.done():
             return
         possible_reason = self._possible_reason()
-        _fail(self._ended, why + possible_reason)
-        _fail(self._accepted, f"{why} {NOT_ACCEPTED}")
+        _set_error(self._ended, why + possible_reason)
+        _set_error(self._accepted, f"{why} {NOT_ACCEPTED}")
         for answer in self._subscribing.values():
-            _fail(answer, CLOSED_UNANSWERED + possible_reason)
+            _set_error(answer, CLOSED_UNANSWERED + possible_reason)
         self._progress.set()
         if self._keeping_alive:
             self._keeping_alive.cancel()
@@ -375,7 +375,7 @@ class Client:
         self, _client: PahoClient, _userdata: object, _flags: object, reason: ReasonCode, _properties: object
     ) -> None:
         if reason.is_failure:
-            _fail(self._accepted, str(reason))
+            _set_error(self._accepted, str(reason))
         elif not self._accepted.done():
             self._accepted.set_result(None)
 
@@ -384,9 +384,9 @@ class Client:
     ) -> None:
         if reason == "Unspecified error":  # paho's name for a lost connection
             self.closed_by_broker = True
-            self._end(f"the connection broke: {self._broke_by}" if self._broke_by else CLOSED)
+            self._end_connection(f"the connection broke: {self._broke_by}" if self._broke_by else CLOSED)
         else:
-            self._end(str(reason))
+            self._end_connection(str(reason))
 
     def _on_subscribe(
         self,
@@ -428,11 +428,11 @@ def _has_decrypted(sock: socket.socket | None) -> bool:
     return isinstance(sock, ssl.SSLSocket) and bool(sock.pending())
 
 
-def _fail(future: asyncio.Future[None] | asyncio.Future[list[ReasonCode]], why: str) -> None:
+def _set_error(future: asyncio.Future[None] | asyncio.Future[list[ReasonCode]], why: str) -> None:
     if not future.done():
         future.set_exception(MqttError(why))
         future.exception()  # asyncio logs exceptions that are never retrieved
 
 
-def _ignore(_message: Inbound) -> None:
+def _ignore_message(_message: Inbound) -> None:
     """Ignore a message that arrives while the connection is being closed."""

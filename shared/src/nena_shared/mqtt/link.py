@@ -506,7 +506,7 @@ class MqttLink:
             return
         while self._may_write():  # noqa: ASYNC110 - a lease ends without an event
             await asyncio.sleep(TERM_POLL)
-        client.discard()
+        client.discard_unsent()
         client.cut()
 
     def _may_write(self) -> bool:

@@ -289,8 +289,8 @@ async def test_unsent_bytes_are_discarded_with_the_connection(*, discarded: bool
             client.send(Outbound("filling", bytes(8_000_000)), lambda: None)
             await turn_passes()
             if discarded:
-                client.discard()
-            client._end("as at the end of a lease")
+                client.discard_unsent()
+            client._end_connection("as at the end of a lease")
         received = await asyncio.to_thread(_all_of, accepted)
 
     assert (received > 100_000) is not discarded
