@@ -124,8 +124,10 @@ class Client:
         """Set after each read and write, and at the end of the connection."""
         self._subscribing: dict[int, asyncio.Future[list[ReasonCode]]] = {}
         self._receive: Receive | None = None
-        self._early: deque[Inbound] = deque()
+        self._arrived: deque[Inbound] = deque()
+        """Messages that are not handed out yet, because paho still reads or nobody receives."""
         self._unconfirmed: dict[int, tuple[Outbound, Confirmed]] = {}
+        self._confirmed: deque[Confirmed] = deque()
         self._keeping_alive: asyncio.Task[None] | None = None
         self._awaits_socket = False
         """Whether the event loop reports when the socket accepts more data."""
@@ -175,6 +177,7 @@ class Client:
         try:
             if not self._ended.done():
                 self._paho.disconnect()
+                self._write_packets()
                 await asyncio.wait({self._ended}, timeout=min(self._timeout, DISCONNECT_TIMEOUT))
         finally:
             self._end_connection(NOT_CONNECTED)
@@ -192,6 +195,7 @@ class Client:
         assert mid is not None, "paho is connected"  # noqa: S101 - for the type
         answer: asyncio.Future[list[ReasonCode]] = self._loop.create_future()
         self._subscribing[mid] = answer
+        self._write_packets()
         try:
             async with asyncio.timeout(self._timeout):
                 return await answer
@@ -209,16 +213,15 @@ class Client:
             MqttError: the connection has ended.
 
         """
-        while self._early:
-            receive(self._early.popleft())
         self._receive = receive
+        self._hand_out()
         await asyncio.shield(self._ended)
 
     def send(self, message: Outbound, confirmed: Confirmed) -> None:
         """Publish messages in the order of the calls; call ``confirmed`` when the broker acknowledges it.
 
-        With QoS 0, it is called when the message is written. Messages of one iteration of the event loop are
-        written at its end.
+        With QoS 0, it is called when the message is written. Each message is written at once, before the next
+        one reaches paho, so that a program that was frozen in between checks again whether it may write.
 
         Raises:
             MqttError: the connection has ended.
@@ -232,6 +235,7 @@ class Client:
             self._end_connection(error_string(sent.rc))
             raise MqttError(NOT_CONNECTED)
         self._unconfirmed[sent.mid] = message, confirmed
+        self._write_packets()
 
     async def wait_until(self, condition: Callable[[], bool]) -> None:
         """Wait until a condition holds after some read or write, or the connection has ended."""
@@ -271,7 +275,7 @@ class Client:
             paho.tls_set_context(context)
         if will:
             paho.will_set(will.topic, will.payload, will.qos, will.retain)
-        paho.on_socket_register_write = self._on_data_to_write
+        paho.on_socket_register_write = _leave_writing  # or paho would write in the thread that connects
         paho.on_socket_close = self._on_socket_close
         paho.on_connect = self._on_connect
         paho.on_disconnect = self._on_disconnect
@@ -306,26 +310,32 @@ class Client:
             self._paho.loop_read()
         except Exception as error:  # noqa: BLE001 - paho raises various exceptions for malformed packets
             self._end_connection(f"unreadable packet from the broker: {error}")
+        self._hand_out()
+        self._write_packets()  # acknowledgements
         self._progress.set()
         if _has_decrypted(self.socket):
             self._loop.call_soon(self._read_packets)
 
-    def _on_data_to_write(self, *_: object) -> None:
-        """Write at the end of this iteration of the event loop; paho asks once until all is written."""
-        if self._keeping_alive:  # not yet in the thread that connects
-            self._loop.call_soon(self._write_packets)
+    def _hand_out(self) -> None:
+        """Hand out messages and acknowledgements, outside of paho's callbacks, in which it must not write."""
+        while self._confirmed:
+            self._confirmed.popleft()()
+        while self._arrived and self._receive:
+            self._receive(self._arrived.popleft())
 
     def _write_packets(self) -> None:
-        """Let paho write; what the socket does not accept is written when it is ready again."""
+        """Let paho write what it was given; the rest is written when the socket accepts more."""
         sock = self.socket
-        if sock is None or self._ended.done():
+        if sock is None or self._ended.done() or not self._paho.want_write():
             return
-        if self._paho.want_write() and not self._may_write():
+        if not self._may_write():
             self.discard_unsent()
             self._end_connection(NOT_PERMITTED)
             return
         self._paho.loop_write()
         self._progress.set()
+        if self._confirmed:
+            self._loop.call_soon(self._hand_out)
         if not self._ended.done() and self._paho.want_write() is not self._awaits_socket:
             self._awaits_socket = not self._awaits_socket
             if self._awaits_socket:
@@ -338,6 +348,7 @@ class Client:
         while not self._ended.done():
             await asyncio.sleep(KEEP_ALIVE_INTERVAL)
             self._paho.loop_misc()
+            self._write_packets()
 
     def _end_connection(self, why: str) -> None:
         """Close the socket without DISCONNECT; raise MqttError(``why``) in all waiting tasks."""
@@ -401,22 +412,18 @@ class Client:
             answer.set_result(reasons)
 
     def _on_message(self, _client: PahoClient, _userdata: object, message: MQTTMessage) -> None:
-        inbound = Inbound(message.topic, bytes(message.payload), message.retain, message.qos)
-        if self._receive:
-            self._receive(inbound)
-        elif len(self._early) < self._settings.incoming_limit:
-            self._early.append(inbound)
-        else:
-            if not self.dropped:
-                log.warning(
-                    "dropping messages that arrive while connecting",
-                    limit=self._settings.incoming_limit,
-                )
-            self.dropped += 1
+        if self._receive or len(self._arrived) < self._settings.incoming_limit:
+            payload = bytes(message.payload)
+            self._arrived.append(Inbound(message.topic, payload, message.retain, message.qos))
+            return
+        if not self.dropped:
+            limit = self._settings.incoming_limit
+            log.warning("dropping messages that arrive while connecting", limit=limit)
+        self.dropped += 1
 
     def _on_publish(self, _client: PahoClient, _userdata: object, mid: int, *_: object) -> None:
         if delivery := self._unconfirmed.pop(mid, None):
-            delivery[1]()
+            self._confirmed.append(delivery[1])
 
     def _on_log(self, _client: PahoClient, _userdata: object, level: int, text: str) -> None:
         if level == LogLevel.MQTT_LOG_ERR:  # "failed to receive on socket: REASON", also of sending
@@ -432,6 +439,10 @@ def _set_error(future: asyncio.Future[None] | asyncio.Future[list[ReasonCode]], 
     if not future.done():
         future.set_exception(MqttError(why))
         future.exception()  # asyncio logs exceptions that are never retrieved
+
+
+def _leave_writing(_client: PahoClient, _userdata: object, _sock: SocketLike) -> None:
+    """Leave packets to :meth:`Client._write_packets`, which is called after whatever makes them."""
 
 
 def _ignore_message(_message: Inbound) -> None:
