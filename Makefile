@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 # The first supported interpreter that runs; `make PYTHON=...` overrides it.
 PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && command -v $$p && break; done)
-DISTRIBUTIONS := shared $(addprefix services/,order_service edge_agent status_aggregator robot_simulator) $(addprefix tools/,client conversations cli demo deploy simulate)
+DISTRIBUTIONS := shared $(addprefix services/,order_service edge_agent status_aggregator) $(addprefix tools/,plant_formats robot_simulator client conversations cli demo deploy simulate)
 SOURCES := $(DISTRIBUTIONS:%=%/src)
 # Processes that run tests in parallel; each test has its own ROS domain, broker and ports.
 WORKERS ?= 2
@@ -23,7 +23,7 @@ SOAK := tests/unit/shared/vda5050/test_round_trip.py tests/unit/shared/vda5050/t
 	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/nav2/test_kills.py \
 	tests/integration/edge_agent/nav2/test_session.py tests/integration/edge_agent/nav2/test_table_of_deaths.py tests/faults/test_recovery.py
 # Parsers of external input.
-FUZZED := tests/fuzz tests/unit/shared/plant/lif/test_damaged_files.py tests/unit/shared/plant/opentcs_xml/test_damaged_files.py
+FUZZED := tests/fuzz tests/unit/plant_formats/lif/test_damaged_files.py tests/unit/plant_formats/opentcs_xml/test_damaged_files.py
 STAMP := $(VENV)/.set-up
 define NEEDS_PYTHON
 @[ -n "$(PYTHON)" ] || { echo "NeNa needs CPython 3.11, 3.12 or 3.13 with venv. On Debian or Ubuntu: apt-get install python3 python3-venv. Or name one: make PYTHON=/path/to/python3.12 setup" >&2; exit 1; }
@@ -76,7 +76,7 @@ format: $(STAMP) ## format the code
 sbom: $(STAMP) ## write the bill of materials of each program (CycloneDX) to build/sbom
 	@mkdir -p build/sbom
 	for each in order_service status_aggregator edge_agent-ros robot_simulator-ros; do \
-		$(BIN)/cyclonedx-py requirements requirements/$$each.txt --pyproject services/$${each%-ros}/pyproject.toml \
+		$(BIN)/cyclonedx-py requirements requirements/$$each.txt --pyproject $$(ls {services,tools}/$${each%-ros}/pyproject.toml 2>/dev/null) \
 			--mc-type application --output-reproducible -o build/sbom/$$each.json; done
 
 lint: $(STAMP) ## check style, types, import rules and known vulnerabilities

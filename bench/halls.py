@@ -9,6 +9,7 @@ from itertools import pairwise
 from math import dist
 from random import Random
 
+from nena_plant_formats.opentcs_xml import read
 from nena_shared.plant import (
     BoundingBox,
     Link,
@@ -20,7 +21,6 @@ from nena_shared.plant import (
     PointType,
     Vehicle,
 )
-from nena_shared.plant.opentcs_xml import read
 from support.reference import is_there, reference_dir
 
 MAP_ID = "bench-hall"

@@ -29,12 +29,12 @@ from support.waiting import PATIENCE
 ROOT = Path(__file__).parents[2]
 COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
 SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
-DOCKERFILES = sorted((ROOT / "services").glob("*/Dockerfile*"))
+DOCKERFILES = sorted([*ROOT.glob("services/*/Dockerfile*"), *ROOT.glob("tools/*/Dockerfile*")])
 OF_OTHERS = {"broker", "postgres", "prometheus", "grafana"}
 
 
 def ids(paths: list[Path]) -> list[str]:
-    return [str(path.relative_to(ROOT / "services")) for path in paths]
+    return [f"{path.parent.name}/{path.name}" for path in paths]
 
 
 @pytest.mark.parametrize("path", DOCKERFILES, ids=ids(DOCKERFILES))
@@ -109,7 +109,7 @@ def test_image_locks_all_requirements_of_its_service(path: Path) -> None:
         project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
         needed |= {re.split(r"[\[<>=~ ]", each)[0] for each in project["dependencies"]}
 
-    assert needed - {"nena-shared"} <= locked
+    assert needed - {"nena-shared", "nena-plant-formats"} <= locked
 
 
 @pytest.mark.parametrize("name", SERVICES)

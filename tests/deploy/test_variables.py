@@ -36,7 +36,8 @@ def knows(model: Any, path: list[str]) -> bool:
 
 def files_of(service: str) -> list[Path]:
     unit = ROOT / "deploy" / "systemd" / f"nena-{service.replace('_', '-')}.service"
-    return [*sorted((ROOT / "services" / service).glob("Dockerfile*")), *([unit] if unit.exists() else [])]
+    images = [*ROOT.glob(f"services/{service}/Dockerfile*"), *ROOT.glob(f"tools/{service}/Dockerfile*")]
+    return [*sorted(images), *([unit] if unit.exists() else [])]
 
 
 def cases() -> list[Any]:

@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from nena_demo.plants import sample_plant_path
+from nena_plant_formats.opentcs_xml import read
 from nena_shared.fleet_api.peripherals import (
     PeripheralJobState,
     PeripheralJobStatus,
@@ -21,7 +22,6 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 from nena_shared.plant.model import PlantModel
-from nena_shared.plant.opentcs_xml import read
 from nena_shared.plant_terms import ExecutionTrigger
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet

@@ -31,7 +31,12 @@ def test_the_mqtt_library_is_a_declared_dependency_of_the_shared_library() -> No
     assert any(each.startswith("paho-mqtt") for each in named_in(ROOT / "shared/pyproject.toml"))
 
 
-INSTALLED = [ROOT / "Makefile", ROOT / "docs/installation.md", *ROOT.glob("services/*/Dockerfile*")]
+INSTALLED = [
+    ROOT / "Makefile",
+    ROOT / "docs/installation.md",
+    *ROOT.glob("services/*/Dockerfile*"),
+    *ROOT.glob("tools/*/Dockerfile*"),
+]
 
 
 @pytest.mark.parametrize("path", INSTALLED, ids=lambda path: f"{path.parent.name}-{path.name}")

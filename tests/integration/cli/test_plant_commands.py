@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from nena_demo.plants import sample_plant_path
-from nena_shared.plant.files import read
+from nena_plant_formats.files import read
 from support.waiting import PATIENCE
 
 

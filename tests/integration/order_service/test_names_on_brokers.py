@@ -13,8 +13,8 @@ import pytest
 
 from nena_demo.peripheral import SimulatedPeripheral
 from nena_demo.plants import sample_plant_path
+from nena_plant_formats.files import read
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.plant.files import read
 from nena_shared.tasks import end
 from support.broker import BrokerAddress, MqttPeer
 from support.brokers import UNDELIVERABLE, RabbitMq

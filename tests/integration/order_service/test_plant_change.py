@@ -10,9 +10,9 @@ import httpx
 import pytest
 
 from nena_demo.plants import sample_plant_path
+from nena_plant_formats.files import read
+from nena_plant_formats.opentcs_xml import write
 from nena_shared.plant import PlantModel
-from nena_shared.plant.files import read
-from nena_shared.plant.opentcs_xml import write
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, order_in, running, vehicle_idle
 

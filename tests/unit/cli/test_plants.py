@@ -12,8 +12,9 @@ from typer.testing import CliRunner, Result
 from nena_cli.__main__ import app
 from nena_demo.plants import sample_plant_path
 from nena_order_service.plant_file import load_plant
-from nena_shared.plant import Vehicle, files
-from nena_shared.plant.files import PlantFormat
+from nena_plant_formats import files
+from nena_plant_formats.files import PlantFormat
+from nena_shared.plant import Vehicle
 from nena_shared.settings import ConfigurationError
 from support.lif_files import edge, lif_of, node
 from support.plants import opentcs_xml, path, plant

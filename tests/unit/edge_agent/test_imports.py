@@ -27,7 +27,7 @@ SPARED = (
     "opentelemetry",
     "prometheus_client",
     "tarfile",
-    "nena_shared.plant.lif",
+    "nena_plant_formats.lif",
     "nena_shared.vda5050.v2_0",
     "nena_shared.vda5050.v3_0",
 )

@@ -10,7 +10,7 @@ from typing import get_args
 from nena_robot_simulator import faults
 from nena_robot_simulator.settings import SimulatorSettings
 
-README = Path(__file__).parents[3] / "services" / "robot_simulator" / "README.md"
+README = Path(__file__).parents[3] / "tools" / "robot_simulator" / "README.md"
 
 
 def test_the_settings_that_it_shows_are_settings() -> None:

@@ -7,10 +7,10 @@ from hashlib import sha256
 from pathlib import Path
 
 from nena_order_service.errors import InvalidPlantError
+from nena_plant_formats.exchange import ImportReport
+from nena_plant_formats.files import read
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel, PlantModelError
-from nena_shared.plant.exchange import ImportReport
-from nena_shared.plant.files import read
 from nena_shared.plant.fleet_checks import find_fleet_errors
 from nena_shared.settings import ConfigurationError
 

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from nena_order_service.settings import OrderServiceSettings
-from nena_shared.plant import Vehicle, files
+from nena_plant_formats import files
+from nena_shared.plant import Vehicle
 from nena_shared.plant import property_keys as keys
 from support.action_types import needs_action_types
 from support.broker import Broker, free_port

@@ -14,7 +14,7 @@ import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from nena_demo.plants import sample_plant_path
-from nena_shared.plant.files import read
+from nena_plant_formats.files import read
 from nena_shared.ros import yaw_of
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker

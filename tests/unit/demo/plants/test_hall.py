@@ -5,8 +5,8 @@ from collections import defaultdict
 import pytest
 
 from nena_demo.plants.hall import BLOCKED_AISLE, GATE, Hall, make_hall
+from nena_plant_formats.files import read
 from nena_shared.plant import PlantModel, PointType
-from nena_shared.plant.files import read
 
 
 def hall(robots: int) -> Hall:

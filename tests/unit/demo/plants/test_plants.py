@@ -3,8 +3,8 @@ from math import hypot
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.routing.router import Router
+from nena_plant_formats.opentcs_xml import read
 from nena_shared.plant import PointType
-from nena_shared.plant.opentcs_xml import read
 from support.fleet_examples import sample_plant
 
 

@@ -17,8 +17,9 @@ from nena_order_service.fleet.type_rules import TypeRules
 from nena_order_service.fleet.vda_order import OperationMap, VdaOrder, build_vda_order
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.routing.router import RouteCosts, RouteFinder, Router
+from nena_plant_formats import files, lif
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
-from nena_shared.plant import MapTransform, PlantModel, Vehicle, files, lif
+from nena_shared.plant import MapTransform, PlantModel, Vehicle
 from nena_shared.vda5050.action import ActionState, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Corridor, CorridorReferencePoint, Edge, Node, OrientationType

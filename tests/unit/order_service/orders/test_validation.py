@@ -11,9 +11,9 @@ from nena_order_service.orders.validation import (
     check_request,
     set_operations,
 )
+from nena_plant_formats.opentcs_xml import read
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.plant import PlantModel
-from nena_shared.plant.opentcs_xml import read
 from support.order_service import dispatchable_order, request
 from support.plants import plant
 

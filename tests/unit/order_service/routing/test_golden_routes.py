@@ -5,8 +5,8 @@ from itertools import permutations
 import pytest
 
 from nena_order_service.routing.router import Router
+from nena_plant_formats.opentcs_xml import read
 from nena_shared.plant import PlantModel
-from nena_shared.plant.opentcs_xml import read
 from support.reference import reference_dir
 
 DEMO = "demo-01.v7.0.0.xml"

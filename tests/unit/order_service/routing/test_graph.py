@@ -22,7 +22,8 @@ from nena_order_service.routing.graph import (
     evaluators,
 )
 from nena_order_service.routing.router import Router
-from nena_shared.plant import BoundingBox, DirectedEdge, Orientation, PlantModel, Vehicle, lif
+from nena_plant_formats import lif
+from nena_shared.plant import BoundingBox, DirectedEdge, Orientation, PlantModel, Vehicle
 from support.lif_files import edge, lif_of, node, use
 from support.plants import path, plant, point
 

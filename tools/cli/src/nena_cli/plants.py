@@ -21,13 +21,14 @@ from rich.text import Text
 from nena_cli.options import PLAIN, Format
 from nena_cli.output import echo, fail, print_object
 from nena_cli.service import Service, of_service
+from nena_plant_formats import files, lif, opentcs_xml
+from nena_plant_formats import nav2_route as nav2_route_graph
+from nena_plant_formats.exchange import JSON_LIMITS
+from nena_plant_formats.files import PlantFormat
+from nena_plant_formats.lif import LifVersion
 from nena_shared.fleet_api.operations.plant import CHANGE_PLANT
-from nena_shared.plant import PlantModel, PlantModelError, PlantProblem, files, lif, opentcs_xml
-from nena_shared.plant import nav2_route as nav2_route_graph
-from nena_shared.plant.exchange import JSON_LIMITS
-from nena_shared.plant.files import PlantFormat
+from nena_shared.plant import PlantModel, PlantModelError, PlantProblem
 from nena_shared.plant.fleet_checks import find_fleet_errors
-from nena_shared.plant.lif import LifVersion
 
 STANDARD_STREAM = "-"
 

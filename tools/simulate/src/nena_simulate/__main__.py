@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
+from nena_plant_formats.files import read
 from nena_shared.plant import PlantModel
 from nena_shared.plant.errors import PlantModelError
-from nena_shared.plant.files import read
 from nena_shared.settings import parse_toml
 from nena_simulate.demand import Demand, read_orders
 from nena_simulate.heat_map import heat_map

@@ -18,6 +18,7 @@ from nena_order_service.api.opentcs_answers import Body, done
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.errors import InvalidPlantError, UnknownVehicleError
 from nena_order_service.plant_file import read_plant
+from nena_plant_formats.opentcs_xml.writer import VERSION
 from nena_shared.plant import (
     BoundingBox,
     EnergyThresholds,
@@ -31,7 +32,6 @@ from nena_shared.plant import (
     Vehicle,
     VisualLayout,
 )
-from nena_shared.plant.opentcs_xml.writer import VERSION
 from nena_shared.plant.track import Envelope, LabelLayout
 
 EditPlant = Callable[[PlantModel], PlantModel]

@@ -9,6 +9,8 @@ from math import atan2, hypot
 from typing import Self, TypeVar
 
 from nena_order_service.fleet.position import RobotProfile, Standing
+from nena_plant_formats.lif.checks import SAME_PLACE_M
+from nena_plant_formats.lif.mobile_robots import json_value
 from nena_shared.plant import (
     DirectedEdge,
     MapPlace,
@@ -21,8 +23,6 @@ from nena_shared.plant import (
     track,
 )
 from nena_shared.plant.geometry import normalized
-from nena_shared.plant.lif.checks import SAME_PLACE_M
-from nena_shared.plant.lif.mobile_robots import json_value
 from nena_shared.vda5050 import order as vda
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 

@@ -13,10 +13,10 @@ from nena_order_service.api.opentcs_events import CLIENTS, ChangeLog, _vehicle
 from nena_order_service.api.opentcs_plant import plant_json, plant_xml
 from nena_order_service.api.rest import role_needed
 from nena_order_service.service import OrderService
+from nena_plant_formats.files import read
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.base import Role
 from nena_shared.plant import PlantModel, Vehicle
-from nena_shared.plant.files import read
 from support.opentcs_routes import FOR_ROBOT, LEVELS, ROUTES, Route, Try
 from support.waiting import PATIENCE, until
 

@@ -1,8 +1,0 @@
-"""Reads plant models in openTCS's XML, format versions 0.0.2 to 7.0.0, and writes 7.0.0."""
-
-from nena_shared.plant.exchange import ExportReport, ImportReport
-from nena_shared.plant.opentcs_xml.document import Limits
-from nena_shared.plant.opentcs_xml.reader import read
-from nena_shared.plant.opentcs_xml.writer import write
-
-__all__ = ["ExportReport", "ImportReport", "Limits", "read", "write"]

@@ -1,0 +1,1 @@
+"""Plant models as files: openTCS's XML, LIF, NeNa's JSON, and route graphs of Nav2."""

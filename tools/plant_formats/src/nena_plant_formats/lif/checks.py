@@ -1,0 +1,423 @@
+"""Check LIF files: format deviations and their repair, rules beyond the schema, reachability."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from math import hypot, pi, radians
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from nena_plant_formats.lif import mobile_robots
+from nena_plant_formats.lif.document import (
+    DRAFT_VERSION,
+    FIELDS_OF_2_0,
+    Layout,
+    LifEdge,
+    LifFile,
+    LifNode,
+    MetaInformation,
+    Station,
+    StationPosition,
+)
+from nena_shared.findings import path_of, words_of
+from nena_shared.plant import curve
+from nena_shared.plant.checks import disconnected_points
+from nena_shared.plant.errors import ObjectKind, PlantProblem
+from nena_shared.plant.model import PlantModel
+from nena_shared.plant.track import (
+    DeviationBounds,
+    LoadRestriction,
+    PathTrajectory,
+    PlantBlockingType,
+    PlantRecord,
+    RequirementType,
+    RotationAllowed,
+    TrajectoryPoint,
+    TypeAction,
+    TypeActionParameter,
+    VehicleTypeAtPoint,
+    VehicleTypeOnPath,
+)
+
+_RECORDS: Final[tuple[type[PlantRecord], ...]] = (
+    LifFile,
+    MetaInformation,
+    Layout,
+    LifNode,
+    LifEdge,
+    Station,
+    StationPosition,
+    VehicleTypeAtPoint,
+    VehicleTypeOnPath,
+    TypeAction,
+    TypeActionParameter,
+    LoadRestriction,
+    PathTrajectory,
+    TrajectoryPoint,
+)
+
+
+def _names(records: Iterable[type[PlantRecord]]) -> frozenset[str]:
+    return frozenset(field.alias or "" for record in records for field in record.model_fields.values())
+
+
+FIELDS_1_0: Final = _names(_RECORDS) - FIELDS_OF_2_0
+FIELDS_2_0: Final = _names(mobile_robots.RECORDS)
+_HEADINGS: Final = ("theta", "vehicleOrientation", "mobileRobotOrientations")
+
+
+def format_problems(error: ValidationError) -> tuple[PlantProblem, ...]:
+    """Return deviations from the format; equal ones are combined into one problem."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for detail in error.errors(include_url=False, include_context=False, include_input=False):
+        field = ".".join("*" if isinstance(part, int) else part for part in detail["loc"])
+        found.setdefault((field, words_of(detail)), []).append(path_of(detail["loc"]))
+    return tuple(
+        warning("NOT_LIF", f"{field}: {message} (found {len(places)} times, first at {places[0]})")
+        for (field, message), places in found.items()
+    )
+
+
+def repair(
+    raw: Any,  # noqa: ANN401 - whatever the JSON holds
+    known: frozenset[str] = FIELDS_1_0,
+) -> tuple[PlantProblem, ...]:
+    """Repair known deviations in place, and return those that validation would not report.
+
+    Adds missing stations, converts `required` of actions to requirementType, and converts all headings from
+    degrees if one is beyond 2 pi. `known` are the names of the version's fields.
+    """
+    objects = tuple(_objects(raw))
+    found = Counter(_repair_each(objects, known))
+    headings = [spot for each in objects for spot in _headings(each)]
+    if any(abs(heading) > 2 * pi for _, _, heading in headings):
+        found["HEADINGS_IN_DEGREES", "headings beyond 2 pi: all headings in the file are read as degrees"] = 1
+        for place, key, heading in headings:
+            place[key] = radians(heading)
+    return tuple(
+        warning(code, f"{text} (found {times} times)") for (code, text), times in sorted(found.items())
+    )
+
+
+def _repair_each(objects: Iterable[dict[str, Any]], known: frozenset[str]) -> Iterator[tuple[str, str]]:
+    """Repair each object in place, and yield code and text of each deviation."""
+    for each in objects:
+        for key in FIELDS_OF_2_0 & (each.keys() - known):
+            del each[key]
+            yield "IGNORED", f"unknown field {key!r}"
+        if "nodes" in each and "edges" in each:
+            each.setdefault("stations", [])
+        if "requirementType" in known and isinstance(required := each.get("required"), bool):
+            del each["required"]
+            each.setdefault("requirementType", "REQUIRED" if required else "OPTIONAL")
+            yield "NOT_LIF", "'required' of actions is read as their requirementType"
+        for key in each.keys() - known:
+            yield "IGNORED", f"unknown field {key!r}"
+
+
+def warning(code: str, text: str) -> PlantProblem:
+    """Return a problem of the whole file."""
+    return PlantProblem(code, ObjectKind.MODEL, "", text)
+
+
+def _objects(raw: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401 - whatever the JSON holds
+    waiting = [raw]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            yield value
+            waiting.extend(value.values())
+        elif isinstance(value, list):
+            waiting.extend(value)
+
+
+def _headings(each: dict[str, Any]) -> Iterator[tuple[Any, Any, float]]:
+    """Yield the headings of an object with their places, including numbers written as text."""
+    for key in _HEADINGS:
+        value: Any = each.get(key)
+        spots: list[tuple[Any, Any]] = [(each, key)]
+        if isinstance(value, list):
+            spots = [(value, number) for number in range(len(value))]
+        for place, spot in spots:
+            with suppress(KeyError, OverflowError, TypeError, ValueError):
+                yield place, spot, float(place[spot])
+
+
+SAME_PLACE_M: Final = 0.01
+"""Maximum distance between a trajectory's end and its node, m."""
+_HEADING_MARGIN: Final = 8e-6
+"""Largest accepted angle, rad: LIF 2.0 allows 3.1416."""
+
+
+def errors(file: LifFile) -> Iterator[PlantProblem]:
+    """Yield errors that make the file unusable even for a lenient reader."""
+    nodes = [node for layout in file.layouts for node in layout.nodes]
+    edges = [edge for layout in file.layouts for edge in layout.edges]
+    stations = [station for layout in file.layouts for station in layout.stations]
+    yield from _duplicates(ObjectKind.POINT, (node.node_id for node in nodes))
+    yield from _duplicates(ObjectKind.PATH, (edge.edge_id for edge in edges))
+    yield from _duplicates(ObjectKind.LOCATION, (station.station_id for station in stations))
+    known = {node.node_id for node in nodes}
+    yield from _dangling_references(known, edges, stations)
+    yield from _without_vehicle_type(nodes, edges)
+    for node in nodes:
+        yield from _contradictions(ObjectKind.POINT, node.node_id, node.vehicle_type_node_properties)
+    for edge in edges:
+        yield from _contradictions(ObjectKind.PATH, edge.edge_id, edge.vehicle_type_edge_properties)
+
+
+def _contradictions(
+    kind: ObjectKind, name: str, uses: Iterable[VehicleTypeAtPoint | VehicleTypeOnPath]
+) -> Iterator[PlantProblem]:
+    """Yield actions that are both required and forbidden."""
+    for use in uses:
+        for action in use.actions:
+            required = action.requirement_type is RequirementType.REQUIRED
+            if required and action.action_type in use.forbidden_action_types:
+                text = f"action {action.action_type!r} is both required and forbidden"
+                yield PlantProblem("NOT_LIF", kind, name, text)
+
+
+def deviations(file: LifFile) -> Iterator[PlantProblem]:
+    """Yield deviations that a strict reader rejects and a lenient one accepts."""
+    version = file.meta_information.lif_version
+    if version == DRAFT_VERSION:
+        yield warning("NOT_LIF", f"lifVersion {DRAFT_VERSION} was never published; read as 1.0.0")
+    nodes = {node.node_id: node for layout in file.layouts for node in layout.nodes}
+    for layout in file.layouts:
+        yield from _of_nodes(layout)
+        own_nodes = {node.node_id for node in layout.nodes}
+        for edge in layout.edges:
+            yield from _of_edge(edge, own_nodes, nodes)
+            yield from () if version.startswith("2") else _missing_in_1_0(edge)
+        for station in layout.stations:
+            if not station.interaction_node_ids:
+                text = "the station has no interaction node"
+                yield PlantProblem("NOT_LIF", ObjectKind.LOCATION, station.station_id, text)
+
+
+def _missing_in_1_0(edge: LifEdge) -> Iterator[PlantProblem]:
+    if any(use.rotation_allowed is None for use in edge.vehicle_type_edge_properties):
+        text = "rotationAllowed is missing; read as false"
+        yield PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text)
+    if any(
+        action.blocking_type is PlantBlockingType.SINGLE
+        for use in edge.vehicle_type_edge_properties
+        for action in use.actions
+    ):
+        text = "LIF 1.0 has no blockingType SINGLE"
+        yield PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text)
+
+
+def unsupported_features(file: LifFile) -> Iterator[PlantProblem]:
+    """Yield one warning for each kind of valid content that is kept but has no effect."""
+    nodes = [
+        use for layout in file.layouts for node in layout.nodes for use in node.vehicle_type_node_properties
+    ]
+    edges = [
+        use for layout in file.layouts for edge in layout.edges for use in edge.vehicle_type_edge_properties
+    ]
+    found = Counter(_unsupported_at_node(nodes))
+    found.update(_unsupported_on_edge(edges))
+    found["several origins, whose frames are treated as one"] = max(
+        0, len({layout.origin_id for layout in file.layouts}) - 1
+    )
+    for what, times in sorted((+found).items()):
+        yield warning("NOT_HEEDED", f"{what} (found {times} times): kept, without effect")
+
+
+def _unsupported_at_node(uses: list[VehicleTypeAtPoint]) -> Iterator[str]:
+    for use in uses:
+        yield from _of_load(use.load_restriction)
+
+
+def _of_load(restriction: LoadRestriction | None) -> Iterator[str]:
+    if restriction and not (restriction.loaded and restriction.unloaded):
+        yield "loadRestriction"
+    if restriction and restriction.load_set_names:
+        yield "names of load sets"
+
+
+def origin_findings(file: mobile_robots.OriginsFile) -> Iterator[PlantProblem]:
+    """Yield deviations of origins and types, which are lost when a 2.0 file is converted."""
+    if not file.meta_information.lif_version.startswith("2.0"):
+        text = f"lifVersion {file.meta_information.lif_version} is newer than 2.0.0; what it adds is ignored"
+        yield warning("NOT_LIF", text)
+    for name, times in Counter(origin.origin_id for origin in file.origins).items():
+        if times > 1:
+            yield warning("NOT_LIF", f"{times} origins have the id {name!r}; they are read as one")
+    series = {(each.manufacturer, each.series_name) for each in mobile_robots.robot_types(file)}
+    ids = Counter(
+        mobile_robots.type_id(mobile_robots.MobileRobotType(manufacturer=maker, series_name=name))
+        for maker, name in series
+    )
+    for name, times in ids.items():
+        if times > 1:
+            yield warning("NOT_LIF", f"{times} types of mobile robots are called {name!r}; read as one")
+
+
+def _unsupported_on_edge(uses: list[VehicleTypeOnPath]) -> Iterator[str]:
+    both, required = RotationAllowed.BOTH, RequirementType.REQUIRED
+    for use in uses:
+        unsupported = {
+            "feasible actions on edges": any(each.requirement_type is not required for each in use.actions),
+            "reentryAllowed false": not use.reentry_allowed,
+            "rotationAtStartNodeAllowed": use.rotation_at_start_node_allowed is not both,
+            "rotationAtEndNodeAllowed": use.rotation_at_end_node_allowed is not both,
+        }
+        yield from (what for what, there in unsupported.items() if there)
+        yield from _of_load(use.load_restriction)
+
+
+def _duplicates(kind: ObjectKind, ids: Iterable[str]) -> Iterator[PlantProblem]:
+    for name, times in Counter(ids).items():
+        if times > 1:
+            yield PlantProblem("DUPLICATE_NAME", kind, name, f"{times} objects have this id")
+
+
+def _dangling_references(
+    known: set[str], edges: list[LifEdge], stations: list[Station]
+) -> Iterator[PlantProblem]:
+    for edge in edges:
+        for end in (edge.start_node_id, edge.end_node_id):
+            if end not in known:
+                yield _dangling(ObjectKind.PATH, edge.edge_id, end)
+    for station in stations:
+        for node in station.interaction_node_ids:
+            if node not in known:
+                yield _dangling(ObjectKind.LOCATION, station.station_id, node)
+
+
+def _dangling(kind: ObjectKind, name: str, node: str) -> PlantProblem:
+    return PlantProblem("UNKNOWN_REFERENCE", kind, name, f"refers to unknown node {node!r}")
+
+
+def _without_vehicle_type(nodes: list[LifNode], edges: list[LifEdge]) -> Iterator[PlantProblem]:
+    text = "no vehicle type may use it; add at least one"
+    for node in nodes:
+        if not node.vehicle_type_node_properties:
+            yield PlantProblem("NO_VEHICLE_TYPE", ObjectKind.POINT, node.node_id, text)
+    for edge in edges:
+        if not edge.vehicle_type_edge_properties:
+            yield PlantProblem("NO_VEHICLE_TYPE", ObjectKind.PATH, edge.edge_id, text)
+
+
+def _of_nodes(layout: Layout) -> Iterator[PlantProblem]:
+    for node in layout.nodes:
+        uses = node.vehicle_type_node_properties
+        texts = [
+            *_repeated(use.vehicle_type_id for use in uses),
+            *(text for use in uses for text in _heading(use.theta)),
+            *(text for use in uses for text in _bounds(use.allowed_deviation_xy)),
+            *(text for use in uses for text in _load(use.load_restriction)),
+            *(text for use in uses for text in _actions(use.actions)),
+            *([] if node.map_id else ["the node has no mapId"]),
+        ]
+        yield from (PlantProblem("NOT_LIF", ObjectKind.POINT, node.node_id, text) for text in texts)
+
+
+def _of_edge(edge: LifEdge, own_nodes: set[str], nodes: dict[str, LifNode]) -> Iterator[PlantProblem]:
+    uses = edge.vehicle_type_edge_properties
+    ends = (nodes[edge.start_node_id], nodes[edge.end_node_id])
+    texts = [
+        *_repeated(use.vehicle_type_id for use in uses),
+        *_closed_ends(edge, ends),
+        *(text for use in uses for each in use.orientations for text in _heading(each)),
+        *(text for use in uses for text in _actions(use.actions)),
+        *(text for use in uses for text in _load(use.load_restriction)),
+        *(text for use in uses if use.trajectory for text in _trajectory(use.trajectory, ends)),
+    ]
+    if any(use.trajectory and use.line_guidance for use in uses):
+        texts.append("it has a trajectory and a physicalLineGuidedProperty; the trajectory's length is used")
+    if edge.start_node_id not in own_nodes:
+        texts.append(f"start node {edge.start_node_id!r} is in another layout")
+    yield from (PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text) for text in texts)
+
+
+def _repeated(types: Iterable[str]) -> Iterator[str]:
+    for name, times in Counter(types).items():
+        if times > 1:
+            yield f"vehicle type {name!r} occurs {times} times; the first one is used"
+
+
+def _closed_ends(edge: LifEdge, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
+    for node in ends:
+        open_to = {use.vehicle_type_id for use in node.vehicle_type_node_properties}
+        for use in edge.vehicle_type_edge_properties:
+            if use.vehicle_type_id not in open_to:
+                yield f"vehicle type {use.vehicle_type_id!r} is not allowed on its node {node.node_id!r}"
+
+
+def _heading(heading: float | None) -> Iterator[str]:
+    if heading is not None and abs(heading) > pi + _HEADING_MARGIN:
+        yield f"heading {heading} is not between -pi and pi"
+
+
+_ELLIPSE_MARGIN: Final = 1e-6
+
+
+def _bounds(bounds: DeviationBounds | None) -> Iterator[str]:
+    """Yield bounds that no ellipse satisfies, or that are out of range."""
+    if bounds is None:
+        return
+    for axis, least, most in (
+        ("a", bounds.a_minimum, bounds.a_maximum),
+        ("b", bounds.b_minimum, bounds.b_maximum),
+        ("the shorter semi-axis", bounds.b_minimum, bounds.a_maximum),
+    ):
+        if least is not None and most is not None and least > most:
+            yield f"allowedDeviationXY allows no ellipse: {axis} is at least {least} and at most {most}"
+    if bounds.theta is not None and abs(bounds.theta) > pi / 2 + _ELLIPSE_MARGIN:
+        yield f"allowedDeviationXY has the rotation {bounds.theta}, which is not between -pi/2 and pi/2"
+
+
+def _actions(actions: tuple[TypeAction, ...]) -> Iterator[str]:
+    for action in actions:
+        if action.requirement_type is None:
+            yield f"action {action.action_type!r} has no requirementType"
+
+
+def _load(restriction: LoadRestriction | None) -> Iterator[str]:
+    if restriction and restriction.load_set_names and not restriction.loaded:
+        yield "it lists load sets, but forbids loads"
+
+
+def _trajectory(trajectory: PathTrajectory, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
+    if fault := curve.fault(trajectory):
+        yield f"the trajectory {fault}; it is ignored"
+        return
+    if trajectory.knot_vector[0] < 0 or trajectory.knot_vector[-1] > 1:
+        yield "the trajectory has knots outside 0 to 1; they are scaled"
+    for point, node in zip((trajectory.control_points[0], trajectory.control_points[-1]), ends, strict=True):
+        if hypot(point.x - node.node_position.x, point.y - node.node_position.y) > SAME_PLACE_M:
+            yield f"the trajectory does not end at node {node.node_id!r}; the node's position is used"
+
+
+_NAMES_SHOWN = 10
+
+
+def reachability_warnings(model: PlantModel) -> Iterator[PlantProblem]:
+    """Yield a warning for points that a vehicle type may use but cannot reach, if there are several types.
+
+    For a single type, the general reachability warning covers this.
+    """
+    types = sorted({use.vehicle_type_id for point in model.points for use in point.vehicle_types})
+    for name in types if len(types) > 1 else ():
+        if cut_off := disconnected_points(_part_of(model, name)):
+            names = ", ".join(map(repr, cut_off[:_NAMES_SHOWN]))
+            more = " ..." if len(cut_off) > _NAMES_SHOWN else ""
+            text = f"vehicles of type {name!r} cannot reach every point and return: {names}{more}"
+            yield PlantProblem("NOT_STRONGLY_CONNECTED", ObjectKind.MODEL, model.name, text)
+
+
+def _part_of(model: PlantModel, vehicle_type: str) -> PlantModel:
+    """Return the part of a model that a vehicle type may use, with any load."""
+    points = tuple(point for point in model.points if point.is_open_to(vehicle_type))
+    names = {point.name for point in points}
+    paths = tuple(
+        path
+        for path in model.paths
+        if path.is_open_to(vehicle_type) and path.source in names and path.destination in names
+    )
+    return PlantModel(name=model.name, points=points, paths=paths)

@@ -1,0 +1,383 @@
+"""Read LIF 1.0.0 and 2.0.0 into a plant model: strictly, or leniently with warnings."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain, count
+from math import degrees, hypot
+from typing import Any, Final, TypeVar
+
+from pydantic import ValidationError
+
+from nena_plant_formats.exchange import (
+    JSON_LIMITS,
+    ImportReport,
+    JsonLimits,
+    parse_json,
+    refusal,
+)
+from nena_plant_formats.lif import checks, mobile_robots
+from nena_plant_formats.lif.checks import format_problems, reachability_warnings, repair
+from nena_plant_formats.lif.document import (
+    DRAFT_VERSION,
+    Layout,
+    LifEdge,
+    LifFile,
+    LifNode,
+    LifVersion,
+    Station,
+    StationPosition,
+    without_none,
+)
+from nena_shared.plant import curve
+from nena_shared.plant import property_keys as keys
+from nena_shared.plant.checks import find_errors, find_warnings
+from nena_shared.plant.errors import ObjectKind, PlantModelError, PlantProblem
+from nena_shared.plant.model import (
+    NO_OPERATION,
+    Layer,
+    LayerGroup,
+    Link,
+    Location,
+    LocationLayout,
+    LocationType,
+    PlantModel,
+    VisualLayout,
+    operation_of,
+)
+from nena_shared.plant.track import (
+    MM_PER_M,
+    BoundingBox,
+    ConnectionType,
+    LabelLayout,
+    LayoutPoint,
+    Path,
+    PathLayout,
+    PathTrajectory,
+    Point,
+    VehicleTypeAtPoint,
+    VehicleTypeOnPath,
+)
+
+
+def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS) -> ImportReport:
+    """Read a LIF file into a plant model, in mm, with LIF's rules for each vehicle type.
+
+    Common deviations are repaired with a warning; with `strict` they are errors. Raises PlantModelError with
+    all problems if the file is not LIF, has another version, exceeds a limit or is inconsistent.
+    """
+    raw = parse_json(data, limits)
+    file, findings = _file(data, raw)
+    if problems := tuple(checks.errors(file)):
+        raise PlantModelError(problems)
+    findings = (*findings, *checks.deviations(file))
+    if strict and findings:
+        raise PlantModelError(findings)
+    names = Names(node.node_id for layout in file.layouts for node in layout.nodes)
+    model = to_plant(file, names)
+    if problems := find_errors(model):
+        raise PlantModelError(problems)
+    others: chain[PlantProblem] = chain(
+        names.renamed, checks.unsupported_features(file), reachability_warnings(model), find_warnings(model)
+    )
+    return ImportReport(model, (*findings, *others))
+
+
+def _file(data: bytes, raw: Any) -> tuple[LifFile, tuple[PlantProblem, ...]]:  # noqa: ANN401 - whatever the JSON holds
+    """Return the file and its deviations from the format of its version."""
+    if _version(raw) is LifVersion.V1_0:
+        findings = (*_format_deviations(data, LifFile), *repair(raw, checks.FIELDS_1_0))
+        return _validated(raw, LifFile), findings
+    form = mobile_robots.OriginsFile
+    findings = (*_format_deviations(data, form), *repair(raw, checks.FIELDS_2_0))
+    file = _validated(raw, form)
+    return mobile_robots.to_layouts(file), (*findings, *checks.origin_findings(file))
+
+
+_MAJOR_VERSION: Final = re.compile(r"([12])(\.\d+)*", re.ASCII)
+
+
+def _version(raw: Any) -> LifVersion:  # noqa: ANN401 - whatever the JSON holds
+    """Return the version of a file from lifVersion, or from its structure if that is missing."""
+    content = raw if isinstance(raw, dict) else {}
+    meta = content.get("metaInformation")
+    stated = meta.get("lifVersion") if isinstance(meta, dict) else None
+    if stated is None:
+        return LifVersion.V2_0 if "origins" in content else LifVersion.V1_0
+    major = _MAJOR_VERSION.fullmatch(str(stated))
+    if major is None and stated != DRAFT_VERSION:
+        shown = repr(str(stated)[:_SHOWN])
+        text = f"lifVersion {shown} is not supported; save the file as {LifVersion.V1_0} or {LifVersion.V2_0}"
+        raise refusal("UNSUPPORTED_VERSION", text)
+    return LifVersion.V2_0 if major and major[1] == "2" else LifVersion.V1_0
+
+
+_SHOWN: Final = 40
+"""Maximum length of a quoted unknown version, characters."""
+
+F = TypeVar("F", LifFile, mobile_robots.OriginsFile)
+
+
+def _validated(raw: Any, form: type[F]) -> F:  # noqa: ANN401 - whatever the JSON holds
+    try:
+        return form.model_validate(raw)
+    except ValidationError as error:
+        raise PlantModelError(format_problems(error)) from error
+
+
+def _format_deviations(data: bytes, form: type[F]) -> tuple[PlantProblem, ...]:
+    """Return the deviations of types and fields from the schema."""
+    try:
+        form.model_validate_json(data, strict=True)
+    except ValidationError as error:
+        return format_problems(error)
+    return ()
+
+
+class Names:
+    """Allocate names that are unique over all kinds of objects; `renamed` reports changed ones."""
+
+    def __init__(self, taken: Iterable[str]) -> None:
+        self._taken = set(taken)
+        self.renamed: list[PlantProblem] = []
+
+    def allocate(self, kind: ObjectKind, wanted: str, prefix: str) -> str:
+        """Return and reserve the wanted name if it is free, else one with the prefix."""
+        name = wanted
+        if name in self._taken:
+            tries = (f"{prefix}{'' if number == 1 else number}:{wanted}" for number in count(1))
+            name = next(each for each in tries if each not in self._taken)
+            text = f"another object has this id; it is renamed to {name!r}"
+            self.renamed.append(PlantProblem("RENAMED", kind, wanted, text))
+        self._taken.add(name)
+        return name
+
+
+class StationMaker:
+    """Create locations of stations; stations with the same operations share a location type."""
+
+    def __init__(self, points: Mapping[str, Point], names: Names) -> None:
+        self._points = points
+        self._names = names
+        self._types: dict[tuple[str, ...], LocationType] = {}
+
+    @property
+    def types(self) -> tuple[LocationType, ...]:
+        """Location types of the locations created so far."""
+        return tuple(self._types.values())
+
+    def location(self, station: Station, layer_id: int) -> Location:
+        """Return the location of a station."""
+        points = [self._points[node] for node in dict.fromkeys(station.interaction_node_ids)]
+        operations = tuple(sorted({each for point in points for each in _operations(point)}))
+        x_mm, y_mm = _position_mm(station.station_position, points)
+        return Location(
+            name=self._names.allocate(ObjectKind.LOCATION, station.station_id, "station"),
+            type=self._type(operations).name,
+            x_mm=x_mm,
+            y_mm=y_mm,
+            # A link without operations would allow all of the type's.
+            links=tuple(
+                Link(point=point.name, allowed_operations=_operations(point) or (NO_OPERATION,))
+                for point in points
+            ),
+            properties=_properties(station),
+            layout=LocationLayout(layer_id=layer_id),
+        )
+
+    def _type(self, operations: tuple[str, ...]) -> LocationType:
+        if operations not in self._types:
+            wanted = ", ".join(("Station", *operations))
+            name = self._names.allocate(ObjectKind.LOCATION_TYPE, wanted, "type")
+            self._types[operations] = LocationType(name=name, allowed_operations=operations)
+        return self._types[operations]
+
+
+def _operations(point: Point) -> tuple[str, ...]:
+    """Return the operations that at least one vehicle type can perform at a point."""
+    actions = (
+        action.action_type
+        for use in point.vehicle_types
+        for action in use.actions
+        if action.action_type not in use.forbidden_action_types
+    )
+    return tuple(dict.fromkeys(map(operation_of, actions)))
+
+
+def _position_mm(position: StationPosition | None, points: Sequence[Point]) -> tuple[int, int]:
+    if position is not None:
+        return round(position.x * MM_PER_M), round(position.y * MM_PER_M)
+    if not points:
+        return 0, 0
+    return (
+        round(sum(point.x_mm for point in points) / len(points)),
+        round(sum(point.y_mm for point in points) / len(points)),
+    )
+
+
+def _properties(station: Station) -> dict[str, str]:
+    position = station.station_position
+    height = station.station_height
+    values = {
+        keys.LIF_ID: station.station_id,
+        keys.LIF_NAME: station.station_name,
+        keys.LIF_STATION_TYPE: station.station_type,
+        keys.LIF_DESCRIPTION: station.station_description,
+        keys.LIF_STATION_HEIGHT: None if height is None else str(height),
+        keys.LIF_STATION_POSITION: position.model_dump_json(exclude_none=True) if position else None,
+    }
+    return {key: value for key, value in values.items() if value is not None}
+
+
+UNLIMITED_SPEED_MM_S: Final = 100_000
+"""Maximum speed of a path that is unlimited for at least one vehicle type."""
+
+UNLIMITED_SIZE: Final = BoundingBox(length_mm=1_000_000, width_mm=1_000_000, height_mm=1_000_000)
+"""Maximum vehicle size at points: LIF has no limit."""
+
+Use = TypeVar("Use", VehicleTypeAtPoint, VehicleTypeOnPath)
+
+_PIECES: Final = 16
+"""Number of line segments that draw a curve other than a cubic Bezier curve."""
+
+
+def to_plant(file: LifFile, names: Names) -> PlantModel:
+    """Convert a file to a plant model. Node IDs become point names, because robots use them."""
+    meta = file.meta_information
+    points = {
+        node.node_id: _point(node, layer)
+        for layer, layout in enumerate(file.layouts)
+        for node in layout.nodes
+    }
+    paths = [
+        _path(edge, layer, points, names)
+        for layer, layout in enumerate(file.layouts)
+        for edge in layout.edges
+    ]
+    maker = StationMaker(points, names)
+    locations = [
+        maker.location(station, layer)
+        for layer, layout in enumerate(file.layouts)
+        for station in layout.stations
+    ]
+    return PlantModel(
+        name=meta.project_identification,
+        points=tuple(points.values()),
+        paths=tuple(paths),
+        location_types=maker.types,
+        locations=tuple(locations),
+        visual_layout=_visual_layout(file.layouts),
+        properties={
+            keys.LIF_CREATOR: meta.creator,
+            keys.LIF_EXPORT_TIMESTAMP: meta.export_timestamp,
+            **{f"{keys.LIF_MANUFACTURER}{name}": maker for name, maker in file.manufacturers.items()},
+        },
+    )
+
+
+def _point(node: LifNode, layer: int) -> Point:
+    types = _first_of_each(node.vehicle_type_node_properties)
+    headings = {use.theta for use in types}
+    theta = headings.pop() if len(headings) == 1 else None
+    return Point(
+        name=node.node_id,
+        x_mm=round(node.node_position.x * MM_PER_M),
+        y_mm=round(node.node_position.y * MM_PER_M),
+        orientation_deg=None if theta is None else degrees(theta),
+        max_vehicle_bounding_box=UNLIMITED_SIZE,
+        properties=without_none(
+            {
+                keys.VDA5050_MAP_ID: node.map_id,
+                keys.LIF_NAME: node.node_name,
+                keys.LIF_DESCRIPTION: node.node_description,
+            }
+        ),
+        layout=LabelLayout(layer_id=layer),
+        vehicle_types=types,
+    )
+
+
+def _path(edge: LifEdge, layer: int, points: dict[str, Point], names: Names) -> Path:
+    types = tuple(map(_with_usable_trajectory, _first_of_each(edge.vehicle_type_edge_properties)))
+    trajectory = next((use.trajectory for use in types if use.trajectory), None)
+    a, b = points[edge.start_node_id], points[edge.end_node_id]
+    guided = next((use.line_guidance.length for use in types if use.line_guidance), None)
+    length_m = curve.length(trajectory) if trajectory else guided or hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+    name = names.allocate(ObjectKind.PATH, edge.edge_id, "edge")
+    return Path(
+        name=name,
+        source=edge.start_node_id,
+        destination=edge.end_node_id,
+        length_mm=max(1, round(length_m * MM_PER_M)),
+        max_velocity_mm_s=_speed_mm_s(types),
+        properties=without_none(
+            {
+                keys.LIF_ID: edge.edge_id if name != edge.edge_id else None,
+                keys.LIF_NAME: edge.edge_name,
+                keys.LIF_DESCRIPTION: edge.edge_description,
+            }
+        ),
+        layout=_path_layout(trajectory, layer),
+        vehicle_types=types,
+    )
+
+
+def _first_of_each(uses: Sequence[Use]) -> tuple[Use, ...]:
+    """Return the first rule for each vehicle type."""
+    found: dict[str, Use] = {}
+    for use in uses:
+        found.setdefault(use.vehicle_type_id, use)
+    return tuple(found.values())
+
+
+def _with_usable_trajectory(use: VehicleTypeOnPath) -> VehicleTypeOnPath:
+    """Drop an invalid trajectory, and scale one with knots outside 0 to 1."""
+    if use.trajectory is None:
+        return use
+    usable = None if curve.fault(use.trajectory) else curve.scaled(use.trajectory)
+    return use.model_copy(update={"trajectory": usable})
+
+
+def _speed_mm_s(uses: Sequence[VehicleTypeOnPath]) -> int:
+    """Return the highest speed of any vehicle type; the router uses that of each type."""
+    speeds = [UNLIMITED_SPEED_MM_S if use.max_speed is None else use.max_speed * MM_PER_M for use in uses]
+    return round(max(speeds))
+
+
+def _path_layout(trajectory: PathTrajectory | None, layer: int) -> PathLayout:
+    if trajectory is None:
+        return PathLayout(layer_id=layer)
+    if curve.is_cubic_bezier(trajectory):
+        kind, places = ConnectionType.BEZIER, [(point.x, point.y) for point in trajectory.control_points]
+    else:
+        kind, places = ConnectionType.POLYPATH, list(curve.places(trajectory, _PIECES))
+    return PathLayout(
+        connection_type=kind,
+        control_points=tuple(LayoutPoint(x_mm=x * MM_PER_M, y_mm=y * MM_PER_M) for x, y in places[1:-1]),
+        layer_id=layer,
+    )
+
+
+def _visual_layout(layouts: Sequence[Layout]) -> VisualLayout:
+    """Return a layer for each layout; properties keep the other LIF fields."""
+    return VisualLayout(
+        layers=tuple(
+            Layer(id=number, ordinal=number, name=layout.layout_name or layout.layout_id)
+            for number, layout in enumerate(layouts)
+        ),
+        layer_groups=(LayerGroup(id=0, name="Layouts"),),
+        properties=without_none(
+            {
+                f"{keys.LIF_LAYOUT}.{number}.{key}": value
+                for number, layout in enumerate(layouts)
+                for key, value in (
+                    ("id", layout.layout_id),
+                    ("name", layout.layout_name),
+                    ("version", layout.layout_version),
+                    ("levelId", layout.layout_level_id),
+                    ("description", layout.layout_description),
+                    ("originId", layout.origin_id),
+                    ("originDescriptor", layout.origin_descriptor),
+                )
+            }
+        ),
+    )
