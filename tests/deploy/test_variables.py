@@ -13,6 +13,8 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_order_service.settings import OrderServiceSettings
 from nena_robot_simulator.settings import SimulatorSettings
 from nena_shared.program import HEARTBEAT_FILE
+from nena_shared.settings import settings_with
+from nena_status_aggregator.extension import installed
 from nena_status_aggregator.settings import AggregatorSettings
 
 ROOT = Path(__file__).parents[2]
@@ -20,7 +22,7 @@ MODELS: dict[str, type[BaseModel]] = {
     "edge_agent": EdgeAgentSettings,
     "order_service": OrderServiceSettings,
     "robot_simulator": SimulatorSettings,
-    "status_aggregator": AggregatorSettings,
+    "status_aggregator": settings_with(AggregatorSettings, installed()),
 }
 NO_SETTING = {HEARTBEAT_FILE, "NENA_VERSION"}
 

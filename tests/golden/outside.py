@@ -25,10 +25,12 @@ from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.settings import settings_with
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.api.session import make_rule
+from nena_status_aggregator.extension import installed
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings
 from reference.configuration import PROGRAMS as SETTINGS
 from reference.configuration import settings_of
@@ -79,7 +81,7 @@ def opentcs(service: OrderService) -> FastAPI:
 
 def aggregator() -> Aggregator:
     """Make an aggregator that has heard of nothing yet."""
-    return Aggregator(AggregatorSettings(), SystemClock())
+    return Aggregator(settings_with(AggregatorSettings, installed())(), SystemClock(), installed())
 
 
 def asyncapi(service: OrderService) -> Any:

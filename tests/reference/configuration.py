@@ -16,7 +16,8 @@ from pydantic.fields import FieldInfo
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_order_service.settings import OrderServiceSettings
 from nena_robot_simulator.settings import SimulatorSettings
-from nena_shared.settings import ProgramSettings, SettingsGroup
+from nena_shared.settings import ProgramSettings, SettingsGroup, settings_with
+from nena_status_aggregator.extension import installed
 from nena_status_aggregator.settings import AggregatorSettings
 from support.markdown import row
 
@@ -25,7 +26,7 @@ DOCUMENT: Final = _HERE.parents[1] / "docs" / "configuration.md"
 
 PROGRAMS: Final[dict[str, type[ProgramSettings]]] = {
     "nena-order-service": OrderServiceSettings,
-    "nena-status-aggregator": AggregatorSettings,
+    "nena-status-aggregator": settings_with(AggregatorSettings, installed()),
     "nena-edge-agent": EdgeAgentSettings,
     "nena-robot-simulator": SimulatorSettings,
 }

@@ -9,6 +9,7 @@ from typing import Any, Final
 from nena_edge_agent import metrics as edge_agent
 from nena_order_service.api import metrics as order_service
 from nena_shared.metrics import Metric, Section
+from nena_status_aggregator.extension import installed
 from nena_status_aggregator.metrics import exposition, robot_series
 from support.markdown import row
 
@@ -20,6 +21,7 @@ PROGRAMS: Final[dict[str, tuple[Section[Any], ...]]] = {
     "Edge agent": edge_agent.SECTIONS,
     "Status aggregator": (
         *exposition.SECTIONS,
+        *(each.section for each in installed().values() if each.section),
         Section("Single robots", tuple(robot_series.documented())),
     ),
 }

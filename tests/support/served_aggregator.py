@@ -12,10 +12,12 @@ from typing import Any, Self
 import httpx
 
 from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.settings import settings_with
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_status_aggregator.__main__ import serve
+from nena_status_aggregator.extension import installed
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, HistorySettings
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import ROBOT
@@ -96,7 +98,7 @@ class EventReader:
 async def serving(broker: Broker, interface_name: str, **settings: Any) -> AsyncIterator[Served]:
     """Run an aggregator until the block ends."""
     port = free_port()
-    chosen = AggregatorSettings(
+    chosen = settings_with(AggregatorSettings, installed())(
         mqtt=broker.settings,
         http=AggregatorHttpSettings(port=port),
         interface_name=interface_name,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nena_shared.log import configure, get_logger
-from nena_shared.settings import ConfigurationError, S, load
+from nena_shared.settings import ConfigurationError, HasSettings, S, load, settings_with
 from nena_shared.tasks import TaskFailedError, end, set_within, stop_on_signals
 
 log = get_logger(__name__)
@@ -113,16 +113,16 @@ def run(
     description: str,
     argv: Sequence[str] | None = None,
     loop_factory: Callable[[], asyncio.AbstractEventLoop] | None = None,
+    extensions: Callable[[], Mapping[str, type[HasSettings]]] = dict,
 ) -> int:
     """Read the settings, run ``serve`` until SIGINT or SIGTERM, and return the exit status.
 
-    ``serve`` receives the settings and an event that is set when the program must end. Without a
-    ``loop_factory``, asyncio's event loop is used.
+    ``serve`` receives the settings, with those of the ``extensions``, and an event that is set when the
+    program must end. Without a ``loop_factory``, asyncio's event loop is used.
     """
     try:
-        chosen = load(
-            settings, sys.argv[1:] if argv is None else argv, program=program, description=description
-        )
+        model = settings_with(settings, extensions())
+        chosen = load(model, sys.argv[1:] if argv is None else argv, program=program, description=description)
         configure(chosen.log)
         with asyncio.Runner(loop_factory=loop_factory) as runner:
             runner.run(_serve(chosen, serve))

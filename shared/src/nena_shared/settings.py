@@ -13,12 +13,20 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar, cast
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SecretStr, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SecretStr,
+    ValidationError,
+    create_model,
+)
 from pydantic_core import ErrorDetails
 from pydantic_settings import (
     BaseSettings,
@@ -59,6 +67,16 @@ class SettingsGroup(BaseModel):
     """A group of settings; unknown names are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class NoSettings(SettingsGroup):
+    """The settings of an extension that has none."""
+
+
+class HasSettings(Protocol):
+    """A class of extensions."""
+
+    Settings: ClassVar[type[SettingsGroup]]
 
 
 def secret_in(file: Path, setting: str) -> str:
@@ -195,6 +213,19 @@ class ShowVersion(argparse.Action):
         """Print the version and exit."""
         sys.stdout.write(f"{self._program} {version(self._distribution)}\n")
         parser.exit()
+
+
+def settings_with(model: type[S], extensions: Mapping[str, type[HasSettings]]) -> type[S]:
+    """Return the settings model of a service with a group for each of its extensions."""
+    groups: dict[str, Any] = {
+        name: (
+            extension.Settings,
+            Field(default_factory=extension.Settings, description=str(extension.Settings.__doc__)),
+        )
+        for name, extension in extensions.items()
+        if extension.Settings is not NoSettings
+    }
+    return cast("type[S]", create_model(model.__name__, __base__=model, __doc__=model.__doc__, **groups))
 
 
 def load(model: type[S], argv: Sequence[str], *, program: str, description: str) -> S:

@@ -14,6 +14,7 @@ from nena_shared.tasks import Supervisor, forever
 from nena_shared.web.server import SHUTDOWN_TIMEOUT, HttpServer
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
+from nena_status_aggregator.extension import installed
 from nena_status_aggregator.settings import AggregatorSettings
 
 
@@ -26,7 +27,7 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
         TaskFailedError: a task failed.
 
     """
-    aggregator = Aggregator(settings, SystemClock())
+    aggregator = Aggregator(settings, SystemClock(), installed())
     server = HttpServer(make_app(aggregator, settings.http, settings.order_service), settings.http)
     if aggregator.history:
         await aggregator.history.writer.open()
@@ -36,8 +37,9 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
         http = tasks.start("http", server.run())
         tasks.start("mqtt link", aggregator.link.run())
         tasks.start("publish changes", aggregator.keep_publishing())
-        if aggregator.receiver:
-            tasks.start("recordings", forever("recordings", aggregator.receiver.run), vital=False)
+        for extension in aggregator.extensions:
+            for name, work in extension.tasks().items():
+                tasks.start(name, forever(name, work), vital=False)
         tasks.start("loop lag", aggregator.loop_lag.run())
         try:
             await tasks.wait(stop)
@@ -57,6 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "panel, a REST API, an event stream and Prometheus metrics.",
         argv=argv,
         loop_factory=uvloop.new_event_loop,
+        extensions=installed,
     )
 
 

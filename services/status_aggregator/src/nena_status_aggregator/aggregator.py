@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
+from functools import partial
 from secrets import token_hex
+from types import MappingProxyType
 
 from pydantic_core import to_json
 
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, iso
 from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_status_aggregator.api.events import EventStream
+from nena_status_aggregator.extension import Core, Extension
+from nena_status_aggregator.fleet.events import Event
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.queues import JamLimits
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.history.history import History
 from nena_status_aggregator.mqtt import FleetSubscriber
-from nena_status_aggregator.recordings.receiver import RecordingReceiver
-from nena_status_aggregator.recordings.store import RecordingStore, StoreLimits
-from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, RecordingSettings, Share
+from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, Share
+
+log = get_logger(__name__)
 
 IDLE_DELAY = 30.0
 """Time for which changes are still published after the last client has left, as it may reconnect, seconds."""
@@ -28,11 +34,17 @@ IDLE_DELAY = 30.0
 class Aggregator:
     """Owns the parts that the program runs and the API reads. Not thread-safe."""
 
-    def __init__(self, settings: AggregatorSettings, clock: Clock) -> None:
-        """Create the parts; nothing is connected or opened yet.
+    def __init__(
+        self,
+        settings: AggregatorSettings,
+        clock: Clock,
+        extensions: Mapping[str, type[Extension]] = MappingProxyType({}),
+    ) -> None:
+        """Create the parts and the extensions; nothing is connected or opened yet.
 
         Raises:
             HistoryError: the history settings are invalid.
+            ConfigurationError: those of an extension are.
 
         """
         self.clock = clock
@@ -47,20 +59,32 @@ class Aggregator:
             track_distance=settings.history.track_distance if self.history else 0.0,
             jam=JamLimits(settings.jam.robots, settings.jam.seconds),
         )
-        self.model = FleetModel(limits, self.history.writer.add if self.history else lambda _: None)
+        self.model = FleetModel(limits, self._on_event)
         self.link = FleetSubscriber(settings, self.model, clock)
-        self.recordings = _recordings(settings.recordings)
-        self.receiver = (
-            RecordingReceiver(self.recordings, FleetTopics(settings.topic_prefix), self.share)
-            if self.recordings
-            else None
+        core = Core(
+            clock=clock,
+            topics=FleetTopics(settings.topic_prefix),
+            share=self.share,
+            history=self.history,
+            subscribe=partial(self.link.mqtt.subscribe, needed=False),
+            publish=self.link.mqtt.publish,
         )
-        if self.receiver:
-            self.receiver.attach(self.link.mqtt)
+        self.extensions = [
+            extension(getattr(settings, name, None), core) for name, extension in extensions.items()
+        ]
         self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._snapshot)
         self.loop_lag = LoopLag(clock)
         self.certificates = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
         self._interval = settings.events.interval
+
+    def _on_event(self, event: Event) -> None:
+        if self.history:
+            self.history.writer.add(event)
+        for extension in self.extensions:
+            try:
+                extension.on_event(event)
+            except Exception:  # the fleet is shown whatever an extension does
+                log.exception("an extension failed", extension=type(extension).__name__, code=event.code)
 
     def now(self) -> Timestamp:
         """Return the current time."""
@@ -97,18 +121,6 @@ class Aggregator:
         self.publish_changes()
         view = self.model.snapshot()
         return view["id"], to_json({**view, "time": iso(self.clock.now()), "share": str(self.share)})
-
-
-def _recordings(settings: RecordingSettings) -> RecordingStore | None:
-    if not settings.enabled:
-        return None
-    limits = StoreLimits(
-        files=settings.keep,
-        robot_files=settings.keep_per_robot,
-        total_bytes=settings.keep_bytes,
-        file_bytes=settings.file_bytes,
-    )
-    return RecordingStore(settings.folder, limits)
 
 
 def _history(settings: HistorySettings, clock: Clock) -> History | None:

@@ -10,7 +10,6 @@ from zlib import crc32
 
 from pydantic import AfterValidator, BeforeValidator, Field, HttpUrl, SecretStr, model_validator
 
-from nena_shared.black_box.settings import LARGEST_FILE
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.web.settings import HttpSettings, OidcSettings, ProtectedPlace
@@ -151,31 +150,6 @@ class HistorySettings(SettingsGroup):
         return self.url.get_secret_value() if self.url else None
 
 
-class RecordingSettings(SettingsGroup):
-    """Recordings and log reports that robots send."""
-
-    enabled: bool = Field(default=True, description="Accept recordings of robots.")
-    folder: Path = Field(
-        Path("nena-recordings"),
-        description="Folder of the recordings, with a subfolder per robot; created with the first one.",
-    )
-    keep: int = Field(500, ge=1, description="Maximum number of files; beyond it, the oldest is removed.")
-    keep_per_robot: int = Field(
-        50, ge=1, description="Maximum number of files of a robot; beyond it, its oldest is removed."
-    )
-    keep_bytes: int = Field(
-        2 * 1024**3,
-        ge=1024**2,
-        description="Maximum size of all files, bytes; beyond it, the oldest are removed.",
-    )
-    file_bytes: int = Field(
-        64 * 1024**2,
-        ge=1024,
-        le=LARGEST_FILE,
-        description="Maximum size of a file, bytes; larger ones are refused.",
-    )
-
-
 class JamSettings(SettingsGroup):
     """Limits above which waiting robots are reported as a jam."""
 
@@ -274,9 +248,6 @@ class AggregatorSettings(ServiceSettings):
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
     history: HistorySettings = Field(default_factory=HistorySettings, description="The history.")
-    recordings: RecordingSettings = Field(
-        default_factory=RecordingSettings, description="Recordings and log reports of robots."
-    )
     order_service: OrderServiceSettings = Field(
         default_factory=OrderServiceSettings,
         description="The order service, which executes the commands of the control panel.",

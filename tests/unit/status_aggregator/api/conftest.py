@@ -7,8 +7,10 @@ from collections.abc import AsyncIterator
 import httpx
 import pytest
 
+from nena_shared.settings import settings_with
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
+from nena_status_aggregator.extension import installed
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, EventSettings
 from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, START, order_status
@@ -22,7 +24,8 @@ def clock() -> ManualClock:
 
 @pytest.fixture
 def aggregator(clock: ManualClock) -> Aggregator:
-    return Aggregator(AggregatorSettings(events=EventSettings(clients=1)), clock)
+    model = settings_with(AggregatorSettings, installed())
+    return Aggregator(model(events=EventSettings(clients=1)), clock, installed())
 
 
 @pytest.fixture

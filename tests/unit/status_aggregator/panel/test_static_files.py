@@ -19,9 +19,9 @@ from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.zone_set import ZoneType
 from nena_status_aggregator.api.app import PANEL
+from nena_status_aggregator.extensions.reports.report import FailureKind
 from nena_status_aggregator.fleet.condition import TEXTS, URGENT, Condition, SessionState
 from nena_status_aggregator.fleet.events import Code
-from nena_status_aggregator.history.report import FailureKind
 
 LANGUAGES = ("en", "nl", "de")
 ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)

@@ -27,8 +27,6 @@ from nena_status_aggregator.api import (
     oidc,
     problem_types,
     problems,
-    recordings,
-    reports,
     session,
 )
 from nena_status_aggregator.api.oidc import sign_in_of
@@ -154,8 +152,9 @@ def make_app(
     app.include_router(fleet.make_router(aggregator))
     app.include_router(fleet.make_robots_router(aggregator))
     app.include_router(history.make_router(aggregator.history))
-    app.include_router(recordings.make_router(aggregator.recordings))
-    app.include_router(reports.make_router(aggregator.history, aggregator.clock))
+    for extension in aggregator.extensions:
+        for router in extension.routers():
+            app.include_router(router)
     app.include_router(control.make_router(order_service or OrderServiceSettings()))
     app.include_router(events.make_router(aggregator.events))
     app.include_router(problem_types.make_router())

@@ -6,22 +6,23 @@ import asyncio
 import csv
 import json
 from collections.abc import AsyncIterator, Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
-from datetime import datetime
-from functools import partial
 from io import StringIO
+from typing import Concatenate, ParamSpec, TypeVar
 
+from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from nena_shared.clock import Clock
 from nena_shared.csv_cells import harmless
-from nena_status_aggregator.history import database, report_queries
+from nena_status_aggregator.history import database
 from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter
-from nena_status_aggregator.history.report import Report
 from nena_status_aggregator.history.writer import HistoryWriter
 from nena_status_aggregator.settings import HistorySettings
 
 COLUMNS = ("id", "time", "code", "robot", "order", "text", "values")
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 Form = Callable[[Iterable[HistoryEntry]], str]
 
@@ -49,16 +50,9 @@ def as_json_lines(entries: Iterable[HistoryEntry]) -> str:
 PAGE = 1000
 """Number of entries that an export reads at a time."""
 
-REPORTS_LIMIT = 10
-"""Maximum number of reports that are computed or wait for it; they are computed one after the other."""
-
 
 class HistoryUnavailableError(Exception):
     """The history database is unavailable."""
-
-
-class TooManyReportsError(Exception):
-    """REPORTS_LIMIT reports are being computed or wait for it."""
 
 
 class History:
@@ -73,8 +67,6 @@ class History:
         """
         self._engine = database.make_engine(url)
         self.writer = HistoryWriter(settings, self._engine, clock)
-        self._reporter = ThreadPoolExecutor(max_workers=1, thread_name_prefix="reports")
-        self._reports = 0
 
     async def newest(
         self, wanted: HistoryFilter, *, before: int | None = None, limit: int = 100
@@ -85,12 +77,7 @@ class History:
             HistoryUnavailableError: the database is unavailable.
 
         """
-        try:
-            return await asyncio.to_thread(
-                database.read_newest, self._engine, wanted, before=before, limit=limit
-            )
-        except SQLAlchemyError as error:
-            raise HistoryUnavailableError from error
+        return await self.read(database.read_newest, wanted, before=before, limit=limit)
 
     async def pages(self, wanted: HistoryFilter) -> AsyncIterator[list[HistoryEntry]]:
         """Yield all present entries, oldest first, page by page.
@@ -102,35 +89,22 @@ class History:
         newest = await self.newest(wanted, limit=1)
         last, end = 0, newest[0]["id"] if newest else 0
         while last < end:
-            try:
-                page = await asyncio.to_thread(
-                    database.read_oldest, self._engine, wanted, after=last, upto=end, limit=PAGE
-                )
-            except SQLAlchemyError as error:
-                raise HistoryUnavailableError from error
+            page = await self.read(database.read_oldest, wanted, after=last, upto=end, limit=PAGE)
             if not page:
                 return
             last = page[-1]["id"]
             yield page
 
-    async def report(self, since: datetime, until: datetime) -> Report:
-        """Compute the report of a time range.
+    async def read(
+        self, query: Callable[Concatenate[Engine, P], T], *arguments: P.args, **named: P.kwargs
+    ) -> T:
+        """Run a query in a thread.
 
         Raises:
             HistoryUnavailableError: the database is unavailable.
-            TooManyEntriesError: the range has too many entries.
-            TooManyReportsError: too many reports are being computed.
 
         """
-        if self._reports >= REPORTS_LIMIT:
-            raise TooManyReportsError
-        work = partial(
-            report_queries.compute, self._engine, database.milliseconds(since), database.milliseconds(until)
-        )
-        self._reports += 1
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._reporter, work)
+            return await asyncio.to_thread(query, self._engine, *arguments, **named)
         except SQLAlchemyError as error:
             raise HistoryUnavailableError from error
-        finally:
-            self._reports -= 1

@@ -291,18 +291,6 @@ PROGRAM: Final[Section[Aggregator]] = Section(
             "Snapshots sent to new clients and to clients that fell behind.",
             lambda s: s.events.snapshots,
         ),
-        counter(
-            "nena_recordings_received_total",
-            "Recordings of robots and of the order service: `stored`, or `refused` because of size, name or "
-            "checksum. Absent if `recordings.enabled` is false.",
-            lambda s: s.receiver.received if s.receiver else None,
-            "outcome",
-        ),
-        counter(
-            "nena_recordings_received_bytes_total",
-            "Size of the stored recordings.",
-            lambda s: s.receiver.received_bytes if s.receiver else None,
-        ),
         gauge(
             "nena_history_waiting",
             "Events waiting to be written to the history.",
@@ -335,8 +323,14 @@ class Exposition:
     def __init__(self, aggregator: Aggregator) -> None:
         self._aggregator = aggregator
         self._fleet = metrics.Exposition(aggregator, SECTIONS)
+        self._extensions = [
+            metrics.Exposition(extension, (extension.section,), process=False)
+            for extension in aggregator.extensions
+            if extension.section
+        ]
 
     def text(self) -> bytes:
         """Return the text format 0.0.4."""
         model, now = self._aggregator.model, self._aggregator.now()
-        return self._fleet.text() + robot_families(model.robots, now).encode()
+        extensions = b"".join(extension.text() for extension in self._extensions)
+        return self._fleet.text() + extensions + robot_families(model.robots, now).encode()

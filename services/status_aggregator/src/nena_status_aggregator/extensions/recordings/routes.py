@@ -14,7 +14,7 @@ from nena_shared.clock import iso
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import found
-from nena_status_aggregator.recordings.store import RecordingStore
+from nena_status_aggregator.extensions.recordings.store import RecordingStore
 
 DISABLED = "Recordings are disabled. Set recordings.enabled to true."
 

@@ -37,10 +37,7 @@ from sqlalchemy import (
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
-from nena_status_aggregator.fleet.condition import Condition
-from nena_status_aggregator.fleet.events import Code
-from nena_status_aggregator.history.database import event_table, iso_of
-from nena_status_aggregator.history.report import (
+from nena_status_aggregator.extensions.reports.report import (
     HOUR,
     FailureFigures,
     FailureKind,
@@ -55,6 +52,9 @@ from nena_status_aggregator.history.report import (
     outages,
     utilisation,
 )
+from nena_status_aggregator.fleet.condition import Condition
+from nena_status_aggregator.fleet.events import Code
+from nena_status_aggregator.history.database import event_table, iso_of
 
 LONGEST_RANGE = timedelta(days=31, hours=1)
 """A month of local days, of which one may have 25 hours."""

@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 from sqlalchemy import Engine, insert
 
+from nena_status_aggregator.extensions.reports import queries as report_queries
+from nena_status_aggregator.extensions.reports.queries import TooManyEntriesError, compute
+from nena_status_aggregator.extensions.reports.report import Report
 from nena_status_aggregator.fleet.events import Code, Event
-from nena_status_aggregator.history import database, report_queries
-from nena_status_aggregator.history.report import Report
-from nena_status_aggregator.history.report_queries import TooManyEntriesError, compute
+from nena_status_aggregator.history import database
 
-SHIFT = Path(__file__).parents[3] / "fixtures" / "history" / "shift.jsonl"
+SHIFT = Path(__file__).parents[4] / "fixtures" / "history" / "shift.jsonl"
 SIX = datetime(2026, 1, 1, 6, tzinfo=UTC)
 EIGHT = SIX + timedelta(hours=2)
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import csv
 from io import StringIO
 
-from nena_status_aggregator.history.report import (
+from nena_status_aggregator.extensions.reports.report import (
     OUTAGES_KEPT,
     FailureKind,
     Link,

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from nena_shared.black_box.transfer import Answer, Transfer, Verdict
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.recordings.store import RecordingStore, StoreLimits
+from nena_status_aggregator.extensions.recordings.store import RecordingStore, StoreLimits
 
 ROBOT = RobotKey("ACME", "r1")
 LIMITS = StoreLimits(files=5, robot_files=3, total_bytes=100_000, file_bytes=50_000)

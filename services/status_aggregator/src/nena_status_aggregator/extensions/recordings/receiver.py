@@ -6,12 +6,11 @@ import asyncio
 from typing import Final
 
 from nena_shared.black_box.transfer import BadChunkError, Verdict, read_chunk
-from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
-from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt import Inbound, Outbound
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.recordings.store import RecordingStore
-from nena_status_aggregator.settings import Share
+from nena_status_aggregator.extension import Core
+from nena_status_aggregator.extensions.recordings.store import RecordingStore
 
 log = get_logger(__name__)
 
@@ -24,11 +23,10 @@ KEY_LENGTH: Final = 200
 class RecordingReceiver:
     """Only the newest chunk of a robot waits for the disk: an honest robot has one on its way."""
 
-    def __init__(self, store: RecordingStore, topics: FleetTopics, share: Share) -> None:
-        self._store = store
-        self._topics = topics
-        self._share = share
-        self._link: MqttLink | None = None
+    def __init__(self, store: RecordingStore, core: Core) -> None:
+        """Receive from all robots of the share."""
+        self.store = store
+        self._core = core
         self._waiting: dict[RobotKey, bytes] = {}
         self._filled = asyncio.Event()
         self._failing = False
@@ -36,16 +34,12 @@ class RecordingReceiver:
         """Number of files by outcome, since the start."""
         self.received_bytes = 0
         """Size of the stored ones."""
-
-    def attach(self, link: MqttLink) -> None:
-        """Receive on ``link``, and answer on it."""
-        self._link = link
-        link.subscribe(self._topics.all_recording_chunks, self.take, needed=False)
+        core.subscribe(core.topics.all_recording_chunks, self.take)
 
     def take(self, message: Inbound) -> None:
         """Queue a chunk for the disk."""
-        robot = self._topics.robot_of_chunk(message.topic)
-        if robot is None or message.retained or not message.payload or not self._share.has(robot):
+        robot = self._core.topics.robot_of_chunk(message.topic)
+        if robot is None or message.retained or not message.payload or not self._core.share.has(robot):
             return
         if len(str(robot)) > KEY_LENGTH or (
             robot not in self._waiting and len(self._waiting) >= WAITING_LIMIT
@@ -70,7 +64,7 @@ class RecordingReceiver:
             log.warning("unreadable recording", robot=str(robot), reason=str(error))
             return
         try:
-            answer = await asyncio.to_thread(self._store.add, robot, chunk)
+            answer = await asyncio.to_thread(self.store.add, robot, chunk)
         except OSError as error:
             if not self._failing:
                 log.error("recordings cannot be stored; robots retry", reason=str(error))  # noqa: TRY400
@@ -84,6 +78,5 @@ class RecordingReceiver:
         elif answer.verdict is Verdict.REFUSED:
             self.received["refused"] += 1
             log.warning("recording refused", robot=str(robot), name=answer.name, reason=answer.reason)
-        if self._link:
-            topic = self._topics.recording_answers(robot)
-            self._link.publish(Outbound(topic, answer.encode(), keep=False))
+        topic = self._core.topics.recording_answers(robot)
+        self._core.publish(Outbound(topic, answer.encode(), keep=False))

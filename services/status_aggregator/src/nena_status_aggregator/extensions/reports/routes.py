@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from datetime import datetime, timedelta
 from typing import Annotated
 
@@ -12,11 +13,19 @@ from nena_shared.clock import Clock, iso
 from nena_status_aggregator.api.history import Moment, away, kept
 from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError, as_json
-from nena_status_aggregator.history.history import History, HistoryUnavailableError, TooManyReportsError
-from nena_status_aggregator.history.report import Report, report_csv
-from nena_status_aggregator.history.report_queries import ENTRIES_LIMIT, LONGEST_RANGE, TooManyEntriesError
+from nena_status_aggregator.extensions.reports.queries import (
+    ENTRIES_LIMIT,
+    LONGEST_RANGE,
+    TooManyEntriesError,
+    compute,
+)
+from nena_status_aggregator.extensions.reports.report import Report, report_csv
+from nena_status_aggregator.history.database import milliseconds
+from nena_status_aggregator.history.history import History, HistoryUnavailableError
 
 DEFAULT_RANGE = timedelta(days=1)
+WAITING_LIMIT = 10
+"""Maximum number of reports that are computed or wait for it."""
 
 
 def requested(
@@ -37,32 +46,52 @@ Requested = Annotated[tuple[datetime | None, datetime | None], Depends(requested
 def make_router(history: History | None, clock: Clock) -> APIRouter:
     """Create the routes of reports; None: the history is disabled."""
     router = APIRouter(prefix="/api/v1", tags=["history"])
+    queue = ReportQueue(history)
 
     @router.get("/report", response_model=Report)
     async def report(chosen: Requested) -> Response:
         """Return the figures of a time range of at most 31 days."""
-        return as_json(await _computed(history, _range(*chosen, clock.now())))
+        return as_json(await queue.report(*_range(*chosen, clock.now())))
 
     @router.get("/report.csv", response_class=Response)
     async def csv(chosen: Requested) -> Response:
         """Export the figures of a time range as CSV (RFC 4180), one row per figure."""
-        found = await _computed(history, _range(*chosen, clock.now()))
+        found = await queue.report(*_range(*chosen, clock.now()))
         return Response(report_csv(found), media_type="text/csv; charset=utf-8")
 
     return router
 
 
-async def _computed(history: History | None, chosen: tuple[datetime, datetime]) -> Report:
-    try:
-        return await kept(history).report(*chosen)
-    except HistoryUnavailableError as error:
-        raise away() from error
-    except TooManyEntriesError as error:
-        detail = f"The range has more than {ENTRIES_LIMIT} entries; request a shorter range."
-        raise ProblemError(Rejection.TOO_MANY_ENTRIES, detail) from error
-    except TooManyReportsError as error:
-        detail = "Too many reports are being computed; try again later."
-        raise ProblemError(Rejection.TOO_MANY_REPORTS, detail) from error
+class ReportQueue:
+    """Computes reports, one after the other."""
+
+    def __init__(self, history: History | None) -> None:
+        self._history = history
+        self._turn = asyncio.Semaphore(1)
+        self._waiting = 0
+
+    async def report(self, since: datetime, until: datetime) -> Report:
+        """Compute the report of a time range.
+
+        Raises:
+            ProblemError: the history is disabled or unavailable, or the report costs too much.
+
+        """
+        history = kept(self._history)
+        if self._waiting >= WAITING_LIMIT:
+            detail = "Too many reports are being computed; try again later."
+            raise ProblemError(Rejection.TOO_MANY_REPORTS, detail)
+        self._waiting += 1
+        try:
+            async with self._turn:
+                return await history.read(compute, milliseconds(since), milliseconds(until))
+        except HistoryUnavailableError as error:
+            raise away() from error
+        except TooManyEntriesError as error:
+            detail = f"The range has more than {ENTRIES_LIMIT} entries; request a shorter range."
+            raise ProblemError(Rejection.TOO_MANY_ENTRIES, detail) from error
+        finally:
+            self._waiting -= 1
 
 
 def _range(since: datetime | None, until: datetime | None, now: datetime) -> tuple[datetime, datetime]:

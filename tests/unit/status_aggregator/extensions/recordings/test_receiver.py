@@ -6,19 +6,20 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, cast
 
 import pytest
 
 from nena_shared.black_box.transfer import Answer, ChunkHeader, Verdict
 from nena_shared.black_box.transfer import Chunk as Part
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt import Inbound, Outbound
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.recordings import receiver as module
-from nena_status_aggregator.recordings.receiver import RecordingReceiver
-from nena_status_aggregator.recordings.store import RecordingStore, StoreLimits
+from nena_status_aggregator.extension import Core
+from nena_status_aggregator.extensions.recordings import receiver as module
+from nena_status_aggregator.extensions.recordings.receiver import RecordingReceiver
+from nena_status_aggregator.extensions.recordings.store import RecordingStore, StoreLimits
 from nena_status_aggregator.settings import Share
+from support.clocks import ManualClock
 from support.waiting import until
 
 TOPICS = FleetTopics()
@@ -34,8 +35,7 @@ class FakeLink:
         self.filters: list[str] = []
         self.sent: list[Outbound] = []
 
-    def subscribe(self, topic_filter: str, _: object, **more: Any) -> None:
-        assert more == {"needed": False}
+    def subscribe(self, topic_filter: str, _: object) -> None:
         self.filters.append(topic_filter)
 
     def publish(self, message: Outbound) -> None:
@@ -58,8 +58,8 @@ class Receiving:
     def __init__(self, folder: Path, share: Share | None = None) -> None:
         self.store = RecordingStore(folder, LIMITS)
         self.link = FakeLink()
-        self.receiver = RecordingReceiver(self.store, TOPICS, share or Share())
-        self.receiver.attach(cast("MqttLink", self.link))
+        core = Core(ManualClock(), TOPICS, share or Share(), None, self.link.subscribe, self.link.publish)
+        self.receiver = RecordingReceiver(self.store, core)
 
     def get(self, payload: bytes, robot: RobotKey = ROBOT, *, retained: bool = False) -> None:
         self.receiver.take(Inbound(TOPICS.recording_chunks(robot), payload, retained=retained))

@@ -11,8 +11,9 @@ from fastapi import FastAPI
 
 from nena_shared.black_box.transfer import Transfer
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.api import problems, recordings
-from nena_status_aggregator.recordings.store import RecordingStore, StoreLimits
+from nena_status_aggregator.api import problems
+from nena_status_aggregator.extensions.recordings.routes import make_router
+from nena_status_aggregator.extensions.recordings.store import RecordingStore, StoreLimits
 
 NAME = "20260102T030405.678Z-drive-failed.mcap"
 
@@ -20,7 +21,7 @@ NAME = "20260102T030405.678Z-drive-failed.mcap"
 def client(store: RecordingStore | None) -> httpx.AsyncClient:
     app = FastAPI()
     problems.install(app)
-    app.include_router(recordings.make_router(store))
+    app.include_router(make_router(store))
     return httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://aggregator")
 
 

@@ -1,0 +1,1 @@
+"""Parts of the aggregator that its core does not import; see docs/extensions.md."""
