@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from nena_order_service.routing.router import Router, VehicleRoutes
-from nena_order_service.traffic.evasion import Evasion
+from nena_order_service.traffic.manager import RouteGrant, TrafficManager
+from nena_order_service.traffic.relocation import Relocation
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.traffic_control import RouteGrant, TrafficControl
 from nena_shared.plant import PlantModel
 
 
@@ -18,22 +18,22 @@ def routes_over(router: Router) -> VehicleRoutes:
 
 
 class Scene:
-    """A plant, its traffic control, and vehicles of one length on points of it."""
+    """A plant, its traffic manager, and vehicles of one length on points of it."""
 
     def __init__(self, plant: PlantModel, *, length_mm: int = 0, **places: str) -> None:
         self.router = Router(plant)
         self.routes = routes_over(self.router)
-        self.control = TrafficControl(plant, self.routes)
-        self.scheduler = self.control.scheduler
+        self.manager = TrafficManager(plant, self.routes)
+        self.scheduler = self.manager.scheduler
         for name, point in places.items():
-            self.scheduler.place(name, [self.control.resources.at(point)], length_mm)
+            self.scheduler.place(name, [self.manager.resources.at(point)], length_mm)
 
     def way(self, vehicle: str, *points: str) -> list[ResourceSet]:
         """Return the sets of a way along ``points``, which follows the last set that the vehicle holds."""
         start = self.scheduler.occupant(vehicle).held[-1]
         ends = [start.point, *points]
         steps = (step for one, other in pairwise(ends) for step in self.router.route(one, other).steps)
-        return list(self.control.resources.along(steps, start=start))
+        return list(self.manager.resources.along(steps, start=start))
 
     def claim(self, vehicle: str, *points: str) -> str:
         """Claim a route; return the refusal as text."""
@@ -41,10 +41,16 @@ class Scene:
 
     def allocate(self, vehicle: str) -> str:
         """Allocate the next set; return the refusal as text."""
+        if route := self.manager.route_of(vehicle):
+            self.manager.allocate(vehicle, self.manager.ahead(vehicle) + 1)
+            return str(route.refusal or "")
         return str(self.scheduler.allocate(vehicle) or "")
 
     def drive(self, vehicle: str) -> None:
         """Arrive at the next point that the vehicle holds."""
+        if route := self.manager.route_of(vehicle):
+            self.manager.arrived(vehicle, route.reached + 1)
+            return
         self.scheduler.arrive(vehicle, self.scheduler.occupant(vehicle).reached + 1)
 
     def drive_to_end(self, vehicle: str) -> None:
@@ -52,10 +58,12 @@ class Scene:
         for _ in tuple(self.scheduler.occupant(vehicle).claimed):
             assert self.allocate(vehicle) == ""
             self.drive(vehicle)
+        if self.manager.route_of(vehicle):
+            self.manager.finished(vehicle)
 
     def decide(self, *busy: str) -> Iterator[str]:
-        """Run traffic control's decisions; yield each grant and evasion as text."""
-        for each in self.control.decide(lambda name: name not in busy):
-            assert isinstance(each, RouteGrant | Evasion)
+        """Run traffic control's decisions; yield each grant and relocation as text."""
+        for each in self.manager.decide(lambda name: name not in busy):
+            assert isinstance(each, RouteGrant | Relocation)
             points = each.route.points if each.route else ()
             yield f"{type(each).__name__} {each.vehicle} {' '.join(points)}"

@@ -8,10 +8,9 @@ from heapq import heappop, heappush
 from random import Random
 
 from nena_order_service.routing.router import Router
-from nena_order_service.traffic.evasion import Evasion, no_vehicle
-from nena_order_service.traffic.manager import TrafficManager
+from nena_order_service.traffic.manager import EarlyEnd, TrafficManager
+from nena_order_service.traffic.relocation import Relocation, no_vehicle
 from nena_order_service.traffic.route_search import RouteRequest
-from nena_order_service.traffic.traffic_control import Displacement
 from nena_shared.plant import PlantModel
 from support.traffic.scenes import routes_over
 
@@ -61,7 +60,7 @@ class Simulation:
         self.length_mm = length_mm
         self.routes = routes_over(self.router)
         self.traffic = TrafficManager(plant, self.routes)
-        self.scheduler = self.traffic._scheduler
+        self.scheduler = self.traffic.scheduler
         self.orders = deque(tuple(random.sample(stations, 2)) for _ in range(orders))
         self.finished = 0
         self.finished_at = 0.0
@@ -115,7 +114,7 @@ class Simulation:
             free = [
                 each
                 for each in self.vehicles.values()
-                if not each.target and not each.busy and not self.traffic.journey(each.name)
+                if not each.target and not each.busy and not self.traffic.route_of(each.name)
             ]
             if not free:
                 return
@@ -153,15 +152,15 @@ class Simulation:
     def _decide(self) -> None:
         for _ in range(ROUNDS):
             decided = list(self.traffic.decide(self._movable))
-            self.evasions += sum(isinstance(each, Evasion) for each in decided)
-            ending = {each.vehicle for each in decided if isinstance(each, Displacement)}
+            self.evasions += sum(isinstance(each, Relocation) for each in decided)
+            ending = {each.vehicle for each in decided if isinstance(each, EarlyEnd)}
             for name in ending.union(self.traffic.stuck(self._movable, no_vehicle)):
                 self._end_way_here(name)
             if not ending:
                 return
 
     def _movable(self, name: str) -> bool:
-        return not self.vehicles[name].busy and not self.traffic.journey(name)
+        return not self.vehicles[name].busy and not self.traffic.route_of(name)
 
     def _end_way_here(self, name: str) -> None:
         """End a vehicle's route at its base, so that it requests another one."""
@@ -182,7 +181,7 @@ class Simulation:
 
     def _arrived(self, vehicle: SimulatedVehicle) -> None:
         occupant = self.scheduler.occupant(vehicle.name)
-        journey = self.traffic.journey(vehicle.name)
+        journey = self.traffic.route_of(vehicle.name)
         assert journey
         vehicle.driving = False
         self._cover(vehicle, occupant.held[occupant.reached + 1].point, 0.0)
@@ -190,7 +189,7 @@ class Simulation:
         self._came_to_end(vehicle)
 
     def _came_to_end(self, vehicle: SimulatedVehicle) -> None:
-        journey = self.traffic.journey(vehicle.name)
+        journey = self.traffic.route_of(vehicle.name)
         if journey and journey.reached == len(journey.way):
             self.traffic.finished(vehicle.name)
             if vehicle.target:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nena_order_service.engine.driving import EVASION_PAUSE
+from nena_order_service.engine.driving import RELOCATION_PAUSE
 from nena_order_service.engine.engine import Engine
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceRequest,
@@ -346,7 +346,7 @@ def _let_go_on(site: Site) -> None:
     for robot in tuple(site.fleet.missions):
         if not site.fleet.finish(robot.serial_number) and robot.serial_number in site.fleet.cancelled:
             site.fleet.confirm_cancel(robot.serial_number)
-    site.clock.advance(EVASION_PAUSE)
+    site.clock.advance(RELOCATION_PAUSE)
     site.engine.look()
 
 

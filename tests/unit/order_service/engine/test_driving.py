@@ -7,7 +7,7 @@ import pytest
 from nena_order_service.api.orders import OrderOperations
 from nena_order_service.api.vehicles import VehicleOperations
 from nena_order_service.engine.context import EngineSettings
-from nena_order_service.engine.driving import EVASION_PAUSE
+from nena_order_service.engine.driving import RELOCATION_PAUSE
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import VehicleBusyError
 from nena_order_service.fleet.vda_order import VdaOrder
@@ -226,7 +226,7 @@ async def test_a_failed_evasion_is_retried_later() -> None:
     fleet.fail("V2")
     assert len(fleet.sent) == 1
 
-    engine.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
+    engine.clock.advance(RELOCATION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
     engine.look()
 
     assert [robot for robot, _ in fleet.sent] == ["V2", "V2"]
@@ -241,7 +241,7 @@ async def test_a_regular_withdrawal_ends_at_the_end_of_the_base() -> None:
     ((_, update),) = fleet.extended
     assert [node.node_id for node in update.nodes] == base(update) == ["A", "B", "C"]
     assert fleet.cancelled == []
-    assert engine.traffic.journey("V1").all_allocated  # type: ignore[union-attr] # it is there
+    assert engine.traffic.route_of("V1").all_allocated  # type: ignore[union-attr] # it is there
 
     assert fleet.finish("V1")
     assert reason(engine, "T-1").startswith("withdrawn")

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.engine import engine as engine_module
-from nena_order_service.engine.driving import EVASION_PAUSE
+from nena_order_service.engine.driving import RELOCATION_PAUSE
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
@@ -316,7 +316,7 @@ def _let_all_end(engine: Engine, fleet: ScriptedFleet, rounds: int) -> None:
         for robot in tuple(fleet.missions):
             if not fleet.finish(robot.serial_number) and robot.serial_number in fleet.cancelled:
                 fleet.confirm_cancel(robot.serial_number)
-        engine.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
+        engine.clock.advance(RELOCATION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
         engine.look()
 
 

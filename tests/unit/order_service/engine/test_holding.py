@@ -149,7 +149,7 @@ async def test_a_held_robot_keeps_its_position_and_others_report_why_they_wait()
 
     assert [robot for robot, _ in fleet.sent] == ["V1"]
     assert status_of(engine, "T2").reason.endswith("but it waits for V1, which stands on 'B'")
-    assert not engine.traffic.journey("V1")
+    assert not engine.traffic.route_of("V1")
 
     engine.resume(order.number, "Ann", "go")
     assert fleet.finish("V1")

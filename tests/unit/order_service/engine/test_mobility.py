@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nena_order_service.engine.driving import EVASION_PAUSE, Mobility
+from nena_order_service.engine.driving import RELOCATION_PAUSE, Mobility
 from nena_order_service.engine.engine import Engine
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
@@ -42,9 +42,9 @@ async def test_a_vehicle_that_did_not_make_room_is_left_alone_for_a_while() -> N
     engine, _, mobility = await make()
     vehicle = engine.registry.named("V1")
     assert vehicle
-    mobility.evasion_failed(vehicle)
+    mobility.relocation_failed(vehicle)
     assert (mobility.movable("V1"), mobility.movable("V1", wants=True)) == (False, True)
-    engine.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
+    engine.clock.advance(RELOCATION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
     assert mobility.movable("V1")
 
 

@@ -7,7 +7,7 @@ import pytest
 from nena_order_service.fleet.position import RobotProfile, TooFarError, locate, max_distance_m
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.route_search import Journey
+from nena_order_service.traffic.route_search import AllocatedRoute
 from nena_shared.plant import PlantModel, Point
 from support.fleet import make_vda_order
 from support.fleet_examples import state
@@ -22,21 +22,21 @@ def base(record: SentOrder) -> list[str]:
 
 
 def test_a_sent_order_round_trip_is_unchanged() -> None:
-    record = RECORD.released(Journey(WAY, 2, released=2)).updated(cancelled=True)
+    record = RECORD.released(AllocatedRoute(WAY, 2, released=2)).updated(cancelled=True)
 
     assert SentOrder.model_validate_json(record.document()) == record
     assert (record.update_id, record.allocated, record.robot) == (1, 2, key("V1"))
 
 
 def test_the_base_is_what_is_allocated() -> None:
-    assert base(RECORD.released(Journey(WAY, 0, released=0))) == ["A"]
-    assert base(RECORD.released(Journey(WAY, 2, released=2))) == ["A", "B", "C"]
-    assert base(RECORD.released(Journey(WAY, 4, released=4))) == ["A", "B", "C", "D", "E"]
-    assert RECORD.released(Journey(WAY, 4, released=4)).all_released
+    assert base(RECORD.released(AllocatedRoute(WAY, 0, released=0))) == ["A"]
+    assert base(RECORD.released(AllocatedRoute(WAY, 2, released=2))) == ["A", "B", "C"]
+    assert base(RECORD.released(AllocatedRoute(WAY, 4, released=4))) == ["A", "B", "C", "D", "E"]
+    assert RECORD.released(AllocatedRoute(WAY, 4, released=4)).all_released
 
 
 def test_an_order_that_ends_early_has_no_horizon() -> None:
-    record = RECORD.released(Journey(WAY, 2, released=2)).ending_early(partial=True)
+    record = RECORD.released(AllocatedRoute(WAY, 2, released=2)).ending_early(partial=True)
 
     assert [node.node_id for node in record.vda_order.nodes] == ["A", "B", "C"]
     assert len(record.vda_order.edges) == len(record.way) == 2
@@ -44,7 +44,7 @@ def test_an_order_that_ends_early_has_no_horizon() -> None:
 
 
 def test_a_completely_released_order_is_unchanged() -> None:
-    record = RECORD.released(Journey(WAY, 4, released=4))
+    record = RECORD.released(AllocatedRoute(WAY, 4, released=4))
 
     assert record.ending_early(partial=True) is record
 

@@ -6,10 +6,9 @@ import pytest
 
 from nena_order_service.routing.graph import travel_time
 from nena_order_service.routing.router import Router
-from nena_order_service.traffic.manager import TrafficManager
+from nena_order_service.traffic.manager import RouteRejection, TrafficManager
 from nena_order_service.traffic.resources import Found
 from nena_order_service.traffic.route_search import RouteRequest
-from nena_order_service.traffic.traffic_control import RouteRejection
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
 from support.plants import path, plant, point
@@ -40,7 +39,7 @@ class Bench:
         """Start a vehicle, and allocate; return its wait reason as text."""
         self.manager.request_route(RouteRequest(vehicle, goal))
         list(self.manager.decide(lambda name: name == vehicle))
-        if self.manager.journey(vehicle):
+        if self.manager.route_of(vehicle):
             self.manager.allocate(vehicle, ahead)
         return self.manager.why_waiting(vehicle)
 
@@ -60,27 +59,7 @@ def test_requested_sets_are_allocated_ahead_and_freed_behind() -> None:
 
     bench.manager.finished("v")
     assert bench.held("v") == {"C --- D", "D"}
-    assert bench.manager.journey("v") is None
-
-
-@pytest.mark.parametrize("length_mm", [1, 50_000])
-def test_a_vehicle_holds_enough_until_it_has_driven_on(length_mm: int) -> None:
-    bench = Bench(v="A", box=BoundingBox(length_mm=length_mm))
-    bench.go("v", "D", ahead=1)
-    assert bench.manager.holds_enough("v")
-
-    bench.manager.arrived("v", 1)
-    assert not bench.manager.holds_enough("v")
-    assert bench.manager.allocate("v", 1)
-    assert bench.manager.holds_enough("v")
-
-
-def test_a_blocked_vehicle_does_not_hold_enough() -> None:
-    bench = Bench(v="A", w="C")
-    bench.go("w", "E")
-    bench.go("v", "D")
-    assert bench.held("v") == {"A", "A --- B", "B"}
-    assert not bench.manager.holds_enough("v")
+    assert bench.manager.route_of("v") is None
 
 
 def test_a_long_vehicle_keeps_resources_under_its_tail() -> None:
@@ -181,7 +160,7 @@ def test_a_route_is_revoked_before_any_allocation() -> None:
     bench.manager.request_route(RouteRequest("v", "B"))
     bench.manager.drop("w")
 
-    assert bench.manager.journey("w") is None
+    assert bench.manager.route_of("w") is None
     assert list(bench.manager.decide(lambda name: name == "v"))
     bench.manager.revoke("v")
     assert bench.held("v") == {"A"}
@@ -213,14 +192,14 @@ def test_a_vehicle_stopping_on_a_route_is_sent_away_or_makes_others_stuck() -> N
 
     (evasion,) = bench.manager.decide(lambda name: name == "w")
     assert evasion.vehicle == "w"
-    assert bench.manager.journey("v")
-    assert bench.manager.journey("w")
+    assert bench.manager.route_of("v")
+    assert bench.manager.route_of("w")
 
 
 def test_after_a_restart_all_grants_are_held() -> None:
     before = Bench(v="A")
     before.go("v", "D", ahead=2)
-    journey = before.manager.journey("v")
+    journey = before.manager.route_of("v")
     assert journey
 
     after = Bench()
@@ -249,7 +228,7 @@ def test_without_traffic_control_no_vehicle_waits() -> None:
     bench = Bench(v="A", w="B", exclusive=False)
 
     assert bench.go("v", "D") == ""
-    journey = bench.manager.journey("v")
+    journey = bench.manager.route_of("v")
     assert journey
     assert journey.all_allocated
     assert bench.manager.sharing("w") == ""
@@ -275,7 +254,7 @@ def test_replanning_keeps_allocated_sets_and_a_refusal_changes_nothing() -> None
     bench.manager.request_route(RouteRequest("v", "X"))
     (_,) = bench.manager.decide(lambda _: True)
     bench.manager.allocate("v", 1)
-    held, before = bench.manager.held("v"), bench.manager.journey("v")
+    held, before = bench.manager.held("v"), bench.manager.route_of("v")
     assert before
     way = before.way
 

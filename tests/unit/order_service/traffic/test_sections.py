@@ -10,11 +10,10 @@ from typing import Any
 import pytest
 
 from nena_order_service.routing.router import Router
-from nena_order_service.traffic.evasion import Evasion
-from nena_order_service.traffic.manager import TrafficManager
+from nena_order_service.traffic.manager import SECTION, EarlyEnd, MoreClaimed, RouteGrant, TrafficManager
+from nena_order_service.traffic.relocation import Relocation
 from nena_order_service.traffic.resources import Crossings, Found
 from nena_order_service.traffic.route_search import RouteRequest
-from nena_order_service.traffic.traffic_control import SECTION, Displacement, MoreClaimed, RouteGrant
 from nena_shared.plant import Path, PlantModel
 from nena_shared.plant.model import Block
 from nena_shared.plant.track import BoundingBox
@@ -44,11 +43,11 @@ class Bench(Scene):
     def want(self, vehicle: str, goal: str) -> None:
         self.manager.request_route(RouteRequest(vehicle, goal))
 
-    def decided(self) -> list[RouteGrant | Evasion | Displacement | MoreClaimed]:
+    def decided(self) -> list[RouteGrant | Relocation | EarlyEnd | MoreClaimed]:
         """Run traffic control's decisions; nothing is rejected."""
-        at_rest = self.manager.decide(lambda name: not self.manager.journey(name))
+        at_rest = self.manager.decide(lambda name: not self.manager.route_of(name))
         decided = [
-            each for each in at_rest if isinstance(each, RouteGrant | Evasion | Displacement | MoreClaimed)
+            each for each in at_rest if isinstance(each, RouteGrant | Relocation | EarlyEnd | MoreClaimed)
         ]
         for vehicle, _ in self.manager.extending():
             self.manager.allocate(vehicle)
@@ -59,9 +58,9 @@ class Bench(Scene):
 
     def claims(self, vehicle: str) -> str:
         """Name the points that a vehicle holds ahead of it or claims."""
-        journey = self.manager.journey(vehicle)
+        journey = self.manager.route_of(vehicle)
         assert journey
-        claimed = len(self.manager._scheduler.occupant(vehicle).claimed)
+        claimed = len(self.manager.scheduler.occupant(vehicle).claimed)
         return "".join(each.point for each in journey.way[journey.reached : journey.allocated + claimed])
 
 
@@ -134,14 +133,14 @@ def test_vehicle_under_way_that_encloses_blockers_is_displaced() -> None:
     assert [type(each) for each in bench.decided()] == [RouteGrant]
     bench.arrive("v", 1)
 
-    assert [(type(each), each.vehicle) for each in bench.decided()] == [(Displacement, "v")]
+    assert [(type(each), each.vehicle) for each in bench.decided()] == [(EarlyEnd, "v")]
 
 
 def test_vehicle_makes_room_around_others_at_rest() -> None:
     bench = Bench(plant(*lane("C D E F"), path("D F", 6000, name="around")), v="C", x="D", y="E")
     bench.want("v", "D")
 
-    (away,) = [each for each in bench.decided() if isinstance(each, Evasion)]
+    (away,) = [each for each in bench.decided() if isinstance(each, Relocation)]
 
     assert (away.vehicle, away.route.points) == ("x", ("D", "F"))
 
@@ -151,10 +150,10 @@ def test_vehicle_that_let_another_out_does_not_enclose_it_again() -> None:
         plant(*lane("S C S"), *lane("T C T"), *lane("U C U"), *lane("C D K C")), v="C", x="D", z="K"
     )
     bench.want("v", "D")
-    assert [(type(each), each.vehicle) for each in bench.decided()] == [(Evasion, "v")]
+    assert [(type(each), each.vehicle) for each in bench.decided()] == [(Relocation, "v")]
     bench.manager.finished("v")
 
-    assert [(type(each), each.vehicle) for each in bench.decided()] == [(Evasion, "z")]
+    assert [(type(each), each.vehicle) for each in bench.decided()] == [(Relocation, "z")]
 
 
 @pytest.mark.parametrize("ended", ["", "request dropped", "other goal", "lost"])
@@ -169,7 +168,7 @@ def test_vehicle_that_let_another_out_claims_sections_once_that_is_over(ended: s
     elif ended == "other goal":
         bench.want("v", "K")
 
-    assert bench.manager._control._has_let_out("v", lambda _: ended == "lost") == (not ended)
+    assert bench.manager._has_let_out("v", lambda _: ended == "lost") == (not ended)
 
 
 def test_vehicle_that_only_pauses_is_not_displaced_for_one_it_encloses() -> None:
@@ -242,7 +241,7 @@ def test_routes_avoid_points_with_much_traffic(others: int, way: str) -> None:
 
     bench.decided()
 
-    journey = bench.manager.journey("v")
+    journey = bench.manager.route_of("v")
     assert journey
     assert "".join(each.point for each in journey.way) == way
 
@@ -256,7 +255,7 @@ def test_vehicles_that_wait_for_each_other_in_a_ring_make_room() -> None:
 
     decided = bench.decided()
 
-    assert [(type(each), each.vehicle) for each in decided] == [(Evasion, "v")]
+    assert [(type(each), each.vehicle) for each in decided] == [(Relocation, "v")]
 
 
 def test_vehicle_beyond_its_section_holds_where_it_is() -> None:
@@ -290,4 +289,4 @@ def test_turn_ends_at_the_goal() -> None:
 
     bench.want("v", "B")
 
-    assert bench.manager._control.requesting == ("u", "v")
+    assert bench.manager.requesting == ("u", "v")

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.traffic.evasion import CANDIDATES_TRIED, Evader, Evasion, overlap
+from nena_order_service.traffic.relocation import CANDIDATES_TRIED, Relocator, overlap
 from nena_order_service.traffic.resources import ResourceSet, conflict
 from nena_order_service.traffic.route_search import RouteRequest
 from nena_order_service.traffic.scheduler import UnknownOccupantError
-from nena_order_service.traffic.traffic_control import RouteGrant
 from nena_shared.plant import PlantModel
 from nena_shared.plant.model import Block, BlockType
 from nena_shared.plant.track import Point
@@ -39,97 +38,52 @@ def tracks(*ends: str) -> PlantModel:
 
 def test_a_request_is_granted_if_the_route_is_free() -> None:
     scene = Scene(tracks("A B", "B C"), v="A")
-    scene.control.request_route(RouteRequest("v", "C"))
+    scene.manager.request_route(RouteRequest("v", "C"))
 
     assert list(scene.decide()) == ["RouteGrant v A B C"]
     assert list(scene.decide()) == []
     assert [each.point for each in scene.scheduler.occupant("v").claimed] == ["B", "C"]
 
 
-def test_route_searches_per_decision_are_limited() -> None:
-    scene = Scene(plant(*(path(f"A{n} B{n}") for n in range(3))), v="A0", w="A1", x="A2")
-    for number, name in enumerate("vwx"):
-        scene.control.request_route(RouteRequest(name, f"B{number}"))
-
-    first = scene.control.decide(lambda _: True, searches=2)
-    assert [each.vehicle for each in first if isinstance(each, RouteGrant)] == ["v", "w"]
-    assert scene.control.unfinished
-    second = scene.control.decide(lambda _: True, searches=2)
-    assert [each.vehicle for each in second if isinstance(each, RouteGrant)] == ["x"]
-    assert not scene.control.unfinished
-
-
-def test_a_route_that_is_known_needs_no_search() -> None:
-    scene = Scene(tracks("A B", "B C", "X C"), v="A", w="B", x="X")
-    for name in "vx":
-        scene.control.request_route(RouteRequest(name, "B"))
-    for _ in range(2):
-        list(scene.control.decide(lambda name: name != "w", searches=1))
-    assert not scene.control.unfinished, "both are refused, with routes that are kept"
-
-
-def test_searches_for_free_points_continue_in_later_decisions_in_turn() -> None:
-    hopeless = [f"A{n} B{n}|B{n} X{n}|X{n} {n}0" for n in (1, 2)]
-    behind = [f"{n}{end} {n}{end + 1}" for n in (1, 2) for end in range(8)]
-    ends = [*"|".join(hopeless).split("|"), *behind, "A3 B3", "B3 C3", "B3 D3"]
-    scene = Scene(tracks(*ends), a1="A1", b1="B1", x1="X1", a2="A2", b2="B2", x2="X2", a3="A3", b3="B3")
-    for n, goal in ((1, "X1"), (2, "X2"), (3, "C3")):
-        scene.control.request_route(RouteRequest(f"a{n}", goal))
-
-    sent, searches = list[str](), list[int]()
-    for _ in range(40):
-        before = scene.routes.searches
-        found = scene.control.decide(lambda name: name not in ("x1", "x2"), searches=2)
-        sent += [each.vehicle for each in found if isinstance(each, Evasion)]
-        searches.append(scene.routes.searches - before)
-        if not scene.control.unfinished:
-            break
-
-    assert not scene.control.unfinished, searches
-    assert sent == ["b3"], "the ways out of the others are blocked"
-    assert max(searches) <= 2 + 2, "a vehicle that has its turn may need two more"
-    assert sum(searches) > 20, "the others were tried"
-
-
 def test_a_resting_blocker_prefers_parking_positions_over_nearer_points() -> None:
     scene = Scene(parking(tracks("A B", "B C", "B X", "B Y", "Y P"), "P"), v="A", w="B")
-    scene.control.request_route(RouteRequest("v", "C"))
+    scene.manager.request_route(RouteRequest("v", "C"))
 
-    assert list(scene.decide()) == ["Evasion w B Y P"]
-    assert str(scene.control.why_waiting("v")) == "waits for w, which stands on 'B'"
+    assert list(scene.decide()) == ["Relocation w B Y P"]
+    assert str(scene.manager.why_waiting("v")) == "waits for w, which stands on 'B'"
     scene.drive_to_end("w")
     assert list(scene.decide()) == ["RouteGrant v A B C"]
-    assert scene.control.why_waiting("v") is None
+    assert scene.manager.refusal("v") is None
 
 
 def test_a_vehicle_operating_in_the_way_is_waited_for() -> None:
     scene = Scene(tracks("A B", "B C", "B X"), v="A", w="B")
-    scene.control.request_route(RouteRequest("v", "C"))
+    scene.manager.request_route(RouteRequest("v", "C"))
 
     assert list(scene.decide("w")) == []
-    assert str(scene.control.why_waiting("v")) == "waits for w, which stands on 'B'"
+    assert str(scene.manager.why_waiting("v")) == "waits for w, which stands on 'B'"
 
 
 def test_only_a_short_detour_around_a_resting_vehicle_is_taken() -> None:
     short = Scene(
         plant(path("A B", 1000), path("B C", 1000), path("A X", 1400), path("X C", 1400)), v="A", w="B"
     )
-    short.control.request_route(RouteRequest("v", "C"))
+    short.manager.request_route(RouteRequest("v", "C"))
     assert list(short.decide("w")) == ["RouteGrant v A X C"]
 
     long = Scene(
         plant(path("A B", 1000), path("B C", 1000), path("A X", 2000), path("X C", 2000)), v="A", w="B"
     )
-    long.control.request_route(RouteRequest("v", "C"))
+    long.manager.request_route(RouteRequest("v", "C"))
     assert list(long.decide("w")) == []
 
 
 def test_displacements_are_known_without_a_request() -> None:
     scene = Scene(plant(path("A B", 1000), path("B C", 1000), path("C D", 1000)), v="A", w="B")
-    assert scene.control.displaces(RouteRequest("v", "C"))
-    assert scene.control.displaces(RouteRequest("v", "B"))
-    assert not scene.control.displaces(RouteRequest("w", "D"))
-    assert not scene.control.displaces(RouteRequest("w", "A")), "no route leads there"
+    assert scene.manager.displaces("v", "C")
+    assert scene.manager.displaces("v", "B")
+    assert not scene.manager.displaces("w", "D")
+    assert not scene.manager.displaces("w", "A"), "no route leads there"
     assert list(scene.decide()) == []
 
 
@@ -137,7 +91,7 @@ def test_a_short_detour_avoids_making_room() -> None:
     for length, displaces in ((1400, False), (2000, True)):
         around = path("A X", length), path("X C", length)
         scene = Scene(plant(path("A B", 1000), path("B C", 1000), *around), v="A", w="B")
-        assert scene.control.displaces(RouteRequest("v", "C")) == displaces
+        assert scene.manager.displaces("v", "C") == displaces
 
     both = Scene(
         plant(path("A B", 1000), path("B C", 1000), path("A X", 1000), path("X C", 1000)),
@@ -145,23 +99,23 @@ def test_a_short_detour_avoids_making_room() -> None:
         w="B",
         u="X",
     )
-    assert both.control.displaces(RouteRequest("v", "C"))
+    assert both.manager.displaces("v", "C")
 
 
 def test_a_vehicle_that_will_stop_in_the_way_must_make_room_too() -> None:
     scene = Scene(tracks("A B", "B C", "B D"), v="A", w="D")
-    assert not scene.control.displaces(RouteRequest("v", "C"))
-    scene.control.request_route(RouteRequest("w", "B"))
+    assert not scene.manager.displaces("v", "C")
+    scene.manager.request_route(RouteRequest("w", "B"))
     assert list(scene.decide()) == ["RouteGrant w D B"]
-    assert scene.control.displaces(RouteRequest("v", "C"))
+    assert scene.manager.displaces("v", "C")
 
 
 def test_two_vehicles_swap_positions_via_a_third() -> None:
     scene = Scene(tracks("A B", "B C", "B X"), v="A", w="C")
-    scene.control.request_route(RouteRequest("v", "C"))
-    scene.control.request_route(RouteRequest("w", "A"))
+    scene.manager.request_route(RouteRequest("v", "C"))
+    scene.manager.request_route(RouteRequest("w", "A"))
 
-    assert list(scene.decide()) == ["Evasion w C B X"]
+    assert list(scene.decide()) == ["Relocation w C B X"]
     scene.drive_to_end("w")
     assert list(scene.decide()) == ["RouteGrant v A B C", "RouteGrant w X B A"]
     scene.drive_to_end("v")
@@ -170,41 +124,41 @@ def test_two_vehicles_swap_positions_via_a_third() -> None:
 
 def test_an_enclosed_vehicle_is_let_out_first() -> None:
     scene = Scene(tracks("A B", "B C", "C X", "C Y"), v="A", u="B", w="C")
-    scene.control.request_route(RouteRequest("v", "B"))
+    scene.manager.request_route(RouteRequest("v", "B"))
 
-    assert list(scene.decide()) == ["Evasion w C Y"]
+    assert list(scene.decide()) == ["Relocation w C Y"]
     scene.drive_to_end("w")
-    assert list(scene.decide()) == ["Evasion u B C"]
+    assert list(scene.decide()) == ["Relocation u B C"]
     scene.drive_to_end("u")
     assert list(scene.decide()) == ["RouteGrant v A B"]
 
 
 def test_no_vehicle_stops_on_the_section_with_the_right_of_way() -> None:
     scene = Scene(tracks("A B", "B C", "C D", "D E", "E X"), v="A", w="E", u="C")
-    scene.control.request_route(RouteRequest("v", "D"))
-    scene.control.request_route(RouteRequest("w", "D"))
+    scene.manager.request_route(RouteRequest("v", "D"))
+    scene.manager.request_route(RouteRequest("w", "D"))
 
     assert list(scene.decide("u")) == []
     assert (
-        str(scene.control.why_waiting("w")) == "waits for v, which goes first at 'D' (it has waited longer)"
+        str(scene.manager.why_waiting("w")) == "waits for v, which goes first at 'D' (it has waited longer)"
     )
 
 
 def test_a_dropped_request_is_not_granted() -> None:
     scene = Scene(tracks("A B"), v="A")
-    scene.control.request_route(RouteRequest("v", "B"))
+    scene.manager.request_route(RouteRequest("v", "B"))
 
-    scene.control.drop("v")
+    scene.manager.drop("v")
 
     assert list(scene.decide()) == []
 
 
 def test_a_vehicle_that_missed_its_goal_keeps_its_turn() -> None:
     scene = Scene(tracks("A B", "X B", "B C"), v="A", w="X")
-    scene.control.request_route(RouteRequest("v", "C"))
-    scene.control.request_route(RouteRequest("w", "C"), first=True)
+    scene.manager.request_route(RouteRequest("v", "C"))
+    scene.manager.request_route(RouteRequest("w", "C"), first=True)
 
-    assert scene.control.requesting == ("w", "v")
+    assert scene.manager.requesting == ("w", "v")
     assert list(scene.decide()) == ["RouteGrant w X B C"]
 
 
@@ -212,9 +166,9 @@ def test_any_detour_around_a_lost_vehicle_is_taken() -> None:
     scene = Scene(
         plant(path("A B", 1000), path("B C", 1000), path("A X", 9000), path("X C", 9000)), v="A", w="B"
     )
-    scene.control.request_route(RouteRequest("v", "C"))
+    scene.manager.request_route(RouteRequest("v", "C"))
 
-    granted = list(scene.control.decide(lambda name: name == "v", lambda name: name == "w"))
+    granted = list(scene.manager.decide(lambda name: name == "v", lambda name: name == "w"))
 
     assert [each.vehicle for each in granted] == ["v"]
     assert [each.point for each in scene.scheduler.occupant("v").claimed] == ["X", "C"]
@@ -222,19 +176,19 @@ def test_any_detour_around_a_lost_vehicle_is_taken() -> None:
 
 def test_waiting_for_a_lost_vehicle_blocks_no_others() -> None:
     scene = Scene(tracks("A B", "B C", "X A", "X Y"), v="Y", w="B", u="A")
-    scene.control.request_route(RouteRequest("v", "C"))
-    scene.control.request_route(RouteRequest("u", "X"))
+    scene.manager.request_route(RouteRequest("v", "C"))
+    scene.manager.request_route(RouteRequest("u", "X"))
 
-    granted = list(scene.control.decide(lambda name: name != "w", lambda name: name == "w"))
+    granted = list(scene.manager.decide(lambda name: name != "w", lambda name: name == "w"))
 
     assert [each.vehicle for each in granted] == ["u"]
 
 
 def test_a_straight_way_needs_the_point_at_its_end() -> None:
     scene = Scene(tracks("A B"), v="A", w="B")
-    scene.control.request_route(RouteRequest("v", "B", straight_mm=1500))
+    scene.manager.request_route(RouteRequest("v", "B", straight_mm=1500))
     assert list(scene.decide("w")) == []
-    assert str(scene.control.why_waiting("v")) == "waits for w, which stands on 'B'"
+    assert str(scene.manager.why_waiting("v")) == "waits for w, which stands on 'B'"
 
     scene.scheduler.remove("w")
     assert list(scene.decide()) == ["RouteGrant v "]
@@ -243,12 +197,12 @@ def test_a_straight_way_needs_the_point_at_its_end() -> None:
 
 def test_a_location_is_exclusive_also_for_a_vehicle_already_there() -> None:
     scene = Scene(tracks("A B"), v="A", w="B")
-    scene.control.request_route(RouteRequest("v", "A", at_goal=("Shelf",)))
-    scene.control.request_route(RouteRequest("w", "B", at_goal=("Shelf",)))
+    scene.manager.request_route(RouteRequest("v", "A", at_goal=("Shelf",)))
+    scene.manager.request_route(RouteRequest("w", "B", at_goal=("Shelf",)))
 
     assert list(scene.decide()) == ["RouteGrant v A"]
     assert (
-        str(scene.control.why_waiting("w"))
+        str(scene.manager.why_waiting("w"))
         == "waits for v, which goes first at 'Shelf' (they would block each other otherwise)"
     )
     assert scene.allocate("v") == ""
@@ -470,12 +424,14 @@ def tracks_of_evasion(*ends: str, parking: str = "") -> PlantModel:
 class Bench:
     def __init__(self, model: PlantModel, *, length_mm: int = 0, **places: str) -> None:
         self.scene = Scene(model, length_mm=length_mm, **places)
-        self._evader = Evader(model, self.scene.control.resources, self.scene.scheduler, self.scene.routes)
+        self._relocator = Relocator(
+            model, self.scene.manager.resources, self.scene.scheduler, self.scene.routes
+        )
 
-    def evade(self, *blockers: str, kept: Iterable[str] = (), fixed: str = "") -> dict[str, str]:
+    def relocate(self, *blockers: str, kept: Iterable[str] = (), fixed: str = "") -> dict[str, str]:
         """Send vehicles away from the points ``kept``; return the goal of each that goes."""
-        kept_free = [self.scene.control.resources.at(each) for each in kept]
-        found = self._evader.evade(blockers, kept_free, lambda name: name not in fixed.split())
+        kept_free = [self.scene.manager.resources.at(each) for each in kept]
+        found = self._relocator.relocate(blockers, kept_free, lambda name: name not in fixed.split())
         return {each.vehicle: each.route.points[-1] for each in found}
 
     def claimed(self, vehicle: str) -> list[str]:
@@ -484,45 +440,45 @@ class Bench:
 
 def test_evasion_claims_the_route_to_the_nearest_point() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C", "C D"), w="B")
-    assert bench.evade("w", kept=["A"]) == {"w": "C"}
+    assert bench.relocate("w", kept=["A"]) == {"w": "C"}
     assert bench.claimed("w") == ["C"]
 
 
 def test_parking_positions_precede_near_points() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C", "C D", "D P", parking="P"), w="B")
-    assert bench.evade("w") == {"w": "P"}
+    assert bench.relocate("w") == {"w": "P"}
     assert bench.claimed("w") == ["C", "D", "P"]
 
 
 def test_an_occupied_or_targeted_position_is_not_chosen() -> None:
     bench = Bench(tracks_of_evasion("A B", "A C", "A D", "X D", "A Y", "Y Z", "X Q"), w="A", u="C", v="X")
     bench.scene.claim("v", "D")
-    assert bench.evade("w", kept=["B"]) == {"w": "Y"}
+    assert bench.relocate("w", kept=["B"]) == {"w": "Y"}
 
 
 def test_a_route_may_cross_but_not_end_on_what_is_kept_free() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C"), w="A")
-    assert bench.evade("w", kept=["B"]) == {"w": "C"}
-    assert Bench(tracks_of_evasion("A B", "B C"), w="A").evade("w", kept=["B", "C"]) == {}
+    assert bench.relocate("w", kept=["B"]) == {"w": "C"}
+    assert Bench(tracks_of_evasion("A B", "B C"), w="A").relocate("w", kept=["B", "C"]) == {}
 
 
 def test_a_long_vehicle_drives_until_its_tail_is_clear() -> None:
     model = tracks_of_evasion("A B", "B C", "C D", "D E")
-    assert Bench(model, w="A").evade("w", kept=["B"]) == {"w": "C"}
-    assert Bench(model, w="A", length_mm=1500).evade("w", kept=["B"]) == {"w": "D"}
-    assert Bench(model, w="A", length_mm=2500).evade("w", kept=["B"]) == {"w": "E"}
+    assert Bench(model, w="A").relocate("w", kept=["B"]) == {"w": "C"}
+    assert Bench(model, w="A", length_mm=1500).relocate("w", kept=["B"]) == {"w": "D"}
+    assert Bench(model, w="A", length_mm=2500).relocate("w", kept=["B"]) == {"w": "E"}
 
 
 def test_immovable_vehicles_stay_and_others_move_once() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C", "C D"), w="B")
-    assert bench.evade("w", fixed="w") == {}
+    assert bench.relocate("w", fixed="w") == {}
     assert bench.claimed("w") == []
-    assert list(bench._evader.evade(["w", "w"], [], lambda _: True))[1:] == []
+    assert list(bench._relocator.relocate(["w", "w"], [], lambda _: True))[1:] == []
 
 
 def test_several_vehicles_get_different_positions() -> None:
     bench = Bench(tracks_of_evasion("A B", "A C", "X A", "X Y"), w="A", u="X")
-    went = bench.evade("w", "u", kept=["A", "X"])
+    went = bench.relocate("w", "u", kept=["A", "X"])
     assert went.keys() == {"w", "u"}
     assert len(set(went.values())) == 2
 
@@ -532,7 +488,7 @@ def test_vehicles_enclosing_another_move_first_and_farther() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C", "C X", "X Y", "Y Z"), u="A", w="B", v="C")
     went = []
     for _ in range(3):
-        (vehicle, goal), *others = bench.evade("u", kept=["A"]).items()
+        (vehicle, goal), *others = bench.relocate("u", kept=["A"]).items()
         assert others == []
         bench.scene.drive_to_end(vehicle)
         went.append((vehicle, goal))
@@ -541,7 +497,7 @@ def test_vehicles_enclosing_another_move_first_and_farther() -> None:
 
 def test_no_vehicle_moves_if_that_would_not_let_another_out() -> None:
     bench = Bench(tracks_of_evasion("A B", "B C", "C X"), u="A", w="B", v="C")
-    assert bench.evade("u", kept=["A"], fixed="v") == {}
+    assert bench.relocate("u", kept=["A"], fixed="v") == {}
 
 
 @pytest.mark.parametrize(("behind", "goes"), [(CANDIDATES_TRIED - 1, {"w": "Far"}), (CANDIDATES_TRIED, {})])
@@ -549,7 +505,7 @@ def test_the_number_of_points_tried_is_limited(behind: int, goes: dict[str, str]
     """Put a vehicle that stays before all near places."""
     near = [path("H Gate", 100), *(path(f"Gate N{number}", 100) for number in range(behind))]
     bench = Bench(plant(*near, path("H Far", 5000)), w="H", u="Gate")
-    assert bench.evade("w", fixed="u") == goes
+    assert bench.relocate("w", fixed="u") == goes
 
 
 USES = st.dictionaries(st.sampled_from("abc"), st.sampled_from([None, "north", "south"]), max_size=3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Final
 
 from nena_order_service.engine.context import Context
@@ -21,12 +21,16 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.routing.router import RoutePlan
-from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.forecast import UNKNOWN_SPEED_MM_S
-from nena_order_service.traffic.manager import Gate
-from nena_order_service.traffic.route_search import RouteRequest
+from nena_order_service.traffic.manager import (
+    EarlyEnd,
+    Gate,
+    MoreClaimed,
+    RouteGrant,
+    RouteRejection,
+)
+from nena_order_service.traffic.relocation import Relocation
 from nena_order_service.traffic.scheduler import WaitReason
-from nena_order_service.traffic.traffic_control import Displacement, MoreClaimed, RouteGrant, RouteRejection
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained, reason_of
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
@@ -44,11 +48,9 @@ log = get_logger(__name__)
 MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
 NAMED_MISSING: Final = 5
 """Maximum number of awaited vehicles that a reason names."""
-ROUTES_AT_ONCE = 4
-"""Maximum number of routes searched in one turn of the event loop; each search takes milliseconds."""
 NOWHERE = -1
 """Index of the step of a route without any."""
-EVASION_PAUSE = 10.0
+RELOCATION_PAUSE = 10.0
 """Delay before a robot that did not make room is sent away again, seconds."""
 CAUSES: Final = {
     WaitReason.HELD: WaitCause.PASSES,
@@ -188,11 +190,11 @@ class Mobility:
         self._traffic = context.traffic
         self._positions = positions
         self._pauses = pauses
-        self._no_evasion_until: dict[str, float] = {}
+        self._stays_until: dict[str, float] = {}
 
-    def evasion_failed(self, vehicle: FleetVehicle) -> None:
-        """Do not send a vehicle away again for EVASION_PAUSE."""
-        self._no_evasion_until[vehicle.name] = self._context.clock.monotonic() + EVASION_PAUSE
+    def relocation_failed(self, vehicle: FleetVehicle) -> None:
+        """Do not send a vehicle away again for RELOCATION_PAUSE."""
+        self._stays_until[vehicle.name] = self._context.clock.monotonic() + RELOCATION_PAUSE
 
     def movable(self, name: str, *, wants: bool = False) -> bool:
         """Return whether a vehicle at rest could drive away now; ``wants``: its order needs it to drive."""
@@ -202,9 +204,9 @@ class Mobility:
         goes_on = wants or self._positions.is_taken_out(vehicle)  # making room shows whether it drives again
         if self._positions.obstacle(vehicle, working=goes_on):
             return False
-        if self._traffic.journey(name) or not self._positions.located(vehicle):
+        if self._traffic.route_of(name) or not self._positions.located(vehicle):
             return False
-        if self._context.clock.monotonic() < self._no_evasion_until.get(name, 0.0) and not wants:
+        if self._context.clock.monotonic() < self._stays_until.get(name, 0.0) and not wants:
             return False
         return self._context.view(vehicle).availability.can_take_order
 
@@ -215,7 +217,7 @@ class Mobility:
             return True
         if self._context.view(vehicle).link is not LinkStatus.ONLINE:
             return True
-        if self._traffic.journey(name):
+        if self._traffic.route_of(name):
             return False  # it is under way and will continue
         works = self._context.state.sent_orders.order_number(vehicle.key) is not None
         return not works and not self.movable(name)
@@ -252,10 +254,9 @@ class Mobility:
 
 @dataclass(frozen=True, slots=True)
 class _Wanted:
-    """An order whose current drive order is not sent yet, and the vehicle's route request."""
+    """An order whose current drive order is not sent yet; its robot may retry ``retriable`` actions."""
 
     order: TransportOrder
-    route_request: RouteRequest
     retriable: bool
 
 
@@ -265,18 +266,6 @@ class Stuck:
 
     vehicle: FleetVehicle
     reason: str
-
-
-def _asked_once(question: Callable[[str], bool]) -> Callable[[str], bool]:
-    """Return ``question`` with cached answers; cheaper to create than ``functools.cache``."""
-    answers: dict[str, bool] = {}
-
-    def asked(name: str) -> bool:
-        if name not in answers:
-            answers[name] = question(name)
-        return answers[name]
-
-    return asked
 
 
 def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) -> float:
@@ -331,8 +320,6 @@ class Driving:
         """Granted VDA 5050 orders without any allocated step, by vehicle."""
         self._reported: dict[str, str] = {}
         """The last reported wait reasons, by vehicle."""
-        self._await_report = False
-        """Whether a vehicle with a granted route has left its last known position and must report first."""
 
     def want(
         self,
@@ -350,7 +337,7 @@ class Driving:
         """
         self.positions.see(vehicle)
         route_request = self._planner.route_request(order, vehicle, way.legs[0])
-        self._wanted[vehicle.name] = _Wanted(order, route_request, retriable)
+        self._wanted[vehicle.name] = _Wanted(order, retriable)
         self._traffic.request_route(route_request, first=first)
         self._state.drive_due = True
 
@@ -379,7 +366,7 @@ class Driving:
         if shorter is not record:
             self.send_on(shorter)
 
-    def drop_evasion(self, order_id: str) -> None:
+    def drop_relocation(self, order_id: str) -> None:
         """Give up making room with a VDA order, because a peripheral device on its route has failed."""
         if record := self._sent.find(order_id):
             self.end_early(record, partial=False)
@@ -387,7 +374,7 @@ class Driving:
         for name in [each for each, record in self._unsent.items() if record.vda_order.order_id == order_id]:
             del self._unsent[name]
             self._traffic.revoke(name)
-            self.mobility.evasion_failed(self._vehicle(name))
+            self.mobility.relocation_failed(self._vehicle(name))
             self._state.drive_due = True
 
     def reconsider(self, is_unsuitable: Callable[[SentOrder], bool]) -> None:
@@ -415,15 +402,15 @@ class Driving:
     def ahead_of(self, record: SentOrder) -> tuple[str, ...]:
         """Return the next path and point on a robot's route; empty at its end."""
         vehicle = self._under_way(record)
-        journey = self._traffic.journey(vehicle.name) if vehicle else None
-        return record.ahead(journey.reached) if journey else ()
+        route = self._traffic.route_of(vehicle.name) if vehicle else None
+        return record.ahead(route.reached) if route else ()
 
     def finished(self, record: SentOrder) -> None:
         """End a finished VDA order: its robot is at rest at the end of the route."""
         vehicle = self._registry.discover(record.robot)
         self._peripherals.moved(vehicle, record, len(record.way), finished=True)
         self._sent.end(record)
-        if self._traffic.journey(vehicle.name):
+        if self._traffic.route_of(vehicle.name):
             self._traffic.finished(vehicle.name)
             self.positions.note(vehicle)
             self._rest(vehicle)
@@ -440,8 +427,8 @@ class Driving:
         self._sent.end(record)
         vehicle = self._registry.discover(record.robot)
         if record.evasion:
-            self.mobility.evasion_failed(vehicle)
-        if self._traffic.journey(vehicle.name):
+            self.mobility.relocation_failed(vehicle)
+        if self._traffic.route_of(vehicle.name):
             self._break_off(vehicle, doubt=isinstance(event, VdaOrderFailed) and not record.accepted)
 
     def take_out(self, vehicle: FleetVehicle) -> None:
@@ -453,7 +440,7 @@ class Driving:
 
     def robot_changed(self, vehicle: FleetVehicle) -> None:
         """Handle a new state of a robot at rest; a robot under way reports its progress separately."""
-        if not self._traffic.journey(vehicle.name):
+        if not self._traffic.route_of(vehicle.name):
             self._state.drive_due = True
 
     @property
@@ -463,25 +450,23 @@ class Driving:
 
     def let_drive(self) -> Iterator[FleetVehicle | Stuck]:
         """Grant routes and extend bases; yield vehicles that are stuck or have a new wait reason."""
-        self._state.drive_due = self._await_report = False
+        self._state.drive_due = False
         if self._may_release:
             under_way = [name for name, _ in self._traffic.extending()]
             gated = self._peripherals.waiting
-            for name in dict.fromkeys([*under_way, *filter(self._traffic.journey, (*self._unsent, *gated))]):
-                if name in self._unsent or name in gated or not self._traffic.holds_enough(name):
-                    self._go_on(self._vehicle(name))
+            for name in dict.fromkeys([*under_way, *filter(self._traffic.route_of, (*self._unsent, *gated))]):
+                self._go_on(self._vehicle(name))
             self._reconsider()
-            movable, lost = _asked_once(self._movable), _asked_once(self.mobility.lost)
+            movable, lost = cache(self._movable), cache(self.mobility.lost)
             for granted in self._traffic.decide(
-                lambda name: not self._traffic.journey(name) and movable(name), lost, ROUTES_AT_ONCE
+                lambda name: not self._traffic.route_of(name) and movable(name), lost
             ):
                 if isinstance(granted, MoreClaimed):
                     self._go_on(self._vehicle(granted.vehicle))
-                elif isinstance(granted, Displacement):
+                elif isinstance(granted, EarlyEnd):
                     self._end_way_here(granted.vehicle)
                 else:
                     yield from self._begin(granted)
-            self._state.drive_later = self._traffic.unfinished and not self._await_report
             self._replan()
             self._look_after_peripherals()
         gated = self._peripherals.waiting
@@ -496,7 +481,7 @@ class Driving:
 
     def _look_after_peripherals(self) -> None:
         """Withdraw jobs that no route needs, and send devices the next ones."""
-        for name in [each for each in self._peripherals.waiting if not self._traffic.journey(each)]:
+        for name in [each for each in self._peripherals.waiting if not self._traffic.route_of(each)]:
             del self._peripherals.waiting[name]
         self._peripherals.note_users()
         self._peripherals.withdraw_needless({each.vda_order.order_id: each for each in self._unsent.values()})
@@ -510,9 +495,7 @@ class Driving:
     def _request_again(self, name: str) -> None:
         """Withdraw a route that was not sent yet, and request it again."""
         del self._unsent[name]
-        self._traffic.revoke(name)
-        if name in self._wanted:
-            self._traffic.request_route(self._wanted[name].route_request, first=True)
+        self._traffic.revoke(name, again=True)
         self._state.drive_due = True
 
     def _replan(self) -> None:
@@ -557,18 +540,17 @@ class Driving:
             return TrafficWait(at=location, **explained(reason))
         if refusal is None:
             return TrafficWait(**explained(reason)) if reason else None
-        turn_back_mm = self._traffic.turn_back_mm(vehicle.name, refusal)
         return TrafficWait(
             vehicles=refusal.vehicles,
             at=refusal.resource,
             cause=CAUSES[refusal.reason],
-            turn_back=turn_back_mm / MM_PER_M if turn_back_mm else None,
-            **explained(reason or Reason(R.IT, refusal.in_words(turn_back_mm))),
+            turn_back=refusal.turn_back_mm / MM_PER_M if refusal.turn_back_mm else None,
+            **explained(reason or Reason(R.IT, refusal.in_words())),
         )
 
     def obstacle(self, vehicle: FleetVehicle) -> str:
         """Return, as a predicate, why its drive or position keeps a vehicle from orders; or empty."""
-        if self._traffic.journey(vehicle.name):
+        if self._traffic.route_of(vehicle.name):
             return Reason(R.MAKES_ROOM)
         return self.positions.obstacle(vehicle)
 
@@ -585,7 +567,7 @@ class Driving:
     def _movable(self, name: str) -> bool:
         return self.mobility.movable(name, wants=name in self._wanted)
 
-    def _begin(self, granted: RouteGrant | Evasion | RouteRejection) -> Iterator[Stuck]:
+    def _begin(self, granted: RouteGrant | Relocation | RouteRejection) -> Iterator[Stuck]:
         vehicle = self._vehicle(granted.vehicle)
         if isinstance(granted, RouteRejection):
             self._wanted.pop(vehicle.name, None)
@@ -596,11 +578,9 @@ class Driving:
         except NotLocatedError:
             standing = None
         if standing is None or not self._stands_as_known(vehicle, standing):
-            self._traffic.revoke(vehicle.name)
+            self._traffic.revoke(vehicle.name, again=True)
             self._rest(vehicle)
-            if isinstance(granted, RouteGrant):
-                self._traffic.request_route(granted.route_request, first=True)
-            self._state.drive_due, self._await_report = False, True  # until a new state or the next check
+            self._state.drive_due = False  # until a new state or the next check
             return
         try:
             self._unsent[vehicle.name] = self._record(granted, vehicle, standing)
@@ -613,16 +593,20 @@ class Driving:
     def _stands_as_known(self, vehicle: FleetVehicle, standing: Standing) -> bool:
         return self._traffic.stands(vehicle.name, standing.point, on_point=standing.on_point)
 
-    def _record(self, granted: RouteGrant | Evasion, vehicle: FleetVehicle, standing: Standing) -> SentOrder:
-        if isinstance(granted, Evasion):
-            vda_order = self._planner.evasion(vehicle, standing, granted.route)
+    def _record(
+        self, granted: RouteGrant | Relocation, vehicle: FleetVehicle, standing: Standing
+    ) -> SentOrder:
+        allocated = self._traffic.route_of(vehicle.name)
+        assert allocated, "granted just now"  # noqa: S101 - for the type
+        if isinstance(granted, Relocation):
+            vda_order = self._planner.relocation(vehicle, standing, granted.route)
             log.info("vehicle makes room", vehicle=vehicle.name, goal=granted.route.destination)
-            return SentOrder.of(vehicle.key, vda_order, None, granted.way)
+            return SentOrder.of(vehicle.key, vda_order, None, allocated.way)
         wanted = self._wanted[vehicle.name]
         vda_order = self._planner.vda_order(
             wanted.order, vehicle, standing, granted.route, retriable=wanted.retriable
         )
-        return SentOrder.of(vehicle.key, vda_order, wanted.order.index, granted.way)
+        return SentOrder.of(vehicle.key, vda_order, wanted.order.index, allocated.way)
 
     def _go_on(self, vehicle: FleetVehicle, *, more: int = 0) -> None:
         """Allocate what the robot needs, or ``more`` nodes, and send the order or its update."""
@@ -632,18 +616,18 @@ class Driving:
         if not (self._stops.why(vehicle) or self.mobility.misplaced(vehicle)):
             gate = self._peripherals.gate(vehicle, unsent or self._sent.of_robot(vehicle.key))
         further = self._allocate(vehicle, more, gate)
-        journey = self._traffic.journey(name)
-        assert journey, "requested by the caller"  # noqa: S101 - for the type
-        if unsent and (journey.released or (not journey.way and _is_open(gate))):
+        route = self._traffic.route_of(name)
+        assert route, "requested by the caller"  # noqa: S101 - for the type
+        if unsent and (route.released or (not route.way and _is_open(gate))):
             del self._unsent[name]
-            record = unsent.released(journey)
+            record = unsent.released(route)
             if not record.evasion:
                 del self._wanted[name]
             self._sent.put(record)
             self._state.vehicle_changed(name)
             self._state.after_commit(partial(self._start, record))
         elif further and not unsent and (known := self._sent.of_robot(vehicle.key)):
-            self.send_on(known.released(journey).updated())
+            self.send_on(known.released(route).updated())
 
     def _allocate(self, vehicle: FleetVehicle, more: int, gate: Gate) -> bool:
         """Allocate as far ahead as the settings require; ``more``: at least this many additional nodes."""
@@ -677,7 +661,7 @@ class Driving:
 
     def _under_way(self, record: SentOrder) -> FleetVehicle | None:
         vehicle = self._registry.of(record.robot)
-        return vehicle if vehicle and self._traffic.journey(vehicle.name) else None
+        return vehicle if vehicle and self._traffic.route_of(vehicle.name) else None
 
     def _break_off(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
         self._traffic.break_off(vehicle.name)

@@ -11,7 +11,6 @@ import asyncio
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from time import thread_time
 
 from nena_order_service.dispatching.dispatcher import VehicleFit
@@ -197,17 +196,15 @@ class Engine:
 
     def _leave_rest(self) -> None:
         """Leave what a change has not finished to the next turn of the event loop."""
-        if self.state.dispatch_later or self.state.drive_later:
-            dispatch, drive = self.state.dispatch_later, self.state.drive_later
-            self.state.dispatch_later = self.state.drive_later = False
-            asyncio.get_running_loop().call_soon(partial(self._carry_on, dispatch=dispatch, drive=drive))
+        if self.state.dispatch_later:
+            self.state.dispatch_later = False
+            asyncio.get_running_loop().call_soon(self._carry_on)
 
-    def _carry_on(self, *, dispatch: bool, drive: bool) -> None:
-        """Offer the next orders to vehicles that are still free, and search for the next routes."""
+    def _carry_on(self) -> None:
+        """Offer the next orders to vehicles that are still free."""
         if not self.unit_of_work.closed:
             with self.change():
-                self.state.dispatch_due |= dispatch
-                self.state.drive_due |= drive
+                self.state.dispatch_due = True
 
     def _settle(self) -> None:
         """Dispatch and drive until no more steps follow from the changes."""

@@ -502,7 +502,7 @@ class LifeCycle:
         """Fail the drive of a vehicle that needs a failed job; its robot stops at the end of its base."""
         order = self._orders.named(job.status.related_transport_order or "")
         if order is None:
-            self._driving.drop_evasion(job.order_id)
+            self._driving.drop_relocation(job.order_id)
             return
         vehicle = self._registry.named(order.vehicle)
         if order.state is not S.BEING_PROCESSED or vehicle is None:

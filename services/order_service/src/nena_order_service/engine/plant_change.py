@@ -56,7 +56,7 @@ def _of_sequences(sequences: Iterable[OrderSequence], registry: VehicleRegistry)
 def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
     differences = _Differences(engine.plant, new)
     for vehicle in engine.registry:
-        journey = engine.traffic.journey(vehicle.name)
+        journey = engine.traffic.route_of(vehicle.name)
         if engine.works(vehicle) or journey:
             yield from _of_robot(vehicle, registry)
         ahead = journey.way[journey.allocated :] if journey else ()

@@ -58,7 +58,7 @@ class Positions:
         name = vehicle.name
         if not self._counts(vehicle):
             return self._take_out(vehicle)
-        if self._traffic.journey(name) or (view := self._view(vehicle)).link not in SPEAKS:
+        if self._traffic.route_of(name) or (view := self._view(vehicle)).link not in SPEAKS:
             return False
         known = self._sightings.get(name)
         if view.state is None or (known and known.state is view.state) or self._is_doubted(name, view):

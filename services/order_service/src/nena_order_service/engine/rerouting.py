@@ -172,7 +172,7 @@ class Rerouting:
         """
         vehicle = self._registry.named(name)
         record = self._sent.of_robot(vehicle.key) if vehicle else None
-        journey = self._traffic.journey(name)
+        journey = self._traffic.route_of(name)
         if not vehicle or not record or record.cancelled or record.evasion or not journey:
             return
         order = self._orders.get(self._number(vehicle))
@@ -228,7 +228,7 @@ class Rerouting:
 
     def _replan(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder, why: str) -> Rerouted:
         self._traffic.give_back(vehicle.name)
-        journey = self._traffic.journey(vehicle.name)
+        journey = self._traffic.route_of(vehicle.name)
         if journey is None or record.all_released or journey.all_allocated:
             return Rerouted(ReroutingOutcome.UNCHANGED, NOTHING_AHEAD)
         base_end = record.vda_order.nodes[journey.allocated].node_id
@@ -310,7 +310,7 @@ class Rerouting:
     def _send(self, under_way: _UnderWay, route: Route, why: str) -> None:
         vehicle, record = under_way.vehicle, under_way.record
         vda_order = self._with_route(under_way, route)
-        journey = self._traffic.journey(vehicle.name)
+        journey = self._traffic.route_of(vehicle.name)
         assert journey, "requested by the caller"  # noqa: S101 - for the type
         self._driving.send_on(record.updated(vda_order=vda_order, way=journey.way))
         self._state.drive_due = True

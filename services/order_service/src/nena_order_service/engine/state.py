@@ -602,8 +602,6 @@ class FleetState:
         """Whether a vehicle or an order may have become free."""
         self.dispatch_later = False
         """Whether to dispatch again in the next turn of the event loop, so that others get theirs."""
-        self.drive_later = False
-        """Whether to search more routes in the next turn of the event loop."""
         self.drive_due = False
         """Whether a vehicle may be able to start or continue driving."""
 

@@ -54,7 +54,7 @@ class TrafficPlans:
 
     def _plan(self, vehicle: FleetVehicle, drive: Drive) -> _Plan:
         """Return a function that completes the plan of a vehicle with its arrival times, seconds."""
-        name, journey = vehicle.name, self._traffic.journey(vehicle.name)
+        name, journey = vehicle.name, self._traffic.route_of(vehicle.name)
         at = self._traffic.point(name)
         starts = (at, *(each.point for each in drive.ahead))
         plan = partial(
@@ -89,7 +89,7 @@ class TrafficPlans:
     def _drive(self, vehicle: FleetVehicle, horizon: float) -> Drive:
         """Return the steps that a vehicle could drive within the horizon, seconds."""
         name = vehicle.name
-        journey, held = self._traffic.journey(name), self._traffic.held(name)
+        journey, held = self._traffic.route_of(name), self._traffic.held(name)
         refusal = self._traffic.refusal(name)
         if journey is None:
             return Drive(held, refusal=refusal)

@@ -27,7 +27,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing.graph import NoRouteError, Route, RoutingProfile
 from nena_order_service.routing.router import Leg, RouteFinder, RoutePlan
 from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.route_search import Journey, RouteRequest
+from nena_order_service.traffic.route_search import AllocatedRoute, RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.frozen_model import FrozenModel
@@ -82,7 +82,7 @@ class SentOrder(FrozenModel):
 
     @property
     def evasion(self) -> bool:
-        """Whether it makes room for others, and serves no order."""
+        """Whether it only makes room for others, and serves no order."""
         return self.drive_order_index is None
 
     @property
@@ -97,9 +97,9 @@ class SentOrder(FrozenModel):
         path = self.vda_order.edges[reached].edge_id.removesuffix(BACKWARD_SUFFIX)
         return path, self.vda_order.nodes[reached + 1].node_id
 
-    def released(self, journey: Journey) -> Self:
+    def released(self, route: AllocatedRoute) -> Self:
         """Return the record with what its robot may drive as its base."""
-        end = None if journey.all_released else 2 * journey.released
+        end = None if route.all_released else 2 * route.released
         return self if end == self.released_to else self.model_copy(update={"released_to": end})
 
     def updated(self, **changes: object) -> Self:
@@ -137,7 +137,7 @@ class SentOrder(FrozenModel):
         return self.model_dump_json(by_alias=True, exclude_none=True)
 
 
-EVASION_PREFIX = "evasion-"
+RELOCATION_PREFIX = "evasion-"
 """Prefix of the IDs of VDA orders that make room for others."""
 
 
@@ -302,10 +302,10 @@ class OrderPlanner:
             rules=TypeRules.of(vehicle.model, self.plant),
         )
 
-    def evasion(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> VdaOrder:
+    def relocation(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> VdaOrder:
         """Build a VDA order by which a vehicle makes room for others."""
         return build_vda_order(
-            f"{EVASION_PREFIX}{unique_id()}",
+            f"{RELOCATION_PREFIX}{unique_id()}",
             plant=self.plant,
             standing=standing,
             profile=vehicle.profile,

@@ -509,8 +509,6 @@ class VehicleRoutes:
 
     def __init__(self, router: Router, model_of: Callable[[str], Vehicle | None]) -> None:
         """``model_of`` returns the plant model's data of the vehicle of this name; None if it has none."""
-        self.searches = 0
-        """Number of searches so far; cached routes need none."""
         self._router = router
         self._model_of = model_of
         self._route = lru_cache(ROUTES_KEPT)(self._find)
@@ -531,7 +529,6 @@ class VehicleRoutes:
         burden is not cached.
         """
         if burden:
-            self.searches += 1
             model = self._model_of(vehicle)
             return self._router.route(start, goal, vehicle=model, avoid=avoid, burden=burden)
         found = self._route(self._model(vehicle), start, goal, frozenset(avoid))
@@ -561,7 +558,6 @@ class VehicleRoutes:
         self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]
     ) -> Route | NoRouteError:
         """Return the route, or the error: both are cached, because a failed search costs as much."""
-        self.searches += 1
         model = self._model_of(vehicle) if vehicle else None
         try:
             return self._router.route(start, goal, vehicle=model, avoid=avoid)
@@ -569,6 +565,5 @@ class VehicleRoutes:
             return error
 
     def _sort_places(self, vehicle: str | None, start: str) -> tuple[str, ...]:
-        self.searches += 1
         costs = self._router.costs_from(start, vehicle=self._model_of(vehicle) if vehicle else None)
         return tuple(sorted(costs, key=costs.__getitem__))

@@ -1,32 +1,49 @@
-"""Traffic manager: which resources each vehicle holds, and how far it may drive on its granted route."""
+"""Traffic manager: who may begin or continue its route, who makes room, and what each vehicle reserves.
+
+This is prioritised planning, as in multi-agent path finding (MAPF), over resources that are claimed before
+they are allocated, as in openTCS (decision 0038). :mod:`.scheduler` ensures safety: it allocates a resource
+to one vehicle at a time, and refuses every claim that could lead to a deadlock. The rules here decide who
+claims what and when; they guarantee that every request is eventually granted:
+
+1. **Turns.** The oldest request is served first. A vehicle keeps its turn until it reaches its goal.
+2. **Sections.** A vehicle claims only the next section of its route, up to a point where it can wait without
+   blocking others. Claims are short, so vehicles follow each other closely.
+3. **Right of way.** The oldest vehicle that has to wait reserves its next section: no other may claim a way
+   that ends there. The section therefore becomes free, however many younger requests there are.
+4. **Relocation.** Vehicles that rest on the route of another are sent to a free point (:mod:`.relocation`).
+   A vehicle with its own request is only sent away for the right of way, or if it waits for itself.
+5. **Letting out.** A vehicle that was relocated for one that it enclosed does not return before that one has
+   left. Without this rule, the two would move back and forth forever.
+6. **Detours.** A route avoids points and paths with much traffic, and leads around vehicles at rest if that
+   is not much longer. A vehicle that waits in traffic gets another route if that is cheaper, unless it
+   has the right of way: then others are relocated from its present one.
+
+A *way* is a route as resource sets in driving order: what the vehicle needs to reach each point.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from itertools import count
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from math import inf
-from typing import Protocol, TypeVar
+from typing import Protocol
 
-from nena_order_service.routing.graph import Route, Step
+from nena_order_service.routing.graph import NoRouteError, Route, Step
 from nena_order_service.routing.router import VehicleRoutes
-from nena_order_service.traffic.evasion import Evasion, no_vehicle
+from nena_order_service.traffic.relocation import Relocation, Relocator, VehicleTest, no_vehicle, overlap
 from nena_order_service.traffic.resources import Found, OccupancyFinder, Resources, ResourceSet
-from nena_order_service.traffic.route_search import Journey, RouteRequest
-from nena_order_service.traffic.scheduler import Refusal, WaitReason
-from nena_order_service.traffic.traffic_control import (
-    Displacement,
-    MoreClaimed,
-    RouteGrant,
-    RouteRejection,
-    TrafficControl,
-)
+from nena_order_service.traffic.route_search import AllocatedRoute, RouteRequest, RouteSearch
+from nena_order_service.traffic.scheduler import Refusal, Scheduler, WaitReason
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import PlantModel
 from nena_shared.plant.track import BoundingBox
 
 R = ReasonCode
 
-D = TypeVar("D", bound=RouteGrant | Evasion)
+SECTION = 4
+"""Number of resource sets that a vehicle claims ahead of what it holds; more if it cannot wait there."""
+LONGEST_DETOUR = 1.5
+"""Maximum cost of a detour around vehicles at rest, as a multiple of the cheapest route's cost."""
 
 
 class Gate(Protocol):
@@ -55,8 +72,79 @@ class OpenGate:
 OPEN = OpenGate()
 
 
+@dataclass(frozen=True, slots=True)
+class RouteGrant:
+    """A vehicle may begin the route that it requested; its first section is claimed."""
+
+    vehicle: str
+    route: Route | None
+    """None for a straight drive."""
+
+
+@dataclass(frozen=True, slots=True)
+class RouteRejection:
+    """A vehicle's request is dropped, because no route leads to its goal any more."""
+
+    vehicle: str
+    error: NoRouteError
+
+
+@dataclass(frozen=True, slots=True)
+class MoreClaimed:
+    """A driving vehicle claims more of its route than before."""
+
+    vehicle: str
+
+
+@dataclass(frozen=True, slots=True)
+class EarlyEnd:
+    """A driving vehicle waits where another one has to pass: its route must end, so it can be relocated."""
+
+    vehicle: str
+
+
+Decision = RouteGrant | RouteRejection | MoreClaimed | Relocation | EarlyEnd
+
+
+@dataclass(frozen=True, slots=True)
+class _RightOfWay:
+    """The oldest vehicle that has to wait, and the section that it reserves."""
+
+    vehicle: str
+    section: list[ResourceSet]
+
+
+@dataclass(frozen=True, slots=True)
+class _Refused:
+    """A refused claim, and the reason."""
+
+    refusal: Refusal
+    way: list[ResourceSet]
+
+
+@dataclass(frozen=True, slots=True)
+class _LastRefusal:
+    """The last refusal of a vehicle's claim: the same again until one of its ``causes`` changes."""
+
+    refused: _Refused
+    causes: frozenset[str]
+    """The vehicle itself, and the others on which the refusal depended."""
+    right_of_way: _RightOfWay | None
+    lost: frozenset[str] = frozenset()
+    """Those of the causes that were lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class _LetOut:
+    """A vehicle that another one let out; it rests ``at`` a point on the requester's way."""
+
+    vehicle: str
+    at: str
+    requester: str
+
+
 class TrafficManager:
-    """Manages the resources that vehicles hold in one plant; vehicles are identified by name.
+    """Manages the resources and routes of the vehicles in one plant; vehicles are identified by name.
 
     A vehicle at rest is *seen* at a position. It *requests* a route, which :meth:`decide` grants. The route's
     resource sets are *allocated* in driving order (openTCS: allocation). A set is freed once the vehicle has
@@ -66,62 +154,178 @@ class TrafficManager:
     """
 
     def __init__(
-        self, plant: PlantModel, ways: VehicleRoutes, *, exclusive: bool = True, peripherals: bool = True
+        self, plant: PlantModel, routes: VehicleRoutes, *, exclusive: bool = True, peripherals: bool = True
     ) -> None:
         """``peripherals``: whether vehicles need the peripheral devices of their paths."""
         self.resources = Resources(plant, exclusive=exclusive, peripherals=peripherals)
-        self._control = TrafficControl(plant, ways, self.resources)
+        self.scheduler = Scheduler()
         self._occupancy = OccupancyFinder(plant, self.resources)
-        self._journeys = self._control.journeys
-        self._scheduler = self._control.scheduler
+        self._routes: dict[str, AllocatedRoute] = {}
+        """The routes of the vehicles under way: those that drive or wait on their route."""
+        self._search = RouteSearch(plant, routes, self.scheduler, self._routes)
+        self._relocator = Relocator(plant, self.resources, self.scheduler, routes)
+        self._requests: dict[str, RouteRequest] = {}
+        self._turns: dict[str, tuple[int, str]] = {}
+        """By vehicle: the number of its turn, lower ones are served first, and its goal."""
+        self._last_turn = 0
+        self._refusals: dict[str, Refusal] = {}
+        """Why requests are not granted yet, or why no more of a route is claimed."""
+        self._last_refusals: dict[str, _LastRefusal] = {}
+        self._settled: dict[str, frozenset[str]] = {}
+        """Vehicles under way that need nothing until one of the named vehicles changes."""
+        self._right_of_way: _RightOfWay | None = None
+        """The right of way in the last decision."""
+        self._let_out: dict[str, _LetOut] = {}
+        """By vehicle that was relocated: the one that it enclosed."""
+        self._halted: frozenset[str] = frozenset()
+        """Vehicles to which nothing is allocated for now; see :meth:`halt`."""
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
         """The resource sets where vehicles may be that broke off their routes or are moved by hand, up to the
         next point of their routes."""
-        self._turn_backs: dict[str, tuple[tuple[WaitReason, tuple[str, ...], str], int]] = {}
-        """By vehicle: why it waits, and how far (mm) the other one would have had to turn back initially."""
         self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
         """The same for vehicles that have since been seen standing beside a point, until they are on one or
         drive on. Their pose alone may wrongly show them clear of a curved path."""
-        self._to_extend: dict[str, int] = {}
-        """Vehicles whose routes may be only partly allocated, with their places in :meth:`extending`."""
-        self._numbers = count()
-        self._unsettled: set[str] = set()
-        """Vehicles for which something may have changed since they were last settled."""
-        self._woken_by: dict[str, set[str]] = {}
-        """By vehicle: those that remain settled until it changes."""
-        self._enough: dict[str, tuple[int, int]] = {}
-        """By vehicle: when it last held enough; see :meth:`holds_enough`."""
-        self._halted: frozenset[str] = frozenset()
-        """Vehicles to which nothing is allocated for now; see :meth:`halt`."""
+
+    # Queries
 
     def __contains__(self, vehicle: str) -> bool:
         """Return whether the vehicle holds anything."""
-        return vehicle in self._scheduler
+        return vehicle in self.scheduler
 
     def held(self, vehicle: str) -> tuple[ResourceSet, ...]:
         """Return what a vehicle holds, oldest first; empty for an unknown vehicle."""
-        return tuple(self._scheduler.occupant(vehicle).held) if vehicle in self._scheduler else ()
+        return tuple(self.scheduler.occupant(vehicle).held) if vehicle in self.scheduler else ()
 
     def point(self, vehicle: str) -> str:
         """Return the point that a vehicle has reached last; raises UnknownOccupantError."""
-        return self._scheduler.occupant(vehicle).point
+        return self.scheduler.occupant(vehicle).point
 
     def users(self, resource: str) -> frozenset[str]:
         """Return the vehicles that hold, claim or will rest on a point, path, block or location."""
-        return self._scheduler.users(resource)
+        return self.scheduler.users(resource)
 
     def holders(self, resource: str) -> frozenset[str]:
         """Return the vehicles that hold a point, path, block, location or peripheral device."""
-        return self._scheduler.holders(resource)
+        return self.scheduler.holders(resource)
+
+    def ahead(self, vehicle: str) -> int:
+        """Return how many sets a vehicle holds ahead of it; raises UnknownOccupantError."""
+        return self.scheduler.occupant(vehicle).ahead
 
     def stands(self, vehicle: str, point: str, *, on_point: bool) -> bool:
         """Return whether the vehicle is on this point or, unless ``on_point``, nearest to it."""
-        occupant = self._scheduler.occupant(vehicle)
+        occupant = self.scheduler.occupant(vehicle)
         return occupant.point == point and (occupant.entry is None) == on_point
 
-    def journey(self, vehicle: str) -> Journey | None:
+    def route_of(self, vehicle: str) -> AllocatedRoute | None:
         """Return the vehicle's route, read-only; None if it is at rest."""
-        return self._journeys.get(vehicle)
+        return self._routes.get(vehicle)
+
+    def extending(self) -> list[tuple[str, AllocatedRoute]]:
+        """Return the driving vehicles to which more may be allocated, with their routes.
+
+        The others, of which there may be many, need no traffic control for now: their whole routes are
+        allocated, or they hold and claim enough until they or the vehicles ahead of them change.
+        """
+        return [
+            (name, route)
+            for name, route in self._routes.items()
+            if not route.all_allocated
+            and (name not in self._settled or not self.scheduler.changed.isdisjoint(self._settled[name]))
+        ]
+
+    @property
+    def requesting(self) -> tuple[str, ...]:
+        """The vehicles with a route request, oldest first."""
+        return tuple(sorted(self._requests, key=self._turn))
+
+    @property
+    def waiting(self) -> frozenset[str]:
+        """The vehicles that may be waiting for traffic, under way or before departure."""
+        return frozenset((*(name for name, _ in self.extending()), *self._requests))
+
+    def refusal(self, vehicle: str) -> Refusal | None:
+        """Return the refusal for which a vehicle waits; None if it does not wait for traffic."""
+        route = self._routes.get(vehicle)
+        return (route and route.refusal) or self._refusals.get(vehicle)
+
+    def why_waiting(self, vehicle: str) -> str:
+        """Return why a vehicle waits for traffic; empty if it does not."""
+        refusal = self.refusal(vehicle)
+        return refusal.in_words() if refusal else ""
+
+    def waiting_at_end(self) -> dict[str, int]:
+        """Return the vehicles that wait at the end of what they hold, and how far each has driven."""
+        return {
+            name: route.reached
+            for name, route in self.extending()
+            if route.refusal and not self.scheduler.occupant(name).ahead
+        }
+
+    def is_blocked(self, vehicle: str) -> bool:
+        """Return whether a vehicle at rest blocks this one on its route."""
+        route = self._routes.get(vehicle)
+        refusal = route.refusal if route else None
+        return refusal is not None and refusal.reason is WaitReason.RESTING
+
+    def stuck(self, movable: VehicleTest, lost: VehicleTest) -> Iterator[str]:
+        """Yield the driving vehicles that wait for vehicles at rest which cannot be relocated.
+
+        Those cannot be moved, or it is unknown when they can. Call this after :meth:`decide`.
+        """
+        for vehicle, route in self.extending():
+            if self.is_blocked(vehicle) and route.refusal:
+                blockers = [other for other in route.refusal.vehicles if other not in self._routes]
+                if blockers and all(movable(other) or lost(other) for other in blockers):
+                    yield vehicle
+            elif self.scheduler.occupant(vehicle).resting:
+                refusal = self._refusals.get(vehicle)
+                if refusal and refusal.reason is WaitReason.RESTING and any(map(lost, refusal.vehicles)):
+                    yield vehicle
+
+    def sharing(self, vehicle: str) -> str:
+        """Return, as a predicate, which vehicle stands on the same resource; empty if there is none."""
+        shared = self.scheduler.sharing(vehicle) if vehicle in self.scheduler else None
+        return Reason(R.SHARES, at=shared[1], vehicle=shared[0]) if shared else ""
+
+    def displaces(self, vehicle: str, goal: str) -> bool:
+        """Return whether vehicles that rest, now or soon, would have to make room for a drive to ``goal``."""
+        route_request = RouteRequest(vehicle, goal)
+        try:
+            route = self._search.find(route_request)
+        except NoRouteError:
+            return False
+        way = self._way(route_request, route)
+        if route is None or not self.scheduler.rests_or_will_rest_on(vehicle, way):
+            return False
+        detour = self._detour(route_request, way, route.cost * LONGEST_DETOUR)
+        return detour is None or self.scheduler.rests_or_will_rest_on(
+            vehicle, self._way(route_request, detour)
+        )
+
+    def route_around(
+        self,
+        vehicle: str,
+        avoid: Collection[str] = frozenset(),
+        stays: VehicleTest = lambda _: True,
+    ) -> Route | None:
+        """Return a route with less traffic for a vehicle that waits at the end of what it holds.
+
+        The route avoids vehicles at rest for which ``stays`` returns that they may stay for long. None: the
+        current route is about as good, there is no other one, or the vehicle has the right of way.
+        """
+        route, occupant = self._routes[vehicle], self.scheduler.occupant(vehicle)
+        present = route.way[route.allocated :]
+        if not present or (self._right_of_way and self._right_of_way.vehicle == vehicle):
+            return None
+        others = (name for name in self.waiting_at_end() if name != vehicle)
+        occupied = [self.scheduler.occupant(name).held for name in others]
+        start, goal = occupant.held[-1].point, present[-1].point
+        at_rest = (name for name in self.scheduler.names if name not in self._routes and stays(name))
+        resting = {use for name in at_rest for held in self.held(name) for use in held.uses} - {start, goal}
+        return self._search.around(vehicle, start, occupied, avoid, resting)
+
+    # Vehicles without a route: what they occupy
 
     def seen(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:
         """Make a vehicle without a route hold the resources at the position where it was seen.
@@ -137,25 +341,23 @@ class TrafficManager:
         if behind and behind[-1].point == found.point and found.on_point and not moving:
             held, entry = behind, None
         else:
-            held = (*(each for each in behind if each != footing.under), footing.under)
+            held = (*(place for place in behind if place != footing.under), footing.under)
             entry = footing.entry
         if moving:
-            self._broken_off.setdefault(vehicle, self.held(vehicle) if self._is_at(vehicle, found) else ())
+            is_there = vehicle in self.scheduler and self.point(vehicle) == found.point
+            self._broken_off.setdefault(vehicle, self.held(vehicle) if is_there else ())
         else:
             remembered = self._broken_off.pop(vehicle, None)
             if found.on_point:
                 self._left_at.pop(vehicle, None)
             elif remembered is not None:
                 self._left_at[vehicle] = remembered
-        if vehicle in self._scheduler:
-            occupant = self._scheduler.occupant(vehicle)
+        if vehicle in self.scheduler:
+            occupant = self.scheduler.occupant(vehicle)
             if tuple(occupant.held) == held and occupant.entry == entry:
                 return beside != self.beside(vehicle)
-        self._scheduler.place(vehicle, held, box.length_mm, entry=entry)
+        self.scheduler.place(vehicle, held, box.length_mm, entry=entry)
         return True
-
-    def _is_at(self, vehicle: str, found: Found) -> bool:
-        return vehicle in self._scheduler and self._scheduler.occupant(vehicle).point == found.point
 
     def _behind(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
         """Return those of a vehicle's held sets that it still covers at the position where it was found."""
@@ -165,13 +367,17 @@ class TrafficManager:
         remembered = self.beside(vehicle)
         passed = held if remembered is None else remembered
         if found.on_point:
-            at = [index for index, each in enumerate(passed) if each.point == found.point]
+            at = [index for index, place in enumerate(passed) if place.point == found.point]
             return passed[: at[-1] + 1] if at else ()
         return () if remembered is None else passed
 
     def beside(self, vehicle: str) -> tuple[ResourceSet, ...] | None:
         """Return what a vehicle that broke off may occupy; None: it did not, or has been seen on a point."""
         return self._broken_off.get(vehicle, self._left_at.get(vehicle))
+
+    def broke_off(self, vehicle: str) -> bool:
+        """Return whether a vehicle broke off or moved without a route, and was not seen standing since."""
+        return vehicle in self._broken_off
 
     def restore(
         self,
@@ -182,146 +388,418 @@ class TrafficManager:
         beside: tuple[ResourceSet, ...] | None = None,
     ) -> None:
         """Restore what a vehicle held before a restart; with ``beside`` it must be seen standing first."""
-        self._scheduler.place(vehicle, held, length_mm)
+        self.scheduler.place(vehicle, held, length_mm)
         if beside is not None:
             self._broken_off[vehicle] = beside
 
-    def resume(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
-        """Restore a vehicle's route after a restart; :meth:`arrived` then reports its progress."""
-        self._broken_off.pop(vehicle, None)
-        ends = self.resources.waiting_places(way)
-        end = next((each for each in ends if each >= allocated), allocated)
-        self._scheduler.resume(vehicle, way[:allocated], way[allocated:end])
-        self._journeys[vehicle] = Journey(tuple(way), allocated, released=allocated)
-        self._extend(vehicle)
-
     def remove(self, vehicle: str) -> None:
         """Remove a vehicle: it no longer holds, requests or claims anything."""
-        self._control.forget(vehicle)
-        self._unsettled.add(vehicle)
-        self._turn_backs.pop(vehicle, None)
-        self._enough.pop(vehicle, None)
-        self._journeys.pop(vehicle, None)
-        self._broken_off.pop(vehicle, None)
-        self._left_at.pop(vehicle, None)
-        self._scheduler.remove(vehicle)
+        self.drop(vehicle)
+        for records in (self._turns, self._let_out, self._routes, self._broken_off, self._left_at):
+            records.pop(vehicle, None)
+        self.scheduler.remove(vehicle)
+
+    # Requests
 
     def request_route(self, route_request: RouteRequest, *, first: bool = False) -> None:
-        """Handle the route request of a resting vehicle; see :meth:`TrafficControl.request_route`."""
-        self._control.request_route(route_request, first=first)
+        """Add a vehicle's request; it replaces the vehicle's earlier request, but keeps its turn.
+
+        A vehicle that has not reached its goal also keeps its turn. One without a turn is served before all
+        others if it is ``first``.
+        """
+        vehicle, goal = route_request.vehicle, route_request.goal
+        number, last_goal = self._turns.get(vehicle, (None, ""))
+        if goal != last_goal:
+            self._let_out.pop(vehicle, None)
+        if first and number is None:
+            number = min((number for number, _ in self._turns.values()), default=0) - 1
+        elif number is None or not (first or vehicle in self._requests or goal == last_goal):
+            self._last_turn += 1
+            number = self._last_turn
+        self._turns[vehicle] = number, goal
+        self._requests[vehicle] = route_request
+        self._last_refusals.pop(vehicle, None)
 
     def drop(self, vehicle: str) -> None:
-        """Drop a vehicle's request."""
-        self._control.drop(vehicle)
+        """Drop a vehicle's request; it keeps its turn."""
+        self._requests.pop(vehicle, None)
+        self._refusals.pop(vehicle, None)
+        self._last_refusals.pop(vehicle, None)
+        self._search.forget(vehicle)
 
     def forget_routes(self) -> None:
         """Drop the cached routes of waiting vehicles, because the plant has changed."""
-        self._control.forget_routes()
-        self._unsettled.update(self._to_extend)
+        self._search.forget_all()
+        self._last_refusals.clear()
+        self._settled.clear()
 
     def recheck(self) -> None:
-        """Answer all requests again, also those whose reasons to wait still hold."""
-        self._control.forget_answers()
+        """Answer all requests again, also those whose reasons to wait still hold.
 
-    def displaces(self, vehicle: str, goal: str) -> bool:
-        """Return whether vehicles at rest, now or soon, would have to make room for a drive to ``goal``."""
-        return self._control.displaces(RouteRequest(vehicle, goal))
+        A vehicle that has come to rest on the way of a waiting one does not change its other reasons.
+        """
+        for vehicle in self._requests:
+            self._last_refusals.pop(vehicle, None)
 
-    def decide(
+    def _turn(self, vehicle: str) -> int:
+        return self._turns.get(vehicle, (0, ""))[0]
+
+    # Decisions
+
+    def decide(self, movable: VehicleTest, lost: VehicleTest = no_vehicle) -> Iterator[Decision]:
+        """Grant requests where possible, oldest turn first, and relocate vehicles that rest in the way.
+
+        Args:
+            movable: returns whether a vehicle at rest could drive away now.
+            lost: returns whether it is unknown when a vehicle at rest could drive away. A vehicle that waits
+                for it takes any detour, and never gets the right of way: others would wait forever.
+
+        """
+        extending = [name for name, _ in self.extending()]
+        yield from self._clear_ways(extending, movable)
+        self._right_of_way = right_of_way = None
+        for vehicle in sorted(dict.fromkeys((*self._requests, *extending)), key=self._turn):
+            if under_way := vehicle in self._routes:
+                claimed = len(self.scheduler.occupant(vehicle).claimed)
+                refused = self._extend_claim(vehicle, right_of_way)
+                if len(self.scheduler.occupant(vehicle).claimed) > claimed:
+                    yield MoreClaimed(vehicle)
+            else:
+                if not self._can_be_granted(vehicle) or not movable(vehicle):
+                    continue
+                answer = self._answer(self._requests[vehicle], right_of_way, lost)
+                if not isinstance(answer, _Refused):
+                    yield answer
+                    continue
+                refused = answer
+            if refused is None:
+                continue
+            refusal = self._refusals[vehicle] = self._with_distance(refused.refusal, self.refusal(vehicle))
+            blocked_at_rest = refusal.reason is WaitReason.RESTING
+            if blocked_at_rest and any(map(lost, refusal.vehicles)):
+                continue
+            if under_way and not self.scheduler.occupant(vehicle).resting:
+                continue  # it still drives on the resources that it holds
+            right_of_way = right_of_way or _RightOfWay(vehicle, self._next_section(refused.way))
+            self._right_of_way = right_of_way
+            if blocked_at_rest:
+                yield from self._make_room(vehicle, refused, right_of_way, movable)
+        self._settle(extending)
+
+    def _clear_ways(self, extending: list[str], movable: VehicleTest) -> Iterator[Relocation]:
+        """Relocate vehicles that have stopped early on another one's claimed way.
+
+        Add them to ``extending``, because they are then under way, too.
+        """
+        for vehicle in tuple(extending):
+            route = self._routes[vehicle]
+            if route.refusal is None or route.refusal.reason is not WaitReason.RESTING:
+                continue
+            ahead = route.way[route.allocated :]
+            for relocation in self._relocator.relocate(route.refusal.vehicles, ahead, movable):
+                extending.append(relocation.vehicle)
+                self._depart(relocation.vehicle, relocation.way)
+                yield relocation
+
+    def _with_distance(self, refusal: Refusal, last: Refusal | None) -> Refusal:
+        """Return a refusal with the distance that the other vehicle would have to turn back.
+
+        That is the distance from when the vehicle began to wait. The current one changes with each node, and
+        each change of a vehicle's status is stored and published.
+        """
+        if last and last.cause == refusal.cause:
+            distance = last.turn_back_mm
+        else:
+            distance = self.scheduler.turn_back_mm(refusal)
+        return replace(refusal, turn_back_mm=distance) if distance else refusal
+
+    def _depart(
+        self, vehicle: str, way: Sequence[ResourceSet], route_request: RouteRequest | None = None
+    ) -> None:
+        self._left_at.pop(vehicle, None)
+        self._routes[vehicle] = AllocatedRoute(tuple(way), route_request=route_request)
+
+    def _settle(self, vehicles: Iterable[str]) -> None:
+        """Leave out of later decisions those vehicles that can neither be allocated nor claim more."""
+        self._forget_outdated()
+        for vehicle in vehicles:
+            route = self._routes.get(vehicle)
+            if route is None or route.refusal or not route.holds_enough or vehicle in self._refusals:
+                continue
+            last = self._last_refusals.get(vehicle)
+            if self._claims_enough(vehicle):
+                self._settled[vehicle] = frozenset((vehicle,))
+            elif last and self.scheduler.occupant(vehicle).claimed:
+                self._settled[vehicle] = last.causes
+
+    def _forget_outdated(self) -> None:
+        """Forget what was known of vehicles that have changed, or that depend on one that has."""
+        changed = self.scheduler.changed
+        if not changed:
+            return
+        for name in changed & self._routes.keys():
+            self._routes[name].holds_enough = False
+        for name in [
+            name for name, last in self._last_refusals.items() if not changed.isdisjoint(last.causes)
+        ]:
+            del self._last_refusals[name]
+        for name in [name for name, causes in self._settled.items() if not changed.isdisjoint(causes)]:
+            del self._settled[name]
+        changed.clear()
+
+    # Route requests: the cheapest route, or a detour around vehicles at rest
+
+    def _can_be_granted(self, vehicle: str) -> bool:
+        """Return whether the request is still current and its vehicle is at rest."""
+        return (
+            vehicle in self._requests
+            and vehicle in self.scheduler
+            and self.scheduler.occupant(vehicle).resting
+        )
+
+    def _answer(
+        self, route_request: RouteRequest, right_of_way: _RightOfWay | None, lost: VehicleTest
+    ) -> RouteGrant | RouteRejection | _Refused:
+        """Claim the first section of the cheapest route or of a detour; else return the former's refusal.
+
+        A refused request is not answered again until one of the vehicles that caused it has changed.
+        """
+        vehicle = route_request.vehicle
+        self._forget_outdated()
+        last = self._last_refusals.get(vehicle)
+        if last and last.right_of_way == right_of_way and self._lost(last.causes, vehicle, lost) == last.lost:
+            return last.refused
+        try:
+            route = self._search.find(route_request)
+        except NoRouteError as error:
+            self.drop(vehicle)
+            return RouteRejection(vehicle, error)
+        causes = {vehicle}
+        way = self._way(route_request, route)
+        refused = self._claim_first_section(vehicle, way, right_of_way, lost, causes)
+        if refused and route and refused.refusal.reason is WaitReason.RESTING:
+            longest = inf if any(map(lost, refused.refusal.vehicles)) else route.cost * LONGEST_DETOUR
+            if detour := self._detour(route_request, way, longest):
+                around = self._way(route_request, detour)
+                if self._claim_first_section(vehicle, around, right_of_way, lost, causes) is None:
+                    route, way, refused = detour, around, None
+        if refused is None:
+            self.drop(vehicle)
+            self._depart(vehicle, way, route_request)
+            return RouteGrant(vehicle, route)
+        if vehicle not in self._let_out:
+            last_lost = self._lost(causes, vehicle, lost)
+            self._last_refusals[vehicle] = _LastRefusal(refused, frozenset(causes), right_of_way, last_lost)
+        return refused
+
+    def _lost(self, causes: Iterable[str], vehicle: str, lost: VehicleTest) -> frozenset[str]:
+        return frozenset(name for name in causes if name != vehicle and lost(name))
+
+    def _way(self, route_request: RouteRequest, route: Route | None) -> list[ResourceSet]:
+        """Return what the vehicle needs for a route, or for a straight drive to its goal."""
+        occupant = self.scheduler.occupant(route_request.vehicle)
+        goal, at_goal = route_request.goal, route_request.at_goal
+        if route is None:
+            return [self.resources.on(goal, (goal, *at_goal), length_mm=route_request.straight_mm or 0)]
+        return self.resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry, at_goal=at_goal)
+
+    def _detour(self, route_request: RouteRequest, way: list[ResourceSet], longest: float) -> Route | None:
+        """Return a route around vehicles that rest on a way; None if there is none up to cost ``longest``."""
+        resting = self.scheduler.resting_on(route_request.vehicle, way)
+        occupied = {use for name in resting for held in self.held(name) for use in held.uses}
+        try:
+            detour = self._search.find(route_request, without=occupied - {route_request.goal})
+        except NoRouteError:
+            return None
+        return detour if detour and detour.cost <= longest else None
+
+    def _claim_first_section(
         self,
-        movable: Callable[[str], bool],
-        lost: Callable[[str], bool] = no_vehicle,
-        searches: float = inf,
-    ) -> Iterator[RouteGrant | Evasion | RouteRejection | Displacement | MoreClaimed]:
-        """Grant routes to vehicles; see :meth:`TrafficControl.decide`."""
-        for each in self._control.decide(movable, lost, [name for name, _ in self.extending()], searches):
-            yield self._departed(each) if isinstance(each, RouteGrant | Evasion) else each
+        vehicle: str,
+        way: list[ResourceSet],
+        right_of_way: _RightOfWay | None,
+        lost: VehicleTest,
+        causes: set[str],
+    ) -> _Refused | None:
+        """Claim the first section of a way; return the refusal, if any.
 
-    @property
-    def unfinished(self) -> bool:
-        """Whether the last decision reached its search limit before it had handled every vehicle."""
-        return self._control.unfinished
+        If a lost vehicle rests on the way, claim the whole way, so that this vehicle does not drive up to
+        the lost one and wait there. Do the same for a vehicle that has let another one out and could enclose
+        it again.
+        """
+        resting = self.scheduler.resting_on(vehicle, way)
+        causes.update(resting)
+        if self._has_let_out(vehicle, lost) or any(map(lost, resting)):
+            refusal = self.scheduler.claim(vehicle, way)
+            if refusal is None:
+                return None
+            causes.update(refusal.vehicles, refusal.between)
+            return _Refused(refusal, way)
+        return self._claim_section(vehicle, way, right_of_way, causes)
+
+    # Sections: how much of a route is claimed at once
+
+    def _extend_claim(self, vehicle: str, right_of_way: _RightOfWay | None) -> _Refused | None:
+        """Claim more of a route under way; return the refusal if the vehicle is left without any claim.
+
+        A refused claim is not retried until one of the vehicles that caused the refusal has changed, unless
+        the right of way caused it: another vehicle may have it next time.
+        """
+        route, claimed = self._routes[vehicle], len(self.scheduler.occupant(vehicle).claimed)
+        if self._claims_enough(vehicle):
+            self._refusals.pop(vehicle, None)
+            return None
+        self._forget_outdated()
+        if last := self._last_refusals.get(vehicle):
+            refused: _Refused | None = last.refused
+        else:
+            causes = {vehicle}
+            ahead = route.way[route.allocated :]
+            refused = self._claim_section(vehicle, ahead, right_of_way, causes, more_than=claimed)
+            if refused and (not right_of_way or right_of_way.vehicle not in causes):
+                self._last_refusals[vehicle] = _LastRefusal(refused, frozenset(causes), right_of_way)
+        if refused is None or claimed:
+            self._refusals.pop(vehicle, None)
+            return None
+        return refused
+
+    def _claims_enough(self, vehicle: str) -> bool:
+        """Return whether a vehicle under way claims a whole section, or all of its route."""
+        route, claimed = self._routes[vehicle], len(self.scheduler.occupant(vehicle).claimed)
+        return claimed >= SECTION or claimed == len(route.way) - route.allocated
+
+    def _claim_section(
+        self,
+        vehicle: str,
+        ahead: Sequence[ResourceSet],
+        right_of_way: _RightOfWay | None,
+        causes: set[str],
+        *,
+        more_than: int = 0,
+    ) -> _Refused | None:
+        """Claim the longest section available; otherwise return why the longest one was refused.
+
+        Vehicles at rest take precedence as the reason, because they can be relocated. Add to ``causes`` the
+        vehicles on which this depends.
+        """
+        refused: _Refused | None = None
+        sections = tuple(self._sections(ahead))
+        free = self.scheduler.free_of_rest(vehicle, ahead[: sections[0]]) if sections else 0
+        for count in sections:
+            if count <= more_than and (count or ahead):
+                break
+            if count > free and refused:
+                continue
+            way = list(ahead[:count])
+            refusal = self._claim(vehicle, way, right_of_way)
+            if refusal is None:
+                return None
+            causes.update(refusal.vehicles, refusal.between)
+            refused = refused or _Refused(refusal, way)
+            if refused.refusal.reason is not WaitReason.RESTING and refusal.reason is WaitReason.RESTING:
+                refused = _Refused(refusal, way)
+        return refused
+
+    def _claim(
+        self, vehicle: str, way: list[ResourceSet], right_of_way: _RightOfWay | None
+    ) -> Refusal | None:
+        """Claim a way unless it ends on the section reserved by right of way; return the refusal, if any."""
+        if right_of_way and right_of_way.vehicle != vehicle:
+            resource = overlap(self.scheduler.end_of(vehicle, way), right_of_way.section)
+            if resource:
+                return Refusal(WaitReason.ORDER, (right_of_way.vehicle,), resource)
+        return self.scheduler.claim(vehicle, way)
+
+    def _sections(self, ahead: Sequence[ResourceSet]) -> Iterator[int]:
+        """Yield how many sets may be claimed at once, from the first waiting place after SECTION down."""
+        ends = list[int]()
+        for end in self.resources.waiting_places(ahead):
+            ends.append(end)
+            if end >= SECTION:
+                break
+        yield from reversed(ends)
+        if not ahead:
+            yield 0
+
+    def _next_section(self, way: list[ResourceSet]) -> list[ResourceSet]:
+        """Return the sets of a way up to the first point where a vehicle can wait."""
+        return way[: next(self.resources.waiting_places(way), 0)]
+
+    # Relocation of vehicles that rest in the way
+
+    def _make_room(
+        self, requester: str, refused: _Refused, right_of_way: _RightOfWay, movable: VehicleTest
+    ) -> Iterator[Relocation | EarlyEnd]:
+        """Relocate vehicles that rest on the requester's way, and end the routes of those that wait on it.
+
+        A vehicle with its own request is only relocated for the right of way, or if it waits for itself
+        through others and would never leave. The route of a vehicle under way that encloses one that has to
+        be relocated ends if no other vehicle could be relocated.
+        """
+        has_right_of_way = right_of_way.vehicle == requester
+
+        def may_be_sent(name: str) -> bool:
+            if not movable(name) or name in self._routes:
+                return False
+            return name not in self._requests or has_right_of_way or self._waits_for_itself(name)
+
+        blockers = refused.refusal.vehicles
+        under_way = [name for name in blockers if name in self._routes]
+        kept_free = [*right_of_way.section, *refused.way]
+        enclosing, sent = set[str](), False
+        for relocation in self._relocator.relocate(blockers, kept_free, may_be_sent, enclosing):
+            sent = True
+            self._refusals.pop(relocation.vehicle, None)
+            if relocation.lets_out:
+                at = self.scheduler.occupant(relocation.lets_out).point
+                self._let_out[relocation.vehicle] = _LetOut(relocation.lets_out, at, requester)
+            self._depart(relocation.vehicle, relocation.way)
+            yield relocation
+        yield from (EarlyEnd(name) for name in under_way if self._waits_for_itself(name))
+        for name in () if sent else sorted(enclosing.intersection(self._routes).difference(under_way)):
+            if self.scheduler.occupant(name).resting and (
+                has_right_of_way or self._waits_for(name, enclosing | {requester})
+            ):
+                yield EarlyEnd(name)
+
+    def _waits_for(self, vehicle: str, others: set[str]) -> bool:
+        """Return whether a vehicle waits for one of the others; otherwise it only pauses."""
+        refusal = self._refusals.get(vehicle)
+        return refusal is not None and not others.isdisjoint(refusal.vehicles)
+
+    def _waits_for_itself(self, vehicle: str) -> bool:
+        """Return whether a vehicle waits for itself through others, so that they are deadlocked."""
+        reached: set[str] = set()
+        open_ends = [vehicle]
+        while open_ends:
+            refusal = self._refusals.get(open_ends.pop())
+            for name in refusal.vehicles if refusal else ():
+                if name == vehicle:
+                    return True
+                if name not in reached:
+                    reached.add(name)
+                    open_ends.append(name)
+        return False
+
+    def _has_let_out(self, vehicle: str, lost: VehicleTest) -> bool:
+        """Return whether the vehicle that this one let out is still there and still has to leave."""
+        let_out = self._let_out.get(vehicle)
+        if let_out is None:
+            return False
+        wanted = let_out.requester in self._requests or let_out.requester in self._refusals
+        there = let_out.vehicle in self.scheduler and not lost(let_out.vehicle)
+        if wanted and there and self.scheduler.occupant(let_out.vehicle).point == let_out.at:
+            return True
+        del self._let_out[vehicle]
+        return False
+
+    # Vehicles under way
 
     def halt(self, vehicles: Collection[str]) -> None:
         """Allocate nothing more to these vehicles, and resume allocation to all others."""
         self._halted = frozenset(vehicles)
 
-    def stuck(self, movable: Callable[[str], bool], lost: Callable[[str], bool]) -> Iterator[str]:
-        """Yield the driving vehicles that wait for vehicles at rest which will not make room.
-
-        Those cannot be moved, or it is unknown when they can. Call this after :meth:`decide`.
-        """
-        for vehicle, journey in self.extending():
-            if self.is_blocked(vehicle) and journey.refusal:
-                blockers = [each for each in journey.refusal.vehicles if each not in self._journeys]
-                if blockers and all(movable(each) or lost(each) for each in blockers):
-                    yield vehicle
-            elif self._scheduler.occupant(vehicle).resting and self._waits_for(vehicle, lost):
-                yield vehicle
-
-    def _waits_for(self, vehicle: str, lost: Callable[[str], bool]) -> bool:
-        why = self._control.why_waiting(vehicle)
-        return why is not None and why.reason is WaitReason.RESTING and any(map(lost, why.vehicles))
-
-    def _departed(self, granted: D) -> D:
-        self._left_at.pop(granted.vehicle, None)
-        self._journeys[granted.vehicle] = Journey(granted.way)
-        self._extend(granted.vehicle)
-        return granted
-
-    def replan(self, vehicle: str, steps: Sequence[Step], at_goal: Sequence[str] = ()) -> Refusal | None:
-        """Replace a vehicle's route beyond what is allocated; return the refusal, if any.
-
-        The vehicle keeps what is allocated. If traffic control refuses, the route is unchanged.
-        """
-        journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
-        way = self.resources.way(steps, start=occupant.held[-1], at_goal=at_goal)
-        refusal = self._control.claim_other_way(vehicle, way)
-        if refusal is None:
-            journey.way, journey.refusal = (*journey.way[: journey.allocated], *way), None
-            self._control.forget_refusal(vehicle)
-            self._extend(vehicle)
-        return refusal
-
-    def route_around(
-        self,
-        vehicle: str,
-        avoid: Collection[str] = frozenset(),
-        stays: Callable[[str], bool] = lambda _: True,
-    ) -> Route | None:
-        """Return a route with less traffic for a waiting vehicle; see :meth:`TrafficControl.route_around`."""
-        return self._control.route_around(vehicle, self.waiting_at_end(), avoid, stays)
-
-    def waiting_at_end(self) -> dict[str, int]:
-        """Return the vehicles that wait at the end of what they hold, and how far each has driven."""
-        return {
-            name: journey.reached
-            for name, journey in self.extending()
-            if journey.refusal and not self._scheduler.occupant(name).ahead
-        }
-
-    def revoke(self, vehicle: str) -> None:
-        """Withdraw a route of which nothing is released yet; the vehicle stays at rest."""
-        self.give_back(vehicle)
-        self._journeys.pop(vehicle)
-        self._unsettled.add(vehicle)
-        self._scheduler.give_up_claim(vehicle)
-
-    def give_back(self, vehicle: str) -> None:
-        """Free the sets that are allocated to a vehicle, but that it may not drive yet; it claims them."""
-        journey = self._journeys.get(vehicle)
-        if journey and journey.allocated > journey.released:
-            self._scheduler.give_back(vehicle, journey.allocated - journey.released)
-            journey.allocated = journey.released
-            self._extend(vehicle)
-
-    def allocate(
-        self,
-        vehicle: str,
-        ahead: int = 0,
-        length_mm: float = 0.0,
-        gate: Gate = OPEN,
-    ) -> bool:
+    def allocate(self, vehicle: str, ahead: int = 0, length_mm: float = 0.0, gate: Gate = OPEN) -> bool:
         """Allocate sets until the vehicle has enough ahead of it; return whether it may drive further.
 
         Enough means at least ``ahead`` sets, and ``length_mm`` beyond the next one. Without either, allocate
@@ -329,43 +807,45 @@ class TrafficManager:
         """
         if vehicle in self._halted:
             return False
-        journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
-        before = journey.released
-        self._unsettled.add(vehicle)
-        journey.refusal, stopped = None, False
+        route, occupant = self._routes[vehicle], self.scheduler.occupant(vehicle)
+        released, last_refusal = route.released, route.refusal
+        route.refusal, stopped = None, False
         least = max(ahead, 1 if length_mm else 0)
         while occupant.claimed:
             if least and occupant.ahead >= least and occupant.length_behind_next_mm >= length_mm:
                 break
-            if stopped := not gate.may_allocate(journey.allocated):
+            if stopped := not gate.may_allocate(route.allocated):
                 break
-            journey.refusal = self._scheduler.allocate(vehicle)
-            if journey.refusal:
+            if refusal := self.scheduler.allocate(vehicle):
+                route.refusal = self._with_distance(refusal, last_refusal or self._refusals.get(vehicle))
                 break
-            journey.allocated += 1
-        while journey.released < journey.allocated and gate.may_release(journey.released):
-            journey.released += 1
-        if journey.refusal is None and not stopped and journey.released == journey.allocated:
-            self._enough[vehicle] = self._moment(vehicle)
-        return journey.released > before
+            route.allocated += 1
+        while route.released < route.allocated and gate.may_release(route.released):
+            route.released += 1
+        self._forget_outdated()
+        self._settled.pop(vehicle, None)
+        route.holds_enough = not route.refusal and not stopped and route.released == route.allocated
+        return route.released > released
 
-    def holds_enough(self, vehicle: str) -> bool:
-        """Return whether a vehicle has not changed since :meth:`allocate` left nothing to allocate."""
-        return self._enough.get(vehicle) == self._moment(vehicle)
+    def give_back(self, vehicle: str) -> None:
+        """Free the sets that are allocated to a vehicle, but that it may not drive yet; it claims them."""
+        route = self._routes.get(vehicle)
+        if route and route.allocated > route.released:
+            self.scheduler.give_back(vehicle, route.allocated - route.released)
+            route.allocated = route.released
 
-    def _moment(self, vehicle: str) -> tuple[int, int]:
-        """Return numbers that change with what a vehicle holds and claims, and how far it has driven."""
-        return self._scheduler.version(vehicle), self._journeys[vehicle].reached
+    def replan(self, vehicle: str, steps: Sequence[Step], at_goal: Sequence[str] = ()) -> Refusal | None:
+        """Replace a vehicle's route beyond what is allocated; return the refusal, if any.
 
-    def is_blocked(self, vehicle: str) -> bool:
-        """Return whether a vehicle at rest blocks this one on its route."""
-        journey = self._journeys.get(vehicle)
-        refusal = journey.refusal if journey else None
-        return refusal is not None and refusal.reason is WaitReason.RESTING
-
-    def ahead(self, vehicle: str) -> int:
-        """Return how many sets a vehicle holds ahead of it; raises UnknownOccupantError."""
-        return self._scheduler.occupant(vehicle).ahead
+        The vehicle keeps what is allocated. If traffic control refuses, the route is unchanged.
+        """
+        route, occupant = self._routes[vehicle], self.scheduler.occupant(vehicle)
+        way = self.resources.way(steps, start=occupant.held[-1], at_goal=at_goal)
+        if refused := self._claim_section(vehicle, way, self._right_of_way, set()):
+            return refused.refusal
+        route.way, route.refusal = (*route.way[: route.allocated], *way), None
+        self._refusals.pop(vehicle, None)
+        return None
 
     def arrived(self, vehicle: str, reached: int) -> bool:
         """Note that the vehicle has arrived at the ``reached``-th set of its route, counted from 1.
@@ -373,119 +853,62 @@ class TrafficManager:
         Return whether any vehicle may be able to continue because of it. A vehicle that has driven further
         than allowed also holds what it has reached.
         """
-        journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
-        self._unsettled.add(vehicle)
-        reached = min(reached, len(journey.way))
-        if journey.allocated + len(occupant.claimed) < reached:  # beyond the section that it claims
-            self._scheduler.resume(vehicle, (), journey.way[journey.allocated : reached])
-        while journey.allocated < reached:
-            self._scheduler.seize(vehicle)
-            journey.allocated += 1
-        journey.released = max(journey.released, reached)
-        if reached <= journey.reached:
+        route, occupant = self._routes[vehicle], self.scheduler.occupant(vehicle)
+        reached = min(reached, len(route.way))
+        if route.allocated + len(occupant.claimed) < reached:  # beyond the section that it claims
+            self.scheduler.resume(vehicle, (), route.way[route.allocated : reached])
+        while route.allocated < reached:
+            self.scheduler.seize(vehicle)
+            route.allocated += 1
+        route.released = max(route.released, reached)
+        if reached <= route.reached:
             return False
-        freed = self._scheduler.arrive(vehicle, occupant.reached + reached - journey.reached)
-        journey.reached = reached
-        return freed or not journey.all_allocated
+        freed = self.scheduler.arrive(vehicle, occupant.reached + reached - route.reached)
+        route.reached = reached
+        return freed or not route.all_allocated
 
     def finished(self, vehicle: str) -> None:
         """Note that the vehicle has arrived at the end of its route and is at rest."""
-        self.arrived(vehicle, len(self._journeys[vehicle].way))
-        del self._journeys[vehicle]
-        self._control.end_turn(vehicle, self._scheduler.occupant(vehicle).point)
+        self.arrived(vehicle, len(self._routes[vehicle].way))
+        del self._routes[vehicle]
+        self._refusals.pop(vehicle, None)
+        at_goal = self._turns.get(vehicle, (0, ""))[1] == self.point(vehicle)
+        if at_goal and vehicle not in self._requests:
+            self._turns.pop(vehicle, None)
+
+    def revoke(self, vehicle: str, *, again: bool = False) -> None:
+        """Withdraw a route of which nothing is released yet; the vehicle stays at rest.
+
+        ``again``: request the route again, unless the vehicle was only to be relocated.
+        """
+        self.give_back(vehicle)
+        route_request = self._routes.pop(vehicle).route_request
+        self.scheduler.give_up_claim(vehicle)
+        if again and route_request:
+            self.request_route(route_request, first=True)
 
     def shorten(self, vehicle: str) -> None:
         """End a vehicle's route at the last set that it may drive."""
         self.give_back(vehicle)
-        journey = self._journeys[vehicle]
-        self._scheduler.give_up_claim(vehicle)
-        journey.way, journey.refusal = journey.way[: journey.allocated], None
-        self._unsettled.add(vehicle)
-        self._control.forget_refusal(vehicle)
+        route = self._routes[vehicle]
+        self.scheduler.give_up_claim(vehicle)
+        route.way, route.refusal = route.way[: route.allocated], None
+        self._refusals.pop(vehicle, None)
 
     def break_off(self, vehicle: str) -> None:
         """Break off a route: the vehicle keeps everything it may drive until it is seen standing."""
         self.give_back(vehicle)
-        occupant = self._scheduler.occupant(vehicle)
+        occupant = self.scheduler.occupant(vehicle)
         held = tuple(occupant.held)
-        self._journeys.pop(vehicle, None)
-        self._control.forget_refusal(vehicle)
+        self._routes.pop(vehicle, None)
+        self._refusals.pop(vehicle, None)
         self._broken_off[vehicle] = held[: occupant.reached + 2]
-        self._scheduler.place(vehicle, held, occupant.length_mm)
+        self.scheduler.place(vehicle, held, occupant.length_mm)
 
-    def broke_off(self, vehicle: str) -> bool:
-        """Return whether a vehicle broke off or moved without a route, and was not seen standing since."""
-        return vehicle in self._broken_off
-
-    def extending(self) -> list[tuple[str, Journey]]:
-        """Return the driving vehicles to which more may be allocated, with their routes.
-
-        The others, of which there may be many, need no traffic control for now: their whole routes are
-        allocated, or they hold and claim enough until they or the vehicles ahead of them change.
-        """
-        for name in self._scheduler.take_changed():
-            self._unsettled.add(name)
-            self._unsettled.update(self._woken_by.pop(name, ()))
-        found: list[tuple[str, Journey]] = []
-        if not self._to_extend:
-            self._unsettled.clear()
-            return found
-        for name in sorted(self._unsettled & self._to_extend.keys(), key=self._to_extend.__getitem__):
-            journey = self._journeys.get(name)
-            if journey is None or journey.all_allocated:
-                del self._to_extend[name]
-            elif not self._is_settled(name, journey):
-                found.append((name, journey))
-        self._unsettled = {name for name, _ in found}
-        return found
-
-    def _extend(self, vehicle: str) -> None:
-        """Serve a vehicle whose route may be only partly allocated, after the others."""
-        if vehicle not in self._to_extend:
-            self._to_extend[vehicle] = next(self._numbers)
-        self._unsettled.add(vehicle)
-
-    def _is_settled(self, vehicle: str, journey: Journey) -> bool:
-        """Return whether a vehicle can neither be allocated nor claim more now; if so, await changes."""
-        if journey.refusal or not self.holds_enough(vehicle):
-            return False
-        causes = self._control.claims_enough_until(vehicle)
-        for each in causes or ():
-            self._woken_by.setdefault(each, set()).add(vehicle)
-        return causes is not None
-
-    @property
-    def waiting(self) -> frozenset[str]:
-        """The vehicles that may be waiting for traffic, under way or before departure."""
-        return frozenset((*(name for name, _ in self.extending()), *self._control.requesting))
-
-    def why_waiting(self, vehicle: str) -> str:
-        """Return why a vehicle waits for traffic; empty if it does not."""
-        refusal = self.refusal(vehicle)
-        if refusal is None:
-            self._turn_backs.pop(vehicle, None)
-            return ""
-        return refusal.in_words(self.turn_back_mm(vehicle, refusal))
-
-    def refusal(self, vehicle: str) -> Refusal | None:
-        """Return the refusal for which a vehicle waits; None if it does not wait for traffic."""
-        journey = self._journeys.get(vehicle)
-        return (journey and journey.refusal) or self._control.why_waiting(vehicle)
-
-    def turn_back_mm(self, vehicle: str, refusal: Refusal) -> int:
-        """Return how far the other vehicle would have to turn back, mm; see :class:`Scheduler`.
-
-        The value from when ``vehicle`` began to wait is cached. The current one changes with each node, and
-        each change of a vehicle's status is stored and published.
-        """
-        cause = refusal.reason, refusal.vehicles, refusal.resource
-        cached = self._turn_backs.get(vehicle)
-        if cached is None or cached[0] != cause:
-            known = bool(refusal.way) and refusal.vehicles[0] in self._scheduler
-            cached = self._turn_backs[vehicle] = cause, self._scheduler.turn_back_mm(refusal) if known else 0
-        return cached[1]
-
-    def sharing(self, vehicle: str) -> str:
-        """Return, as a predicate, which vehicle stands on the same resource; empty if there is none."""
-        found = self._scheduler.sharing(vehicle) if vehicle in self._scheduler else None
-        return Reason(R.SHARES, at=found[1], vehicle=found[0]) if found else ""
+    def resume(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
+        """Restore a vehicle's route after a restart; :meth:`arrived` then reports its progress."""
+        self._broken_off.pop(vehicle, None)
+        ends = self.resources.waiting_places(way)
+        end = next((place for place in ends if place >= allocated), allocated)
+        self.scheduler.resume(vehicle, way[:allocated], way[allocated:end])
+        self._routes[vehicle] = AllocatedRoute(tuple(way), allocated, released=allocated)

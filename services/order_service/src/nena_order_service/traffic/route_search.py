@@ -40,8 +40,8 @@ class RouteRequest:
 
 
 @dataclass(slots=True)
-class Journey:
-    """A route in progress: its sets, how many of them are allocated, and how many the vehicle has reached.
+class AllocatedRoute:
+    """A vehicle's route: its sets, how many of them are allocated, and how many the vehicle has reached.
 
     ``released`` of them may be driven; the others are allocated, but wait for a peripheral device.
     """
@@ -52,6 +52,10 @@ class Journey:
     released: int = 0
     refusal: Refusal | None = None
     """Why the next set is not allocated."""
+    holds_enough: bool = False
+    """Whether the vehicle needs nothing more before it has driven on."""
+    route_request: RouteRequest | None = None
+    """The request that was granted; None for a relocation, or after a restart."""
 
     @property
     def all_released(self) -> bool:
@@ -68,11 +72,15 @@ class RouteSearch:
     """Finds routes for requests, avoiding traffic; caches each route while its vehicle waits for it."""
 
     def __init__(
-        self, plant: PlantModel, routes: VehicleRoutes, scheduler: Scheduler, journeys: Mapping[str, Journey]
+        self,
+        plant: PlantModel,
+        routes: VehicleRoutes,
+        scheduler: Scheduler,
+        allocated_routes: Mapping[str, AllocatedRoute],
     ) -> None:
         self._routes = routes
         self._scheduler = scheduler
-        self._journeys = journeys
+        self._allocated_routes = allocated_routes
         self._drivable = {*plant.points_by_name, *plant.paths_by_name}
         self._opposite_edges = opposite_edges(plant)
         self._found: dict[str, tuple[tuple[str, RouteRequest], Route]] = {}
@@ -110,10 +118,10 @@ class RouteSearch:
 
         ``occupied`` is what waiting vehicles hold; ``closed`` resources are avoided like those in ``avoid``.
         """
-        journey = self._journeys[vehicle]
-        ahead = journey.way[journey.allocated :]
+        route_now = self._allocated_routes[vehicle]
+        ahead = route_now.way[route_now.allocated :]
         shares = defaultdict(float, self._burden_now())
-        self._count(shares, journey, -1)
+        self._count(shares, route_now, -1)
         for held in occupied:
             for each in held:
                 shares[each.point] += STANDING
@@ -139,7 +147,7 @@ class RouteSearch:
 
     def _burden_now(self) -> Mapping[str, float]:
         """Return what traffic adds to costs; with many vehicles it is not recounted for each search."""
-        if self._searched_with_burden >= len(self._journeys) // VEHICLES_PER_SEARCH:
+        if self._searched_with_burden >= len(self._allocated_routes) // VEHICLES_PER_SEARCH:
             self._burden, self._searched_with_burden = self._count_burden(), 0
         self._searched_with_burden += 1
         return self._burden
@@ -147,13 +155,13 @@ class RouteSearch:
     def _count_burden(self) -> dict[str, float]:
         """Return the share added to the cost of points ahead of vehicles, and of edges towards vehicles."""
         burden: defaultdict[str, float] = defaultdict(float)
-        for journey in self._journeys.values():
-            self._count(burden, journey, 1)
+        for route_now in self._allocated_routes.values():
+            self._count(burden, route_now, 1)
         return burden
 
-    def _count(self, burden: defaultdict[str, float], journey: Journey, times: int) -> None:
+    def _count(self, burden: defaultdict[str, float], route_now: AllocatedRoute, times: int) -> None:
         """Add what one vehicle adds to costs; with ``times`` -1, subtract it."""
-        for each in journey.way[journey.reached :]:
+        for each in route_now.way[route_now.reached :]:
             burden[each.point] += times * CONGESTION
             for use in each.uses:
                 for edge in self._opposite_edges.get((use, each.point), ()):

@@ -1,7 +1,6 @@
 """Scheduler: which vehicle holds, claims or will rest on which resource, and who goes first.
 
-See decision 0038. The terms *claim* and *allocate* are those of openTCS. :class:`Turns` is the order in which
-vehicles are served; :class:`SearchLimit` keeps one decision from blocking the event loop for long.
+See decision 0038. The terms *claim* and *allocate* are those of openTCS.
 """
 
 from __future__ import annotations
@@ -10,9 +9,7 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
-from math import inf
 
-from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.resources import Occupant, ResourceSet, UseIndex, Uses
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant.track import MM_PER_M
@@ -42,15 +39,19 @@ class Refusal:
     """The vehicles that close the cycle: through them, ``vehicles`` and the waiting one would deadlock."""
     way: tuple[ResourceSet, ...] = field(default=(), compare=False, repr=False)
     """The requested resources, if others must go first to avoid a deadlock."""
+    turn_back_mm: int = field(default=0, compare=False)
+    """How far the first vehicle would have to turn back if the refused one went first."""
 
     def __str__(self) -> str:
         return self.in_words()
 
-    def in_words(self, turn_back_mm: int = 0) -> Reason:
-        """Return, as a predicate, which vehicles are waited for, where and why.
+    @property
+    def cause(self) -> tuple[WaitReason, tuple[str, ...], str]:
+        """Why, for whom and where the vehicle waits."""
+        return self.reason, self.vehicles, self.resource
 
-        ``turn_back_mm`` is how far the other vehicle would have to turn back if this one went first.
-        """
+    def in_words(self) -> Reason:
+        """Return, as a predicate, which vehicles are waited for, where and why."""
         names, one = ", ".join(self.vehicles), len(self.vehicles) == 1
         match self.reason:
             case WaitReason.HELD:
@@ -58,13 +59,13 @@ class Refusal:
             case WaitReason.RESTING:
                 code = R.STANDS_ON if one else R.STAND_ON
             case WaitReason.ORDER:
-                code, why = R.GOES_FIRST if one else R.GO_FIRST, self._why_first(turn_back_mm)
+                code, why = R.GOES_FIRST if one else R.GO_FIRST, self._why_first()
                 return Reason(code, why, vehicles=names, at=self.resource)
         return Reason(code, vehicles=names, at=self.resource)
 
-    def _why_first(self, turn_back_mm: int) -> Reason:
-        if turn_back_mm:
-            return Reason(R.WOULD_TURN_BACK, metres=max(1, round(turn_back_mm / MM_PER_M)))
+    def _why_first(self) -> Reason:
+        if self.turn_back_mm:
+            return Reason(R.WOULD_TURN_BACK, metres=max(1, round(self.turn_back_mm / MM_PER_M)))
         return Reason(R.WOULD_BLOCK if self.between else R.WAITED_LONGER)
 
 
@@ -85,10 +86,8 @@ class Scheduler:
         self._claims = UseIndex()
         self._ends = UseIndex()
         self._rests: dict[str, list[ResourceSet]] = {}
-        self._versions: Counter[str] = Counter()
-        """Number of changes of what a vehicle holds, claims or will rest on."""
-        self._changed: set[str] = set()
-        """The vehicles of which this has changed; see :meth:`take_changed`."""
+        self.changed: set[str] = set()
+        """The vehicles that have moved or changed what they use; cleared by its reader."""
         self._later: defaultdict[str, Counter[str]] = defaultdict(Counter)
         """For each vehicle, those that cannot arrive before it, with the number of resources concerned."""
 
@@ -137,10 +136,12 @@ class Scheduler:
         occupant = self.occupant(name)
         if refusal := self._resting_on(name, way):
             return refusal
-        before = tuple(occupant.claimed)
+        last_claim, changed = tuple(occupant.claimed), name in self.changed
         self._set_claim(occupant, way)
         if refusal := self._cycle(name):
-            self._set_claim(occupant, before)
+            self._set_claim(occupant, last_claim)
+            if not changed:
+                self.changed.discard(name)
         return refusal
 
     def allocate(self, name: str) -> Refusal | None:
@@ -197,9 +198,9 @@ class Scheduler:
         freed = occupant.arrive(index)
         for each in freed:
             self._remove(self._holds, name, each.uses)
-        if occupant.resting:
+        self.changed.add(name)
+        if occupant.resting:  # others may now have to send it away
             self._forget_end(name)
-            self._changes(name)  # others may now have to send it away
         return bool(freed)
 
     def give_up_claim(self, name: str) -> None:
@@ -215,6 +216,8 @@ class Scheduler:
 
         That is from its current point to the end of the refused route, if it is oncoming.
         """
+        if not refusal.way or refusal.vehicles[0] not in self._occupants:
+            return 0
         first, way = self._occupants[refusal.vehicles[0]], refusal.way
         index = next((index for index, each in enumerate(way) if each.point == first.point), None)
         following = next(iter((*tuple(first.held)[first.reached + 1 :], *first.claimed)), None)
@@ -240,19 +243,6 @@ class Scheduler:
     def end_of(self, name: str, way: Sequence[ResourceSet]) -> list[ResourceSet]:
         """Return what the vehicle would rest on at the end of ``way``."""
         return self.occupant(name).at_end(way)
-
-    def version(self, name: str) -> int:
-        """Return a number that changes with what a vehicle holds, claims or will rest on."""
-        return self._versions[name]
-
-    def take_changed(self) -> set[str]:
-        """Return the vehicles whose :meth:`version` has changed since the last call."""
-        changed, self._changed = self._changed, set()
-        return changed
-
-    def versions(self, names: Iterable[str]) -> dict[str, int]:
-        """Return the :meth:`version` of each vehicle."""
-        return {name: self._versions[name] for name in names}
 
     def free_of_rest(self, name: str, way: Iterable[ResourceSet]) -> int:
         """Return how many sets of a route precede the first one on which another vehicle rests."""
@@ -344,17 +334,13 @@ class Scheduler:
 
     def _add(self, index: UseIndex, name: str, uses: Uses) -> None:
         """Add a use, and the precedence that follows from it."""
-        self._changes(name)
+        self.changed.add(name)
         self._order(index, name, index.add(name, uses), 1)
 
     def _remove(self, index: UseIndex, name: str, uses: Uses) -> None:
         """Remove a use, and the precedence that followed from it."""
-        self._changes(name)
+        self.changed.add(name)
         self._order(index, name, index.remove(name, uses), -1)
-
-    def _changes(self, name: str) -> None:
-        self._versions[name] += 1
-        self._changed.add(name)
 
     def _order(self, index: UseIndex, name: str, uses: Uses, count: int) -> None:
         if index is self._claims:
@@ -372,83 +358,3 @@ class Scheduler:
         after[later] += count
         if not after[later]:
             del after[later]
-
-
-class Turns:
-    """The order in which vehicles are served: a number and a goal for each, until it reaches the goal."""
-
-    def __init__(self) -> None:
-        self._turns: dict[str, tuple[int, str]] = {}
-        self._last = 0
-
-    def take(self, vehicle: str, goal: str, *, first: bool, waits: bool) -> None:
-        """Queue a vehicle for ``goal``, behind all others unless it keeps its turn or is ``first``.
-
-        It keeps its turn if it ``waits`` with a request, if its goal is unchanged, or if it is ``first``.
-        """
-        number, before = self._turns.get(vehicle, (None, ""))
-        if first and number is None:
-            number = min((each for each, _ in self._turns.values()), default=0) - 1
-        elif number is None or not (first or waits or goal == before):
-            self._last += 1
-            number = self._last
-        self._turns[vehicle] = number, goal
-
-    def number(self, vehicle: str) -> int:
-        """Return the number of a vehicle's turn; lower numbers are served first."""
-        return self._turns.get(vehicle, (0, ""))[0]
-
-    def goal(self, vehicle: str) -> str:
-        """Return the goal of a vehicle's turn; empty if it has none."""
-        return self._turns.get(vehicle, (0, ""))[1]
-
-    def end(self, vehicle: str) -> None:
-        """End a vehicle's turn, if it has one."""
-        self._turns.pop(vehicle, None)
-
-
-CLAIMS_PER_SEARCH = 5
-"""Number of attempts to claim a section that take about as long as one route search."""
-
-
-class SearchLimit:
-    """Limits the route searches and claims of one decision; the next decision continues with the rest.
-
-    Each decision starts with the oldest turn, finds the routes of the previous one in the caches, and skips
-    what is *done*. It therefore gets further each time, however many vehicles need a search.
-    """
-
-    def __init__(self, routes: VehicleRoutes) -> None:
-        self.reached = False
-        """Whether the limit is reached, so that searches are left to the next decision."""
-        self._routes = routes
-        self._most = inf
-        self.claims = 0
-        """Number of attempts to claim a section for vehicles under way."""
-        self._done: set[tuple[str, str]] = set()
-        """Tasks and vehicles that are completed; cleared after a decision that left nothing."""
-
-    def begin(self, searches: float) -> None:
-        """Begin a decision that may use this many searches."""
-        if not self.reached:
-            self._done.clear()
-        self.reached = False
-        self._most = self._spent + searches
-
-    @property
-    def _spent(self) -> float:
-        return self._routes.searches + self.claims / CLAIMS_PER_SEARCH
-
-    def permits(self) -> bool:
-        """Return whether another search is allowed; if not, it is left to the next decision."""
-        self.reached = self.reached or self._spent >= self._most
-        return not self.reached
-
-    def is_done(self, task: str, vehicle: str) -> bool:
-        """Return whether a task for a vehicle is completed."""
-        return (task, vehicle) in self._done
-
-    def done(self, task: str, vehicle: str) -> None:
-        """Mark a task as completed, unless the limit cut it short."""
-        if not self.reached:
-            self._done.add((task, vehicle))

@@ -1,4 +1,4 @@
-"""Evasion: send vehicles at rest to free points, so that others can pass (decision 0038)."""
+"""Relocation: send vehicles at rest to free points, so that others can pass (decision 0038)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from itertools import chain, filterfalse
 from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.routing.router import VehicleRoutes
 from nena_order_service.traffic.resources import Resources, ResourceSet, conflict
-from nena_order_service.traffic.scheduler import Scheduler, SearchLimit, WaitReason
+from nena_order_service.traffic.scheduler import Scheduler, WaitReason
 from nena_shared.plant import PlantModel
 from nena_shared.plant_terms import PointType
 
 CANDIDATES_TRIED = 8
-"""Maximum number of free points tried for a vehicle that makes room; the nearest ones are the best."""
+"""Maximum number of free points tried for a vehicle that is relocated; the nearest ones are the best."""
 
 VehicleTest = Callable[[str], bool]
 """A condition on the vehicle with this name."""
@@ -26,22 +26,18 @@ def no_vehicle(_vehicle: str) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Evasion:
-    """A vehicle at rest makes room along this route, which is already claimed."""
+class Relocation:
+    """A vehicle at rest is relocated along this route, which is already claimed."""
 
     vehicle: str
     route: Route
     way: tuple[ResourceSet, ...]
     lets_out: str | None = None
-    """The vehicle that this one enclosed, and that makes room next."""
+    """The vehicle that this one enclosed, and that is relocated next."""
 
 
-class Evader:
-    """Finds free points for vehicles at rest that have to make room, and claims their routes there.
-
-    When the ``limit`` is reached during the search for a vehicle, neither it nor the following ones are sent:
-    the next decision continues with the routes cached by then.
-    """
+class Relocator:
+    """Finds free points for vehicles at rest that are in the way, and claims their routes there."""
 
     def __init__(
         self,
@@ -49,40 +45,28 @@ class Evader:
         resources: Resources,
         scheduler: Scheduler,
         routes: VehicleRoutes,
-        limit: SearchLimit | None = None,
     ) -> None:
         self._parks = {each.name for each in plant.points if each.type is PointType.PARK_POSITION}
         self._resources = resources
         self._scheduler = scheduler
         self._routes = routes
-        self._limit = limit or SearchLimit(routes)
 
-    def evade(
+    def relocate(
         self,
         blockers: Iterable[str],
-        kept_free: Iterable[ResourceSet],
+        kept_free: Sequence[ResourceSet],
         movable: VehicleTest,
-        enclosing: set[str] | None = None,
-    ) -> Iterator[Evasion]:
-        """Send the movable ``blockers`` to points outside ``kept_free``.
-
-        Vehicles at rest that enclose a blocker are sent first, and the blocker at the next request. Enclosing
-        vehicles that cannot be sent are added to ``enclosing``.
-        """
-        asked: set[str] = set()
-        yield from self._evade(blockers, list(kept_free), movable, asked)
-        if enclosing is not None:
-            enclosing.update(asked)
-
-    def _evade(
-        self,
-        blockers: Iterable[str],
-        kept_free: list[ResourceSet],
-        movable: VehicleTest,
-        asked: set[str],
+        asked: set[str] | None = None,
+        *,
         lets_out: str | None = None,
-    ) -> Iterator[Evasion]:
-        """Send each blocker away, at most once; with ``lets_out`` the blockers enclose that vehicle."""
+    ) -> Iterator[Relocation]:
+        """Send the movable ``blockers``, each at most once, to points outside ``kept_free``.
+
+        Vehicles at rest that enclose a blocker are sent first, and the blocker at the next request: then
+        ``lets_out`` names the enclosed one. ``asked`` receives the vehicles that could be sent, and the
+        enclosing ones that could not.
+        """
+        asked = set() if asked is None else asked
         for vehicle in blockers:
             if vehicle in asked:
                 continue
@@ -90,26 +74,23 @@ class Evader:
                 if lets_out:
                     asked.add(vehicle)
                 continue
-            if self._limit.reached:
-                return
             asked.add(vehicle)
             enclosed: tuple[tuple[str, ...], list[ResourceSet]] | None = None
             for route, way in self._ways_out(vehicle, kept_free):
                 refusal = self._scheduler.claim(vehicle, way)
                 if refusal is None:
-                    yield Evasion(vehicle, route, tuple(way), lets_out)
+                    yield Relocation(vehicle, route, tuple(way), lets_out)
                     break
                 if refusal.reason is WaitReason.RESTING and enclosed is None:
                     enclosed = refusal.vehicles, way
             else:
-                if enclosed and not self._limit.reached:
+                if enclosed:
                     enclosing, way_out = enclosed
-                    yield from self._evade(
-                        enclosing, [*kept_free, *way_out], movable, asked, lets_out=vehicle
-                    )
+                    kept = [*kept_free, *way_out]
+                    yield from self.relocate(enclosing, kept, movable, asked, lets_out=vehicle)
 
     def _ways_out(
-        self, vehicle: str, kept_free: list[ResourceSet]
+        self, vehicle: str, kept_free: Sequence[ResourceSet]
     ) -> Iterator[tuple[Route, list[ResourceSet]]]:
         """Yield routes to free points, the best first: parking positions, then near points."""
         occupant = self._scheduler.occupant(vehicle)
@@ -121,8 +102,6 @@ class Evader:
         for place in places:
             if place in kept or self._scheduler.users(place):
                 continue
-            if not self._limit.permits():
-                return
             route = self._routes.route(vehicle, occupant.point, place)
             way = self._way(vehicle, route)
             if around := self._around(vehicle, way, place):
