@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.engine.rerouting import OFF_LOCKS_AT_ONCE
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.fleet.outputs import OperationStarted
 from nena_order_service.fleet.vda_order import VdaOrder
@@ -29,7 +28,6 @@ from nena_shared.plant import (
 )
 from support.fleet_examples import factsheet
 from support.order_service import request
-from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine
 
@@ -372,8 +370,8 @@ async def test_a_host_learns_that_the_robot_cannot_drive_the_other_route() -> No
     assert whole(fleet.missions[key("V1")]) == "ABCDE"
 
 
-async def test_after_a_lock_vehicles_are_rerouted_in_several_turns() -> None:
-    lanes = range(OFF_LOCKS_AT_ONCE + 2)
+async def test_after_a_lock_all_vehicles_are_rerouted() -> None:
+    lanes = range(6)
     at = {(lane, name): f"{name}{lane}" for lane in lanes for name in "ABCXD"}
     plant = PlantModel(
         name="lanes",
@@ -395,15 +393,10 @@ async def test_after_a_lock_vehicles_are_rerouted_in_several_turns() -> None:
         return sum(f"X{lane}" in whole(fleet.missions[key(f"V{lane}")]) for lane in lanes)
 
     lock(engine, *(f"C{lane} D{lane}" for lane in lanes))
-    assert led_around() == OFF_LOCKS_AT_ONCE
+    assert led_around() == len(lanes)
     last = f"V{lanes[-1]}"
     fleet.pass_node(last, 0)
     fleet.pass_node(last, 1)
-    assert base(fleet.missions[key(last)]) == f"A{lanes[-1]}B{lanes[-1]}", "halted until it has its new route"
-
-    await turn_passes()
-    await turn_passes()
-    assert led_around() == len(lanes)
     assert base(fleet.missions[key(last)]).endswith(f"X{lanes[-1]}")
 
 

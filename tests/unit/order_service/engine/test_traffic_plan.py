@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 
 import pytest
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.engine.traffic_plan import AT_ONCE
 from nena_order_service.routing.graph import RoutingProfile
 from nena_shared.fleet_api.traffic import VehiclePlan, WaitCause
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
-from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import engine_at, reason_of, status_of
 
@@ -126,27 +123,3 @@ async def test_the_traffic_plan_is_json() -> None:
 
     assert body["horizon"] == 60
     assert body["vehicles"][0]["holds"] == ["A"]
-
-
-async def test_plan_of_many_vehicles_yields_to_other_tasks() -> None:
-    places = {f"V{index}": f"P{index}" for index in range(3 * AT_ONCE)}
-    row = PlantModel(
-        name="row",
-        points=tuple(point(name, 2000 * index) for index, name in enumerate(places.values())),
-        vehicles=tuple(Vehicle(name=name) for name in places),
-    )
-    engine, _ = await engine_at(row, places)
-    done: list[str] = []
-
-    async def other() -> None:
-        for _ in range(2):
-            await turn_passes()
-            done.append("other")
-
-    async def planned() -> None:
-        assert len((await engine.traffic_plan()).vehicles) == 3 * AT_ONCE
-        done.append("plan")
-
-    await asyncio.gather(planned(), other())
-
-    assert done == ["other", "other", "plan"]

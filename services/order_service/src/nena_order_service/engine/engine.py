@@ -149,9 +149,7 @@ class Engine:
             recovery.restore_vehicles(absent)
             self.state.sequences.rebind(recovery.present_name)
             self._life_cycle.restore(found.orders, found.sent_orders, recovery)
-            self._rerouting.halt_before_locked_paths()
-            while self._rerouting.halts:
-                self._rerouting.reroute_off_locked_paths()
+            self._rerouting.reroute_off_locked_paths()
             self._dispatching.look_at(self.registry)
         await self.unit_of_work.committed()
         log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
@@ -400,28 +398,14 @@ class Engine:
                 self.peripherals.reported(location, state)
 
     def plant_changed(self) -> None:
-        """Replan all routes, including the horizons of driving vehicles, then check all orders; in parts."""
+        """Replan all routes, including the horizons of driving vehicles, then check all orders."""
         self.context.routes.forget()
         self.traffic.forget_routes()
         self._dispatching.forget()
-        with self.unit_of_work.begin():
-            self._rerouting.halt_before_locked_paths()
-        self._reroute_off_locked_paths()
-
-    def _reroute_off_locked_paths(self) -> None:
-        """Reroute some vehicles around locked paths, and the others in the next turns of the event loop."""
-        if self.unit_of_work.closed:
-            return
-        try:
-            with self.unit_of_work.begin():
-                self._rerouting.reroute_off_locked_paths()
-        finally:
-            if self._rerouting.halts:
-                asyncio.get_running_loop().call_soon(self._reroute_off_locked_paths)
-        if not self._rerouting.halts:
-            with self.change():
-                self.state.dispatch_due = self.state.drive_due = True
-            self._look_due.set()
+        with self.change():
+            self._rerouting.reroute_off_locked_paths()
+            self.state.dispatch_due = self.state.drive_due = True
+        self._look_due.set()
 
     # Queries
 
@@ -439,7 +423,7 @@ class Engine:
 
     async def traffic_plan(self) -> TrafficPlan:
         """Return where vehicles will be in the next minute, and which vehicles they wait for."""
-        return await self._plans.plan()
+        return self._plans.plan()
 
     async def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Return for each vehicle whether it could execute an order, or why not."""

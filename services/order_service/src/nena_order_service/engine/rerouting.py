@@ -5,7 +5,6 @@ Routes are replanned on request, after path locks, and for vehicles that wait fo
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -28,7 +27,6 @@ from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.log import get_logger
 from nena_shared.plant import BACKWARD_SUFFIX, UnknownObjectError
 from nena_shared.vda5050.order import Edge
-from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
@@ -38,8 +36,6 @@ CHOSEN_LATER = Reason(R.CHOSEN_LATER)
 NOTHING_AHEAD = Reason(R.NOTHING_AHEAD)
 REROUTED_AT_ONCE = 20
 """Maximum number of waiting vehicles rerouted in one check; each route search takes milliseconds."""
-OFF_LOCKS_AT_ONCE = 4
-"""Number of vehicles rerouted around locked paths in one turn of the event loop."""
 NO_OTHER_WAY = Reason(R.BEST_ROUTE)
 
 
@@ -83,8 +79,6 @@ class Rerouting:
         self._registry = context.registry
         self._clock = context.clock
         self._view = context.view
-        self._over_locks: deque[RobotKey] = deque()
-        """Robots that may still need a route around locked paths; traffic control halts them until then."""
         self._waiting: Mapping[str, int] = {}
         """Vehicles that were waiting at the last check, and how far each had driven."""
         self._last_rerouted: dict[str, tuple[str, int]] = {}
@@ -110,39 +104,21 @@ class Rerouting:
             return self._force(vehicle, order, record)
         return self._replan(vehicle, order, record, Reason(R.BY_REQUEST))
 
-    def halt_before_locked_paths(self) -> None:
-        """Halt vehicles whose routes lead over paths that are now locked, at the ends of their bases.
-
-        Those that have not started request their routes again. :meth:`reroute_off_locked_paths` reroutes the
-        others.
-        """
-        over = [each.robot for each in self._sent if not each.cancelled and self._leads_over_lock(each)]
-        self._over_locks = deque(over)
-        self._halt_rest()
-        self._driving.reconsider(lambda record: self._any_locked(record.vda_order.edges))
-
-    @property
-    def halts(self) -> bool:
-        """Whether any halted vehicle still has to be rerouted."""
-        return bool(self._over_locks)
-
     def reroute_off_locked_paths(self) -> None:
-        """Reroute the next halted vehicles around locked paths; without another route, they stop."""
-        robots = [self._over_locks.popleft() for _ in range(min(OFF_LOCKS_AT_ONCE, len(self._over_locks)))]
-        self._halt_rest()
-        for robot in robots:
-            record = self._sent.of_robot(robot)
-            if not record or record.cancelled or not self._leads_over_lock(record):
+        """Reroute vehicles from paths that are now locked; without another route, they stop before them.
+
+        Those that have not started request their routes again.
+        """
+        self._driving.reconsider(lambda record: self._any_locked(record.vda_order.edges))
+        for record in tuple(self._sent):
+            if record.cancelled or not self._leads_over_lock(record):
                 continue
-            vehicle = self._registry.discover(robot)
+            vehicle = self._registry.discover(record.robot)
             try:
                 self._reroute_off(vehicle, record)
             except ValueError:  # a failure for one vehicle must not let others drive over the path
                 log.exception("cannot reroute a vehicle around a locked path", vehicle=vehicle.name)
                 self._driving.end_early(record, partial=True)
-
-    def _halt_rest(self) -> None:
-        self._traffic.halt([self._registry.discover(each).name for each in self._over_locks])
 
     def _reroute_off(self, vehicle: FleetVehicle, record: SentOrder) -> None:
         order = None if record.evasion else self._orders.get(self._number(vehicle))
@@ -172,27 +148,27 @@ class Rerouting:
         """
         vehicle = self._registry.named(name)
         record = self._sent.of_robot(vehicle.key) if vehicle else None
-        journey = self._traffic.route_of(name)
-        if not vehicle or not record or record.cancelled or record.evasion or not journey:
+        current = self._traffic.route_of(name)
+        if not vehicle or not record or record.cancelled or record.evasion or not current:
             return
         order = self._orders.get(self._number(vehicle))
-        base_end = record.vda_order.nodes[journey.allocated].node_id
+        base_end = record.vda_order.nodes[current.allocated].node_id
         if (
             order.state is not TransportOrderState.BEING_PROCESSED
-            or journey.all_allocated
-            or journey.allocated > journey.released  # it waits for a device, not for traffic
+            or current.all_allocated
+            or current.allocated > current.released  # it waits for a device, not for traffic
             or base_end not in self._plant.points_by_name
         ):
             return
-        if self._last_rerouted.get(name) == (record.vda_order.order_id, journey.reached):
+        if self._last_rerouted.get(name) == (record.vda_order.order_id, current.reached):
             return
         route = self._traffic.route_around(name, order.resources_to_avoid, self._stays)
         if route is None or not route.steps:
             return
-        under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
+        under_way = _UnderWay(vehicle, record.released(current), order, base_end)
         leg = Leg(route.cost, route)
         if not self._why_not(under_way, leg) and not self._claim_leg(under_way, leg):
-            self._last_rerouted[name] = record.vda_order.order_id, journey.reached
+            self._last_rerouted[name] = record.vda_order.order_id, current.reached
             self._send(under_way, route, Reason(R.LESS_TRAFFIC))
 
     def _stays(self, name: str) -> bool:
@@ -228,13 +204,13 @@ class Rerouting:
 
     def _replan(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder, why: str) -> Rerouted:
         self._traffic.give_back(vehicle.name)
-        journey = self._traffic.route_of(vehicle.name)
-        if journey is None or record.all_released or journey.all_allocated:
+        current = self._traffic.route_of(vehicle.name)
+        if current is None or record.all_released or current.all_allocated:
             return Rerouted(ReroutingOutcome.UNCHANGED, NOTHING_AHEAD)
-        base_end = record.vda_order.nodes[journey.allocated].node_id
+        base_end = record.vda_order.nodes[current.allocated].node_id
         if base_end not in self._plant.points_by_name:
             return Rerouted(ReroutingOutcome.UNCHANGED, Reason(R.OFF_PATHS))
-        under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
+        under_way = _UnderWay(vehicle, record.released(current), order, base_end)
         try:
             route, reason = self._claim(under_way)
         except (NoRouteError, UnknownObjectError) as error:  # the plant may have lost a place
@@ -310,9 +286,9 @@ class Rerouting:
     def _send(self, under_way: _UnderWay, route: Route, why: str) -> None:
         vehicle, record = under_way.vehicle, under_way.record
         vda_order = self._with_route(under_way, route)
-        journey = self._traffic.route_of(vehicle.name)
-        assert journey, "requested by the caller"  # noqa: S101 - for the type
-        self._driving.send_on(record.updated(vda_order=vda_order, way=journey.way))
+        current = self._traffic.route_of(vehicle.name)
+        assert current, "requested by the caller"  # noqa: S101 - for the type
+        self._driving.send_on(record.updated(vda_order=vda_order, way=current.way))
         self._state.drive_due = True
         points = tuple(n.node_id for n in vda_order.nodes if n.node_id in self._plant.points_by_name)
         self._orders.put(under_way.order.rerouted(points, why, self._clock.now()))

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Sequence
-from functools import partial
-from itertools import repeat
+from collections.abc import Sequence
+from itertools import zip_longest
 from math import hypot
-from typing import Final
 
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving
@@ -20,11 +17,6 @@ from nena_shared.fleet_api.traffic import PlannedPoint, TrafficPlan, VehiclePlan
 from nena_shared.plant import MapPlace
 from nena_shared.plant.track import MM_PER_M
 
-AT_ONCE: Final = 20
-"""Number of vehicles planned before other tasks run; takes a few milliseconds."""
-
-_Plan = Callable[[Sequence[float]], VehiclePlan]
-
 
 class TrafficPlans:
     """Computes the traffic plan for hosts."""
@@ -36,51 +28,41 @@ class TrafficPlans:
         self._driving = driving
         self._pace = Pace(context.plant)
 
-    async def plan(self, horizon: float = HORIZON) -> TrafficPlan:
-        """Return for each vehicle what it holds, its next points with arrival times, and what it waits for.
-
-        Yields to other tasks every few vehicles.
-        """
-        time, drives, plans = self._context.clock.now(), dict[str, Drive](), list[_Plan]()
-        for number, vehicle in enumerate(tuple(self._registry), start=1):
-            if vehicle.name in self._traffic:
-                drive = drives[vehicle.name] = self._drive(vehicle, horizon)
-                plans.append(self._plan(vehicle, drive))
-            if number % AT_ONCE == 0:
-                await asyncio.sleep(0)
+    def plan(self, horizon: float = HORIZON) -> TrafficPlan:
+        """Return what each vehicle holds, its next points with arrival times, and what it waits for."""
+        located = [vehicle for vehicle in self._registry if vehicle.name in self._traffic]
+        drives = {vehicle.name: self._drive(vehicle, horizon) for vehicle in located}
         forecast = Forecast(drives, horizon)
-        planned = tuple(plan(forecast.arrivals(name)) for name, plan in zip(drives, plans, strict=True))
-        return TrafficPlan(time=time, horizon=horizon, vehicles=planned)
+        plans = (
+            self._plan(vehicle, drives[vehicle.name], forecast.arrivals(vehicle.name)) for vehicle in located
+        )
+        return TrafficPlan(time=self._context.clock.now(), horizon=horizon, vehicles=tuple(plans))
 
-    def _plan(self, vehicle: FleetVehicle, drive: Drive) -> _Plan:
-        """Return a function that completes the plan of a vehicle with its arrival times, seconds."""
-        name, journey = vehicle.name, self._traffic.route_of(vehicle.name)
-        at = self._traffic.point(name)
-        starts = (at, *(each.point for each in drive.ahead))
-        plan = partial(
-            VehiclePlan,
-            vehicle=name,
+    def _plan(self, vehicle: FleetVehicle, drive: Drive, arrivals: Sequence[float]) -> VehiclePlan:
+        """Return the plan of a vehicle that arrives at its next points after so many seconds."""
+        route, at = self._traffic.route_of(vehicle.name), self._traffic.point(vehicle.name)
+        ahead: list[PlannedPoint] = []
+        start = at
+        for index, (step, seconds) in enumerate(zip_longest(drive.ahead, arrivals)):
+            edge = self._pace.edge(start, step)
+            ahead.append(
+                PlannedPoint(
+                    point=step.point,
+                    path=edge.path.name if edge else None,
+                    held=index < drive.allocated,
+                    seconds=None if seconds is None else round(seconds, 1),
+                )
+            )
+            start = step.point
+        return VehiclePlan(
+            vehicle=vehicle.name,
             transport_order=self._order(vehicle),
             at=at,
-            holds=tuple(dict.fromkeys(use for each in drive.held for use in each.uses)),
-            goal=journey.way[-1].point if journey and journey.way else None,
+            holds=tuple(dict.fromkeys(use for held in drive.held for use in held.uses)),
+            ahead=tuple(ahead),
+            goal=route.way[-1].point if route and route.way else None,
             wait=self._driving.wait(vehicle),
         )
-        ahead = tuple(
-            partial(
-                PlannedPoint,
-                point=each.point,
-                path=edge.path.name if (edge := self._pace.edge(start, each)) else None,
-                held=index < drive.allocated,
-            )
-            for index, (start, each) in enumerate(zip(starts, drive.ahead, strict=False))
-        )
-
-        def planned(arrivals: Sequence[float]) -> VehiclePlan:
-            seconds = [*(round(each, 1) for each in arrivals), *repeat(None, len(ahead) - len(arrivals))]
-            return plan(ahead=tuple(each(seconds=at) for each, at in zip(ahead, seconds, strict=True)))
-
-        return planned
 
     def _order(self, vehicle: FleetVehicle) -> str | None:
         number = self._context.state.sent_orders.order_number(vehicle.key)
@@ -89,14 +71,14 @@ class TrafficPlans:
     def _drive(self, vehicle: FleetVehicle, horizon: float) -> Drive:
         """Return the steps that a vehicle could drive within the horizon, seconds."""
         name = vehicle.name
-        journey, held = self._traffic.route_of(name), self._traffic.held(name)
+        route, held = self._traffic.route_of(name), self._traffic.held(name)
         refusal = self._traffic.refusal(name)
-        if journey is None:
+        if route is None:
             return Drive(held, refusal=refusal)
         at, seconds, in_all = self._traffic.point(name), list[float](), 0.0
         seconds_along = self._pace.of(vehicle.model, self._context.view(vehicle).factsheet)
-        allocated = journey.allocated - journey.reached
-        for index, each in enumerate(journey.way[journey.reached :]):
+        allocated = route.allocated - route.reached
+        for index, each in enumerate(route.way[route.reached :]):
             if index >= allocated and in_all > horizon:
                 break
             edge = self._pace.edge(at, each)
@@ -104,7 +86,7 @@ class TrafficPlans:
             seconds.append(seconds_along(edge, length_mm))
             in_all += seconds[-1]
             at = each.point
-        ahead = journey.way[journey.reached : journey.reached + len(seconds)]
+        ahead = route.way[route.reached : route.reached + len(seconds)]
         return Drive(held, ahead, allocated, tuple(seconds), box_of(vehicle).length_mm, refusal)
 
     def _left_mm(self, vehicle: FleetVehicle, step: ResourceSet) -> float:

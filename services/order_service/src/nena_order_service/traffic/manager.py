@@ -177,8 +177,6 @@ class TrafficManager:
         """The right of way in the last decision."""
         self._let_out: dict[str, _LetOut] = {}
         """By vehicle that was relocated: the one that it enclosed."""
-        self._halted: frozenset[str] = frozenset()
-        """Vehicles to which nothing is allocated for now; see :meth:`halt`."""
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
         """The resource sets where vehicles may be that broke off their routes or are moved by hand, up to the
         next point of their routes."""
@@ -795,18 +793,12 @@ class TrafficManager:
 
     # Vehicles under way
 
-    def halt(self, vehicles: Collection[str]) -> None:
-        """Allocate nothing more to these vehicles, and resume allocation to all others."""
-        self._halted = frozenset(vehicles)
-
     def allocate(self, vehicle: str, ahead: int = 0, length_mm: float = 0.0, gate: Gate = OPEN) -> bool:
         """Allocate sets until the vehicle has enough ahead of it; return whether it may drive further.
 
         Enough means at least ``ahead`` sets, and ``length_mm`` beyond the next one. Without either, allocate
         as many as possible.
         """
-        if vehicle in self._halted:
-            return False
         route, occupant = self._routes[vehicle], self.scheduler.occupant(vehicle)
         released, last_refusal = route.released, route.refusal
         route.refusal, stopped = None, False
