@@ -73,13 +73,13 @@ class RestartGate:
         self._on_open = on_open
         self._timeout = context.settings.restart_patience
         self._until = context.clock.monotonic() + self._timeout
-        self._awaited: dict[str, FleetVehicle] = {}
-        """The vehicles to wait for, by name, without some that have answered since."""
+        self._awaited: list[FleetVehicle] = []
+        """The vehicles to wait for, without those that have answered since."""
         self._open = False
 
     def begin(self, vehicles: Iterable[FleetVehicle]) -> None:
         """Start waiting for these vehicles."""
-        self._awaited = {each.name: each for each in vehicles}
+        self._awaited = list(vehicles)
         self._until = self._context.clock.monotonic() + self._timeout
 
     @property
@@ -88,10 +88,11 @@ class RestartGate:
         if not self._open:
             fleet = self._context.fleet
             late = self._context.clock.monotonic() >= self._until and fleet.connected_for() >= self._timeout
-            self._open = late or (not self._missing(1) and fleet.all_known())
-            if self._open and (missing := self._missing(len(self._awaited))):
-                log.warning("robots without a state keep their resources", vehicles=missing)
+            missing = self._missing()
+            self._open = late or (not missing and fleet.all_known())
             if self._open:
+                if missing:
+                    log.warning("robots without a state keep their resources", vehicles=missing)
                 self._on_open()
         return self._open
 
@@ -100,27 +101,22 @@ class RestartGate:
         """Why nothing is sent yet; empty when the gate is open."""
         if self.is_open:
             return ""
-        missing = self._missing(NAMED_MISSING + 1)
+        missing = self._missing()
         if not missing:
             return Reason(R.FIRST_STATES)
         more = ", …" if len(missing) > NAMED_MISSING else ""
         return Reason(R.FIRST_STATE, vehicles=", ".join(missing[:NAMED_MISSING]) + more)
 
-    def _missing(self, limit: int) -> list[str]:
-        """Return the names of up to ``limit`` vehicles that have yet to answer.
+    def _missing(self) -> list[str]:
+        """Return the names of the vehicles that have yet to answer.
 
         Those that have answered are not checked again; if one is back later, fleet control knows it.
         """
-        missing, answered = list[str](), list[str]()
-        for name, vehicle in self._awaited.items():
-            if len(missing) == limit:
-                break
-            view = self._context.view(vehicle)
-            waits = view.state is None and view.link in MAY_STILL_SPEAK
-            (missing if waits else answered).append(name)
-        for name in answered:
-            del self._awaited[name]
-        return missing
+        views = [(vehicle, self._context.view(vehicle)) for vehicle in self._awaited]
+        self._awaited = [
+            vehicle for vehicle, view in views if view.state is None and view.link in MAY_STILL_SPEAK
+        ]
+        return [vehicle.name for vehicle in self._awaited]
 
 
 class Pauses:

@@ -163,11 +163,10 @@ class Rerouting:
         if self._last_rerouted.get(name) == (record.vda_order.order_id, current.reached):
             return
         route = self._traffic.route_around(name, order.resources_to_avoid, self._stays)
-        if route is None or not route.steps:
-            return
         under_way = _UnderWay(vehicle, record.released(current), order, base_end)
-        leg = Leg(route.cost, route)
-        if not self._why_not(under_way, leg) and not self._claim_leg(under_way, leg):
+        if route is None or self._is_current(under_way, route):
+            return
+        if not self._problem(under_way, route) and not self._claim_route(under_way, route):
             self._last_rerouted[name] = record.vda_order.order_id, current.reached
             self._send(under_way, route, Reason(R.LESS_TRAFFIC))
 
@@ -226,39 +225,39 @@ class Rerouting:
         Raises:
             NoRouteError: there is no route at all.
         """
-        leg = self._leg(under_way)
-        if why_not := self._why_not(under_way, leg):
-            return None, why_not
-        refusal = self._claim_leg(under_way, leg)
-        if refusal and refusal.reason is WaitReason.RESTING:
+        avoid: frozenset[str] = frozenset()
+        refusal: Refusal | None = None
+        while True:
             try:
-                leg = self._leg(under_way, self._occupied(refusal) - {under_way.base_end})
+                route = self._route(under_way, avoid)
             except NoRouteError:
+                if refusal is None:
+                    raise
                 return None, Reason(R.IT, refusal.in_words())
-            if why_not := self._why_not(under_way, leg):
-                return None, why_not
-            refusal = self._claim_leg(under_way, leg)
-        if refusal:
-            return None, Reason(R.IT, refusal.in_words())
-        return (None, NO_OTHER_WAY) if self._is_present_way(under_way, leg) else (leg.route, "")
+            if route is None or self._is_current(under_way, route):
+                return None, NO_OTHER_WAY
+            if problem := self._problem(under_way, route):
+                return None, problem
+            is_first, refusal = refusal is None, self._claim_route(under_way, route)
+            if refusal is None:
+                return route, ""
+            if not is_first or refusal.reason is not WaitReason.RESTING:
+                return None, Reason(R.IT, refusal.in_words())
+            avoid = self._occupied(refusal) - {under_way.base_end}
 
-    def _leg(self, under_way: _UnderWay, avoid: frozenset[str] = frozenset()) -> Leg:
+    def _route(self, under_way: _UnderWay, avoid: frozenset[str]) -> Route | None:
         standing = Standing(under_way.base_end, on_point=True, pose=None)
-        return self._planner.way(under_way.order, under_way.vehicle, standing, avoid=avoid).legs[0]
+        return self._planner.way(under_way.order, under_way.vehicle, standing, avoid=avoid).legs[0].route
 
-    def _claim_leg(self, under_way: _UnderWay, leg: Leg) -> Refusal | None:
-        """Claim the route along a leg, unless it is the current one; return the refusal, if any."""
-        if leg.route is None or self._is_present_way(under_way, leg):
-            return None
+    def _claim_route(self, under_way: _UnderWay, route: Route) -> Refusal | None:
+        leg = Leg(route.cost, route)
         at_goal = self._planner.route_request(under_way.order, under_way.vehicle, leg).at_goal
-        return self._traffic.replan(under_way.vehicle.name, leg.route.steps, at_goal)
+        return self._traffic.replan(under_way.vehicle.name, route.steps, at_goal)
 
-    def _is_present_way(self, under_way: _UnderWay, leg: Leg) -> bool:
-        """Return whether a leg is the vehicle's current route, or empty."""
-        if leg.route is None or not leg.route.steps:
-            return True
+    def _is_current(self, under_way: _UnderWay, route: Route) -> bool:
+        """Return whether the vehicle already drives this route, or the route is empty."""
         rest = under_way.record.vda_order.edges[under_way.record.allocated :]
-        return tuple(each.edge_id for each in rest) == tuple(each.edge_id for each in leg.route.steps)
+        return not route.steps or [edge.edge_id for edge in rest] == [step.edge_id for step in route.steps]
 
     def _occupied(self, refusal: Refusal) -> frozenset[str]:
         """Return the points and paths held by the vehicles in the way."""
@@ -266,13 +265,13 @@ class Rerouting:
         drivable = self._plant.points_by_name.keys() | self._plant.paths_by_name.keys()
         return frozenset(use for each in held for use in each.uses if use in drivable)
 
-    def _why_not(self, under_way: _UnderWay, leg: Leg) -> str | None:
+    def _problem(self, under_way: _UnderWay, route: Route) -> str | None:
         """Return why the robot, by its factsheet, cannot execute the order along another route; or None."""
         factsheet = self._view(under_way.vehicle).factsheet
-        if factsheet is None or leg.route is None or self._is_present_way(under_way, leg):
+        if factsheet is None:
             return None
         abilities = Abilities(factsheet)
-        return order_problem(fitted(self._with_route(under_way, leg.route), abilities), abilities)
+        return order_problem(fitted(self._with_route(under_way, route), abilities), abilities)
 
     def _with_route(self, under_way: _UnderWay, route: Route) -> VdaOrder:
         """Return the VDA order with this route from the end of its base (section 6.1.2)."""
