@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
-from nena_order_service.dispatching.candidates import DispatchedVehicle
+from nena_order_service.dispatching.candidates import DispatchedVehicle, OrderKind, kind_of
 from nena_order_service.dispatching.dispatcher import Decisions
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick
-from nena_order_service.routing.router import RouteCost
 
 
 @dataclass(frozen=True)
 class Told:
     """Knowledge with given costs by vehicle, or by order and vehicle; without a cost there is no route."""
 
-    costs: Mapping[Any, float] = field(default_factory=dict)
+    costs_of: Mapping[Any, float] = field(default_factory=dict)
     unsuitable: Mapping[tuple[str, str], str] = field(default_factory=dict)
     """Why vehicles must not do orders of a type, by type and vehicle."""
 
-    crowds: Mapping[str, int] = field(default_factory=dict)
-    """How many vehicles are to come to the destinations of orders, by name."""
+    coming: Mapping[str | None, int] = field(default_factory=dict)
+    """How many vehicles are to come to locations."""
+
+    def kind(self, order: TransportOrder) -> OrderKind:
+        return kind_of(order)
+
+    def named(self, order: TransportOrder) -> Collection[str]:
+        return order.status.excluded_vehicles
 
     def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
         return self.unsuitable.get((order.status.type, vehicle), "")
@@ -34,15 +39,19 @@ class Told:
     def pick(self, order: TransportOrder) -> Pick | None:
         return Pick() if order.current.destination.operation == "Load" else None
 
-    def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
-        cost = self.costs.get((order.name, vehicle), self.costs.get(vehicle, inf))
-        return RouteCost(cost, cost)
+    def costs(
+        self, order: TransportOrder, vehicles: Sequence[DispatchedVehicle]
+    ) -> Sequence[tuple[float, float]]:
+        found = [
+            self.costs_of.get((order.name, each.name), self.costs_of.get(each.name, inf)) for each in vehicles
+        ]
+        return [(cost, cost) for cost in found]
 
-    def crowd(self, order: TransportOrder) -> int:
-        return self.crowds.get(order.name, 0)
+    def visits(self) -> Mapping[str | None, int]:
+        return self.coming
 
-    def why_no_route(self, order: TransportOrder, vehicle: str) -> str:
-        return f"No route for {order.name} and {vehicle}."
+    def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
+        return f"No route for {order.name} and {vehicle.name}."
 
 
 def vehicles(**obstacles: str) -> list[DispatchedVehicle]:

@@ -83,8 +83,8 @@ NEAR_EACH = Told(
 @pytest.mark.parametrize(("crowding", "chosen"), [(0.0, "T-1"), (0.1, "T-1"), (0.2, "T-2")])
 def test_an_order_to_a_crowded_station_costs_more(crowding: float, chosen: str) -> None:
     """The vehicle has 100 to the first order and 125 to the other; two others are to come to the first."""
-    known = Told({("T-1", "v"): 100, ("T-2", "v"): 125}, crowds={"T-1": 2})
-    orders = [dispatchable_order(number=1), dispatchable_order(number=2)]
+    known = Told({("T-1", "v"): 100, ("T-2", "v"): 125}, coming={"A": 2})
+    orders = [dispatchable_order("A", number=1), dispatchable_order("B", number=2)]
     decisions = decide(orders, vehicles(v=""), known, crowding=crowding)
 
     assert pairs(decisions) == {chosen: "v"}
@@ -167,6 +167,14 @@ def test_unreachable_destination_is_the_reason() -> None:
     assert decisions.reasons["T-1"] == "waits: vehicle 'V1' has no route: No route for T-1 and V1."
 
 
+def test_an_order_without_a_route_does_not_hide_why_others_wait() -> None:
+    orders = [dispatchable_order(number=number) for number in (1, 2, 3)]
+    decisions = decide(orders, vehicles(V1=""), Told({("T-2", "V1"): 1}), choosers=Chooser.ORDERS)
+    assert pairs(decisions) == {"T-2": "V1"}
+    assert "'V1' has no route" in decisions.reasons["T-1"]
+    assert decisions.reasons["T-3"] == f"waits for a vehicle: each of them {BUSY}"
+
+
 def test_fleet_without_vehicles_is_said() -> None:
     assert "none in the plant model takes orders" in decide([dispatchable_order()], [], Told()).reasons["T-1"]
 
@@ -174,8 +182,9 @@ def test_fleet_without_vehicles_is_said() -> None:
 def test_an_unsuitable_vehicle_is_skipped_with_a_reason() -> None:
     told = Told({"picky": 1, "other": 2}, {("Hazardous", "picky"): "accepts no orders of type 'Hazardous'"})
     orders = [dispatchable_order(number=1, type="Hazardous")]
-    assert pairs(decide(orders, vehicles(picky="", other=""), told)) == {"T-1": "other"}
-    reason = decide(orders, vehicles(picky="", other=BUSY), told).reasons["T-1"]
+    picky = DispatchedVehicle("picky", order_types=(AcceptableOrderType(name="Transport"),))
+    assert pairs(decide(orders, [picky, *vehicles(other="")], told)) == {"T-1": "other"}
+    reason = decide(orders, [picky, *vehicles(other=BUSY)], told).reasons["T-1"]
     assert reason == f"waits for a vehicle: each of them accepts no orders of type 'Hazardous' or {BUSY}"
 
 

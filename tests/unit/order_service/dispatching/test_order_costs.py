@@ -2,8 +2,9 @@ from __future__ import annotations
 
 from math import inf
 
+from nena_order_service.dispatching.candidates import DispatchedVehicle
 from nena_order_service.engine.conditions import Sequences
-from nena_order_service.engine.order_knowledge import KnownCosts, OrderFit, OrderKnowledge
+from nena_order_service.engine.order_knowledge import OrderFit, OrderKnowledge
 from nena_order_service.orders.automatic import park_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick
@@ -19,46 +20,43 @@ PLANT = plant(
 )
 
 
-def knowledge(*assigned: TransportOrder) -> tuple[OrderKnowledge, KnownCosts, OrderFit, VehicleRegistry]:
+V1, V2 = DispatchedVehicle("V1", start="A"), DispatchedVehicle("V2", start="C")
+
+
+def knowledge(*assigned: TransportOrder) -> tuple[OrderKnowledge, OrderFit, VehicleRegistry]:
     context = make_context(PLANT)
-    costs = KnownCosts(context.planner, context.registry)
     fit = OrderFit(context.state.vehicles, Sequences(context))
-    starts = {"V1": "A", "V2": "C"}
-    places = {each.name: (each, starts[each.name]) for each in context.registry}
-    known = OrderKnowledge(costs, places, context.planner, fit, lambda: assigned)
-    return known, costs, fit, context.registry
+    for order, vehicle in zip(assigned, context.registry, strict=False):
+        context.state.orders.put(order)
+        context.state.sent_orders.assign(order, vehicle.key)
+    return OrderKnowledge(context, fit), fit, context.registry
 
 
 def test_costs_cover_only_remaining_destinations() -> None:
     known, *_ = knowledge()
     order = dispatchable_order("B", "C")
-    assert known.cost(order, "V1") == (4000, 1000)
-    assert known.cost(order, "V2").complete == inf
+    assert [*known.costs(order, [V1, V2])] == [(4000, 1000), (inf, inf)]
     begun: TransportOrder = assigned_order("B", "C", number=2).drive_order_finished(0, NOW)
-    assert known.cost(begun, "V1").complete == 4000
-    assert known.cost(begun, "V2").complete == 0
+    assert [*known.costs(begun, [V1, V2])] == [(4000, 4000), (0, 0)]
 
 
 def test_outstanding_visits_to_destinations_are_counted() -> None:
     fetched = assigned_order("B", "C", number=2).drive_order_finished(0, NOW)
     known, *_ = knowledge(fetched, assigned_order("B", "C", number=3))
-
-    assert known.crowd(dispatchable_order("B")) == 1
-    assert known.crowd(dispatchable_order("B", "C")) == 3
-    assert known.crowd(dispatchable_order("A")) == 0
+    assert known.visits() == {"B": 1, "C": 2}
 
 
 def test_resources_to_avoid_and_a_missing_route_are_reported() -> None:
-    known, costs, _, _ = knowledge()
+    known, *_ = knowledge()
     order = dispatchable_order("C", properties=[{"key": "tcs:resourcesToAvoid", "value": "B"}])
-    assert known.cost(order, "V1").complete == inf
-    assert "without 'B'" in known.why_no_route(order, "V1")
-    costs.forget()
-    assert "No route from 'C'" in known.why_no_route(dispatchable_order("A"), "V2")
+    assert [*known.costs(order, [V1])] == [(inf, inf)]
+    assert "without 'B'" in known.why_no_route(order, V1)
+    known.forget_routes()
+    assert "No route from 'C'" in known.why_no_route(dispatchable_order("A"), V2)
 
 
 def test_automatic_orders_require_no_type() -> None:
-    known, _, fit, registry = knowledge()
+    known, fit, registry = knowledge()
     vehicle = registry.named("V1")
     assert vehicle
     fit.accept(vehicle, (AcceptableOrderType(name="Transport"),))

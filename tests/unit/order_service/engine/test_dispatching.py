@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from nena_order_service.dispatching.settings import DispatchSettings
-from nena_order_service.engine import dispatching
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.outputs import BrokerLinkChanged, RobotChanged
@@ -17,9 +16,9 @@ from nena_order_service.routing import graph
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
-from support.pausing import turn_passes
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
+from support.waiting import until
 
 PLANT = PlantModel(
     name="row",
@@ -79,8 +78,8 @@ async def test_no_vehicle_is_reserved_for_an_order_intended_for_another() -> Non
     engine.create(request("A", intendedVehicle="V2"), "T")
     order, dispatching = engine.state.orders.named("T"), engine._dispatching
     assert order
-    dispatching._keep(order.number, "V1")
-    dispatching._forget_kept()
+    dispatching._kept[order.number] = "V1"
+    engine.look()
     assert dispatching._kept == {}
 
 
@@ -174,13 +173,13 @@ async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pyte
     fleet.out_of_order.update(("V1", "V2"))
     engine.create(request("B", intendedVehicle="V2"), "T")
     decisions: list[int] = []
-    decide = engine._life_cycle._dispatch
+    decide = engine._life_cycle._assign_waiting
 
     def counted(orders: Sequence[TransportOrder]) -> None:
         decisions.append(len(orders))
         decide(orders)
 
-    monkeypatch.setattr(engine._life_cycle, "_dispatch", counted)
+    monkeypatch.setattr(engine._life_cycle, "_assign_waiting", counted)
     fleet.appear("V2", "C")
     fleet.appear("V2", "C")
     assert decisions == []
@@ -188,22 +187,6 @@ async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pyte
     fleet.appear("V2", "C")
     assert decisions == [1]
     assert fleet.sent[0][0] == "V2"
-
-
-async def test_a_fleet_that_changes_as_a_whole_is_read_in_parts_before_it_gets_orders(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    engine, fleet = await make()
-    fleet.out_of_order.update(("V1", "V2"))
-    engine.create(request("C"), "T")
-    fleet.out_of_order.clear()
-    monkeypatch.setattr(dispatching, "VEHICLES_AT_ONCE", 1)
-    engine.state.touched.update(("V1", "V2"))
-    assert [*engine._dispatching.due()] == []
-    assert (len(engine.state.touched), engine.state.dispatch_later) == (1, True)
-    (orders,) = engine._dispatching.due()
-    assert [each.name for each in orders] == ["T"]
-    assert (len(engine.state.touched), engine.state.dispatch_later) == (0, False)
 
 
 async def test_a_new_link_to_the_broker_offers_an_order_to_the_whole_fleet_at_once() -> None:
@@ -216,23 +199,26 @@ async def test_a_new_link_to_the_broker_offers_an_order_to_the_whole_fleet_at_on
     assert any("of 2 free vehicles" in each for each in reasons), reasons
 
 
-async def test_an_order_that_comes_while_the_fleet_is_read_overtakes_no_urgent_one(
+async def test_after_a_long_decision_the_next_one_waits_and_assigns_the_urgent_order(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     engine, fleet = await make(energy={"respected": False})
     fleet.out_of_order.update(("V1", "V2"))
+    decide = engine._life_cycle.dispatch
+
+    def long_decision() -> None:
+        decide()
+        engine.clock.advance(0.01)  # type: ignore[attr-defined]
+
+    monkeypatch.setattr(engine._life_cycle, "dispatch", long_decision)
+    engine.create(request("B"), "first")
+    monkeypatch.setattr(engine._life_cycle, "dispatch", decide)
+    fleet.out_of_order.discard("V2")
+    fleet.appear("V2", "C")
     engine.create(request("C", priority=5), "urgent")
-    fleet.out_of_order.clear()
-    monkeypatch.setattr(dispatching, "VEHICLES_AT_ONCE", 1)
-    fleet.out_of_order.add("V1")
-    engine.state.touched.update(("V1", "V2"))
-    engine.create(request("C"), "later")
-    for _ in range(3):
-        await turn_passes()
-    assert [(robot, status_of(engine, "later").state) for robot, *_ in fleet.sent] == [
-        ("V2", TransportOrderState.DISPATCHABLE)
-    ]
-    assert status_of(engine, "urgent").state is TransportOrderState.BEING_PROCESSED
+    assert fleet.sent == []
+    await until(lambda: bool(fleet.sent))
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["urgent-0"]
 
 
 async def test_a_repeated_decision_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,6 +236,13 @@ async def test_a_repeated_decision_needs_no_search(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(graph.RoutingGraph, "costs_to", no_search)
     assert [each.fits for each in await engine.explain(order)] == [True, True]
+
+
+async def test_a_vehicle_that_moved_without_an_event_starts_where_it_is() -> None:
+    engine, fleet = await make(energy={"respected": False})
+    fleet.at["V1"] = "B"
+    engine.create(request("A", intendedVehicle="V1"), "T")
+    assert fleet.sent[0][1].nodes[0].node_id == "B"
 
 
 async def test_an_order_that_avoids_a_missing_resource_waits_with_a_reason() -> None:

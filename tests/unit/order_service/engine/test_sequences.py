@@ -48,7 +48,6 @@ def test_a_fatal_failure_fails_all_later_orders_of_the_sequence() -> None:
     assert bench.fail(light) == ([], "T-1")
     assert bench.fail(first) == (["T-3"], "T-3")
     assert bench.fail(last) == ([], None)
-    assert bench.states.freed
 
 
 def test_an_order_without_a_sequence_is_ignored() -> None:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from heapq import heappop, heappush, nsmallest
+from functools import cached_property
+from heapq import heappop, heappush
 from itertools import groupby, takewhile
 from math import inf
 from types import MappingProxyType
 from typing import Final, Protocol
 
-from nena_order_service.dispatching.candidates import DispatchedVehicle, OrderKind, kind_of
+from nena_order_service.dispatching.candidates import DispatchedVehicle, OrderKind, stops_of
 from nena_order_service.dispatching.settings import (
     CandidateKey,
     Chooser,
@@ -232,15 +233,29 @@ RANKS: Final = 1024
 URGENCY: Final = (OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE)
 """The keys combined in :attr:`TransportOrder.urgency`."""
 
+PAIRS_AT_ONCE: Final = 2_000
+MOST_AT_ONCE: Final = 64
+FEWEST_AT_ONCE: Final = 16
+"""How many orders are assigned together: as many as make this number of pairs with the free vehicles, within
+these limits. The work of :func:`assign` grows faster than the number of orders: 64 of them with 64 vehicles
+take some 15 ms, and 16 with 300 vehicles 1 ms. The less urgent orders follow in the next batch."""
+
 KINDS_NAMED: Final = 5
 """Maximum number of kinds of obstacles named in a reason."""
 
 NOTHING_KEPT: Final[Mapping[int, str]] = MappingProxyType({})
-NONE_LEFT_OUT: Final[Mapping[int, int]] = MappingProxyType({})
 
 
 class Knowledge(Protocol):
     """Queries of the dispatcher about orders and vehicles."""
+
+    def kind(self, order: TransportOrder) -> OrderKind:
+        """Return the kind of an order."""
+        ...
+
+    def named(self, order: TransportOrder) -> Collection[str]:
+        """Return the vehicles that an order or its sequence names: for others, only their group counts."""
+        ...
 
     def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
         """Return why a vehicle must not execute an order, regardless of its current work; empty if it may.
@@ -257,15 +272,17 @@ class Knowledge(Protocol):
         """Return what an order picks up first; None: nothing, or it drops something before."""
         ...
 
-    def cost(self, order: TransportOrder, vehicle: str) -> RouteCost:
-        """Return the cost of a vehicle's route through an order's destinations; infinity: no route."""
+    def costs(
+        self, order: TransportOrder, vehicles: Sequence[DispatchedVehicle]
+    ) -> Sequence[tuple[float, float]]:
+        """Return the costs of each vehicle's route, complete and to the first destination; infinity: none."""
         ...
 
-    def crowd(self, order: TransportOrder) -> int:
-        """Return how often vehicles will still visit the order's destinations for other orders."""
+    def visits(self) -> Mapping[str | None, int]:
+        """Return how often vehicles will still visit each location or point for their orders."""
         ...
 
-    def why_no_route(self, order: TransportOrder, vehicle: str) -> str:
+    def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
         """Return why there is no route."""
         ...
 
@@ -297,19 +314,6 @@ class Dispatcher:
 
     settings: DispatchSettings
 
-    @property
-    def by_urgency(self) -> bool:
-        """Whether orders are sorted by urgency, so that those behind the first ones need not be examined."""
-        return tuple(self.settings.orders) == URGENCY and self.settings.choosers is not Chooser.SCARCER
-
-    @property
-    def by_cost(self) -> bool:
-        """Whether orders choose vehicles by complete costs, so that only as many near ones are compared."""
-        first = self.settings.vehicle_candidates[0]
-        return (
-            first is CandidateKey.BY_COMPLETE_ROUTING_COSTS and self.settings.choosers is not Chooser.SCARCER
-        )
-
     def decide(
         self,
         orders: Iterable[TransportOrder],
@@ -318,35 +322,120 @@ class Dispatcher:
         *,
         now: datetime,
         kept: Mapping[int, str] = NOTHING_KEPT,
-        left_out: Mapping[int, int] = NONE_LEFT_OUT,
     ) -> Decisions:
         """Assign as many of the dispatchable ``orders``, sorted by urgency, as possible.
 
         ``kept`` maps order numbers to vehicles that give up dispensable orders for them; only these vehicles
-        get these orders. ``left_out`` has the numbers of free vehicles that could execute an order, but are
-        not among ``vehicles`` because enough others are nearer. An order is never assigned to two vehicles,
-        nor two orders to one vehicle.
+        get these orders. An order is never assigned to two vehicles, nor two orders to one vehicle.
         """
         settings = self.settings
         moment = Now(now, timedelta(seconds=settings.deadline_at_risk))
-        waiting = self._sorted(orders, moment, kept)
-        found = _Round(settings, {each.name: each for each in vehicles}, knowledge, moment, kept)
-        found.left_out = left_out
-        if settings.choosers is Chooser.SCARCER and found.free < len(waiting):
-            found.let_vehicles_choose(waiting)
-        together = settings.choosers is Chooser.TOGETHER and settings.vehicle_candidates[0] in ROUTING_COSTS
-        if together and (len(waiting) > 1 or found.soon):  # otherwise there is nothing to weigh up
-            found.assign_together(waiting)
-        found.let_orders_choose(waiting)
-        return found.decisions
+        waiting = [*orders]
+        if tuple(settings.orders) != URGENCY:
+            waiting.sort(key=rank_orders(settings.orders, moment))
+        if kept:  # the vehicles are about to be free for these orders
+            waiting.sort(key=lambda order: order.number not in kept)
+        decision = _Decision(settings, _Fleet(vehicles, knowledge, kept), knowledge, moment, kept)
+        if settings.choosers is Chooser.SCARCER and len(decision.fleet.free) < len(waiting):
+            decision.let_vehicles_choose(waiting)
+        if settings.choosers is Chooser.TOGETHER and settings.vehicle_candidates[0] in ROUTING_COSTS:
+            decision.assign_together(waiting)
+        else:
+            decision.let_orders_choose(waiting)
+        decision.explain_waiting(waiting)
+        return decision.decisions
 
-    def _sorted(
-        self, orders: Iterable[TransportOrder], now: Now, kept: Mapping[int, str]
-    ) -> Sequence[TransportOrder]:
-        """Return the orders in the order in which they choose; those with reserved vehicles come first."""
-        by_urgency = tuple(self.settings.orders) == URGENCY
-        waiting = [*orders] if by_urgency else sorted(orders, key=rank_orders(self.settings.orders, now))
-        return sorted(waiting, key=lambda order: order.number not in kept) if kept else waiting
+
+class _Fleet:
+    """The vehicles of a decision, and which of them take an order.
+
+    Vehicles of a group differ only in name, position and energy, so one of them answers for all: orders in
+    sequences are each of their own kind, and would otherwise be compared with the whole fleet.
+    """
+
+    def __init__(
+        self, vehicles: Iterable[DispatchedVehicle], knowledge: Knowledge, kept: Mapping[int, str]
+    ) -> None:
+        self.free: dict[str, DispatchedVehicle] = {}
+        """Vehicles that take orders, and have not got one yet."""
+        self.soon: dict[str, DispatchedVehicle] = {}
+        """Vehicles that will soon be free, in the state that they will have then."""
+        self._knowledge = knowledge
+        self._kept = kept
+        self._vehicles: dict[str, DispatchedVehicle] = {}
+        self._groups: dict[tuple[object, ...], dict[str, DispatchedVehicle]] = {}
+        self._takers: dict[OrderKind, list[dict[str, DispatchedVehicle]]] = {}
+        """The groups of vehicles that take the orders of a kind, apart from those that the order names."""
+        for vehicle in vehicles:
+            self._add(vehicle)
+            if not vehicle.obstacle:
+                self.free[vehicle.name] = vehicle
+            elif vehicle.soon:
+                self.soon[vehicle.name] = vehicle._replace(obstacle="")
+
+    def _add(self, vehicle: DispatchedVehicle) -> None:
+        self._vehicles[vehicle.name] = vehicle
+        self._groups.setdefault(vehicle.group, {})[vehicle.name] = vehicle
+
+    def take(self, vehicle: DispatchedVehicle) -> None:
+        """Make a free vehicle busy."""
+        del self.free[vehicle.name], self._groups[vehicle.group][vehicle.name]
+        self._add(vehicle._replace(obstacle=BUSY))
+
+    def intended(self, order: TransportOrder) -> str | None:
+        """Return the only vehicle that may get an order; None: any."""
+        return self._kept.get(order.number, order.status.intended_vehicle)
+
+    def why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
+        """Return why a vehicle does not take an order; empty if it does."""
+        if self.intended(order) not in (None, vehicle.name):
+            return NOT_INTENDED
+        knowledge = self._knowledge
+        return knowledge.why_unsuitable(order, vehicle.name) or vehicle.why_not(
+            order, recharges=knowledge.recharges(order), pick=knowledge.pick(order)
+        )
+
+    def takers(self, order: TransportOrder) -> list[DispatchedVehicle]:
+        """Return the free vehicles that take an order."""
+        intended = self.intended(order)
+        if intended is not None:
+            vehicle = self.free.get(intended)
+            return [vehicle] if vehicle and not self.why_not(order, vehicle) else []
+        named = self._knowledge.named(order)
+        kind = self._knowledge.kind(order)
+        groups = self._takers.get(kind)
+        if groups is None:
+            groups = self._takers[kind] = [
+                group
+                for group, example in self._examples(named)
+                if not example.obstacle and not self.why_not(order, example)
+            ]
+        vehicles = [vehicle for group in groups for vehicle in group.values()]
+        if named:
+            vehicles = [vehicle for vehicle in vehicles if vehicle.name not in named]
+            free = (self.free[name] for name in named if name in self.free)
+            vehicles += [vehicle for vehicle in free if not self.why_not(order, vehicle)]
+        return vehicles
+
+    def why_waiting(self, order: TransportOrder) -> str:
+        """Return why no vehicle takes an order; call it only if none does."""
+        intended = self.intended(order)
+        if intended is not None:
+            vehicle = self._vehicles.get(intended)
+            return why_no_vehicle(intended, [self.why_not(order, vehicle)] if vehicle else [])
+        named = self._knowledge.named(order)
+        vehicles = [example for _, example in self._examples(named)]
+        vehicles += [self._vehicles[name] for name in named if name in self._vehicles]
+        return why_no_vehicle(None, [self.why_not(order, vehicle) for vehicle in vehicles])
+
+    def _examples(
+        self, named: Collection[str]
+    ) -> Iterator[tuple[dict[str, DispatchedVehicle], DispatchedVehicle]]:
+        """Yield each group with one of its vehicles that is not ``named``."""
+        for group in self._groups.values():
+            vehicle = next((group[name] for name in group if name not in named), None)
+            if vehicle:
+                yield group, vehicle
 
 
 class _Choices:
@@ -357,243 +446,235 @@ class _Choices:
 
         The pairs may contain only the nearest of the ``free`` vehicles.
         """
-        self.pairs = {each.vehicle.name: each for each in pairs}
+        self.pairs = {pair.vehicle.name: pair for pair in pairs}
         self.nearest, self.free = pairs[0], free
         complete = key is CandidateKey.BY_COMPLETE_ROUTING_COSTS
-        own = min(each.cost.complete - each.cost.initial for each in pairs) if complete else 0.0
-        values = (each.cost.complete if complete else each.cost.initial for each in pairs)
+        own = min(pair.cost.complete - pair.cost.initial for pair in pairs) if complete else 0.0
+        values = (pair.cost.complete if complete else pair.cost.initial for pair in pairs)
         self.costs = {
-            each.vehicle.name: round((value - own + dearer * each.cost.complete) * COST_STEPS) * RANKS
+            pair.vehicle.name: round((value - own + dearer * pair.cost.complete) * COST_STEPS) * RANKS
             + min(place, RANKS - 1)
-            for place, (each, value) in enumerate(zip(pairs, values, strict=True))
+            for place, (pair, value) in enumerate(zip(pairs, values, strict=True))
         }
         """Each vehicle's cost beyond the order's own route, which is the same for all."""
 
-    def why(self, best: Candidate) -> str:
-        """Return why an order gets a vehicle that is not the nearest one."""
-        return Reason(R.ASSIGNED_LEAST_DRIVING, cost=best.cost.complete, count=self.free)
+
+@dataclass(frozen=True, slots=True)
+class _Offer:
+    """An order, the pairs with the nearest free vehicles that have a route for it, and how many take it."""
+
+    order: TransportOrder
+    pairs: Sequence[Candidate]
+    takers: int
 
 
-class _Round:
+class _Decision:
     """A decision in progress."""
 
     def __init__(
         self,
         settings: DispatchSettings,
-        vehicles: dict[str, DispatchedVehicle],
+        fleet: _Fleet,
         knowledge: Knowledge,
         now: Now,
         kept: Mapping[int, str],
     ) -> None:
         self.decisions = Decisions()
-        self.left_out = NONE_LEFT_OUT
-        """Numbers of further free vehicles that could execute an order, by its number."""
+        self.fleet = fleet
         self._settings = settings
-        self._vehicles = vehicles
         self._knowledge = knowledge
         self._now = now
         self._kept = kept
+        self._key = settings.vehicle_candidates[0]
+        self._rank = rank_candidates(settings.vehicle_candidates, now)
         self._assigned: set[int] = set()
-        self._kinds: dict[int, OrderKind] = {}
-        self._restricted = any(each.restriction for each in vehicles.values())
-        self._loaded = any(each.carried for each in vehicles.values())
-        self.soon = {each.name: replace(each, obstacle="") for each in vehicles.values() if each.soon}
-        """Vehicles that will soon be free, in the state they will have then."""
+        self._reasons: dict[int | OrderKind, str] = {}
+        """Why no vehicle takes the orders of a kind, or one with a reserved vehicle."""
 
-    @property
-    def free(self) -> int:
-        """Return the number of vehicles that take orders."""
-        return sum(not each.obstacle for each in self._vehicles.values())
+    @cached_property
+    def _visits(self) -> Mapping[str | None, int]:
+        return self._knowledge.visits()
 
     def let_vehicles_choose(self, orders: Sequence[TransportOrder]) -> None:
         """Assign to each free vehicle the order that suits it best."""
-        free = [each for each in self._vehicles.values() if not each.obstacle]
         keys = self._settings.order_candidates
         rank = rank_candidates(keys, self._now)
-        for vehicle in sorted(free, key=rank_vehicles(self._settings.vehicles)):
-            fitting = (each for each in orders if each.number not in self._assigned)
-            pairs = [*self._possible((each, vehicle) for each in fitting if not self._why_not(each, vehicle))]
+        for vehicle in sorted(self.fleet.free.values(), key=rank_vehicles(self._settings.vehicles)):
+            left = (order for order in orders if order.number not in self._assigned)
+            suitable = (order for order in left if not self.fleet.why_not(order, vehicle))
+            pairs = [pair for order in suitable for pair in self._best_pairs(order, [vehicle], 1)]
             if pairs:
                 why = Reason(R.ASSIGNED_FIRST_ORDER, key=keys[0], count=len(pairs))
                 self._assign(min(pairs, key=rank), why)
 
-    def assign_together(self, orders: Sequence[TransportOrder]) -> None:
+    def let_orders_choose(self, orders: Iterable[TransportOrder]) -> None:
+        """Assign to each order in turn the vehicle that suits it best."""
+        for order in orders:
+            if not self.fleet.free:
+                return
+            if order.number not in self._assigned and (offer := self._offer(order, 1)):
+                best = offer.pairs[0]
+                self._assign(best, self._why_best(best, offer.takers))
+
+    def assign_together(self, orders: Iterable[TransportOrder]) -> None:
         """Assign orders of the same rank so that they cost least together, those of the first rank first.
 
-        Where all orders are of one rank and level, vehicles that are about to be free count too: an order
-        that suits one of them better is left to it, unless a free vehicle would have no order then.
+        They are assigned in batches, the most urgent ones first. A batch has whole levels until it has an
+        order for each free vehicle, or a part of a level that is large.
         """
-        keys = self._settings.orders
-        ranked = [*takewhile(lambda key: key not in SINGLE_OUT, keys)]
-        ordered = [*takewhile(lambda key: key is not OrderKey.BY_AGE, keys)]
+        ranked = [*takewhile(lambda key: key not in SINGLE_OUT, self._settings.orders)]
 
         def rank(order: TransportOrder) -> Rank:
             return order.number not in self._kept, *(ORDER_VALUES[key](order, self._now) for key in ranked)
 
-        def level(order: TransportOrder) -> Rank:
-            return tuple(ORDER_VALUES[key](order, self._now) for key in ordered)
+        for _, group in groupby(orders, rank):
+            batch: list[list[_Offer]] = []
+            for level in self._levels(group):
+                batch.append([])
+                for order in level:
+                    if sum(map(len, batch)) == self._batch_limit():
+                        self._assign_batch(batch)
+                        batch = [[]]
+                    if not self.fleet.free:
+                        return
+                    if offer := self._offer(order, self._batch_limit()):
+                        batch[-1].append(offer)
+                if sum(map(len, batch)) >= len(self.fleet.free):
+                    self._assign_batch(batch)
+                    batch = []
+            self._assign_batch(batch)
 
-        groups = [[*group] for _, group in groupby(orders, rank)]
-        for alike in groups:
-            if not self.free:
-                return
-            parts = [part for _, same in groupby(alike, level) for part in self._by_age_window([*same])]
-            only_one = len(groups) == len(parts) == 1
-            pairs = self._cheapest_pairs(alike, self.soon if only_one else {})
-            levels = [
-                {each.number: pairs[each.number].costs for each in part if each.number in pairs}
-                for part in parts
-            ]
-            for number, vehicle in assign(levels).items():
-                if vehicle in self.soon:
-                    continue
-                choices = pairs[number]
-                best = choices.pairs[vehicle]
-                nearest = best is choices.nearest
-                self._assign(best, self._why(best, choices.free) if nearest else choices.why(best))
+    def _batch_limit(self) -> int:
+        free = max(1, len(self.fleet.free))
+        return max(FEWEST_AT_ONCE, min(MOST_AT_ONCE, PAIRS_AT_ONCE // free))
 
-    def _by_age_window(self, orders: Sequence[TransportOrder]) -> Iterator[list[TransportOrder]]:
-        """Split orders, oldest first, into windows of age: none overtakes an order of an earlier window."""
-        window, part = timedelta(seconds=self._settings.age_window), list[TransportOrder]()
-        for order in orders:
-            if part and order.status.created > part[0].status.created + window:
-                yield part
-                part = []
-            part.append(order)
-        if part:
-            yield part
+    def _levels(self, orders: Iterable[TransportOrder]) -> Iterator[Iterable[TransportOrder]]:
+        """Split orders of one rank into levels, none of which overtakes an earlier one.
 
-    def _cheapest_pairs(
-        self, orders: Sequence[TransportOrder], soon: Mapping[str, DispatchedVehicle]
-    ) -> dict[int, _Choices]:
-        """Return the vehicles that orders could have, for each as many as there are orders: enough.
-
-        ``soon`` are vehicles that could have them soon.
+        The orders of a level have the same deadline and were created within the age window. Strictly by age,
+        a vehicle would drive to a distant order past a near one; without windows, remote stations would
+        starve.
         """
-        rank = rank_candidates(self._settings.vehicle_candidates, self._now)
-        known: dict[OrderKind, dict[str, str]] = {}
-        found = {}
-        for order in orders:
-            kind, is_kept = self._kind(order), order.number in self._kept
-            wait_reasons = None if is_kept else known.get(kind)
-            if wait_reasons is None:
-                wait_reasons = {each.name: self._why_not(order, each) for each in self._meant(order)}
-            if not is_kept:
-                known[kind] = wait_reasons
-            free = [name for name, wait_reason in wait_reasons.items() if not wait_reason]
-            pairs = [*self._possible((order, self._vehicles[name]) for name in free)]
-            if pairs and not is_kept:
-                later = (each for each in soon.values() if not self._why_not(order, each))
-                pairs += self._possible((order, each) for each in later)
-            if nearest := pairs if len(pairs) <= 1 else nsmallest(len(orders), pairs, key=rank):
-                crowding = self._settings.crowding if len(orders) > 1 else 0.0
-                dearer = crowding and crowding * self._knowledge.crowd(order)
-                found[order.number] = _Choices(
-                    nearest, self._count(order, free), self._settings.vehicle_candidates[0], dearer
-                )
+        keys = [*takewhile(lambda key: key is not OrderKey.BY_AGE, self._settings.orders)]
+        window = timedelta(seconds=self._settings.age_window)
+        first: tuple[Rank, datetime] | None = None
+
+        def level(order: TransportOrder) -> tuple[Rank, datetime]:
+            """Return the rank of the level, and when its first order was created."""
+            nonlocal first
+            values, created = tuple(ORDER_VALUES[key](order, self._now) for key in keys), order.status.created
+            if first is None or values != first[0] or created > first[1] + window:
+                first = values, created
+            return first
+
+        return (members for _, members in groupby(orders, level))
+
+    def _offer(self, order: TransportOrder, at_most: int) -> _Offer | None:
+        """Return what the free vehicles offer an order; without an offer, note why it waits."""
+        takers = self.fleet.takers(order)
+        if pairs := self._best_pairs(order, takers, at_most):
+            return _Offer(order, pairs, len(takers))
+        self._note_reason(order)
+        return None
+
+    def _best_pairs(
+        self, order: TransportOrder, vehicles: Sequence[DispatchedVehicle], at_most: int
+    ) -> list[Candidate]:
+        """Return the pairs of an order with vehicles that have a route for it, the best ones first."""
+        costs = self._knowledge.costs(order, vehicles)
+        limit = inf
+        if self._key is CandidateKey.BY_COMPLETE_ROUTING_COSTS and len(vehicles) > at_most:
+            # Further keys decide only between equal costs.
+            limit = sorted([complete for complete, _ in costs])[at_most - 1]
+        pairs = [
+            Candidate(order, vehicle, RouteCost(*cost))
+            for vehicle, cost in zip(vehicles, costs, strict=True)
+            if cost[0] <= limit and cost[0] < inf
+        ]
+        return sorted(pairs, key=self._rank)[:at_most]
+
+    def _assign_batch(self, batch: Sequence[Sequence[_Offer]]) -> None:
+        """Assign orders to free vehicles at the least total cost.
+
+        If all are of one level, vehicles that are about to be free count too: an order that suits one of
+        them better is left to it, unless a free vehicle would have no order then.
+        """
+        levels = [level for level in batch if level]
+        size = sum(map(len, levels))
+        soon = self.fleet.soon if len(levels) == 1 else {}
+        choices = {
+            offer.order.number: self._choices(offer, soon.values(), size)
+            for level in levels
+            for offer in level
+        }
+        left_to_soon = []
+        costs = [
+            {offer.order.number: choices[offer.order.number].costs for offer in level} for level in levels
+        ]
+        for number, name in assign(costs).items():
+            best, free = choices[number].pairs[name], choices[number].free
+            if name in soon:
+                left_to_soon.append(best.order)
             else:
-                self.decisions.reasons[order.name] = self._why_waiting(order, wait_reasons, free)
-        return found
+                least = Reason(R.ASSIGNED_LEAST_DRIVING, cost=best.cost.complete, count=free)
+                nearest = best is choices[number].nearest
+                self._assign(best, self._why_best(best, free) if nearest else least)
+        self.let_orders_choose(left_to_soon)
 
-    def let_orders_choose(self, orders: Sequence[TransportOrder]) -> None:
-        """Assign to each remaining order the vehicle that suits it best, or note why it waits."""
-        rank = rank_candidates(self._settings.vehicle_candidates, self._now)
-        unassignable: dict[OrderKind, str] = {}
-        for order in orders:
-            if order.number in self._assigned or order.name in self.decisions.reasons:
-                continue
-            if unassignable and order.number not in self._kept:
-                known = unassignable.get(self._kind(order))
-                if known is not None:
-                    self.decisions.reasons[order.name] = known
-                    continue
-            wait_reasons = {each.name: self._why_not(order, each) for each in self._meant(order)}
-            free = [name for name, wait_reason in wait_reasons.items() if not wait_reason]
-            if free:
-                self._choose(order, free, rank)
-                continue
-            reason = self.decisions.reasons[order.name] = self._why_waiting(order, wait_reasons, free)
-            if order.number not in self._kept:
-                unassignable[self._kind(order)] = reason
-
-    def _choose(self, order: TransportOrder, free: Sequence[str], rank: Callable[[Candidate], Rank]) -> None:
-        pairs = [*self._possible((order, self._vehicles[name]) for name in free)]
-        if pairs:
-            best = min(pairs, key=rank)
-            self._assign(best, self._why(best, self._count(order, free)))
-        else:
-            self.decisions.reasons[order.name] = self._why_waiting(order, {}, free)
-
-    def _count(self, order: TransportOrder, free: Sequence[str]) -> int:
-        """Return the number of free vehicles that could execute an order."""
-        return len(free) + self.left_out.get(order.number, 0)
-
-    def _why_waiting(
-        self, order: TransportOrder, wait_reasons: Mapping[str, str], free: Sequence[str]
-    ) -> str:
-        """Return why no vehicle takes an order: none is ``free`` for it, or the free ones have no route."""
-        if not free:
-            return why_no_vehicle(self._intended(order), wait_reasons)
-        why = self._knowledge.why_no_route(order, free[-1])
-        return Reason(R.VEHICLE_HAS_NO_ROUTE, why, vehicle=free[-1])
-
-    def _possible(self, pairs: Iterable[tuple[TransportOrder, DispatchedVehicle]]) -> Iterator[Candidate]:
-        for order, vehicle in pairs:
-            cost = self._knowledge.cost(order, vehicle.name)
-            if cost.complete < inf:
-                yield Candidate(order, vehicle, cost)
+    def _choices(self, offer: _Offer, soon: Collection[DispatchedVehicle], size: int) -> _Choices:
+        """Return the best vehicles for an order, as many as the batch has orders: enough."""
+        order, pairs = offer.order, offer.pairs
+        if soon and order.number not in self._kept:
+            later = [vehicle for vehicle in soon if not self.fleet.why_not(order, vehicle)]
+            pairs = sorted([*pairs, *self._best_pairs(order, later, size)], key=self._rank)
+        crowding = self._settings.crowding if size > 1 else 0.0
+        visits = sum(self._visits.get(stop.location_name, 0) for stop in stops_of(order)) if crowding else 0
+        return _Choices(pairs[:size], offer.takers, self._key, crowding * visits)
 
     def _assign(self, pair: Candidate, why: str) -> None:
         order, vehicle = pair.order, pair.vehicle
         self._assigned.add(order.number)
-        self._vehicles[vehicle.name] = DispatchedVehicle(vehicle.name, BUSY)
+        self.fleet.take(vehicle)
         self.decisions.assignments.append(Assignment(order, vehicle.name, why, vehicle.gives_up))
 
-    def _kind(self, order: TransportOrder) -> OrderKind:
-        kind = self._kinds.get(order.number)
-        if kind is None:
-            kind = self._kinds[order.number] = kind_of(order)
-        return kind
-
-    def _intended(self, order: TransportOrder) -> str | None:
-        return self._kept.get(order.number, order.status.intended_vehicle)
-
-    def _meant(self, order: TransportOrder) -> Iterable[DispatchedVehicle]:
-        intended = self._intended(order)
-        if intended is None:
-            return self._vehicles.values()
-        return (self._vehicles[intended],) if intended in self._vehicles else ()
-
-    def _why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
-        intended = self._intended(order)
-        if intended not in (None, vehicle.name):
-            return NOT_INTENDED
-        why_unsuitable = self._knowledge.why_unsuitable(order, vehicle.name)
-        if why_unsuitable:
-            return why_unsuitable
-        recharges = self._restricted and self._knowledge.recharges(order)
-        pick = self._knowledge.pick(order) if self._loaded else None
-        return vehicle.why_not(order, recharges=recharges, pick=pick)
-
-    def _why(self, best: Candidate, choices: int) -> str:
-        if self._intended(best.order) is not None:
+    def _why_best(self, best: Candidate, choices: int) -> str:
+        """Return why an order gets the vehicle that suits it best of several choices."""
+        if self.fleet.intended(best.order) is not None:
             return Reason(R.ASSIGNED_INTENDED)
         if choices == 1:
             return Reason(R.ASSIGNED_ONLY_FREE)
-        key = self._settings.vehicle_candidates[0]
-        if key is CandidateKey.BY_COMPLETE_ROUTING_COSTS:
+        if self._key is CandidateKey.BY_COMPLETE_ROUTING_COSTS:
             return Reason(R.ASSIGNED_CHEAPEST, cost=best.cost.complete, count=choices)
-        return Reason(R.ASSIGNED_FIRST, key=key, count=choices)
+        return Reason(R.ASSIGNED_FIRST, key=self._key, count=choices)
+
+    def explain_waiting(self, orders: Iterable[TransportOrder]) -> None:
+        """Note why the orders that have not had their turn wait."""
+        self._reasons.clear()  # the vehicles that have got orders are busy
+        for order in orders:
+            if order.number not in self._assigned and order.name not in self.decisions.reasons:
+                self._note_reason(order)
+
+    def _note_reason(self, order: TransportOrder) -> None:
+        """Note why an order waits: no vehicle takes it, or those that do have no route."""
+        key = order.number if order.number in self._kept else self._knowledge.kind(order)
+        why = self._reasons.get(key)
+        if why is None and (takers := self.fleet.takers(order)):
+            vehicle = max(takers, key=lambda taker: taker.name)
+            no_route = self._knowledge.why_no_route(order, vehicle)
+            why = Reason(R.VEHICLE_HAS_NO_ROUTE, no_route, vehicle=vehicle.name)
+        elif why is None:
+            why = self._reasons[key] = self.fleet.why_waiting(order)
+        self.decisions.reasons[order.name] = why
 
 
-def why_no_vehicle(intended: str | None, wait_reasons: Mapping[str, str]) -> str:
+def why_no_vehicle(intended: str | None, wait_reasons: Collection[str]) -> str:
     """Return why an order waits, from the reasons of all vehicles."""
     if intended is not None:
-        why = wait_reasons.get(intended) or Reason(R.TAKES_NO_ORDERS)
+        why = next(iter(wait_reasons), Reason(R.TAKES_NO_ORDERS))
         return Reason(R.WAITS_FOR_VEHICLE, why, vehicle=intended)
     if not wait_reasons:
         return Reason(R.NO_VEHICLES)
-    kinds = sorted(set(wait_reasons.values()))
+    kinds = sorted(set(wait_reasons))
     more = [Reason(R.SOMETHING_ELSE)] if len(kinds) > KINDS_NAMED else []
     return Reason(R.WAITS_FOR_ANY_VEHICLE, *kinds[:KINDS_NAMED], *more)
 
@@ -621,13 +702,9 @@ def explain(
     *,
     kept: Mapping[int, str] = NOTHING_KEPT,
 ) -> list[VehicleFit]:
-    """Return for each vehicle why it does not get this order, or that it could; best vehicles first."""
-    return best_first(_fit(order, each, knowledge, kept.get(order.number)) for each in vehicles)
-
-
-def best_first(fits: Iterable[VehicleFit]) -> list[VehicleFit]:
-    """Sort with feasible vehicles first, by their cost."""
-    return sorted(fits, key=lambda each: (not each.fits, each.cost or 0.0, each.vehicle))
+    """Return for each vehicle why it does not get this order, or that it could; cheapest vehicles first."""
+    fits = (_fit(order, vehicle, knowledge, kept.get(order.number)) for vehicle in vehicles)
+    return sorted(fits, key=lambda fit: (not fit.fits, fit.cost or 0.0, fit.vehicle))
 
 
 def _fit(
@@ -648,8 +725,8 @@ def _fit(
     )
     if reason:
         return VehicleFit(vehicle.name, fits=False, reason=reason)
-    cost = knowledge.cost(order, vehicle.name).complete
+    ((cost, _),) = knowledge.costs(order, [vehicle])
     if cost == inf:
-        why = Reason(R.HAS_NO_ROUTE, knowledge.why_no_route(order, vehicle.name))
+        why = Reason(R.HAS_NO_ROUTE, knowledge.why_no_route(order, vehicle))
         return VehicleFit(vehicle.name, fits=False, reason=why)
     return VehicleFit(vehicle.name, fits=True, reason=COULD, cost=cost)

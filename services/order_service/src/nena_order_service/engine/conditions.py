@@ -107,7 +107,7 @@ class Sequences:
     def _put(self, sequence: OrderSequence) -> None:
         self._sequences.put(sequence)
         self._state.vehicle_changed(sequence.status.processing_vehicle)
-        self._sequences.freed |= sequence.status.finished
+        self._state.dispatch_due |= sequence.status.finished  # its vehicle is free for other orders
 
     def _is_ended(self, name: str) -> bool:
         """Return whether an order has ended; one that is not in memory ended long ago."""

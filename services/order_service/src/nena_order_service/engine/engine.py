@@ -70,6 +70,12 @@ leave it out."""
 FIRST_LOOKS = 0.2
 """Seconds between checks while the first states of robots are awaited after the start."""
 
+DISPATCH_SHARE = 1 / 6
+"""Largest share of the event loop's time for decisions of the dispatcher that take long."""
+
+LONG_DECISION = 0.005
+"""Seconds from which a decision is long."""
+
 LOOKED_AT_ONCE = 25
 """Number of vehicles checked before other tasks run; each takes about 0.1 ms."""
 
@@ -114,6 +120,8 @@ class Engine:
             context, self._driving, self._dispatching, self.sequences, self._idle, stops=self.stops
         )
         self.timings = Timings()
+        self._dispatch_pause: asyncio.TimerHandle | None = None
+        """Ends the pause after a long decision."""
         self.unit_of_work = UnitOfWork(
             self.state,
             store,
@@ -150,7 +158,6 @@ class Engine:
             self.state.sequences.rebind(recovery.present_name)
             self._life_cycle.restore(found.orders, found.sent_orders, recovery)
             self._rerouting.reroute_off_locked_paths()
-            self._dispatching.look_at(self.registry)
         await self.unit_of_work.committed()
         log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
 
@@ -190,35 +197,45 @@ class Engine:
         with self.unit_of_work.begin():
             yield
             self._settle()
-        self._leave_rest()
-
-    def _leave_rest(self) -> None:
-        """Leave what a change has not finished to the next turn of the event loop."""
-        if self.state.dispatch_later:
-            self.state.dispatch_later = False
-            asyncio.get_running_loop().call_soon(self._carry_on)
-
-    def _carry_on(self) -> None:
-        """Offer the next orders to vehicles that are still free."""
-        if not self.unit_of_work.closed:
-            with self.change():
-                self.state.dispatch_due = True
 
     def _settle(self) -> None:
         """Dispatch and drive until no more steps follow from the changes."""
-        while self._life_cycle.settle_due or self.state.dispatch_due or self.state.drive_due:
+        while self._life_cycle.settle_due or self._decision_due or self.state.drive_due:
             for job in self.peripherals.take_failed():
                 self._life_cycle.on_failed_peripheral(job)
             self._life_cycle.settle()
-            if self.state.dispatch_due:
-                with self.timings.dispatch.timed():
-                    self._life_cycle.dispatch()
+            if self._decision_due:
+                self._dispatch()
             with self.timings.traffic.timed():
                 for outcome in self._driving.let_drive():
                     if isinstance(outcome, Stuck):
                         self._life_cycle.stuck(outcome)
                     else:
                         self._life_cycle.update_reason(outcome)
+
+    @property
+    def _decision_due(self) -> bool:
+        return self.state.dispatch_due and self._dispatch_pause is None
+
+    def _dispatch(self) -> None:
+        """Run the dispatcher; after a long decision, not again before some time.
+
+        A decision is about all free vehicles and waiting orders, so it may take long in a large fleet, where
+        vehicles and orders change all the time.
+        """
+        begin = self.clock.monotonic()
+        with self.timings.dispatch.timed():
+            self._life_cycle.dispatch()
+        seconds = self.clock.monotonic() - begin
+        if seconds > LONG_DECISION:
+            pause = seconds * (1 / DISPATCH_SHARE - 1)
+            self._dispatch_pause = asyncio.get_running_loop().call_later(pause, self._end_dispatch_pause)
+
+    def _end_dispatch_pause(self) -> None:
+        self._dispatch_pause = None
+        if self.state.dispatch_due and not self.unit_of_work.closed:
+            with self.change():
+                pass  # a change ends with what is due
 
     def look(self) -> None:
         """Retry waiting work, and publish vehicles whose status has changed without an event."""
@@ -235,7 +252,6 @@ class Engine:
                 for vehicle in part:
                     self._positions.see(vehicle)
                     self.stops.look_at(vehicle)
-                self._dispatching.look_at(part)
             yield
         for name in self._rerouting.kept_waiting():
             with self.change():
@@ -246,8 +262,6 @@ class Engine:
             self.traffic.recheck()
             self._life_cycle.check_times()
             self.peripherals.check_times()
-            self._dispatching.offer_all()
-            self._life_cycle.update_queue_reasons()
         yield
         for part in parts if self._gate.is_open else ():
             with self.change():
@@ -401,7 +415,7 @@ class Engine:
         """Replan all routes, including the horizons of driving vehicles, then check all orders."""
         self.context.routes.forget()
         self.traffic.forget_routes()
-        self._dispatching.forget()
+        self._dispatching.forget_routes()
         with self.change():
             self._rerouting.reroute_off_locked_paths()
             self.state.dispatch_due = self.state.drive_due = True
@@ -427,7 +441,7 @@ class Engine:
 
     async def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Return for each vehicle whether it could execute an order, or why not."""
-        return await self._dispatching.explain(order)
+        return self._dispatching.explain(order)
 
     # Events of fleet control
 
@@ -443,8 +457,7 @@ class Engine:
         match event:
             case outputs.RobotChanged(robot):
                 self._robot_changed(robot)
-            case outputs.BrokerLinkChanged():  # no order is assigned before all vehicles are read again
-                self.state.touched.update(vehicle.name for vehicle in self.registry)
+            case outputs.BrokerLinkChanged():
                 self.state.dispatch_due = True
                 self.stops.link_changed()
                 self._look_due.set()
@@ -479,10 +492,7 @@ class Engine:
             self.registry.learn_frame(vehicle, transforms_itself=transforms_itself(view.factsheet))
             vehicle = self.registry.discover(robot)
         self._positions.see(vehicle)
-        if self._dispatching.just_drives(vehicle):
-            self.state.publish(vehicle.name)
-        else:
-            self.state.vehicle_changed(vehicle.name)
+        self.state.vehicle_changed(vehicle.name)
         self._driving.robot_changed(vehicle)
         self.stops.look_at(vehicle)
         self._life_cycle.robot_changed(vehicle, view)

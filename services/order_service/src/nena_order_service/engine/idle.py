@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from nena_order_service.dispatching.candidates import LocatedCandidate
+from nena_order_service.dispatching.candidates import DispatchedVehicle
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.dispatching import Dispatching
 from nena_order_service.engine.life_cycle import LifeCycle
@@ -51,8 +51,7 @@ class _IdleRound:
     """Final positions of vehicles with orders, by vehicle name."""
 
 
-def _has_nothing_to_do(candidate: LocatedCandidate) -> bool:
-    seen = candidate.seen
+def _has_nothing_to_do(seen: DispatchedVehicle) -> bool:
     return not (seen.obstacle or seen.gives_up or seen.kept_for is not None)
 
 
@@ -81,20 +80,20 @@ class IdleVehicles:
         """Send idle vehicles with low energy to recharge, and the others to park."""
         if not (self._settings.recharging.enabled or self._settings.parking.enabled):
             return
-        if self._dispatching.reads_fleet:
+        if self._state.dispatch_due:
             return  # orders may wait for these vehicles
         round_ = _IdleRound(self._context.clock.monotonic(), self._goals())
         for vehicle in vehicles:
-            candidate = self._dispatching.consider(vehicle)
+            seen = self._dispatching.consider(vehicle)
             known = self._idle.setdefault(vehicle.name, _Idle())
-            if not _has_nothing_to_do(candidate):
+            if not _has_nothing_to_do(seen):
                 known.since, known.note, known.parking_note = None, "", ""
                 if self._works_for_a_host(vehicle):
                     known.displaced = 0
                 continue
             if known.since is None:
                 known.since = round_.now
-            self._attend(candidate, known, round_)
+            self._attend(vehicle, seen, known, round_)
 
     def note(self, vehicle: FleetVehicle) -> str:
         """Return why an idle vehicle cannot recharge or park although it should; empty otherwise."""
@@ -103,19 +102,21 @@ class IdleVehicles:
             return Reason(R.ALL, known.note, known.parking_note)
         return known.note or known.parking_note if known else ""
 
-    def _attend(self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound) -> None:
-        vehicle, known.note = candidate.vehicle, ""
+    def _attend(
+        self, vehicle: FleetVehicle, seen: DispatchedVehicle, known: _Idle, round_: _IdleRound
+    ) -> None:
+        known.note = ""
         energy = self._dispatching.energy(vehicle, self._context.view(vehicle))
         if energy and energy.charging:
             return
         bound, request = self._dispatching.is_bound(vehicle), None
         wants_energy = energy and (energy.critical if bound else energy.degraded)
         if self._settings.recharging.enabled and energy and wants_energy:
-            request = self._recharging(candidate, known, round_, urgent=energy.critical)
-        if request is not None or bound or not self._is_to_park(candidate, known, round_):
+            request = self._recharging(vehicle, seen, known, round_, urgent=energy.critical)
+        if request is not None or bound or not self._is_to_park(seen, known, round_):
             known.parking_note = ""
         elif round_.now >= known.not_before.get(PARK_TYPE, 0.0):
-            request = self._parking(candidate, known, round_)
+            request = self._parking(vehicle, seen, known, round_)
         if request and round_.now >= known.not_before.get(request.type, 0.0):
             known.not_before[request.type] = round_.now + PAUSE
             displaces = request.type == PARK_TYPE and self._displaces(vehicle, goal_of(request))
@@ -129,12 +130,17 @@ class IdleVehicles:
         return order is not None and not order.status.automatic
 
     def _recharging(
-        self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound, *, urgent: bool
+        self,
+        vehicle: FleetVehicle,
+        seen: DispatchedVehicle,
+        known: _Idle,
+        round_: _IdleRound,
+        *,
+        urgent: bool,
     ) -> TransportOrderRequest | None:
-        vehicle = candidate.vehicle
         found = self._locations.choose(
             vehicle.model,
-            cost=self._cost(candidate),
+            cost=self._cost(vehicle, seen),
             taken=lambda point: self._is_taken(point, vehicle, round_),
             idly_occupied=lambda point: urgent and self._is_idly_occupied(point, vehicle, round_),
         )
@@ -143,21 +149,20 @@ class IdleVehicles:
             return None
         return recharge_request(vehicle.name, found.location, found.operation, dispensable=not urgent)
 
-    def _is_to_park(self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound) -> bool:
+    def _is_to_park(self, seen: DispatchedVehicle, known: _Idle, round_: _IdleRound) -> bool:
         parking = self._settings.parking
         since = round_.now if known.since is None else known.since
-        return parking.enabled and not candidate.seen.restriction and round_.now - since >= parking.delay
+        return parking.enabled and not seen.restriction and round_.now - since >= parking.delay
 
     def _parking(
-        self, candidate: LocatedCandidate, known: _Idle, round_: _IdleRound
+        self, vehicle: FleetVehicle, seen: DispatchedVehicle, known: _Idle, round_: _IdleRound
     ) -> TransportOrderRequest | None:
-        vehicle, standing = candidate.vehicle, candidate.standing
-        assert standing, "a vehicle without an obstacle stands somewhere"  # noqa: S101 - for the type
+        standing = self._context.planner.standing(vehicle, self._context.view(vehicle))
         found = self._positions.choose(
             vehicle.model,
             standing.point if standing.on_point else None,
             Prospect(
-                cost=self._cost(candidate),
+                cost=self._cost(vehicle, seen),
                 taken=lambda point: self._is_taken(point, vehicle, round_),
                 displaces=lambda point: self._displaces(vehicle, point),
                 may_displace=known.displaced < DISPLACES_AT_MOST,
@@ -168,11 +173,10 @@ class IdleVehicles:
             known.not_before[PARK_TYPE] = round_.now + PAUSE
         return park_request(vehicle.name, found.point) if found.point else None
 
-    def _cost(self, candidate: LocatedCandidate) -> Callable[[str], float]:
+    def _cost(self, vehicle: FleetVehicle, seen: DispatchedVehicle) -> Callable[[str], float]:
         """Return a function that computes the cost for a vehicle to reach a point."""
-        model, standing = candidate.vehicle.model, candidate.standing
-        assert standing, "a vehicle without an obstacle stands somewhere"  # noqa: S101 - for the type
-        return lambda point: self._context.finder.router.costs_to(point, vehicle=model).source(standing.point)
+        router, model = self._context.finder.router, vehicle.model
+        return lambda point: router.costs_to(point, vehicle=model).source(seen.start)
 
     def _displaces(self, vehicle: FleetVehicle, point: str) -> bool:
         return vehicle.name in self._traffic and self._traffic.displaces(vehicle.name, point)
@@ -196,5 +200,5 @@ class IdleVehicles:
     def _is_idly_occupied(self, point: str, vehicle: FleetVehicle, round_: _IdleRound) -> bool:
         """Return whether all vehicles at a point have enough energy and nothing to do."""
         others = (self._registry.named(name) for name in self._users(point, vehicle, round_))
-        seen = (self._dispatching.consider(each).seen for each in others if each)
+        seen = (self._dispatching.consider(each) for each in others if each)
         return all(not (each.obstacle or each.restriction or each.gives_up) for each in seen)

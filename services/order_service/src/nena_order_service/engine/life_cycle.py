@@ -25,7 +25,7 @@ from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders import deadlines
 from nena_order_service.orders.automatic import automatic_name
 from nena_order_service.orders.deadlines import DueTimes
-from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
+from nena_order_service.orders.transport_order import EventCode, TransportOrder, why_withdrawn
 from nena_order_service.orders.validation import InvalidRequestError, check_order
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.peripherals.jobs import PeripheralJob
@@ -54,6 +54,10 @@ R = ReasonCode
 BEGUN_MEANWHILE = Reason(R.STOPPED_OPERATING)
 POLICY = "failure policy"
 """The holder (``by``) of an order that its failure policy has put on hold."""
+
+REASONS_PER_CHECK = 100
+"""Maximum number of wait reasons that change between two checks, those of the most urgent orders first. Each
+one is stored and published, and those of a long queue may change with each state of a robot."""
 
 OrderEvent = (
     outputs.VdaOrderAccepted
@@ -91,6 +95,7 @@ class LifeCycle:
         self._failing_vehicles = FailingVehicles(context)
         self._deadlines = DueTimes(self._orders.is_over)
         self._timeouts = DueTimes(self._orders.is_over)
+        self._reasons_left = REASONS_PER_CHECK
         self._answers: dict[str, tuple[str, str]] = {}
         """VDA 5050 orderIds and failure texts, by the IDs of the instant actions sent for them."""
 
@@ -117,12 +122,7 @@ class LifeCycle:
         self._orders.put(order)
         if not order.state.final:
             self._watch(order)
-        if order.state is not S.DISPATCHABLE or order.held:
-            return order
-        if self._dispatching.reads_fleet:
-            self._state.dispatch_due = True  # more urgent orders wait for vehicles, too
-        else:
-            self._dispatch((order,))  # free vehicles were already offered all other orders
+        self._state.dispatch_due |= order.state is S.DISPATCHABLE
         return order
 
     def create_automatic(self, request: TransportOrderRequest) -> bool:
@@ -130,7 +130,10 @@ class LifeCycle:
 
         An order that does not start at once is withdrawn, because the vehicle may need another one later.
         """
-        order = self._orders.get(self.create(request, automatic_name(request), automatic=True).number)
+        order = self.create(request, automatic_name(request), automatic=True)
+        if order.state is S.DISPATCHABLE:
+            self._assign_waiting((order,))
+        order = self._orders.get(order.number)
         begun = order.state is S.BEING_PROCESSED
         if not begun and not order.state.final:
             self.withdraw(order, Reason(R.NOT_STARTED), immediate=True)
@@ -196,8 +199,12 @@ class LifeCycle:
     # Time
 
     def check_times(self) -> None:
-        """Mark orders as late after their deadlines, and withdraw those that have timed out."""
+        """Mark orders as late after their deadlines, and withdraw those that have timed out.
+
+        Also allow further wait reasons to change.
+        """
         now = self._clock.now()
+        self._reasons_left = REASONS_PER_CHECK
         for number in self._deadlines.take(now - timedelta.resolution):  # until the deadline, inclusive
             if order := self._orders.find(number):
                 self._orders.put(order.overdue(now))
@@ -217,13 +224,12 @@ class LifeCycle:
 
     @property
     def settle_due(self) -> bool:
-        """Whether orders or sequences have ended whose effects on others are pending."""
-        return self._orders.any_ended or self._state.sequences.freed
+        """Whether orders have ended whose effects on others are pending."""
+        return self._orders.any_ended
 
     def settle(self) -> None:
         """Apply the effects of ended orders on their dependents and sequences."""
-        self._state.dispatch_due |= self._conditions.settle() or self._state.sequences.freed
-        self._state.sequences.freed = False
+        self._state.dispatch_due |= self._conditions.settle()
 
     def dispatch(self) -> None:
         """Assign waiting orders, and continue orders whose pauses are over."""
@@ -234,18 +240,11 @@ class LifeCycle:
                 self._resume_driving(order, vehicle)
             elif vehicle:
                 self.update_reason(vehicle)
-        for orders in self._dispatching.due():
-            self._dispatch(orders)
+        self._assign_waiting([order for order in self._orders.dispatchable() if not order.held])
 
-    def update_queue_reasons(self) -> None:
-        """Update the wait reasons of some orders further back in the queue."""
-        now = self._clock.now()
-        for order, reason in self._dispatching.outdated_reasons():
-            self._orders.put(order.deferred(reason, now))
-
-    def _dispatch(self, orders: Sequence[TransportOrder]) -> None:
+    def _assign_waiting(self, orders: Sequence[TransportOrder]) -> None:
         """Assign as many of these orders as possible, and update the wait reasons of the others."""
-        dispatched, reasons = self._dispatching.dispatch(orders)
+        dispatched, reasons = self._dispatching.decide(orders)
         for each in dispatched:
             if each.assignment.gives_up:
                 reasons[each.assignment.order.name] = self._give_way(each)
@@ -253,8 +252,13 @@ class LifeCycle:
                 self._assign(each)
         now = self._clock.now()
         for order in orders:
-            reason = reasons.get(order.name, order.reason)
-            if reason != order.status.reason:
+            reason = reasons.get(order.name)
+            if reason is None or reason == order.status.reason:
+                continue
+            if order.status.history[-1].event_code != EventCode.DISPATCHING_DEFERRED:
+                self._orders.put(order.deferred(reason, now))  # its first reason is never late
+            elif self._reasons_left:
+                self._reasons_left -= 1
                 self._orders.put(order.deferred(reason, now))
 
     def _give_way(self, dispatched: Dispatched) -> str:
@@ -354,7 +358,7 @@ class LifeCycle:
 
     def robot_changed(self, vehicle: FleetVehicle, view: RobotView) -> None:
         """Handle a new state of a robot."""
-        if vehicle.name in self._pauses or self._dispatching.has_changed(vehicle):
+        if vehicle.name in self._pauses or self._dispatching.is_due_for(vehicle):
             self._state.dispatch_due = True
         self.update_reason(vehicle, view)
 

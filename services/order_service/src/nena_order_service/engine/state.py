@@ -79,14 +79,12 @@ class Orders:
     Only committed versions may be shown to hosts.
     """
 
-    def __init__(self, pending: PendingChanges, touched: set[str]) -> None:
-        """``touched`` receives the names of the vehicles whose orders change."""
+    def __init__(self, pending: PendingChanges) -> None:
         self.last_number = 0
         """The highest order number in the store."""
         self.waiting = WaitingOrders()
         self.statistics = OrderStatistics()
         self._pending = pending
-        self._touched = touched
         self._orders: dict[int, TransportOrder] = {}
         self._by_name: dict[str, int] = {}
         self._by_key: dict[str, int] = {}
@@ -193,8 +191,6 @@ class Orders:
         if order.idempotency_key is not None:
             self._by_key[order.idempotency_key] = order.number
         self.waiting.put(order)
-        if order.vehicle:
-            self._touched.add(order.vehicle)
 
     def _forget(self, number: int) -> None:
         order = self._orders.pop(number)
@@ -208,8 +204,6 @@ class OrderSequences:
     """Unfinished order sequences, in their current and committed versions."""
 
     def __init__(self, pending: PendingChanges) -> None:
-        self.freed = False
-        """Whether a sequence has released its vehicle since this was last reset."""
         self._pending = pending
         self._last_number = 0
         self._sequences: dict[str, OrderSequence] = {}
@@ -588,9 +582,7 @@ class FleetState:
     def __init__(self, registry: VehicleRegistry) -> None:
         self.registry = registry
         self.pending = PendingChanges()
-        self.touched: set[str] = set()
-        """Names of vehicles that the dispatcher must check again; cleared by the dispatcher."""
-        self.orders = Orders(self.pending, self.touched)
+        self.orders = Orders(self.pending)
         self.sequences = OrderSequences(self.pending)
         self.vehicles = VehicleRecords(self.pending, registry)
         self.sent_orders = SentOrders(self.pending, self.vehicles)
@@ -600,8 +592,6 @@ class FleetState:
         """Numbers of paused orders, by the names of their vehicles."""
         self.dispatch_due = False
         """Whether a vehicle or an order may have become free."""
-        self.dispatch_later = False
-        """Whether to dispatch again in the next turn of the event loop, so that others get theirs."""
         self.drive_due = False
         """Whether a vehicle may be able to start or continue driving."""
 
@@ -610,14 +600,9 @@ class FleetState:
         self.pending.effects.append(effect)
 
     def vehicle_changed(self, name: str | None) -> None:
-        """Publish a vehicle's status as :meth:`publish` does, and make the dispatcher check the vehicle."""
-        if name is not None:
-            self.publish(name)
-            self.touched.add(name)
-
-    def publish(self, name: str) -> None:
         """Publish a vehicle's status once the changes of this unit of work are committed."""
-        self.pending.vehicles.add(name)
+        if name is not None:
+            self.pending.vehicles.add(name)
 
     def peripheral_changed(self, location: str) -> None:
         """Publish a device's status once the changes of this unit of work are committed."""

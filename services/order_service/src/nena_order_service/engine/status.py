@@ -215,7 +215,7 @@ class StatusReporter:
         )
 
     def _idle_reason(self, vehicle: FleetVehicle) -> str:
-        reason = self._dispatching.idle_reason(vehicle, orders_wait=self._state.orders.any_waiting)
+        reason = self._dispatching.idle_reason(vehicle)
         bound = self._sequences.bound_to(vehicle.name)
         awaits = Reason(R.WAITS_FOR_SEQUENCE, sequence=bound) if bound else ""
         more = (

@@ -439,10 +439,15 @@ class OrderCosts:
             best = min(best, RouteCost(initial + entry.rest, initial))
         return best
 
-    def complete(self, points: Sequence[str]) -> list[float]:
-        """Return the complete cost for vehicles that start at each of many points."""
-        rows = [[cost + entry.rest for cost in entry.to_it.sources(points)] for entry in self.entries]
-        return [min(costs) for costs in zip(*rows, strict=True)] if rows else [inf] * len(points)
+    def sources(self, points: Sequence[str]) -> Sequence[tuple[float, float]]:
+        """Return the costs, complete and initial, for vehicles that start at each of many points."""
+        rows = [
+            [(initial + entry.rest, initial) for initial in entry.to_it.sources(points)]
+            for entry in self.entries
+        ]
+        if len(rows) == 1:
+            return rows[0]
+        return [min(costs) for costs in zip(*rows, strict=True)] if rows else [NO_ROUTE] * len(points)
 
 
 class RouteCosts:
