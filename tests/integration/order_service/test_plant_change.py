@@ -78,6 +78,20 @@ async def test_changed_while_a_robot_drives(fleet: Fleet, service: Start) -> Non
     assert len(actions(wire, fleet)) == 1
 
 
+async def test_robots_accept_the_orders_after_a_change(fleet: Fleet, service: Start) -> None:
+    """Robots refuse an order whose headerId is not greater than that of the last one of the same epoch."""
+    client = await service()
+    fleet.agent()
+    await vehicle_idle(client)
+    for number in range(3):
+        body = {"name": f"T-{number}", "destinations": [{"locationName": f"South {2 + number % 2}"}]}
+        assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
+        order = await order_in(client, f"T-{number}", "FINISHED", "FAILED")
+        assert order["state"] == "FINISHED", order["reason"]
+        model = SAMPLE.model_copy(update={"name": f"Hall {number}"})
+        assert (await put(client, model.to_json())).status_code == 200
+
+
 async def test_kept_over_a_restart_until_the_file_changes(fleet: Fleet) -> None:
     async with running(fleet.settings()) as client:
         assert (await put(client, write(with_hall()).data)).json()["name"] == "Hall 2"

@@ -9,6 +9,7 @@ from typing import Any
 from nena_order_service.api.decisions import make_black_box
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
 from nena_order_service.fleet.guard import FleetGuard
+from nena_order_service.fleet.link import HeaderIds
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import OrderService, ServiceRunner, build
 from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
@@ -142,6 +143,8 @@ async def _lead(
 ) -> None:
     """Serve until ``stop``; during the start, the server reports if the store cannot be written."""
     black_box = make_black_box(settings, SystemClock())
+    # Each service that is built for another plant model continues them, because the epoch stays the same.
+    header_ids: HeaderIds = {}
 
     def make(model: PlantModel) -> OrderService:
         return build(
@@ -149,6 +152,7 @@ async def _lead(
             model,
             store,
             epoch=guard.epoch,
+            header_ids=header_ids,
             term=guard.term,
             change_plant=runner.change_plant,
             elected=guard.won,

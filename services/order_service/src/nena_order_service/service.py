@@ -40,7 +40,7 @@ from nena_order_service.engine.plant_change import conflicts
 from nena_order_service.engine.schedules import Schedules
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
-from nena_order_service.fleet.link import FleetLink, RobotAddresses
+from nena_order_service.fleet.link import FleetLink, HeaderIds, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.plant_file import PlantFile
@@ -159,6 +159,7 @@ def build(
     store: Store,
     *,
     epoch: int = 0,
+    header_ids: HeaderIds | None = None,
     term: Term = always,
     change_plant: ChangePlant | None = None,
     elected: asyncio.Event | None = None,
@@ -176,7 +177,7 @@ def build(
     beat = _make_heartbeat(engine, topics, epoch=epoch)
     hooks = LinkHooks(beat.will, lambda: chain(publisher.greeting(), devices.greeting()))
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
-    fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch)
+    fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch, header_ids=header_ids)
     devices = PeripheralLink(mqtt, topics, engine)
     hosts = _make_host_services(settings, engine, fleet, black_box)
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
@@ -240,7 +241,13 @@ def _follow(engine: Engine, fleet: FleetLink, traces: Exporting | None, box: Bla
 
 
 def make_fleet(
-    settings: OrderServiceSettings, mqtt: BrokerLink, engine: Engine, clock: Clock, *, epoch: int = 0
+    settings: OrderServiceSettings,
+    mqtt: BrokerLink,
+    engine: Engine,
+    clock: Clock,
+    *,
+    epoch: int = 0,
+    header_ids: HeaderIds | None = None,
 ) -> FleetLink:
     """Build fleet control over the link ``mqtt``."""
     return FleetLink(
@@ -250,6 +257,7 @@ def make_fleet(
         clock=clock,
         on_events=engine.on_events,
         epoch=epoch,
+        header_ids=header_ids,
     )
 
 

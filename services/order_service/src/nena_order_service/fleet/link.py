@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -288,17 +287,22 @@ def _require_storable(robot: RobotKey, vehicle: Vehicle) -> None:
 HEADER_ID_COUNT: Final = 2**32
 
 
+HeaderIds = dict[tuple[RobotKey, Topic], int]
+"""The next headerId by robot and topic."""
+
+
 class Outgoing:
     """Builds the messages, with headerIds counted per robot and topic (section 7.2).
 
     Commands contain the ``epoch`` of the order service, unless it is 0; a robot refuses commands of older
-    epochs.
+    epochs, and those of the same epoch whose headerId is not greater than that of the last accepted order.
     """
 
-    def __init__(self, clock: Clock, epoch: int = 0) -> None:
+    def __init__(self, clock: Clock, epoch: int = 0, header_ids: HeaderIds | None = None) -> None:
+        """``header_ids`` are those that the epoch has reached; None: they begin at 0."""
         self._clock = clock
         self._epoch = epoch or None
-        self._header_ids: dict[tuple[RobotKey, Topic], int] = defaultdict(int)
+        self._header_ids = {} if header_ids is None else header_ids
 
     def message(self, output: Publish, version: str) -> tuple[Topic, Message]:
         """Return the message and its topic."""
@@ -326,7 +330,7 @@ class Outgoing:
                 return Topic.ZONE_SET, ZoneSetTransfer(**header, zone_set=output.zone_set)
 
     def _header(self, robot: RobotKey, topic: Topic, version: str) -> dict[str, Any]:
-        header_id = self._header_ids[robot, topic]
+        header_id = self._header_ids.get((robot, topic), 0)
         self._header_ids[robot, topic] = (header_id + 1) % HEADER_ID_COUNT
         return {
             "header_id": header_id,
@@ -392,13 +396,14 @@ class FleetLink:
         clock: Clock,
         on_events: Callable[[*tuple[FleetOutput, ...]], None],
         epoch: int = 0,
+        header_ids: HeaderIds | None = None,
     ) -> None:
         self._mqtt = mqtt
         self._addresses = addresses
         self._settings = settings
         self._clock = clock
         self._on_events = on_events
-        self._outgoing = Outgoing(clock, epoch)
+        self._outgoing = Outgoing(clock, epoch, header_ids)
         self._last_nodes = LastNodes()
         self._connected = False
         self._term = 0
