@@ -15,7 +15,8 @@ Until then it may do two things, and each has its limit:
    suspend. The server frees the lock of a silent holder HANG_SECONDS after it was asked, later than the end
    of the lease. If it frees the lock earlier, as at a broken connection, the standby that gets it sends
    nothing for LEASE_SECONDS. So the former lease has ended in both cases. Only clocks of the same rate are
-   needed, not of the same time.
+   needed, not of the same time. A program that gets the lock as soon as it starts does not wait: a leader
+   whose connection was ended sees that within :data:`POLL` seconds, before a start is complete.
 
 **A lost database.** Without the lease nothing is sent. The former leader has :data:`GRACE` seconds to connect
 again before a standby tries; if a standby was faster, the leader sees the newer epoch and exits.
