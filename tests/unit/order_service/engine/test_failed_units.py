@@ -143,7 +143,8 @@ async def go_through(store: MemoryStore, fault: Fault) -> tuple[list[str], Scrip
 async def test_an_exception_at_any_change_of_an_order_leaves_no_half_of_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    failed_at, number, done = set(), 0, False
+    failed_at: set[str] = set()
+    number, done = 0, False
     while not done:
         number += 1
         store, fault = MemoryStore(), Fault(at=number)
