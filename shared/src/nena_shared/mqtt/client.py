@@ -154,7 +154,7 @@ class Client:
 
         """
         address = self._settings.host, self._settings.port, self._settings.keep_alive
-        connecting = self._loop.run_in_executor(None, self._paho.connect, *address)  # does not write yet
+        connecting = self._loop.run_in_executor(None, lambda: self._paho.connect(*address))  # writes nothing
         try:
             async with asyncio.timeout(self._timeout):
                 await asyncio.shield(connecting)

@@ -18,7 +18,6 @@ from structlog.testing import capture_logs
 
 from nena_shared.mqtt import Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt import link as link_module
-from nena_shared.mqtt.client import Client
 from nena_shared.settings import ConfigurationError, MqttSettings
 from support.broker import Broker, MqttPeer, free_port
 from support.pausing import turn_passes
@@ -60,27 +59,6 @@ async def test_publishes_in_order(broker: Broker, interface_name: str) -> None:
 
         assert numbers(peer.payloads()) == list(range(1000))
     assert (link.state.published, link.state.dropped) == (1000, 0)
-
-
-async def test_each_first_message_is_sent_before_the_next_one_is_made(
-    broker: Broker, interface_name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    steps: list[str] = []
-    send = Client.send
-
-    def noted(client: Client, message: Outbound, confirmed: Callable[[], None]) -> None:
-        steps.append(f"sent {message.payload.decode()}")
-        send(client, message, confirmed)
-
-    def first_messages() -> Iterator[Outbound]:
-        for message in numbered(f"{interface_name}/a", range(3)):
-            steps.append(f"made {message.payload.decode()}")
-            yield message
-
-    monkeypatch.setattr(Client, "send", noted)
-    link = MqttLink(broker.settings, client_id=interface_name, hooks=LinkHooks(on_connected=first_messages))
-    async with running(link):
-        assert steps == [f"{step} {number}" for number in range(3) for step in ("made", "sent")]
 
 
 async def test_receives_by_topic(broker: Broker, interface_name: str) -> None:
