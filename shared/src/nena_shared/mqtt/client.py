@@ -238,8 +238,15 @@ class Client:
         self._write_packets()
 
     async def wait_until(self, condition: Callable[[], bool]) -> None:
-        """Wait until a condition holds after some read or write, or the connection has ended."""
-        while not self._ended.done() and not condition():
+        """Wait until a condition holds after some read or write.
+
+        Raises:
+            MqttError: the connection has ended.
+
+        """
+        while not condition():
+            if self._ended.done():
+                self._ended.result()  # raises the reason
             self._progress.clear()
             await self._progress.wait()
 

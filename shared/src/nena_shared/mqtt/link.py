@@ -455,7 +455,7 @@ class MqttLink:
 
         Call it before a timeout is concluded from silence: the answer may be among them.
         """
-        with suppress(TimeoutError):
+        with suppress(TimeoutError, MqttError):
             async with asyncio.timeout(seconds):
                 if session := self._session:
                     await session.client.wait_until(lambda: session.client.has_read_all)
