@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import logging
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -33,9 +32,6 @@ structlog.configure(
     ]
 )
 
-# Collected tests and imported modules stay until the end: most searches of them for garbage find nothing.
-gc.set_threshold(50_000, 20, 100)
-
 pytest_plugins = ["support.selection"]
 
 MARKED_BY = {
@@ -60,12 +56,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             names.add("postgres")
         for fixture in names & MARKED_BY.keys():
             item.add_marker(MARKED_BY[fixture])
-
-
-def pytest_collection_finish() -> None:
-    """Exclude all collected tests from garbage collection."""
-    gc.collect()
-    gc.freeze()
 
 
 @pytest.fixture(scope="session")

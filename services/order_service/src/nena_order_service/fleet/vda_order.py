@@ -425,10 +425,10 @@ def _same_base(held: VdaOrder, plan: VdaOrder, base: int) -> bool:
     return [*map(_outline, before)] == [*map(_outline, after)]
 
 
-def _outline(part: Node | Edge) -> tuple[object, ...]:
+def _outline(part: Node | Edge) -> tuple[str, int, list[str]]:
     """Return the identity of a node or an edge."""
     name = part.node_id if isinstance(part, Node) else part.edge_id
-    return name, part.sequence_id, tuple(action.action_id for action in part.actions)
+    return name, part.sequence_id, [action.action_id for action in part.actions]
 
 
 def _released(part: G, *, released: bool) -> G:

@@ -170,7 +170,6 @@ class OrderPlanner:
         self._operations = operations
         self._standings: dict[str, tuple[tuple[object, str], RobotProfile, Standing]] = {}
         """The last position of each vehicle, and the reported place and profile that it was found by."""
-        self._limits: dict[str, tuple[FleetVehicle, SpeedLimit]] = {}
 
     def recharging(self, operation: str) -> bool:
         """Return whether an operation recharges the vehicle."""
@@ -318,12 +317,6 @@ class OrderPlanner:
         """Return a vehicle's speed limits by the plant model; defaults do not count."""
         if not self._speed_limits:
             return unlimited
-        known = self._limits.get(vehicle.name)
-        if known is None or known[0] is not vehicle:
-            known = self._limits[vehicle.name] = vehicle, self._given_limit(vehicle)
-        return known[1]
-
-    def _given_limit(self, vehicle: FleetVehicle) -> SpeedLimit:
         profile = RoutingProfile.of(vehicle.model, self.plant.vehicle_types)
         given = vehicle.model.model_fields_set if vehicle.model else ()
         profile = replace(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 from nena_order_service.fleet.position import RobotProfile, max_distance_m
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
@@ -133,33 +132,23 @@ class VehicleRegistry:
 DEFAULT_MANUFACTURER = "NeNa"
 
 
-COMBINATIONS_KEPT = 1000
-"""Number of cached combinations of maps; robots of a fleet have the same ones."""
-
-
 def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
     """Return the maps of a robot; None if it reports none."""
     if state.maps is None:
         return None
-    return _maps(tuple((each.map_id, each.map_version, each.map_status) for each in state.maps))
-
-
-@lru_cache(COMBINATIONS_KEPT)
-def _maps(reported: tuple[tuple[str, str, MapStatus], ...]) -> tuple[RobotMap, ...]:
     return tuple(
-        RobotMap(map_id=map_id, map_version=version, enabled=status is MapStatus.ENABLED)
-        for map_id, version, status in reported
+        RobotMap(
+            map_id=each.map_id, map_version=each.map_version, enabled=each.map_status is MapStatus.ENABLED
+        )
+        for each in state.maps
     )
 
 
 def why_not_on(map_id: str, state: State) -> str:
     """Return, as a predicate, why a robot cannot drive on a map; empty if it can, or reports no maps."""
-    maps = robot_maps(state)
-    if not maps or not map_id:
+    if not state.maps or not map_id:
         return ""
-    versions = [each for each in maps if each.map_id == map_id]
-    if any(each.enabled for each in versions):
+    versions = [each for each in state.maps if each.map_id == map_id]
+    if any(each.map_status is MapStatus.ENABLED for each in versions):
         return ""
-    if versions:
-        return Reason(R.NO_MAP_ENABLED, map=map_id)
-    return Reason(R.NO_MAP, map=map_id)
+    return Reason(R.NO_MAP_ENABLED if versions else R.NO_MAP, map=map_id)
