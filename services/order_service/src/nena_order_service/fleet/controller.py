@@ -504,7 +504,7 @@ class FleetController:
         self._robots = {robot: self._new_control(robot) for robot in expected}
         self._to_ask: dict[RobotKey, None] = {}
         """Robots to ask for their states, in this order; those that have reported since are left out."""
-        self._instant_actions = ReleaseManager(settings, utc_now)
+        self._releases = ReleaseManager(settings, utc_now)
 
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
         """Handle a connection message (section 6.5)."""
@@ -518,8 +518,8 @@ class FleetController:
         """Handle a state message (section 6.6); repeated and outdated ones are ignored."""
         control = self.control(robot)
         outputs = tuple(control.on_state(message, now))
-        if message.zone_requests or message.edge_requests or self._instant_actions.busy:
-            self._instant_actions.on_state(robot, control.robot.state or message)
+        if message.zone_requests or message.edge_requests or self._releases.busy:
+            self._releases.on_state(robot, control.robot.state or message)
             outputs += self._answers(now)
         return outputs
 
@@ -551,7 +551,7 @@ class FleetController:
             yield tuple(control.tick(now))
         if self._broker and self._to_ask:
             yield from self._ask(now)
-        if self._instant_actions.busy:
+        if self._releases.busy:
             yield self._answers(now)
 
     def _ask(self, now: float) -> Iterator[Outputs]:
@@ -614,7 +614,7 @@ class FleetController:
         if not self._broker:
             return ()
         return tuple(
-            self._instant_actions.answers(now, all_known=self.all_known(now), reachable=self._reachable)
+            self._releases.answers(now, all_known=self.all_known(now), reachable=self._reachable)
         )
 
     def _reachable(self, robot: RobotKey) -> bool:
