@@ -10,7 +10,7 @@ import pytest
 
 from nena_order_service.api.plant import PlantOperations
 from nena_order_service.service import OrderService
-from nena_shared.fleet_api.places import LocationsQuery, LocationStatus, PointsQuery, PointStatus
+from nena_shared.fleet_api.places import LocationsQuery, LocationStatus, PointStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Point
 from support.fleet_examples import state
 
@@ -145,19 +145,3 @@ def test_a_link_offers_no_more_than_the_type_of_its_location(shelf: PlantOperati
         ("Juggle", "A"),
         ("Juggle", "B"),
     }
-
-
-async def test_only_what_a_page_contains_is_described(
-    shelf: PlantOperations, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With 10,000 places, describing all of them would block other requests for over 0.1 s."""
-    described: list[str] = []
-
-    def noted(place: Point | Location, *_: object) -> None:
-        described.append(place.name)
-
-    monkeypatch.setattr(shelf, "_point_status", noted)
-    monkeypatch.setattr(shelf, "_location_status", noted)
-    shelf.points(PointsQuery(vehicle="Robot-01"))
-    shelf.locations(LocationsQuery(operation="Juggle"))
-    assert described == []
