@@ -198,7 +198,7 @@ def build(
         readiness=lambda: readiness(mqtt, store, lag.longest, failed=engine.unit_of_work.failed.is_set()),
         max_body=settings.max_body,
         metrics=Exposition(parts, SECTIONS).text,
-        mounted={prefix: opentcs.make_app(hosts, operations, engine, changes, change)} if prefix else {},
+        mounted={prefix: opentcs.make_app(hosts, engine, changes, change)} if prefix else {},
     )
     app = make_app(operations, stream, service)
     made = OrderService(engine, fleet, publisher, beat, sweep, mqtt, app, api, stream, changes, hosts, lag)

@@ -18,7 +18,6 @@ from nena_order_service.api.opentcs_answers import Body, NotPossibleError, angle
 from nena_order_service.api.opentcs_audit import AuditedRoutes
 from nena_order_service.api.opentcs_events import LAST_MOMENT, ChangeLog, StateTimes
 from nena_order_service.api.opentcs_plant import ChangePlant
-from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.orders import OrderOperations
 from nena_order_service.api.sequences import SequenceOperations
 from nena_order_service.api.vehicles import VehicleOperations
@@ -382,7 +381,6 @@ def accept_access_key(scope: Scope) -> None:
 
 def make_app(
     hosts: HostServices,
-    operations: HostOperations,
     engine: Engine,
     changes: ChangeLog,
     change_plant: ChangePlant,
@@ -390,7 +388,7 @@ def make_app(
     """Create the ASGI application; ``changes`` listens to the engine."""
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     install(app)
-    app.add_middleware(AuditedRoutes, trail=operations.trail, routes=app.routes)
+    app.add_middleware(AuditedRoutes, trail=hosts.trail, routes=app.routes)
     _add_dispatcher(app, engine.look)
     _add_orders(app, hosts.orders, hosts.vehicles)
     _add_assignment(app, hosts.orders, engine)
