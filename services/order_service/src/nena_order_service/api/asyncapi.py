@@ -60,10 +60,14 @@ class Channel:
     """Model of the message; None: the plant model, which has its own schema."""
     summary: str
     retained: bool = False
-    parameters: tuple[str, ...] = ("host",)
     refusals: tuple[Refusal, ...] = ()
     answered: bool = True
     """Whether the order service answers what it receives."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Parameters in the address."""
+        return tuple(name for name in PARAMETERS if f"{{{name}}}" in self.address)
 
 
 def channels(topics: FleetTopics) -> tuple[Channel, ...]:
@@ -80,7 +84,7 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
 
 def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
     """Return the channels of peripheral devices."""
-    location, at = "{location}", ("location",)
+    location = "{location}"
     return (
         Channel(
             "deviceJob",
@@ -88,7 +92,6 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
             "send",
             DeviceRequest,
             "Asks a device to execute a job. Repeated with the same jobId if there is no answer.",
-            parameters=at,
         ),
         Channel(
             "deviceCancel",
@@ -96,7 +99,6 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
             "send",
             DeviceCancellation,
             "Tells a device that a job is no longer needed.",
-            parameters=at,
         ),
         Channel(
             "deviceJobState",
@@ -104,7 +106,6 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
             "receive",
             DeviceAnswer,
             "A device's answer about a job.",
-            parameters=at,
             answered=False,
         ),
         Channel(
@@ -113,7 +114,6 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
             "receive",
             DeviceReport,
             "A device's own state, retained; its last will reports UNAVAILABLE.",
-            parameters=at,
             answered=False,
         ),
         Channel(
@@ -123,7 +123,6 @@ def _devices(topics: FleetTopics) -> tuple[Channel, ...]:
             PeripheralStatus,
             "Each change of a device and its job.",
             retained=True,
-            parameters=at,
         ),
     )
 
@@ -138,7 +137,6 @@ def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
             TransportOrderStatus,
             "Each change of an order, retained; an empty message clears it end_kept s after the last.",
             retained=True,
-            parameters=("transportOrder",),
         ),
         Channel(
             "orderSequenceStatus",
@@ -147,7 +145,6 @@ def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
             OrderSequenceStatus,
             "Each change of an order sequence, retained until it is finished; an empty message clears it.",
             retained=True,
-            parameters=("orderSequence",),
         ),
         Channel(
             "vehicleStatus",
@@ -156,7 +153,6 @@ def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
             VehicleStatus,
             "Each change of a vehicle.",
             retained=True,
-            parameters=("serialNumber",),
         ),
         Channel(
             "serviceStatus",
@@ -165,7 +161,6 @@ def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
             ServiceStatus,
             f"Heartbeat of the order service, every {HEARTBEAT:g} s, and its last will.",
             retained=True,
-            parameters=(),
         ),
         Channel(
             "plantModel",
@@ -174,7 +169,6 @@ def _statuses(topics: FleetTopics) -> tuple[Channel, ...]:
             None,
             "The plant model as NeNa writes it; lengths in mm, angles in degrees.",
             retained=True,
-            parameters=(),
         ),
     )
 

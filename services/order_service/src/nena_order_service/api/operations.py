@@ -11,7 +11,8 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from inspect import isawaitable, signature
-from typing import Any, Generic, TypeVar
+from itertools import islice
+from typing import Any, Generic, Protocol, TypeVar
 
 from pydantic import BaseModel
 
@@ -34,6 +35,18 @@ from nena_shared.fleet_api.requests import InstantActionAnswer
 from nena_shared.fleet_api.transport_order import TransportOrderBatch, TransportOrderBatchAnswer
 
 R = TypeVar("R")
+
+
+class Named(Protocol):
+    """An object in a list."""
+
+    @property
+    def name(self) -> str:
+        """Return its name."""
+        ...
+
+
+N = TypeVar("N", bound=Named)
 
 ANY = "*"
 
@@ -125,6 +138,14 @@ class HostOperations:
                 recorded.name = recorded.name or getattr(reply.body, "name", "")
                 recorded.after = _outcome(reply.body)
             return reply
+
+
+def page_of(objects: Iterable[N], limit: int | None) -> tuple[tuple[N, ...], str | None]:
+    """Return the first ``limit`` objects, and the name of the last of them if there are more; None: all."""
+    page = tuple(objects if limit is None else islice(objects, limit + 1))
+    if limit is None or len(page) <= limit:
+        return page, None
+    return page[:limit], page[limit - 1].name
 
 
 def created(*, new: bool) -> HTTPStatus:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import dropwhile, islice
 
-from nena_order_service.api.operations import Handler
+from nena_order_service.api.operations import Handler, page_of
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.peripherals import JOB_PREFIX
 from nena_order_service.errors import (
@@ -68,12 +68,9 @@ class PeripheralOperations:
         if request.after is not None:
             self.job(request.after)
             jobs = islice(dropwhile(lambda job: job.status.name != request.after, jobs), 1, None)
-        fitting = (job for job in jobs if _fits(job, request))
-        found = tuple(map(self._peripherals.job_status, islice(fitting, request.limit + 1)))
-        page = found[: request.limit]
-        return PeripheralJobList(
-            peripheral_jobs=page, next=page[-1].name if len(found) > request.limit else None
-        )
+        statuses = (self._peripherals.job_status(job) for job in jobs if _fits(job, request))
+        page, following = page_of(statuses, request.limit)
+        return PeripheralJobList(peripheral_jobs=page, next=following)
 
     def job(self, name: str) -> PeripheralJobStatus:
         """Return a job; raises UnknownPeripheralJobError."""

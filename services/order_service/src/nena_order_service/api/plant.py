@@ -7,14 +7,13 @@ import hashlib
 from collections import defaultdict
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from itertools import islice
 from typing import Annotated, Any, Final, TypeVar
 
 from fastapi import APIRouter, Query, Request, Response
 
 from nena_order_service.api.audit import ChangingRequest, OpenRequest, Trail, masked, origin_of
 from nena_order_service.api.operation_routes import known_query, refusals_of
-from nena_order_service.api.operations import Handler
+from nena_order_service.api.operations import Handler, page_of
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.engine.status import current_position
@@ -119,7 +118,7 @@ class PlantOperations:
             and request.map_id in (None, each.map_id)
             and (vehicle is None or vehicle in occupants.get(each.name, ()) or vehicle in holders(each.name))
         )
-        page, following = _page(points, request.limit)
+        page, following = page_of(points, request.limit)
         statuses = (self._point_status(each, occupants.get(each.name, ())) for each in page)
         return PointPage(points=tuple(statuses), next=following)
 
@@ -141,7 +140,7 @@ class PlantOperations:
         if request.point is not None:
             self._point(request.point)
         wanted = (each for each in _behind(self._plant.locations, request.after) if self._fits(each, request))
-        page, following = _page(wanted, request.limit)
+        page, following = page_of(wanted, request.limit)
         return LocationPage(locations=tuple(map(self._location_status, page)), next=following)
 
     def _fits(self, location: Location, query: LocationsQuery) -> bool:
@@ -164,10 +163,10 @@ class PlantOperations:
         if request.after is not None:
             self._locks.get(request.after)
         paths = _behind(self._locks.all(), request.after)
-        page, following = _page(
+        page, following = page_of(
             (each for each in paths if request.locked in (None, each.locked)), request.limit
         )
-        return PathPage(paths=tuple(page), next=following)
+        return PathPage(paths=page, next=following)
 
     def _point(self, name: str) -> Point:
         point = self._plant.points_by_name.get(name)
@@ -231,14 +230,6 @@ def _behind(objects: Iterable[P], name: str | None) -> Iterator[P]:
         if passed:
             yield each
         passed = passed or each.name == name
-
-
-def _page(objects: Iterable[P], limit: int | None) -> tuple[list[P], str | None]:
-    """Return the first ``limit`` objects, and the name of the last of them if there are more; None: all."""
-    if limit is None:
-        return list(objects), None
-    found = list(islice(objects, limit + 1))
-    return found[:limit], found[limit - 1].name if len(found) > limit else None
 
 
 def plant_model_router(plant_json: bytes, change: ChangePlant | None, trail: Trail) -> APIRouter:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from http import HTTPStatus
-from itertools import islice
 from math import hypot
 
-from nena_order_service.api.operations import Handler, Reply
+from nena_order_service.api.operations import Handler, Reply, page_of
 from nena_order_service.api.orders import OrderOperations
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.stops import STOP_PAUSE
@@ -81,10 +80,8 @@ class VehicleOperations:
             if (not request.state or vehicle.state in request.state)
             and (not request.processing_state or vehicle.processing_state in request.processing_state)
         )
-        page = tuple(islice(wanted, request.limit + 1))
-        more = len(page) > request.limit
-        page = page[: request.limit]
-        return VehicleList(vehicles=page, next=page[-1].name if more else None)
+        page, following = page_of(wanted, request.limit)
+        return VehicleList(vehicles=page, next=following)
 
     def vehicles(self, after: str | None = None) -> Iterator[VehicleStatus]:
         """Yield all vehicles, or those after the one named ``after``."""
