@@ -91,7 +91,7 @@ def test_renewed_file_counts_once_the_program_uses_it(tmp_path: Path) -> None:
     server, client = authority.sign("server"), authority.sign("client")
     HttpServer(
         nothing_served, HttpSettings(port=0, tls_certificate=server.certificate, tls_key=server.key)
-    ).close()
+    ).stop()
     authority.sign("server", days=100)
     authority.sign("client", days=100)
     found = Certificates(server.certificate, client.certificate).validity()

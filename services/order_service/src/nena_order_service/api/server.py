@@ -186,8 +186,6 @@ class RestServer:
     async def close(self) -> None:
         """Stop accepting requests and wait briefly for open ones."""
         answering, self._answering = self._answering, None
-        if answering is None:
-            self._http.close()
-            return
         self._http.stop()
-        await asyncio.wait({answering}, timeout=SHUTDOWN_TIMEOUT + 1)
+        if answering:
+            await asyncio.wait({answering}, timeout=SHUTDOWN_TIMEOUT + 1)
