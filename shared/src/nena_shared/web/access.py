@@ -8,7 +8,7 @@ from functools import partial
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from math import ceil
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -20,7 +20,7 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.web.headers import header_of
 from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.problem import refusal
-from nena_shared.web.server_sent_events import LastingAnswer
+from nena_shared.web.server_sent_events import while_allowed
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import User, UsersFile, users_of
 
@@ -66,14 +66,6 @@ RoleNeeded = Callable[[str, str], Role | None]
 """Returns the required role of a request, by method and path; None: no login required."""
 
 
-class TokenReader(Protocol):
-    """Reads users from tokens signed by an OIDC issuer."""
-
-    async def user_of(self, token: str) -> OidcUser:
-        """Return the user of a token; raises the errors of :mod:`nena_shared.web.oidc.tokens`."""
-        ...
-
-
 class Refused(Exception):  # noqa: N818 - it is an answer, no fault
     """A request is rejected."""
 
@@ -96,7 +88,7 @@ class AccessControl:
     clock: Clock = field(default_factory=SystemClock)
     cookies: bool = False
     """Whether tokens are accepted in a cookie; only for services that refuse requests of other origins."""
-    oidc: TokenReader | None = None
+    oidc: AccessTokens | None = None
     """Users with tokens of an OIDC issuer. Without this and ``users``, no login is required."""
     _requests: RateLimit = field(init=False)
     _wrong_tokens: RateLimit = field(init=False)
@@ -115,9 +107,7 @@ class AccessControl:
                 await answer(scope, receive, send)
                 return
             if scope["method"] == "GET" and self._login_required and scope["state"]["user"]:
-                may_stay = partial(self._may_stay, scope)
-                lasting = LastingAnswer(receive, send, allowed=may_stay, clock=self.clock)
-                receive, send = lasting.receive, lasting.send
+                send = while_allowed(send, partial(self._may_stay, scope), self.clock)
         await self.app(scope, receive, send)
 
     @property

@@ -10,7 +10,7 @@ from itertools import islice
 from types import MappingProxyType
 from typing import Final, Generic, TypeVar
 
-from starlette.types import Message, Receive, Send
+from starlette.types import Message, Send
 
 from nena_shared.clock import Clock
 from nena_shared.tasks import set_within
@@ -107,43 +107,22 @@ class EventRing(Generic[E]):
 LOOK_AFTER = 1.0
 """Interval between checks of a client's access during a response, seconds."""
 
-_END: Message = {"type": "http.response.body", "body": b"", "more_body": False}
 
+def while_allowed(send: Send, allowed: Callable[[], bool], clock: Clock) -> Send:
+    """Wrap ``send`` of a request, so that the response ends when its client loses access.
 
-class LastingAnswer:
-    """Wraps the ASGI channels of one request, and ends the response when the client loses access.
-
-    A part of the response that follows at least a second after the last check is sent only if ``allowed``
-    returns True. Otherwise the response ends, and the application sees a disconnected client.
+    A part that follows at least a second after the last check is sent only if ``allowed`` returns True.
+    After the end the server tells the application that the client has disconnected, as ASGI defines it.
     """
+    checked, ended = clock.monotonic(), False
 
-    def __init__(self, receive: Receive, send: Send, *, allowed: Callable[[], bool], clock: Clock) -> None:
-        self._receive = receive
-        self._send = send
-        self._allowed = allowed
-        self._clock = clock
-        self._looked = clock.monotonic()
-        self._over = asyncio.Event()
-
-    async def send(self, message: Message) -> None:
-        """Forward a part of the response, or end it; later parts are dropped."""
-        if self._over.is_set():
+    async def send_if_allowed(message: Message) -> None:
+        nonlocal checked, ended
+        if ended:
             return
-        now = self._clock.monotonic()
-        if message["type"] == "http.response.body" and now - self._looked >= LOOK_AFTER:
-            self._looked = now
-            if not self._allowed():
-                self._over.set()
-                message = _END
-        await self._send(message)
+        now = clock.monotonic()
+        if message["type"] == "http.response.body" and now - checked >= LOOK_AFTER:
+            checked, ended = now, not allowed()
+        await send({"type": "http.response.body"} if ended else message)
 
-    async def receive(self) -> Message:
-        """Return the client's next message; after the end, a disconnect."""
-        coming = asyncio.ensure_future(self._receive())
-        over = asyncio.ensure_future(self._over.wait())
-        try:
-            await asyncio.wait((coming, over), return_when=asyncio.FIRST_COMPLETED)
-            return {"type": "http.disconnect"} if self._over.is_set() else coming.result()
-        finally:
-            coming.cancel()
-            over.cancel()
+    return send_if_allowed

@@ -2,9 +2,12 @@ from __future__ import annotations
 
 import asyncio
 
-from starlette.types import Message
+import httpx
+from starlette.types import Message, Receive, Scope, Send
 
-from nena_shared.web.server_sent_events import LOOK_AFTER, EventRing, LastingAnswer
+from nena_shared.web.server import HttpServer
+from nena_shared.web.server_sent_events import LOOK_AFTER, EventRing, while_allowed
+from nena_shared.web.settings import HttpSettings
 from support.clocks import ManualClock
 from support.pausing import turn_passes
 from support.waiting import PATIENCE
@@ -72,23 +75,18 @@ class Line:
         self.welcome = True
         self.looks = 0
         self.sent: list[Message] = []
-        self.come = asyncio.Event()
-        self.answer = LastingAnswer(self._receive, self._send, allowed=self._allowed, clock=self.clock)
+        self.send = while_allowed(self._send, self._allowed, self.clock)
 
     async def write(self, text: bytes) -> None:
-        await self.answer.send({"type": "http.response.body", "body": text, "more_body": True})
+        await self.send({"type": "http.response.body", "body": text, "more_body": True})
 
     @property
     def bodies(self) -> list[bytes]:
-        return [each["body"] for each in self.sent]
+        return [message.get("body", b"") for message in self.sent]
 
     def _allowed(self) -> bool:
         self.looks += 1
         return self.welcome
-
-    async def _receive(self) -> Message:
-        await self.come.wait()
-        return {"type": "http.request", "body": b"asked"}
 
     async def _send(self, message: Message) -> None:
         self.sent.append(message)
@@ -116,7 +114,6 @@ async def test_access_is_checked_at_most_once_a_second() -> None:
 
 async def test_client_without_access_receives_nothing_more() -> None:
     line = Line()
-    waiting = asyncio.create_task(line.answer.receive())
     await line.write(b"a")
     line.welcome = False
     line.clock.advance(LOOK_AFTER)
@@ -125,13 +122,29 @@ async def test_client_without_access_receives_nothing_more() -> None:
     await line.write(b"c")
 
     assert line.bodies == [b"a", b""]
-    assert line.sent[-1]["more_body"] is False
-    assert (await asyncio.wait_for(waiting, 30))["type"] == "http.disconnect"
-    assert (await asyncio.wait_for(line.answer.receive(), 30))["type"] == "http.disconnect"
+    assert not line.sent[-1].get("more_body")
 
 
-async def test_client_messages_are_forwarded() -> None:
-    line = Line()
-    line.come.set()
+async def test_stream_without_access_is_told_that_its_client_has_gone() -> None:
+    clock, welcome, told = ManualClock(), True, asyncio.Event()
 
-    assert (await line.answer.receive())["body"] == b"asked"
+    async def stream(_: Scope, receive: Receive, send: Send) -> None:
+        nonlocal welcome
+        send = while_allowed(send, lambda: welcome, clock)
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await receive()
+        welcome = False
+        clock.advance(LOOK_AFTER)
+        await send({"type": "http.response.body", "body": b"secret", "more_body": True})
+        assert (await receive())["type"] == "http.disconnect"
+        told.set()
+
+    server = HttpServer(stream, HttpSettings(port=0))
+    running = asyncio.create_task(server.run())
+    try:
+        async with httpx.AsyncClient(timeout=PATIENCE) as client:
+            assert (await client.get(server.url)).text == ""
+        await asyncio.wait_for(told.wait(), PATIENCE)
+    finally:
+        server.stop()
+        await asyncio.wait_for(running, PATIENCE)
