@@ -8,11 +8,11 @@ from http import HTTPStatus
 from types import MappingProxyType
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import APIRouter, FastAPI, HTTPException
 from pydantic.json_schema import models_json_schema
 from starlette.responses import HTMLResponse, Response
 
-from nena_shared.fleet_api.refusals import ProblemType
+from nena_shared.fleet_api.refusals import PROBLEMS, ProblemType
 from nena_shared.fleet_api.transport_order import Problem
 
 MEDIA_TYPE = "application/problem+json"
@@ -43,15 +43,26 @@ def refusal(
     return answer(problem, headers)
 
 
-def problem_page(kind: ProblemType, api: str) -> HTMLResponse:
-    """Return a page about a type of problem; ``api`` is the path of the API's description."""
-    return HTMLResponse(
-        '<!doctype html>\n<html lang="en"><meta charset="utf-8">'
-        f"<title>{escape(kind.meaning)}</title><h1>{escape(kind.meaning)}</h1>"
-        f"<p>HTTP status {int(kind.status)}, {kind.status.phrase}. Problem type <code>{kind.uri}</code>.</p>"
-        f"<h2>What to do</h2><p>{escape(kind.remedy.replace('`', ''))}</p>"
-        f'<p><a href="..{api}">REST API</a></p></html>\n'
-    )
+def make_problem_router(kinds: Mapping[str, ProblemType], api: str) -> APIRouter:
+    """Create the route of the pages about types of problems; ``api`` is the path of the API's description."""
+    router = APIRouter()
+
+    @router.get(f"{PROBLEMS}/{{name}}", include_in_schema=False)
+    async def problem(name: str) -> HTMLResponse:
+        """Describe a type of problem."""
+        kind = kinds.get(f"{PROBLEMS}/{name}")
+        if kind is None:
+            raise HTTPException(HTTPStatus.NOT_FOUND)
+        meaning = escape(kind.meaning)
+        return HTMLResponse(
+            f'<!doctype html>\n<html lang="en"><meta charset="utf-8"><title>{meaning}</title>'
+            f"<h1>{meaning}</h1><p>HTTP status {int(kind.status)}, {kind.status.phrase}. "
+            f"Problem type <code>{kind.uri}</code>.</p>"
+            f"<h2>What to do</h2><p>{escape(kind.remedy.replace('`', ''))}</p>"
+            f'<p><a href="..{api}">REST API</a></p></html>\n'
+        )
+
+    return router
 
 
 REFERENCES = "#/components/schemas/{model}"

@@ -6,19 +6,17 @@ contain nothing of the site and need no login. The description needs one: the pa
 
 from __future__ import annotations
 
-from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
 import fastapi_offline
 from fastapi import APIRouter, FastAPI
-from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, Response
 from starlette.routing import Mount
 from starlette.staticfiles import StaticFiles
 
-from nena_shared.fleet_api.refusals import PROBLEMS, TYPES
-from nena_shared.web.problem import problem_page
+from nena_shared.fleet_api.refusals import TYPES
+from nena_shared.web.problem import make_problem_router
 
 DOCS, REDOC = "/docs", "/redoc"
 FILES = f"{DOCS}/files"
@@ -75,14 +73,7 @@ def documentation() -> APIRouter:
         """Show the operations as one page."""
         return _page("redoc.standalone.js", _REDOC)
 
-    @router.get(f"{PROBLEMS}/{{kind}}", include_in_schema=False)
-    async def problem(kind: str) -> Response:
-        """Describe a type of problem."""
-        found = TYPES.get(f"{PROBLEMS}/{kind}")
-        if found is None:
-            raise HTTPException(HTTPStatus.NOT_FOUND)
-        return problem_page(found, DOCS)
-
+    router.include_router(make_problem_router(TYPES, DOCS))
     return router
 
 

@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from nena_shared.clock import SystemClock
 from nena_shared.web.access import AccessControl, access_tokens_of
 from nena_shared.web.metrics import METRICS, metrics_response
-from nena_shared.web.problem import describe_problems
+from nena_shared.web.problem import describe_problems, make_problem_router
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import users_of
 from nena_status_aggregator import panel
@@ -25,12 +25,11 @@ from nena_status_aggregator.api import (
     fleet,
     history,
     oidc,
-    problem_types,
     problems,
     session,
 )
 from nena_status_aggregator.api.oidc import sign_in_of
-from nena_status_aggregator.api.problem_types import Rejection
+from nena_status_aggregator.api.problem_types import DESCRIBED, OPENAPI, Rejection
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.api.session import make_rule
 from nena_status_aggregator.metrics.exposition import DISTRIBUTION, Exposition
@@ -157,7 +156,7 @@ def make_app(
             app.include_router(router)
     app.include_router(control.make_router(order_service or OrderServiceSettings()))
     app.include_router(events.make_router(aggregator.events))
-    app.include_router(problem_types.make_router())
+    app.include_router(make_problem_router(DESCRIBED, OPENAPI))
     app.include_router(make_health_router(aggregator, Exposition(aggregator)))
     describe_problems(app)
     app.mount("/", PanelFiles(directory=PANEL, html=True), name="panel")

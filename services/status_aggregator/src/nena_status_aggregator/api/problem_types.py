@@ -6,11 +6,7 @@ from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Final
 
-from fastapi import APIRouter, HTTPException
-from starlette.responses import HTMLResponse
-
-from nena_shared.fleet_api.refusals import PROBLEMS, TYPES, ProblemType
-from nena_shared.web.problem import problem_page
+from nena_shared.fleet_api.refusals import TYPES, ProblemType
 
 OPENAPI: Final = "/api/v1/openapi.json"
 
@@ -122,18 +118,3 @@ class Rejection(ProblemType):
 
 DESCRIBED: Final[Mapping[str, ProblemType]] = {**TYPES, **{each.uri: each for each in Rejection}}
 """All types by URI, also those of the order service, whose answers to commands are passed on."""
-
-
-def make_router() -> APIRouter:
-    """Create the route of the pages."""
-    router = APIRouter()
-
-    @router.get(f"{PROBLEMS}/{{kind}}", include_in_schema=False)
-    async def problem(kind: str) -> HTMLResponse:
-        """Describe a type of problem."""
-        found = DESCRIBED.get(f"{PROBLEMS}/{kind}")
-        if found is None:
-            raise HTTPException(HTTPStatus.NOT_FOUND)
-        return problem_page(found, OPENAPI)
-
-    return router
