@@ -11,7 +11,7 @@ from nena_edge_agent.driver.port import Circle, NoRouteReport, Pose
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import MapsReport, MessageRefused, OperatingModeSwitched, ReportState
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.order_acceptance import Rejected, Situation, decide
+from nena_edge_agent.protocol.order_acceptance import Situation, decide
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
@@ -47,8 +47,8 @@ def references(entry: ErrorEntry) -> dict[str, str]:
 
 def rejection(wrong: Order, situation: Situation = FREE) -> ErrorEntry:
     decision = decide(wrong, situation, CAPABILITIES)
-    assert isinstance(decision, Rejected), decision
-    return decision.error
+    assert isinstance(decision, ErrorEntry), decision
+    return decision
 
 
 def refused(bench: Bench, wrong: Order) -> ErrorEntry:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from enum import Enum, auto
 from itertools import chain, pairwise
 
 from nena_edge_agent.driver.port import Circle, Pose
@@ -427,48 +428,32 @@ def _changed_fault(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class NewOrder:
-    """Accept the order in place of the old one (section 6.1.2)."""
+class Acceptance(Enum):
+    """What follows from an order that is not rejected (section 6.1.2, figure 8)."""
+
+    BEGIN = auto()
+    """It takes the place of the old one."""
+    EXTEND = auto()
+    """It is appended to the base of the current one."""
+    IGNORE = auto()
+    """It was accepted before (section 6.1.4.5)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Update:
-    """Append the order to the base of the current one (section 6.1.2)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Duplicate:
-    """The order was accepted before (section 6.1.4.5): do nothing."""
-
-
-@dataclass(frozen=True, slots=True)
-class Rejected:
-    """Reject the order with this error (section 6.1.4)."""
-
-    error: ErrorEntry
-
-
-Decision = NewOrder | Update | Duplicate | Rejected
-
-
-def decide(order: Order, situation: Situation, capabilities: Capabilities) -> Decision:
-    """Accept or reject ``order`` (section 6.1.2, figure 8)."""
+def decide(order: Order, situation: Situation, capabilities: Capabilities) -> Acceptance | ErrorEntry:
+    """Accept ``order``, or reject it with an error (section 6.1.2, figure 8)."""
     fault = (
         _identity_fault(order)
         or _epoch_fault(order, situation)
         or _general_fault(order, situation, capabilities)
     )
     if fault is not None:
-        return Rejected(fault)
+        return fault
     if order.order_id != situation.order_id:
-        fault = _new_order_fault(order, situation, capabilities)
-        return Rejected(fault) if fault else NewOrder()
+        return _new_order_fault(order, situation, capabilities) or Acceptance.BEGIN
     fault = _update_fault(order, situation, capabilities)
     if fault is None and repeats(order, situation):
-        return Duplicate()
-    fault = fault or load_fault(order, situation, capabilities, skip=1)
-    return Rejected(fault) if fault else Update()
+        return Acceptance.IGNORE
+    return fault or load_fault(order, situation, capabilities, skip=1) or Acceptance.EXTEND
 
 
 def _identity_fault(order: Order) -> ErrorEntry | None:

@@ -261,14 +261,6 @@ def _digest(order_id: str) -> str:
     return sha256(order_id.encode()).hexdigest()[:32]
 
 
-class RemainingOrder(NamedTuple):
-    """The remaining order, as reported in the state."""
-
-    node_states: tuple[NodeState, ...]
-    edge_states: tuple[EdgeState, ...]
-    planned_path: PlannedPath | None
-
-
 class OrderProgress:
     """The remaining nodes and edges of the order, and the last reached node (section 6.6.2).
 
@@ -298,7 +290,6 @@ class OrderProgress:
         self.base_path = BasePath()
         self._path_of: PathOf | None = None
         self.revision = 0
-        self._remaining: RemainingOrder | None = None
         self._node_states: dict[int, NodeState] = {}
         self._edge_states: dict[int, EdgeState] = {}
 
@@ -339,7 +330,7 @@ class OrderProgress:
             self.edges.pop()
         self._append(order)
         self._measure()
-        self._changed()
+        self.revision += 1
 
     @property
     def next_node(self) -> Node | None:
@@ -366,12 +357,7 @@ class OrderProgress:
     def traverse(self) -> tuple[Node, Edge]:
         """Count the next node as traversed (section 6.6.2); return it, and the edge that led there."""
         node, edge = self.nodes.popleft(), self.edges.popleft()
-        before = self._remaining
         self._reach(node)
-        if before:
-            self._remaining = RemainingOrder(
-                before.node_states[1:], before.edge_states[1:], self._planned_path()
-            )
         return node, edge
 
     def clear(self, *, cancelled: bool) -> None:
@@ -383,7 +369,7 @@ class OrderProgress:
         self.edges.clear()
         self.edge_entered = False
         self.cancelled, self.cleared = self.cancelled or cancelled, True
-        self._changed()
+        self.revision += 1
 
     def place_at(self, node_id: str) -> None:
         """Set the last node; if it changes, the ended order cannot be continued. Empty: no node."""
@@ -391,19 +377,24 @@ class OrderProgress:
             self.last_node_id, self.last_node_sequence_id, self.last_node = node_id, 0, None
             self.decision_point = None
         self.on_last_node = bool(node_id)
-        self._changed()
+        self.revision += 1
 
     @property
-    def remaining(self) -> RemainingOrder:
-        """Return the remaining order, as reported in the state."""
-        if self._remaining is None:
-            nodes, edges = self._node_states, self._edge_states
-            self._remaining = RemainingOrder(
-                tuple(nodes.get(node.sequence_id) or self._cached_node_state(node) for node in self.nodes),
-                tuple(edges.get(edge.sequence_id) or self._cached_edge_state(edge) for edge in self.edges),
-                self._planned_path(),
-            )
-        return self._remaining
+    def node_states(self) -> tuple[NodeState, ...]:
+        """Return the remaining nodes, as reported in the state."""
+        states = self._node_states
+        return tuple(states.get(node.sequence_id) or self._cached_node_state(node) for node in self.nodes)
+
+    @property
+    def edge_states(self) -> tuple[EdgeState, ...]:
+        """Return the remaining edges, as reported in the state."""
+        states = self._edge_states
+        return tuple(states.get(edge.sequence_id) or self._cached_edge_state(edge) for edge in self.edges)
+
+    @property
+    def planned_path(self) -> PlannedPath | None:
+        """Return the path through the rest of the base, as reported in the state."""
+        return self.base_path.path(self.last_node, self.nodes[0].sequence_id) if self.nodes else None
 
     def _cached_node_state(self, node: Node) -> NodeState:
         self._node_states[node.sequence_id] = shown = _node_state(node)
@@ -413,9 +404,6 @@ class OrderProgress:
         trajectory = edge.trajectory if self._path_of is not None else None
         self._edge_states[edge.sequence_id] = shown = _edge_state(edge, trajectory)
         return shown
-
-    def _planned_path(self) -> PlannedPath | None:
-        return self.base_path.path(self.last_node, self.nodes[0].sequence_id) if self.nodes else None
 
     def _append(self, order: Order) -> None:
         self._node_states.clear()
@@ -429,11 +417,7 @@ class OrderProgress:
         self.last_node, self.last_node_id = node, node.node_id
         self.last_node_sequence_id = node.sequence_id
         self.on_last_node, self.edge_entered = True, False
-        self._changed()
-
-    def _changed(self) -> None:
         self.revision += 1
-        self._remaining = None
 
 
 def _decision_point(nodes: Iterable[Node]) -> tuple[str, int]:

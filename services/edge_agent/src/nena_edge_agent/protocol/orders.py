@@ -14,18 +14,14 @@ from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import OperatingModeSwitched
 from nena_edge_agent.protocol.geometry import is_within_deviation
 from nena_edge_agent.protocol.order_acceptance import (
-    Decision,
-    Duplicate,
-    NewOrder,
-    Rejected,
+    Acceptance,
     Situation,
-    Update,
     decide,
 )
 from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.zone_sets import CLOSED
 from nena_shared.vda5050.action import Action, ActionStatus
-from nena_shared.vda5050.error import ErrorType, error
+from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node, Order
 
@@ -36,23 +32,24 @@ _REPORTED_UNTIL: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until
 # Acceptance (section 6.1.2)
 
 
-def receive(robot: RobotState, order: Order, *, dated: bool = True) -> Decision:
+def receive(robot: RobotState, order: Order, *, dated: bool = True) -> None:
     """Accept or reject ``order``; a rejected one changes only the errors (section 6.1.2).
 
     ``dated``: its timestamp is readable.
     """
     if _waits_for_disk(robot, order):
-        return Duplicate()
+        return
     decision = decide(order, _situation(robot, dated=dated), robot.capabilities)
     robot.history.begin_epoch(order.nena_epoch, robot.utc_now)
     match decision:
-        case NewOrder():
+        case Acceptance.BEGIN:
             _begin(robot, order)
-        case Update():
+        case Acceptance.EXTEND:
             _extend(robot, order)
-        case Rejected(entry):
+        case ErrorEntry() as entry:
             robot.errors.report(entry, _REPORTED_UNTIL.get(entry.error_type, Until.ORDER_ACCEPTED))
-    return decision
+        case Acceptance.IGNORE:
+            pass
 
 
 def _waits_for_disk(robot: RobotState, order: Order) -> bool:

@@ -38,7 +38,6 @@ DURABLE_FIELDS = (
 def make_state(header: dict[str, Any], robot: RobotState) -> State:
     """Return the state message (section 7.8); ``header`` has its header fields by their neutral names."""
     progress = robot.progress
-    remaining = progress.remaining
     return State(
         **header,
         maps=robot.maps,
@@ -48,9 +47,9 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
         order_update_id=progress.order_update_id,
         last_node_id=progress.last_node_id,
         last_node_sequence_id=progress.last_node_sequence_id,
-        node_states=remaining.node_states,
-        edge_states=remaining.edge_states,
-        planned_path=remaining.planned_path,
+        node_states=progress.node_states,
+        edge_states=progress.edge_states,
+        planned_path=progress.planned_path,
         intermediate_path=route_progress.intermediate_path(robot, header["timestamp"]),
         distance_since_last_node=route_progress.since_node(robot),
         mobile_robot_position=position(robot.reports),
@@ -107,7 +106,7 @@ def make_visualization(header: dict[str, Any], robot: RobotState, *, state_heade
         reference_state_header_id=state_header_id,
         mobile_robot_position=position(robot.reports),
         velocity=velocity(robot.reports),
-        planned_path=robot.progress.remaining.planned_path,
+        planned_path=robot.progress.planned_path,
         intermediate_path=route_progress.intermediate_path(robot, header["timestamp"]),
     )
 
