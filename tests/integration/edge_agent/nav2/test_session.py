@@ -13,9 +13,8 @@ from typing import Any
 import pytest
 from std_msgs.msg import String
 
-from nena_edge_agent.driver.port import SessionState
+from nena_edge_agent.driver.port import SessionError, SessionState
 from nena_edge_agent.nav2.session import RosSession
-from nena_edge_agent.nav2.session_control import SessionError
 from nena_shared.vda5050.own_actions import (
     CONFIGURE_ROS_SESSION,
     ROS_SESSION,

@@ -88,7 +88,7 @@ async def test_a_goal_without_feedback_is_cancelled(
     monkeypatch.setattr(ros_port, "RESULT_WAIT", 0.0)
     names = {"action_msgs.srv": ["CancelGoal"], "action_msgs.msg": ["GoalStatusArray"]}
     names["nena_edge_agent.nav2.messages"] = ["status_entries"]
-    names["nena_edge_agent.nav2.node"] = ["LATCHED", "STATUS_ARRAYS"]
+    names["nena_edge_agent.nav2.session"] = ["LATCHED", "STATUS_ARRAYS"]
     for module, attributes in names.items():
         monkeypatch.setitem(sys.modules, module, SimpleNamespace(**dict.fromkeys(attributes)))
     session = Silent(accepts=accepts)

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
-from nena_edge_agent.driver.port import SessionReport
-from nena_edge_agent.nav2.session_control import SessionError, SessionManager
+from nena_edge_agent.driver.port import SessionError, SessionReport
+from nena_edge_agent.nav2.session_control import SessionManager
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus

@@ -29,9 +29,8 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.nav2 import driver as driver_module
 from nena_edge_agent.nav2 import goal_tracker, presence
-from nena_edge_agent.nav2.action_tracker import FeedbackReading
 from nena_edge_agent.nav2.driver import Nav2Driver
-from nena_edge_agent.nav2.goals import GoalEntry
+from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.parameters import Nav2Parameters
 from nena_edge_agent.nav2.poses import PoseReading

@@ -172,7 +172,7 @@ class _Publisher:
         self._publisher: Any = None
 
     def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401, ARG002
-        from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
+        from nena_edge_agent.nav2.session import RELIABLE  # noqa: PLC0415 - needs rclpy
 
         self._publisher = node.create_publisher(self._shape.make, self._topic, RELIABLE)
 
@@ -205,7 +205,7 @@ class _Subscription:
             self._deliver(handle, self._last)
 
     def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
-        from nena_edge_agent.nav2.node import LATCHED, RELIABLE, SENSOR  # noqa: PLC0415 - needs rclpy
+        from nena_edge_agent.nav2.session import LATCHED, RELIABLE, SENSOR  # noqa: PLC0415 - needs rclpy
 
         profiles = {
             TopicQos.RELIABLE: RELIABLE,
@@ -274,7 +274,7 @@ class _Action:
         from action_msgs.srv import CancelGoal  # noqa: PLC0415
 
         from nena_edge_agent.nav2.messages import status_entries  # noqa: PLC0415
-        from nena_edge_agent.nav2.node import LATCHED, STATUS_ARRAYS  # noqa: PLC0415
+        from nena_edge_agent.nav2.session import LATCHED, STATUS_ARRAYS  # noqa: PLC0415
 
         services, hidden = self._kind.Impl, f"{self._name}/_action"
         self._node = node

@@ -15,7 +15,8 @@ from nena_edge_agent.actions.plugin import (
     RunningAction,
     WorkFailedError,
 )
-from nena_edge_agent.nav2.session_control import SessionError, SessionManager, SessionStore
+from nena_edge_agent.driver.port import SessionError
+from nena_edge_agent.nav2.session_control import SessionManager, SessionStore
 from nena_edge_agent.nav2.settings import BadAddressError, RosAddress, RosSettings
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import ActionReport

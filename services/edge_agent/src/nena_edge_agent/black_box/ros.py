@@ -38,7 +38,7 @@ class RosTopicRecorder:
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401, ARG002
         """Subscribe on a new node; a topic whose type is not installed is logged and left out."""
-        from nena_edge_agent.nav2.node import SENSOR  # noqa: PLC0415 - the loopback needs no ROS
+        from nena_edge_agent.nav2.session import SENSOR  # noqa: PLC0415 - the loopback needs no ROS
 
         for each in self._topics:
             try:

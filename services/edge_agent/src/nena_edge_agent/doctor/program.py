@@ -17,7 +17,8 @@ from nena_edge_agent.doctor.navigation import (
     judge_robot,
     kernel_keeps_time,
 )
-from nena_edge_agent.nav2.session_control import SessionError, prepare_environment
+from nena_edge_agent.driver.port import SessionError
+from nena_edge_agent.nav2.session_control import prepare_environment
 from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log

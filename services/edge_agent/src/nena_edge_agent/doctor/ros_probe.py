@@ -16,12 +16,11 @@ from std_srvs.srv import Empty, Trigger
 from nena_edge_agent.doctor.navigation import Grid, RosView
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.keep_out import misplaced_filter, unused_mask
-from nena_edge_agent.nav2.node import LATCHED, RELIABLE, SENSOR
 from nena_edge_agent.nav2.offers import FOLLOW_PATH, interface
 from nena_edge_agent.nav2.parameters import ParameterReader
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle
-from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.nav2.session import LATCHED, RELIABLE, SENSOR, RosSession
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 LOOK_FOR = 5.0

@@ -25,6 +25,14 @@ class SessionState(StrEnum):
     FAILED = "FAILED"
 
 
+class SessionError(Exception):
+    """The session could not start; ``reason`` is from ROS."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"the ROS session has failed: {reason}")
+        self.reason = reason
+
+
 STANDING = 0.01
 """Velocity below which a robot is at standstill, m/s and rad/s."""
 

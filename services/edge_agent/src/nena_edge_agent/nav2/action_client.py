@@ -18,7 +18,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.nav2 import messages
-from nena_edge_agent.nav2.action_tracker import FeedbackReading
+from nena_edge_agent.nav2.goals import FeedbackReading, GoalResult
 from nena_edge_agent.nav2.messages import UnusablePoseError
 from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
@@ -27,15 +27,6 @@ from nena_shared.ros import GoalStatus, yaw_of
 FEEDBACK_PERIOD = 0.05
 """Minimum interval between feedback messages that are read, seconds; Nav2 sends one every 10 ms."""
 FEEDBACK = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-
-
-@dataclass(frozen=True, slots=True)
-class GoalResult:
-    """How a goal ended, and why: ``error_code`` and ``error_msg``; None if the distribution has no codes."""
-
-    goal_id: str
-    status: GoalStatus
-    reason: tuple[int, str] | None
 
 
 @dataclass(frozen=True, slots=True)

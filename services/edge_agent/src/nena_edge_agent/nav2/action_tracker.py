@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nena_edge_agent.driver.port import DriveFailure, DriveGoal, DriveProgress, Pose
@@ -21,7 +21,13 @@ from nena_edge_agent.nav2.goal_tracker import (
     GoalDrive,
     GoalTracker,
 )
-from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, PrefixedGoalRegistry
+from nena_edge_agent.nav2.goals import (
+    FeedbackReading,
+    GoalEntry,
+    GoalIdPrefix,
+    GoalResult,
+    PrefixedGoalRegistry,
+)
 from nena_edge_agent.nav2.poses import agrees, near
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_shared.clock import Clock
@@ -30,7 +36,7 @@ from nena_shared.program import StartError
 from nena_shared.ros import GoalStatus
 
 if TYPE_CHECKING:
-    from nena_edge_agent.nav2.action_client import ActionClient, GoalResult
+    from nena_edge_agent.nav2.action_client import ActionClient
 
 
 WITHOUT_REASON = (
@@ -96,20 +102,6 @@ PROGRESS_PERIOD = 1.0
 """Seconds between two reports of the remaining distance."""
 FRESH = 0.5
 """Seconds for which a pose from the feedback takes precedence over the localisation's, which are rarer."""
-
-
-@dataclass(frozen=True, slots=True)
-class FeedbackReading:
-    """One message: the position in m and rad of ``frame``, the remaining distance in m and in poses."""
-
-    goal_id: str
-    x: float
-    y: float
-    yaw: float
-    frame: str
-    left: float
-    recoveries: int
-    places_left: int = 1
 
 
 SILENCES = (STOPPED_AFTER, OBEYED_AFTER, GIVEN_UP_AFTER)

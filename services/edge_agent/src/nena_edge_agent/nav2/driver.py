@@ -30,11 +30,12 @@ from nena_edge_agent.driver.port import (
     Pose,
     PoseReport,
     PositionInitialized,
+    SessionError,
     SessionReport,
     SessionState,
 )
 from nena_edge_agent.nav2 import presence
-from nena_edge_agent.nav2.action_tracker import ActionSide, FeedbackFilter, FeedbackReading, SilenceWatch
+from nena_edge_agent.nav2.action_tracker import ActionSide, FeedbackFilter, SilenceWatch
 from nena_edge_agent.nav2.commands import (
     CancelGoal,
     Command,
@@ -47,7 +48,7 @@ from nena_edge_agent.nav2.commands import (
     StopMotion,
 )
 from nena_edge_agent.nav2.goal_tracker import GIVEN_UP_AFTER, STALE_XY
-from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
+from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.keep_out import KeepOutMask
 from nena_edge_agent.nav2.localisation import (
     InitialPosition,
@@ -70,7 +71,6 @@ from nena_edge_agent.nav2.robot_base import (
 )
 from nena_edge_agent.nav2.session_control import (
     NodeExtension,
-    SessionError,
     SessionManager,
     prepare_environment,
 )

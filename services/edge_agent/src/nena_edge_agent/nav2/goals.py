@@ -23,6 +23,29 @@ class GoalEntry:
     status: GoalStatus
 
 
+@dataclass(frozen=True, slots=True)
+class GoalResult:
+    """How a goal ended, and why: ``error_code`` and ``error_msg``; None if the distribution has no codes."""
+
+    goal_id: str
+    status: GoalStatus
+    reason: tuple[int, str] | None
+
+
+@dataclass(frozen=True, slots=True)
+class FeedbackReading:
+    """One message: the position in m and rad of ``frame``, the remaining distance in m and in poses."""
+
+    goal_id: str
+    x: float
+    y: float
+    yaw: float
+    frame: str
+    left: float
+    recoveries: int
+    places_left: int = 1
+
+
 ENDED_SHOWN = 5
 """Maximum number of ended goals in the table; Nav2 itself lists them for 15 minutes."""
 

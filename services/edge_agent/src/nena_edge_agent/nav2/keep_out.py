@@ -186,7 +186,7 @@ class KeepOutMask:
     def _create_publishers(self) -> None:
         from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
 
-        from nena_edge_agent.nav2.node import LATCHED  # noqa: PLC0415
+        from nena_edge_agent.nav2.session import LATCHED  # noqa: PLC0415
 
         names = self._settings.names
         self._grid, self._info = OccupancyGrid, interface(FILTER_INFO)

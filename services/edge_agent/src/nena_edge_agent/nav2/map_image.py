@@ -103,7 +103,7 @@ class MapWatch:
         """Subscribe on a new node."""
         from nav_msgs.msg import OccupancyGrid  # noqa: PLC0415 - the loopback needs no ROS
 
-        from nena_edge_agent.nav2.node import LATCHED  # noqa: PLC0415
+        from nena_edge_agent.nav2.session import LATCHED  # noqa: PLC0415
 
         session.subscribe(node, OccupancyGrid, self._topic, LATCHED, read=self.read, handle=self._on_map)
 

@@ -17,7 +17,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from nav_msgs.msg import Odometry, Path
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import BatteryState
 from std_srvs.srv import Empty, Trigger
 
@@ -27,19 +27,9 @@ from nena_edge_agent.nav2.goals import GoalEntry
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import LifecycleWatch, Presence, endpoints
 from nena_edge_agent.nav2.robot_base import BatteryReading
-from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.nav2.session import LATCHED, RELIABLE, SENSOR, STATUS_ARRAYS, RosSession
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.nav2.settings import RosSettings, status_of
-
-RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-LATCHED = QoSProfile(
-    depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
-SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Matches every publisher, and never gets a latched message."""
-
-STATUS_ARRAYS = 10
-"""Maximum number of status arrays waiting for the loop; each is complete, so the oldest can be dropped."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,13 +13,11 @@ from action_msgs.srv import CancelGoal
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.nav2 import messages
 from nena_edge_agent.nav2.action_client import ActionClient, ActionListeners
-from nena_edge_agent.nav2.action_tracker import FeedbackReading
-from nena_edge_agent.nav2.goals import GoalEntry
+from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry
 from nena_edge_agent.nav2.messages import UnusablePoseError
-from nena_edge_agent.nav2.node import LATCHED, STATUS_ARRAYS
 from nena_edge_agent.nav2.offers import FOLLOW_PATH, interface
 from nena_edge_agent.nav2.presence import endpoints
-from nena_edge_agent.nav2.session import RosSession
+from nena_edge_agent.nav2.session import LATCHED, STATUS_ARRAYS, RosSession
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 

@@ -20,10 +20,10 @@ from nena_edge_agent.driver.port import (
     OwnGoals,
     Pose,
 )
-from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker, FeedbackReading
+from nena_edge_agent.nav2.action_tracker import ActionSide, ActionTracker
 from nena_edge_agent.nav2.commands import CancelGoal, Command, OnPath, Report, RequestResult, SendGoal
 from nena_edge_agent.nav2.goal_tracker import GoalDrive
-from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
+from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.settings import GoalSettings, RosSettings
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger

@@ -221,7 +221,7 @@ class CollisionMonitor:
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Subscribe on a new node."""
-        from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
+        from nena_edge_agent.nav2.session import RELIABLE  # noqa: PLC0415 - needs rclpy
 
         self._node, self._reported = node, False
         kind = interface(COLLISION_MONITOR)

@@ -13,11 +13,10 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from nena_edge_agent.driver.port import SessionState
-from nena_edge_agent.nav2.session_control import SessionError
+from nena_edge_agent.driver.port import SessionError, SessionState
 from nena_shared import ros
 from nena_shared.log import get_logger
 from nena_shared.tasks import set_within
@@ -64,6 +63,17 @@ LOOP_TIMEOUT = 5.0
 """Maximum time in which the event loop is told of a failure, seconds."""
 NO_TYPE_DESCRIPTIONS = Parameter("start_type_description_service", value=False)
 """A service of each node that only introspection tools call, since Jazzy."""
+
+
+RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Matches every publisher, and never gets a latched message."""
+
+STATUS_ARRAYS = 10
+"""Maximum number of status arrays waiting for the loop; each is complete, so the oldest can be dropped."""
 
 
 class RosSession:

@@ -21,7 +21,7 @@ from urllib.parse import quote
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from nena_edge_agent.driver.port import SessionReport, SessionState
+from nena_edge_agent.driver.port import SessionError, SessionReport, SessionState
 from nena_edge_agent.durability import sync_folder
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_shared.clock import Clock
@@ -55,14 +55,6 @@ def _limit_memory_pools() -> None:
     """Set glibc's equivalent of MALLOC_ARENA_MAX; other C libraries have none."""
     if "MALLOC_ARENA_MAX" not in os.environ and hasattr(own := ctypes.CDLL(None), "mallopt"):
         own.mallopt(M_ARENA_MAX, POOLS)
-
-
-class SessionError(Exception):
-    """The session could not start; ``reason`` is from ROS."""
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(f"the ROS session has failed: {reason}")
-        self.reason = reason
 
 
 class NodeExtension(Protocol):

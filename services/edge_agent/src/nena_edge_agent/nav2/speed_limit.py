@@ -50,7 +50,7 @@ class SpeedLimiter:
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Publish on a new node."""
-        from nena_edge_agent.nav2.node import RELIABLE  # noqa: PLC0415 - needs rclpy
+        from nena_edge_agent.nav2.session import RELIABLE  # noqa: PLC0415 - needs rclpy
 
         kind = interface(SPEED_LIMIT)
         self._publisher = node.create_publisher(kind, self._topic, RELIABLE)

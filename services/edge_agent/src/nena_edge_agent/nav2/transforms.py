@@ -163,7 +163,7 @@ class TransformWatch:
             self._listen(self._session)
 
     def _listen(self, session: RosSession) -> None:
-        from nena_edge_agent.nav2.node import LATCHED, SENSOR  # noqa: PLC0415 - needs rclpy
+        from nena_edge_agent.nav2.session import LATCHED, SENSOR  # noqa: PLC0415 - needs rclpy
 
         kind, names = interface(TRANSFORMS), self._settings.names
         if kind is None:
