@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from datetime import datetime
 from functools import partial
 from math import isfinite
 from typing import Any
@@ -58,8 +58,7 @@ class RobotCore:
         robot = self._robot
         robot.now, robot.effects = now, []
         event = power.filter_event(robot, event)
-        _note_time(robot, event)
-        _HANDLERS[type(event)](robot, event)
+        _apply_event(robot, event)
         instant_actions.apply_hold(robot)
         zones.expire(robot)
         if robot.standstill_by is not None:
@@ -185,77 +184,106 @@ class RobotCore:
         )
 
 
-def _note_time(robot: RobotState, event: events.Event) -> None:
-    """Store the time of day if ``event`` contains it."""
+def _apply_event(robot: RobotState, event: events.Event) -> None:  # noqa: C901, PLR0912, PLR0915 - a case for each event
+    """Apply one event; the steps that follow from the new state come after it, whatever the event was."""
     match event:
-        case events.Started(utc) | events.TimePassed(utc) if utc:
-            robot.utc = (utc, robot.now)
-        case (
-            events.OrderReceived(_, utc)
-            | events.InstantActionsReceived(_, utc)
-            | events.ResponsesReceived(_, utc)
-        ) if utc:
-            robot.utc = (utc, robot.now)
-        case _:
-            pass
-
-
-def _time_passed(_robot: RobotState, _event: events.TimePassed) -> None:
-    """Do nothing: only the time has changed."""
-
-
-def _end_zone_set_requests(robot: RobotState) -> None:
-    for report in zones.end_requests(robot):
-        actions.apply_report(robot, report)
-        actions.schedule(robot)
-
-
-def _started(robot: RobotState, _: events.Started) -> None:
-    """Continue interrupted work; what the robot has done since is unknown."""
-    robot.link.lost_since = robot.now
-    instant_actions.position_interrupted(robot)
-    zones.continue_after_restart(robot)
-    if robot.clearing or robot.paused or driving.has_unneeded_goal(robot):
-        robot.request_halt()
-    power.continue_after_restart(robot)
-    actions.continue_after_restart(robot)
-    actions.schedule(robot)
-
-
-def _order_received(robot: RobotState, event: events.OrderReceived) -> None:
-    orders.receive(robot, event.order, dated=event.dated)
-
-
-def _instant_actions_received(robot: RobotState, event: events.InstantActionsReceived) -> None:
-    instant_actions.receive(robot, event.message)
-
-
-def _zone_set_received(robot: RobotState, event: events.ZoneSetReceived) -> None:
-    zones.accept(robot, event.message.zone_set)
-
-
-def _responses_received(robot: RobotState, event: events.ResponsesReceived) -> None:
-    zones.apply_responses(robot, event.message, event.utc)
-
-
-def _message_refused(robot: RobotState, event: events.MessageRefused) -> None:
-    robot.errors.report(event.error, event.until)
-
-
-def _action_reported(robot: RobotState, event: events.ActionReport) -> None:
-    if event.zone_set and (problem := zones.accept(robot, event.zone_set)):
-        event = events.ActionReport(event.action_id, ActionStatus.FAILED, problem)
-    actions.apply_report(robot, event)
-    actions.schedule(robot)
-
-
-def _load_sensed(robot: RobotState, event: events.LoadSensed) -> None:
-    robot.loads = loads_by_sensor(robot.loads, loaded=event.loaded)
-
-
-def _store(robot: RobotState, event: events.Event) -> None:
-    """Store a report that has no other effect."""
-    match event:
+        case port.PoseReport(pose):
+            if all(isfinite(number) for number in (pose.x, pose.y, pose.theta)):
+                robot.reports.pose = event
+                robot.reports.velocity = port.VelocityReport(event.vx, event.omega)
+                route_progress.pose_changed(robot)
+                driving.pose_changed(robot)
+        case port.VelocityReport():
+            robot.reports.velocity = event
+        case port.BatteryReport(charge):
+            if 0.0 <= charge <= FULL_CHARGE:
+                robot.reports.battery = event
+        case port.Arrived():
+            driving.arrived(robot, event)
+        case port.DriveFailed():
+            driving.failed(robot, event)
+        case port.Halted():
+            driving.halted(robot)
+        case port.HaltFailed(description):
+            driving.halt_failed(robot, description)
+            actions.fail_waiting(robot, f"the robot did not stop: {description}")
+            actions.schedule(robot)
+            for action_type in (CANCEL_ORDER, START_PAUSE):  # the order is cleared once the robot stands
+                robot.end_instant_actions(action_type, ActionStatus.FAILED, description)
+            power.halt_failed(robot, description)
+        case port.NavigationReport():
+            driving.navigation_changed(robot, event)
+        case port.PlanReport():
+            robot.reports.plan = event
+        case port.DriveProgress(_, recoveries):
+            progress = robot.reports.progress
+            if recoveries > (progress.recoveries if progress else 0):
+                robot.reports.recovered_at = robot.now
+            robot.reports.progress = event
+        case port.DriveLimits():
+            if event != robot.reports.limits:
+                robot.reports.limits = event
+                robot.effects.append(events.SendFactsheet())  # it reports navigation's goal tolerance
+        case port.BlockedReport(blocked):
+            robot.reports.blocked = event if blocked else None
+        case port.CollisionReport(stops):
+            robot.reports.collision = None if stops is False else event
+        case port.KeepOutReport():
+            if robot.areas:  # else it is a late report about former areas
+                robot.reports.keep_out = event
+        case port.NoRouteReport(areas):
+            robot.reports.no_route = areas
+        case port.PositionInitialized():
+            instant_actions.position_initialized(robot, event)
+        case port.GoalTable():
+            robot.reports.goals = event
+            robot.goal.listed(event.own)
+            robot.goal.stood = robot.goal.stood and not event.external
+        case port.SessionReport():
+            robot.reports.session = event
+        case events.Started(utc):
+            _set_time(robot, utc)
+            _continue_after_restart(robot)
+        case events.TimePassed(utc):
+            _set_time(robot, utc)
+        case events.OrderReceived(order, utc):
+            _set_time(robot, utc)
+            orders.receive(robot, order, dated=event.dated)
+        case events.InstantActionsReceived(message, utc):
+            _set_time(robot, utc)
+            instant_actions.receive(robot, message)
+        case events.ResponsesReceived(message, utc):
+            _set_time(robot, utc)
+            zones.apply_responses(robot, message, utc)
+        case events.ZoneSetReceived(message):
+            zones.accept(robot, message.zone_set)
+        case events.MessageRefused(entry, until):
+            robot.errors.report(entry, until)
+        case events.ActionReport(zone_set=zone_set):
+            report = event
+            if zone_set and (problem := zones.accept(robot, zone_set)):
+                report = events.ActionReport(event.action_id, ActionStatus.FAILED, problem)
+            actions.apply_report(robot, report)
+            actions.schedule(robot)
+        case events.LoadSensed(loaded):
+            robot.loads = loads_by_sensor(robot.loads, loaded=loaded)
+        case events.LinkReport(connected):
+            robot.link.lost_since = None if connected else robot.now
+            if connected and robot.power.signs_off:
+                robot.effects.append(events.ReportState())  # the last state may not have been sent
+        case events.OperatingModeSwitched():
+            orders.switch_mode(robot, event)
+        case events.ErrorSwitched(entry, active):
+            if active:
+                robot.errors.report(entry, Until.WITHDRAWN)
+            else:
+                robot.errors.withdraw(entry)
+        case events.LocalTrigger(trigger_type):
+            actions.release(robot, trigger_type)
+        case events.SignedOff():
+            power.signed_off(robot, event)
+        case events.PowerReport():
+            power.command_ended(robot, event)
         case events.PluginsReport(problems):
             robot.plugin_problems = problems
         case events.JournalReport(problem):
@@ -268,136 +296,27 @@ def _store(robot: RobotState, event: events.Event) -> None:
             robot.reports.safety = event
         case events.PauseButton(pressed):
             robot.reports.pause_button = pressed
-        case port.VelocityReport():
-            robot.reports.velocity = event
-        case port.SessionReport():
-            robot.reports.session = event
-        case port.PlanReport():
-            robot.reports.plan = event
 
 
-def _link_reported(robot: RobotState, event: events.LinkReport) -> None:
-    robot.link.lost_since = None if event.connected else robot.now
-    if event.connected and robot.power.signs_off:
-        robot.effects.append(events.ReportState())  # the last state may not have been sent
+def _set_time(robot: RobotState, utc: datetime | None) -> None:
+    """Store the time of day, if an event contains it."""
+    if utc:
+        robot.utc = (utc, robot.now)
 
 
-def _error_switched(robot: RobotState, event: events.ErrorSwitched) -> None:
-    if event.active:
-        robot.errors.report(event.error, Until.WITHDRAWN)
-    else:
-        robot.errors.withdraw(event.error)
-
-
-def _local_trigger(robot: RobotState, event: events.LocalTrigger) -> None:
-    actions.release(robot, event.trigger_type)
-
-
-def _halted(robot: RobotState, _: port.Halted) -> None:
-    driving.halted(robot)
-
-
-def _pose_reported(robot: RobotState, event: port.PoseReport) -> None:
-    """Store a pose; one with NaN or infinity is ignored."""
-    if all(isfinite(each) for each in (event.pose.x, event.pose.y, event.pose.theta)):
-        robot.reports.pose = event
-        robot.reports.velocity = port.VelocityReport(event.vx, event.omega)
-        route_progress.pose_changed(robot)
-        driving.pose_changed(robot)
-
-
-def _halt_failed(robot: RobotState, event: port.HaltFailed) -> None:
-    """Fail the actions that wait for standstill; a cancelled order is cleared once that is confirmed."""
-    driving.halt_failed(robot, event.description)
-    actions.fail_waiting(robot, f"the robot did not stop: {event.description}")
+def _continue_after_restart(robot: RobotState) -> None:
+    """Continue interrupted work; what the robot has done since is unknown."""
+    robot.link.lost_since = robot.now
+    instant_actions.position_interrupted(robot)
+    zones.continue_after_restart(robot)
+    if robot.clearing or robot.paused or driving.has_unneeded_goal(robot):
+        robot.request_halt()
+    power.continue_after_restart(robot)
+    actions.continue_after_restart(robot)
     actions.schedule(robot)
-    for action_type in (CANCEL_ORDER, START_PAUSE):
-        robot.end_instant_actions(action_type, ActionStatus.FAILED, event.description)
-    power.halt_failed(robot, event.description)
 
 
-def _battery_reported(robot: RobotState, event: port.BatteryReport) -> None:
-    """Store a battery report; one with a charge outside of 0 to 100 % is ignored."""
-    if 0.0 <= event.state_of_charge <= FULL_CHARGE:
-        robot.reports.battery = event
-
-
-def _collision_reported(robot: RobotState, event: port.CollisionReport) -> None:
-    robot.reports.collision = None if event.stops is False else event
-
-
-def _keep_out_reported(robot: RobotState, event: port.KeepOutReport) -> None:
-    """Store whether navigation plans around areas; a late report about former ones is ignored."""
-    if robot.areas:
-        robot.reports.keep_out = event
-
-
-def _progress_reported(robot: RobotState, event: port.DriveProgress) -> None:
-    before = robot.reports.progress
-    if event.recoveries > (before.recoveries if before else 0):
-        robot.reports.recovered_at = robot.now
-    robot.reports.progress = event
-
-
-def _limits_reported(robot: RobotState, event: port.DriveLimits) -> None:
-    """Record navigation's goal tolerance, and send a factsheet that reports it."""
-    if event != robot.reports.limits:
-        robot.reports.limits = event
-        robot.effects.append(events.SendFactsheet())
-
-
-def _blocked_reported(robot: RobotState, event: port.BlockedReport) -> None:
-    robot.reports.blocked = event if event.blocked else None
-
-
-def _no_route_reported(robot: RobotState, event: port.NoRouteReport) -> None:
-    robot.reports.no_route = event.areas
-
-
-def _goals_reported(robot: RobotState, event: port.GoalTable) -> None:
-    robot.reports.goals = event
-    robot.goal.listed(event.own)
-    robot.goal.stood = robot.goal.stood and not event.external
-
-
-_HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
-    events.Started: _started,
-    events.OrderReceived: _order_received,
-    events.InstantActionsReceived: _instant_actions_received,
-    events.ZoneSetReceived: _zone_set_received,
-    events.ResponsesReceived: _responses_received,
-    events.MapsReport: _store,
-    events.MessageRefused: _message_refused,
-    events.ActionReport: _action_reported,
-    events.LoadSensed: _load_sensed,
-    events.PluginsReport: _store,
-    events.JournalReport: _store,
-    events.LinkReport: _link_reported,
-    events.SubscriptionsReport: _store,
-    events.OperatingModeSwitched: orders.switch_mode,
-    events.SafetyReport: _store,
-    events.PauseButton: _store,
-    events.ErrorSwitched: _error_switched,
-    events.LocalTrigger: _local_trigger,
-    events.TimePassed: _time_passed,
-    events.SignedOff: power.signed_off,
-    events.PowerReport: power.command_ended,
-    port.Arrived: driving.arrived,
-    port.DriveFailed: driving.failed,
-    port.Halted: _halted,
-    port.HaltFailed: _halt_failed,
-    port.VelocityReport: _store,
-    port.NavigationReport: driving.navigation_changed,
-    port.PlanReport: _store,
-    port.DriveProgress: _progress_reported,
-    port.DriveLimits: _limits_reported,
-    port.BlockedReport: _blocked_reported,
-    port.CollisionReport: _collision_reported,
-    port.KeepOutReport: _keep_out_reported,
-    port.NoRouteReport: _no_route_reported,
-    port.PoseReport: _pose_reported,
-    port.BatteryReport: _battery_reported,
-    port.PositionInitialized: instant_actions.position_initialized,
-    port.GoalTable: _goals_reported,
-    port.SessionReport: _store,
-}
+def _end_zone_set_requests(robot: RobotState) -> None:
+    for report in zones.end_requests(robot):
+        actions.apply_report(robot, report)
+        actions.schedule(robot)
