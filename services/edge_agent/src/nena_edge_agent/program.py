@@ -34,6 +34,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.black_box.counts import RecordingCounts
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
+from nena_shared.fleet_api.plant import MapImage
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.program import run
@@ -74,9 +75,14 @@ async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> Non
     traces = open_export(settings.tracing, PROGRAM)
     recorders = {robot: make_recorder(settings, robot, clock) for robot in robots}
     makers = {
-        str(robot): _tracked(
-            _agent_maker(settings, index, controls[robot], clock, recorder=recorders[robot], export=traces),
-            agents,
+        str(robot): _agent_maker(
+            settings,
+            index,
+            controls[robot],
+            clock,
+            recorder=recorders[robot],
+            export=traces,
+            agents=agents,
         )
         for index, robot in enumerate(robots)
     }
@@ -91,17 +97,6 @@ async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> Non
             api = ControlApi(settings.mqtt, topics.interface_name, controls)
             supervisor.start("simulation control", forever("simulation control", api.run), vital=False)
         await _run_all(settings, makers, stop)
-
-
-def _tracked(make: Callable[[], RobotAgent], agents: dict[RobotKey, RobotAgent]) -> Callable[[], RobotAgent]:
-    """Return a factory that also stores the robot's last agent in ``agents``."""
-
-    def noted() -> RobotAgent:
-        agent = make()
-        agents[agent.robot] = agent
-        return agent
-
-    return noted
 
 
 def _serve_metrics(
@@ -140,15 +135,21 @@ def _agent_maker(
     *,
     recorder: RobotRecorder,
     export: Export | None,
+    agents: dict[RobotKey, RobotAgent],
 ) -> Callable[[], RobotAgent]:
+    """Return a factory of the robot's agent, which is also put into ``agents``."""
     robot, box = recorder.robot, recorder.box
     ros = PluginRos() if settings.driver == "nav2" else None
     ports = RobotPorts(ros, settings.actions)
     journal = settings.journal.folder if settings.journal.enabled else None
     switch = session_switch(settings.ros, journal, robot)
     map_server = _map_server(settings)
-    map_watch = make_map_watch(settings, map_server)
     recorded = (RosTopicRecorder(settings.black_box.topics, box.ring, clock),) if box else ()
+    map_watch = make_map_watch(
+        settings,
+        map_server,
+        lambda image: agents[robot].publish_map(image),  # noqa: PLW0108 - the agent is made later
+    )
     extensions = (ros, map_watch, *recorded) if ros else ()
     offers = nav2_offers(settings.ros) if ros else NO_OFFERS
     driver = driver_maker(
@@ -173,19 +174,21 @@ def _agent_maker(
             make_journal=recorder.make_journal,
         )
         control.cut_link = agent.cut_link
-        map_watch.on_map = agent.publish_map
+        agents[robot] = agent
         return agent
 
     return make
 
 
-def make_map_watch(settings: EdgeAgentSettings, server: MapServer | None) -> MapWatch:
-    """Return the watch of a robot's map; ``server`` provides its map ID."""
+def make_map_watch(
+    settings: EdgeAgentSettings, server: MapServer | None, on_map: Callable[[MapImage], None]
+) -> MapWatch:
+    """Return the watch of a robot's map, which calls ``on_map``; ``server`` provides its map ID."""
 
     def map_id() -> str:
         return server.map_id if server is not None else settings.map_id
 
-    return MapWatch(settings.ros.names.map, map_id, PlantFrame.of(settings.map_transforms))
+    return MapWatch(settings.ros.names.map, map_id, PlantFrame.of(settings.map_transforms), on_map)
 
 
 def _map_server(settings: EdgeAgentSettings) -> MapServer | None:

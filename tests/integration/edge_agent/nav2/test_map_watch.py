@@ -37,8 +37,7 @@ async def watched(watch: MapWatch, domain_id: int) -> AsyncIterator[None]:
 
 async def test_map_published_before_the_agent_started(domain_id: int) -> None:
     told: list[MapImage] = []
-    watch = MapWatch("map", lambda: "hall", SAME)
-    watch.on_map = told.append
+    watch = MapWatch("map", lambda: "hall", SAME, told.append)
     with simulated_robot(domain_id):
         async with watched(watch, domain_id):
             await until(lambda: bool(told), what="the map")
@@ -88,6 +87,6 @@ def test_settings_name_the_map_topic_and_the_plant_transform() -> None:
             "map_transforms": {"hall": "scale=2"},
         }
     )
-    found = make_map_watch(settings, None).read(map_message(grid(), "map", 0))
+    found = make_map_watch(settings, None, lambda _: None).read(map_message(grid(), "map", 0))
     assert found is not None
     assert (found.map_id, found.resolution) == ("hall", 0.25)

@@ -443,11 +443,11 @@ async def test_a_goal_of_an_earlier_run_can_be_stopped_without_a_search_for_the_
     async def done(*_: object) -> None:
         """Join or leave no graph."""
 
-    def node(*_: object) -> SimpleNamespace:
+    def node(*_: object, **__: object) -> SimpleNamespace:
         return SimpleNamespace(start=done, stop=done, prepare_stop=lambda: prepared.append("stop"))
 
     async with started(monkeypatch, []) as driver:
-        module = SimpleNamespace(Nav2Node=node, Listeners=lambda *_: None)
+        module = SimpleNamespace(Nav2Node=node)
         monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.node", module)
         await driver._open_node(RosAddress.of(RosSettings()))
         assert prepared == []

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -29,14 +28,6 @@ FEEDBACK_PERIOD = 0.05
 FEEDBACK = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 
-@dataclass(frozen=True, slots=True)
-class ActionListeners:
-    """The handlers of an action's events, called in the event loop."""
-
-    result: Callable[[GoalResult], None]
-    feedback: Callable[[FeedbackReading], None]
-
-
 def action_type(navigation: Navigation) -> Any | None:  # noqa: ANN401 - rclpy carries no types
     """Return the type of the action for goals; None if the robot's ROS installation lacks it."""
     name = "NavigateThroughPoses" if navigation is Navigation.THROUGH_POSES else "NavigateToPose"
@@ -49,10 +40,18 @@ def action_type(navigation: Navigation) -> Any | None:  # noqa: ANN401 - rclpy c
 class ActionClient:
     """Client of an action server: a node extension whose :meth:`enter` is called before any other method."""
 
-    def __init__(self, settings: RosSettings, types: Any, listeners: ActionListeners) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        settings: RosSettings,
+        types: Any,  # noqa: ANN401 - rclpy carries no types
+        *,
+        on_result: Callable[[GoalResult], None],
+        on_feedback: Callable[[FeedbackReading], None],
+    ) -> None:
+        """Prepare; the handlers are called in the event loop."""
         self._settings = settings
         self._types = types
-        self._listeners = listeners
+        self._handle_result, self._handle_feedback = on_result, on_feedback
         self._name = settings.action
         self._read_feedback = feedback_reading
         self._result_request: Any = None
@@ -70,7 +69,7 @@ class ActionClient:
             f"{hidden}/feedback",
             FEEDBACK,
             read=self._read_feedback,
-            handle=self._listeners.feedback,
+            handle=self._handle_feedback,
             due=self._feedback_due,
         )
 
@@ -132,7 +131,7 @@ class ActionClient:
         code, message = getattr(outcome, "error_code", None), str(getattr(outcome, "error_msg", ""))
         reason = None if code is None else (int(code), message)
         result = GoalResult(goal_id, GoalStatus.of(answer.status), reason)
-        self._session.post(lambda: self._listeners.result(result))
+        self._session.post(lambda: self._handle_result(result))
 
 
 def feedback_reading(message: Any) -> FeedbackReading:  # noqa: ANN401

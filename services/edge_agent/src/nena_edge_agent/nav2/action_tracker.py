@@ -204,8 +204,10 @@ Without nav2_msgs, and in Humble, there is no code.
 class ActionTracker(GoalTracker):
     """The tracker for Nav2's action; the driver sets ``by_action`` while the action's server is available."""
 
-    def __init__(self, settings: GoalSettings, prefix: GoalIdPrefix) -> None:
-        super().__init__(settings)
+    def __init__(
+        self, settings: GoalSettings, prefix: GoalIdPrefix, *, halts_after: GoalTracker | None = None
+    ) -> None:
+        super().__init__(settings, halts_after=halts_after)
         self._prefix = prefix
         self._registry: PrefixedGoalRegistry = PrefixedGoalRegistry(
             prefix, confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
@@ -420,12 +422,16 @@ class ActionSide:
 
         Goals sent by topic have results and feedback as well.
         """
-        from nena_edge_agent.nav2.action_client import ActionClient, ActionListeners, action_type  # noqa: PLC0415
+        from nena_edge_agent.nav2.action_client import ActionClient, action_type  # noqa: PLC0415
 
         self._sends, types = settings.navigation is not Navigation.TOPICS, action_type(settings.navigation)
-        listeners = ActionListeners(self._on_result, self._take_feedback)
-        self._client = None if types is None else ActionClient(settings, types, listeners)
-        return [self._client] if self._client else []
+        self._client = None
+        if types is None:
+            return []
+        self._client = ActionClient(
+            settings, types, on_result=self._on_result, on_feedback=self._take_feedback
+        )
+        return [self._client]
 
     def look(self) -> bool:
         """Check whether a server accepts goals; if so, the next goal is sent to it."""

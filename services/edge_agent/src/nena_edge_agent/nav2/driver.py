@@ -307,18 +307,10 @@ class Nav2Driver:
             self._report(lost)
 
     async def _open_node(self, address: RosAddress) -> None:
-        from nena_edge_agent.nav2.node import Listeners, Nav2Node  # noqa: PLC0415 - needs rclpy
+        from nena_edge_agent.nav2.node import Nav2Node  # noqa: PLC0415 - needs rclpy
         from nena_edge_agent.nav2.parameters import ParameterReader  # noqa: PLC0415 - needs rclpy
 
         self._settings = address.applied(self._settings)
-        listeners = Listeners(
-            self._on_statuses,
-            self._action.on_other_statuses,
-            self._on_published_pose,
-            self._on_velocity,
-            self._on_battery,
-            self._on_plan,
-        )
         self._parameters = ParameterReader(self._settings)
         found = (self._transforms, self._parameters, self._limiter, self._map_server, self._keep_out)
         own: list[NodeExtension] = [each for each in found if each is not None]
@@ -328,7 +320,16 @@ class Nav2Driver:
         extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
         if self._paths is not None:
             extensions = (*extensions, self._paths.new_path_client(self._settings))
-        node = Nav2Node(self._settings, listeners, extensions)
+        node = Nav2Node(
+            self._settings,
+            extensions,
+            on_statuses=self._on_statuses,
+            on_other_statuses=self._action.on_other_statuses,
+            on_pose=self._on_published_pose,
+            on_velocity=self._on_velocity,
+            on_battery=self._on_battery,
+            on_plan=self._on_plan,
+        )
         await node.start(self._on_failure)
         self._silence = SilenceWatch()  # this one's robot may have no odometry
         self._planner = presence.PlannerWatch()

@@ -143,7 +143,8 @@ class GoalTracker:
     server = "bt_navigator"
     """The name of the driving node, for error messages."""
 
-    def __init__(self, settings: GoalSettings) -> None:
+    def __init__(self, settings: GoalSettings, *, halts_after: GoalTracker | None = None) -> None:
+        """Prepare; ``halts_after``: another tracker of the robot, after which this one answers a halt."""
         self._settings = settings
         self._registry = GoalRegistry(
             confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
@@ -154,8 +155,7 @@ class GoalTracker:
         self._halt: _Halt | None = None
         self._drove = False
         """Whether a goal was requested since the last confirmed stop, so that the robot may still roll."""
-        self.halts_after: GoalTracker | None = None
-        """Another tracker of the same robot: this one answers a halt only after it."""
+        self._halts_after = halts_after
         self._cancels: dict[str, float] = {}
         self._runaway = False
         """Whether the robot may drive although its navigator is gone or does not respond."""
@@ -423,7 +423,7 @@ class GoalTracker:
         elif halt.quiet_at is None:
             halt.quiet_at = now
         if self._stands(halt, now):
-            if self.halts_after is not None and self.halts_after.halting:
+            if self._halts_after is not None and self._halts_after.halting:
                 return
             self._halt, self._drove = None, False
             self._report(Halted())

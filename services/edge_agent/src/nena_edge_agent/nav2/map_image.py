@@ -91,13 +91,19 @@ CELLS_LIMIT = 64 * 1024 * 1024
 class MapWatch:
     """A node extension that calls ``on_map`` for each map whose content or position has changed."""
 
-    def __init__(self, topic: str, map_id: Callable[[], str], frame: PlantFrame) -> None:
+    def __init__(
+        self,
+        topic: str,
+        map_id: Callable[[], str],
+        frame: PlantFrame,
+        on_map: Callable[[MapImage], None] = lambda _: None,
+    ) -> None:
         """Prepare; ``map_id`` returns the robot's map ID, ``frame`` converts from that map to the plant."""
         self._topic = topic
         self._map_id = map_id
         self._frame = frame
         self._digest = ""
-        self.on_map: Callable[[MapImage], None] = lambda _: None
+        self._handle_map = on_map
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Subscribe on a new node."""
@@ -159,4 +165,4 @@ class MapWatch:
     def _on_map(self, found: MapImage | None) -> None:
         if found is not None:
             log.info("robot's map", map_id=found.map_id, size=found.size, bytes=len(found.png))
-            self.on_map(found)
+            self._handle_map(found)

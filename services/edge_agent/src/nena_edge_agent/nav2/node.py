@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from action_msgs.msg import GoalStatusArray
@@ -32,28 +31,27 @@ from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 
-@dataclass(frozen=True, slots=True)
-class Listeners:
-    """Handlers of incoming messages, called in the event loop."""
-
-    statuses: Callable[[list[GoalEntry]], None]
-    other_statuses: Callable[[list[GoalEntry]], None]
-    pose: Callable[[PoseReading], None]
-    velocity: Callable[[tuple[float, float]], None]
-    battery: Callable[[BatteryReading], None]
-    plan: Callable[[tuple[str, tuple[tuple[float, float], ...]]], None]
-
-
 class Nav2Node:
     """The node for Nav2; call :meth:`start` first and :meth:`stop` last."""
 
     def __init__(
-        self, settings: RosSettings, listeners: Listeners, extensions: Sequence[NodeExtension] = ()
+        self,
+        settings: RosSettings,
+        extensions: Sequence[NodeExtension] = (),
+        *,
+        on_statuses: Callable[[list[GoalEntry]], None],
+        on_other_statuses: Callable[[list[GoalEntry]], None],
+        on_pose: Callable[[PoseReading], None],
+        on_velocity: Callable[[tuple[float, float]], None],
+        on_battery: Callable[[BatteryReading], None],
+        on_plan: Callable[[tuple[str, tuple[tuple[float, float], ...]]], None],
     ) -> None:
-        """Prepare the node, in the event loop that it will work for."""
+        """Prepare the node, in the event loop that it will work for, in which it calls the handlers."""
         self._extensions = extensions
         self._settings = settings
-        self._listeners = listeners
+        self._on_statuses, self._on_other_statuses = on_statuses, on_other_statuses
+        self._on_pose, self._on_velocity = on_pose, on_velocity
+        self._on_battery, self._on_plan = on_battery, on_plan
         self._lifecycle_watch, self._localiser_watch = LifecycleWatch(), LifecycleWatch()
         self._volatile_poses = False
         self._session = RosSession(
@@ -187,18 +185,18 @@ class Nav2Node:
             self._settings.names.pose,
             qos,
             read=messages.pose_reading,
-            handle=self._listeners.pose,
+            handle=self._on_pose,
         )
 
     def _listen(self, node: Any) -> None:  # noqa: ANN401
-        names, to, subscribe = self._settings.names, self._listeners, self._session.subscribe
+        names, subscribe = self._settings.names, self._session.subscribe
         subscribe(
             node,
             GoalStatusArray,
             status_of(self._settings.action),
             LATCHED,
             read=messages.status_entries,
-            handle=to.statuses,
+            handle=self._on_statuses,
             limit=STATUS_ARRAYS,
         )
         subscribe(
@@ -207,9 +205,11 @@ class Nav2Node:
             status_of(self._settings.other_action),
             LATCHED,
             read=messages.status_entries,
-            handle=to.other_statuses,
+            handle=self._on_other_statuses,
         )
         self._subscribe_to_pose(LATCHED)
-        subscribe(node, Odometry, names.odometry, SENSOR, read=messages.velocity, handle=to.velocity)
-        subscribe(node, Path, names.plan, RELIABLE, read=messages.plan_points, handle=to.plan)
-        subscribe(node, BatteryState, names.battery, SENSOR, read=messages.battery_reading, handle=to.battery)
+        subscribe(node, Odometry, names.odometry, SENSOR, read=messages.velocity, handle=self._on_velocity)
+        subscribe(node, Path, names.plan, RELIABLE, read=messages.plan_points, handle=self._on_plan)
+        subscribe(
+            node, BatteryState, names.battery, SENSOR, read=messages.battery_reading, handle=self._on_battery
+        )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from action_msgs.msg import GoalStatusArray
@@ -12,8 +11,8 @@ from action_msgs.srv import CancelGoal
 
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.nav2 import messages
-from nena_edge_agent.nav2.action_client import ActionClient, ActionListeners
-from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry
+from nena_edge_agent.nav2.action_client import ActionClient
+from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry, GoalResult
 from nena_edge_agent.nav2.messages import UnusablePoseError
 from nena_edge_agent.nav2.offers import FOLLOW_PATH, interface
 from nena_edge_agent.nav2.presence import endpoints
@@ -21,19 +20,20 @@ from nena_edge_agent.nav2.session import LATCHED, STATUS_ARRAYS, RosSession
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
 
-@dataclass(frozen=True, slots=True)
-class PathListeners(ActionListeners):
-    """Handlers of the path action's events, called in the event loop."""
-
-    statuses: Callable[[list[GoalEntry]], None]
-
-
 class PathClient(ActionClient):
     """Client of the controller's action server."""
 
-    def __init__(self, settings: RosSettings, listeners: PathListeners) -> None:
-        super().__init__(settings, interface(FOLLOW_PATH), listeners)
-        self._statuses = listeners.statuses
+    def __init__(
+        self,
+        settings: RosSettings,
+        *,
+        on_result: Callable[[GoalResult], None],
+        on_feedback: Callable[[FeedbackReading], None],
+        on_statuses: Callable[[list[GoalEntry]], None],
+    ) -> None:
+        """Prepare; the handlers are called in the event loop."""
+        super().__init__(settings, interface(FOLLOW_PATH), on_result=on_result, on_feedback=on_feedback)
+        self._handle_statuses = on_statuses
         self._name = settings.names.follow_path
         self._status = status_of(self._name)
         self._read_feedback = path_feedback
@@ -48,7 +48,7 @@ class PathClient(ActionClient):
             self._status,
             LATCHED,
             read=messages.status_entries,
-            handle=self._statuses,
+            handle=self._handle_statuses,
             limit=STATUS_ARRAYS,
         )
 

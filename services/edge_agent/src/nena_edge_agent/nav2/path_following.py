@@ -67,8 +67,8 @@ class Trackers:
     """The trackers of the navigator and of the controller, with one interface."""
 
     def __init__(self, settings: GoalSettings, prefix: GoalIdPrefix) -> None:
-        self.navigator = ActionTracker(settings, prefix)
-        self.navigator.halts_after = self.controller = PathTracker(settings, prefix)
+        self.controller = PathTracker(settings, prefix)
+        self.navigator = ActionTracker(settings, prefix, halts_after=self.controller)
         self.controller_takes_paths = False
         """Whether the controller's action is available; set by the driver."""
         self._current: ActionTracker = self.navigator
@@ -275,10 +275,14 @@ class PathSide(ActionSide):
 
     def new_path_client(self, settings: RosSettings) -> PathClient:
         """Return the client, which extends a new node."""
-        from nena_edge_agent.nav2.path_client import PathClient, PathListeners  # noqa: PLC0415 - loads rclpy
+        from nena_edge_agent.nav2.path_client import PathClient  # noqa: PLC0415 - loads rclpy
 
-        listeners = PathListeners(self._on_result, self._take_feedback, self._on_statuses)
-        self._client = self._path_client = PathClient(settings, listeners)
+        self._client = self._path_client = PathClient(
+            settings,
+            on_result=self._on_result,
+            on_feedback=self._take_feedback,
+            on_statuses=self._on_statuses,
+        )
         return self._path_client
 
     def servers(self) -> frozenset[str]:
