@@ -53,7 +53,6 @@ class Fault:
             (SentOrders, "end"),
             (VehicleRecords, "change"),
             (FleetState, "after_commit"),
-            (FleetState, "publish"),
             (ScriptedFleet, "start_vda_order"),
         ):
             monkeypatch.setattr(owner, name, self._counted(getattr(owner, name)))
