@@ -55,7 +55,7 @@ async def test_it_is_rebuilt_from_the_store(settings: OrderServiceSettings) -> N
         with pytest.raises(StoreNotReadyError, match="restarts from its store"):
             failed.engine.create(request("South 2"), "T-2")
         with pytest.raises(StoreNotReadyError, match="restarts from its store"):
-            await failed.hosts.requests.withdraw("T-0", "not needed")
+            await failed.engine.unit_of_work.wait_committed()
         status, problems = await problems_of(failed)
         assert (status, "internal error" in problems) == (503, True)
 
