@@ -53,6 +53,7 @@ class Fault:
             (SentOrders, "end"),
             (VehicleRecords, "change"),
             (FleetState, "after_commit"),
+            (FleetState, "vehicle_changed"),
             (ScriptedFleet, "start_vda_order"),
         ):
             monkeypatch.setattr(owner, name, self._counted(getattr(owner, name)))
