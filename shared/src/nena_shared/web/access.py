@@ -10,6 +10,7 @@ from http.cookies import CookieError, SimpleCookie
 from math import ceil
 from typing import TYPE_CHECKING
 
+from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_shared.clock import Clock, SystemClock
@@ -17,7 +18,6 @@ from nena_shared.fleet_api.base import Role
 from nena_shared.log import get_logger
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.headers import header_of
 from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.problem import refusal
 from nena_shared.web.server_sent_events import while_allowed
@@ -222,13 +222,14 @@ def user_of(scope: Scope) -> KnownUser | None:
 
 def token_of(scope: Scope, *, cookies: bool) -> str:
     """Return the token of a request, from its header, else its cookie; empty: none."""
-    scheme, _, token = (header_of(scope, b"authorization") or "").partition(" ")
+    headers = Headers(scope=scope)
+    scheme, _, token = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         return token.strip()
     if not cookies:
         return ""
     try:
-        found = SimpleCookie(header_of(scope, b"cookie") or "")
+        found = SimpleCookie(headers.get("cookie", ""))
     except CookieError:
         return ""
     return found[COOKIE].value if COOKIE in found else ""

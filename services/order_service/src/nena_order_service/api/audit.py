@@ -30,7 +30,6 @@ from nena_shared.clock import Clock
 from nena_shared.fleet_api.audit import ANONYMOUS, AuditInterface, AuditPage, AuditQuery, AuditResult
 from nena_shared.log import get_logger
 from nena_shared.web.access import user_of
-from nena_shared.web.headers import header_of
 
 log = get_logger(__name__)
 
@@ -284,7 +283,7 @@ def _masked(content: Any) -> Any:  # noqa: ANN401 - of JSON
 def origin_of(http: HTTPConnection, interface: AuditInterface) -> Origin:
     """Return the origin of a request over HTTP."""
     user = user_of(http.scope)
-    client = header_of(http.scope, b"user-agent") or ""
+    client = http.headers.get("user-agent", "")
     return Origin(interface, user.known_as if user else ANONYMOUS, client)
 
 

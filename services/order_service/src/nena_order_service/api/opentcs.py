@@ -9,6 +9,7 @@ from typing import Annotated, Any, Self, TypeVar
 
 from fastapi import FastAPI, Query, Response
 from pydantic import BaseModel, Field, TypeAdapter
+from starlette.datastructures import Headers
 from starlette.types import Scope
 
 from nena_order_service import errors
@@ -49,7 +50,6 @@ from nena_shared.fleet_api.vehicle import (
 from nena_shared.log import get_logger
 from nena_shared.plant import BoundingBox, PlantModel, Vehicle
 from nena_shared.plant.track import MM_PER_M
-from nena_shared.web.headers import header_of
 
 log = get_logger(__name__)
 
@@ -367,15 +367,16 @@ LISTED = 1000
 
 WITHDRAWAL = WithdrawalRequest(reason="withdrawn by a host of openTCS's web API")
 
-KEY_HEADER = b"x-api-access-key"
+KEY_HEADER = "x-api-access-key"
 
 _VEHICLES = TypeAdapter(list[VehicleState])
 
 
 def accept_access_key(scope: Scope) -> None:
     """Take openTCS's access key of a request for this program's token."""
-    key = header_of(scope, KEY_HEADER)
-    if key and header_of(scope, b"authorization") is None:
+    headers = Headers(scope=scope)
+    key = headers.get(KEY_HEADER)
+    if key and "authorization" not in headers:
         scope["headers"] = [*scope["headers"], (b"authorization", f"Bearer {key}".encode("latin-1"))]
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from http import HTTPStatus
 
 from fastapi import FastAPI, Request, Response
+from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_order_service.api import problems
@@ -19,7 +20,6 @@ from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.tasks import Supervisor
 from nena_shared.web.access import protect
-from nena_shared.web.headers import header_of
 from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import answer, refusal
 from nena_shared.web.server import SHUTDOWN_TIMEOUT, HttpServer
@@ -37,7 +37,7 @@ def changes_for_page(scope: Scope) -> bool:
     Any page that is open in a browser can send requests here: simple ones to any address, and all others to a
     host name that resolves to this address (DNS rebinding). Only a token distinguishes users from pages.
     """
-    return scope["method"] not in READING and header_of(scope, b"origin") is not None
+    return scope["method"] not in READING and "origin" in Headers(scope=scope)
 
 
 RETRY_AFTER = "1"
