@@ -613,9 +613,7 @@ class FleetController:
         """Return the due answers to the robots' requests (section 6.9); none while the link is down."""
         if not self._broker:
             return ()
-        return tuple(
-            self._releases.answers(now, all_known=self.all_known(now), reachable=self._reachable)
-        )
+        return tuple(self._releases.answers(now, all_known=self.all_known(now), reachable=self._reachable))
 
     def _reachable(self, robot: RobotKey) -> bool:
         return self._robots[robot].robot.reachable

@@ -110,9 +110,9 @@ def _changed(part: P, changes: Mapping[str, object]) -> P:
 
 
 def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
-    changes: dict[str, Any] = {
-        "actions": tuple(_fitted_in_order(each, abilities) for each in node.actions),
-    }
+    changes: dict[str, Any] = {}
+    if node.actions:
+        changes["actions"] = tuple(_fitted_in_order(each, abilities) for each in node.actions)
     if node.node_position is not None and not abilities.takes_positions:
         changes["node_position"] = _fitted_position(node, node.node_position, heading, abilities)
     if "nodes.nodeDescriptor" in abilities.required_fields:
