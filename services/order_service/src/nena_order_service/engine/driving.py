@@ -432,7 +432,6 @@ class Driving:
         self._wanted.pop(vehicle.name, None)
         self._unsent.pop(vehicle.name, None)
         self._traffic.drop(vehicle.name)
-        self._state.drive_due = True
 
     def robot_changed(self, vehicle: FleetVehicle) -> None:
         """Handle a new state of a robot at rest; a robot under way reports its progress separately."""

@@ -393,8 +393,11 @@ class TrafficManager:
     def remove(self, vehicle: str) -> None:
         """Remove a vehicle: it no longer holds, requests or claims anything."""
         self.drop(vehicle)
-        for records in (self._turns, self._let_out, self._routes, self._broken_off, self._left_at):
-            records.pop(vehicle, None)
+        self._turns.pop(vehicle, None)
+        self._let_out.pop(vehicle, None)
+        self._routes.pop(vehicle, None)
+        self._broken_off.pop(vehicle, None)
+        self._left_at.pop(vehicle, None)
         self.scheduler.remove(vehicle)
 
     # Requests

@@ -118,10 +118,10 @@ class RouteSearch:
 
         ``occupied`` is what waiting vehicles hold; ``closed`` resources are avoided like those in ``avoid``.
         """
-        route_now = self._allocated_routes[vehicle]
-        ahead = route_now.way[route_now.allocated :]
+        current = self._allocated_routes[vehicle]
+        ahead = current.way[current.allocated :]
         shares = defaultdict(float, self._burden_now())
-        self._count(shares, route_now, -1)
+        self._count(shares, current, -1)
         for held in occupied:
             for each in held:
                 shares[each.point] += STANDING
@@ -155,13 +155,13 @@ class RouteSearch:
     def _count_burden(self) -> dict[str, float]:
         """Return the share added to the cost of points ahead of vehicles, and of edges towards vehicles."""
         burden: defaultdict[str, float] = defaultdict(float)
-        for route_now in self._allocated_routes.values():
-            self._count(burden, route_now, 1)
+        for current in self._allocated_routes.values():
+            self._count(burden, current, 1)
         return burden
 
-    def _count(self, burden: defaultdict[str, float], route_now: AllocatedRoute, times: int) -> None:
+    def _count(self, burden: defaultdict[str, float], current: AllocatedRoute, times: int) -> None:
         """Add what one vehicle adds to costs; with ``times`` -1, subtract it."""
-        for each in route_now.way[route_now.reached :]:
+        for each in current.way[current.reached :]:
             burden[each.point] += times * CONGESTION
             for use in each.uses:
                 for edge in self._opposite_edges.get((use, each.point), ()):
