@@ -14,6 +14,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import psutil
 
@@ -47,7 +48,7 @@ def main() -> None:
     versions = [Version("here", HERE)]
     if arguments.beside:
         versions.insert(0, Version("beside", arguments.beside.resolve()))
-    report = {
+    report: dict[str, Any] = {
         "when": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": f"{platform.machine()}, {psutil.cpu_count()} cores, Python {platform.python_version()}",
         "load": [os.getloadavg()[0]],

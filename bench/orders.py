@@ -184,6 +184,5 @@ class _Follower:
         robots = event.get("robots")
         for robot in robots if isinstance(robots, list) else ():
             position = robot.get("position") or {}
-            sent = self.sent.pop((robot["id"], position.get("x")), None)
-            if sent is not None:
+            if position and (sent := self.sent.pop((robot["id"], position["x"]), None)):
                 self.delays.append(moment - sent)

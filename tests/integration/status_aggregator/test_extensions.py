@@ -77,11 +77,15 @@ async def test_the_example_tells_of_a_failed_order(
     url, posted = chat
     entry = example("toml").splitlines()[-1].replace('"', "")
     install(packages, "acme_chat", example("python"), entry)
-    async with serving(broker, interface_name, chat=installed()["chat"].Settings(url=url)) as served:
+    async with serving(
+        broker, interface_name, chat=installed()["chat"].Settings.model_validate({"url": url})
+    ) as served:
         with MqttPeer(broker) as peer:
             topic = served.fleet.order_status("TO-1")
-            failed = {"state": TransportOrderState.FAILED, "finished": datetime.now(UTC)}
-            for status in (order_status(), order_status(version=2, reason="no way", **failed)):
+            failed = order_status(
+                version=2, reason="no way", state=TransportOrderState.FAILED, finished=datetime.now(UTC)
+            )
+            for status in (order_status(), failed):
                 peer.publish(topic, status.model_dump_json(by_alias=True), retain=True)
             async with asyncio.timeout(PATIENCE):
                 assert await posted.get() == {"text": "TO-1 failed: no way"}

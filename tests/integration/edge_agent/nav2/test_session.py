@@ -181,11 +181,13 @@ async def test_tasks_and_changes_of_the_node_are_served_between_messages(domain_
     async with session_with_node(domain_id) as (session, node):
         done: list[int] = []
         for number in range(MESSAGES):
+            assert session._executor is not None
             session._executor.create_task(done.append, number)
             await until(partial(done.__contains__, number), what="the task")
         timer = node.create_timer(0.001, lambda: done.append(-1))
         await until(lambda: done[-1] == -1, what="the timer")
         node.destroy_timer(timer)
+        assert session._executor is not None
         session._executor.create_task(done.append, MESSAGES)
         await until(lambda: done[-1] == MESSAGES, what="the task after the timer's end")
 

@@ -24,13 +24,12 @@ from nena_edge_agent.nav2.action_tracker import (
     ActionSide,
     ActionTracker,
     FeedbackFilter,
-    FeedbackReading,
     PassedPoses,
     SilenceWatch,
 )
 from nena_edge_agent.nav2.commands import CancelGoal, Command, PublishGoal, Report, RequestResult, SendGoal
 from nena_edge_agent.nav2.error_codes import meaning_of
-from nena_edge_agent.nav2.goals import YIELD_TIME, GoalEntry, GoalIdPrefix
+from nena_edge_agent.nav2.goals import YIELD_TIME, FeedbackReading, GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError

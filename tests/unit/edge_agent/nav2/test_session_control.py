@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.driver.port import SessionReport
+from nena_edge_agent.driver.port import SessionError, SessionReport
 from nena_edge_agent.nav2.session_control import (
     LONGEST_RETRY,
-    SessionError,
     SessionManager,
     SessionStore,
     prepare_environment,

@@ -104,7 +104,7 @@ async def test_orders_from_before_a_restart_keep_their_states_and_are_not_counte
 ) -> None:
     (await client.post("/v1/transportOrders", json=MOVE)).raise_for_status()
     orders = service.engine.state.orders
-    again = type(orders)(service.engine.state.pending, set())
+    again = type(orders)(service.engine.state.pending)
     for each in orders.unfinished():
         again.load(each)
 

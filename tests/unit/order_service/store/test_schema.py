@@ -148,7 +148,7 @@ def test_upgrading_the_store_of_each_release_keeps_its_content(url: str, release
     found = read_unfinished(engine)
     assert [order.name for order in found.orders] == ["running-4", "waiting-5"]
     (sent,) = map(SentOrder.model_validate_json, found.sent_orders.values())
-    assert (sent.vda_order.order_id, found.sent_orders.keys()) == ("running-4-0", {4})
+    assert (sent.vda_order.order_id, set(found.sent_orders)) == ("running-4-0", {4})
     done = read_order(engine, idempotency_key="key-done-1")
     assert done is not None
     assert [entry.event_code for entry in done.status.history][-1] == "nena:finalStateReached"
