@@ -118,7 +118,6 @@ async def test_failed_ros_thread_is_reported_and_restarted(domain_id: int) -> No
             await (await robot.ready()).driving(goal_at(1, 30.0))
             assert robot.driver._node is not None
             assert robot.driver._node._session._executor is not None
-            assert robot.driver._node._session._executor is not None
             robot.driver._node._session._executor.create_task(fail)
             await robot.hears(NavigationReport, lambda report: "out of order" in report.reason)
             assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
