@@ -5,24 +5,15 @@ Each action is checked on its own, and a repeated actionId is ignored.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from nena_edge_agent.driver.port import Pose, PositionInitialized
-from nena_edge_agent.protocol import actions, driving, orders, power, zones
+from nena_edge_agent.protocol import actions, declaration, driving, orders, power, zones
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.declaration import (
     CANCEL_ORDER,
-    CLEAR_INSTANT_ACTIONS,
-    DELETE_ZONE_SET,
-    ENABLE_ZONE_SET,
     FACTSHEET_REQUEST,
     INITIALIZE_POSITION,
-    RETRY,
-    SKIP_RETRY,
     START_PAUSE,
     STATE_REQUEST,
-    STOP_PAUSE,
-    TRIGGER,
 )
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import SendFactsheet, SetPosition, StartAction
@@ -33,14 +24,8 @@ from nena_edge_agent.protocol.robot_state import (
     PowerPhase,
     RobotState,
 )
-from nena_shared.vda5050.action import (
-    SHUTDOWN,
-    START_HIBERNATION,
-    STOP_HIBERNATION,
-    Action,
-    ActionStatus,
-    InstantActions,
-)
+from nena_shared.vda5050 import action as vda_actions
+from nena_shared.vda5050.action import SHUTDOWN, Action, ActionStatus, InstantActions
 from nena_shared.vda5050.base import ANGLE_LIMIT
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
@@ -49,6 +34,26 @@ MESSAGE_LIMIT = 100
 """Maximum number of actions in a message; a longer message is refused as a whole."""
 IDS_KNOWN = 1000
 """Number of recent actionIds that are recognised when they are resent."""
+CORE_ACTIONS = frozenset(
+    {
+        declaration.CANCEL_ORDER,
+        declaration.START_PAUSE,
+        declaration.STOP_PAUSE,
+        declaration.INITIALIZE_POSITION,
+        declaration.STATE_REQUEST,
+        declaration.FACTSHEET_REQUEST,
+        declaration.CLEAR_INSTANT_ACTIONS,
+        declaration.ENABLE_ZONE_SET,
+        declaration.DELETE_ZONE_SET,
+        declaration.RETRY,
+        declaration.SKIP_RETRY,
+        declaration.TRIGGER,
+        vda_actions.START_HIBERNATION,
+        vda_actions.STOP_HIBERNATION,
+        vda_actions.SHUTDOWN,
+    }
+)
+"""Instant actions that the core does itself."""
 IN_EVERY_MODE = frozenset({STATE_REQUEST, FACTSHEET_REQUEST})
 """Accepted in every operating mode."""
 POSITION_TIMEOUT = 30.0
@@ -89,15 +94,15 @@ def _problem(robot: RobotState, action: Action) -> str | None:
         return "the actionId is used by an action of the order"
     if problem := _mode_problem(robot, action):
         return problem
-    declaration = robot.capabilities.actions.get(action.action_type)
-    if declaration is None:
+    declared = robot.capabilities.actions.get(action.action_type)
+    if declared is None:
         return f"the robot does not support action '{action.action_type}'"
-    if action.action_type not in _CORE_ACTIONS and robot.instant_actions_running > INSTANT_ACTION_LIMIT:
+    if action.action_type not in CORE_ACTIONS and robot.instant_actions_running > INSTANT_ACTION_LIMIT:
         return f"{INSTANT_ACTION_LIMIT} instant actions are running already"
-    if declaration.needs_idle and (problem := _order_problem(robot)):
+    if declared.needs_idle and (problem := _order_problem(robot)):
         return problem
     loaded = bool(robot.loads)
-    return declaration.problem(action, ActionScope.INSTANT) or declaration.load_problem(loaded=loaded)
+    return declared.problem(action, ActionScope.INSTANT) or declared.load_problem(loaded=loaded)
 
 
 def _order_problem(robot: RobotState) -> str | None:
@@ -121,15 +126,60 @@ def _mode_problem(robot: RobotState, action: Action) -> str | None:
 
 def _start(robot: RobotState, action: Action) -> None:
     robot.errors.end(Until.INSTANT_ACTION_ACCEPTED)
-    core_action = _CORE_ACTIONS.get(action.action_type)
-    if core_action:
-        core_action(robot, action)
+    if action.action_type in CORE_ACTIONS:
+        _do_core_action(robot, action)
     elif robot.holds_for(action):
         robot.instant_queue.append((action,))
         actions.schedule(robot)
     else:
         robot.instant_actions.change(action.action_id, ActionStatus.INITIALIZING)
         robot.effects.append(StartAction(action, robot.loads))
+
+
+def _do_core_action(robot: RobotState, action: Action) -> None:  # noqa: C901, PLR0912 - a case for each type
+    """Do what the core does itself (section 6.2.3); other instant actions are done by plug-ins."""
+    change, action_id = robot.instant_actions.change, action.action_id
+    match action.action_type:
+        case declaration.CANCEL_ORDER:
+            orders.cancel(robot, action)
+        case declaration.START_PAUSE:
+            _start_pause(robot, action)
+        case declaration.STOP_PAUSE:
+            _stop_pause(robot, action)
+        case declaration.INITIALIZE_POSITION:
+            _initialize_position(robot, action)
+        case declaration.STATE_REQUEST:
+            change(action_id, ActionStatus.FINISHED)  # every instantActions message triggers a state
+        case declaration.FACTSHEET_REQUEST:
+            robot.effects.append(SendFactsheet())
+            change(action_id, ActionStatus.FINISHED)
+        case declaration.CLEAR_INSTANT_ACTIONS:
+            change(action_id, *actions.clear_instant_actions(robot, action))
+        case declaration.ENABLE_ZONE_SET:
+            change(action_id, *zones.enable(robot, action))
+        case declaration.DELETE_ZONE_SET:
+            change(action_id, *zones.delete(robot, action))
+        case declaration.RETRY | declaration.SKIP_RETRY:
+            retries = action.action_type == declaration.RETRY
+            problem = (actions.retry if retries else actions.skip_retry)(robot, action)
+            if problem:
+                hint = "the robot's state shows which actions are RETRIABLE"
+                _refuse(robot, action, problem, hint=hint)
+            else:
+                change(action_id, ActionStatus.FINISHED)
+        case declaration.TRIGGER:  # it releases all actions that wait for fleet control, as 3.0.1 specifies
+            if actions.release(robot, FLEET_CONTROL):
+                change(action_id, ActionStatus.FINISHED)
+            else:
+                change(action_id, ActionStatus.FAILED, "no action waits for a trigger of fleet control")
+        case vda_actions.START_HIBERNATION:
+            if problem := power.start_hibernation(robot, action):
+                _refuse(robot, action, problem, hint="send a later wakeUpTime, and check the clocks")
+        case vda_actions.STOP_HIBERNATION:
+            power.stop_hibernation(robot, action)
+        case vda_actions.SHUTDOWN:
+            if problem := power.shut_down(robot, action):
+                _refuse(robot, action, problem, hint="the robot's state shows what it is doing")
 
 
 def _refuse(
@@ -295,84 +345,3 @@ def _number(action: Action, key: str) -> float:
 def _text(action: Action, key: str) -> str:
     value = action.parameter(key)
     return value if isinstance(value, str) else ""
-
-
-# Other instant actions of the core (section 6.2.3)
-
-
-def _trigger(robot: RobotState, action: Action) -> None:
-    """Release all actions that wait for fleet control, as 3.0.1 specifies (section 6.2.3)."""
-    if actions.release(robot, FLEET_CONTROL):
-        robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
-    else:
-        text = "no action waits for a trigger of fleet control"
-        robot.instant_actions.change(action.action_id, ActionStatus.FAILED, text)
-
-
-def _retry(robot: RobotState, action: Action) -> None:
-    _finish_retry(robot, action, actions.retry(robot, action))
-
-
-def _skip_retry(robot: RobotState, action: Action) -> None:
-    _finish_retry(robot, action, actions.skip_retry(robot, action))
-
-
-def _finish_retry(robot: RobotState, action: Action, problem: str | None) -> None:
-    if problem:
-        hint = "the robot's state shows which actions are RETRIABLE"
-        _refuse(robot, action, problem, hint=hint)
-    else:
-        robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
-
-
-def _start_hibernation(robot: RobotState, action: Action) -> None:
-    if problem := power.start_hibernation(robot, action):
-        _refuse(robot, action, problem, hint="send a later wakeUpTime, and check the clocks")
-
-
-def _shut_down(robot: RobotState, action: Action) -> None:
-    if problem := power.shut_down(robot, action):
-        _refuse(robot, action, problem, hint="the robot's state shows what it is doing")
-
-
-def _state_request(robot: RobotState, action: Action) -> None:
-    robot.instant_actions.change(
-        action.action_id, ActionStatus.FINISHED
-    )  # every instantActions message triggers a state
-
-
-def _factsheet_request(robot: RobotState, action: Action) -> None:
-    robot.effects.append(SendFactsheet())
-    robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
-
-
-def _clear_instant_actions(robot: RobotState, action: Action) -> None:
-    robot.instant_actions.change(action.action_id, *actions.clear_instant_actions(robot, action))
-
-
-def _enable_zone_set(robot: RobotState, action: Action) -> None:
-    robot.instant_actions.change(action.action_id, *zones.enable(robot, action))
-
-
-def _delete_zone_set(robot: RobotState, action: Action) -> None:
-    robot.instant_actions.change(action.action_id, *zones.delete(robot, action))
-
-
-_CORE_ACTIONS: dict[str, Callable[[RobotState, Action], None]] = {
-    CANCEL_ORDER: orders.cancel,
-    START_PAUSE: _start_pause,
-    STOP_PAUSE: _stop_pause,
-    INITIALIZE_POSITION: _initialize_position,
-    STATE_REQUEST: _state_request,
-    FACTSHEET_REQUEST: _factsheet_request,
-    CLEAR_INSTANT_ACTIONS: _clear_instant_actions,
-    ENABLE_ZONE_SET: _enable_zone_set,
-    DELETE_ZONE_SET: _delete_zone_set,
-    RETRY: _retry,
-    SKIP_RETRY: _skip_retry,
-    TRIGGER: _trigger,
-    START_HIBERNATION: _start_hibernation,
-    STOP_HIBERNATION: power.stop_hibernation,
-    SHUTDOWN: _shut_down,
-}
-"""Instant actions that the core executes, by action type."""
