@@ -42,10 +42,9 @@ class Told:
     def costs(
         self, order: TransportOrder, vehicles: Sequence[DispatchedVehicle]
     ) -> Sequence[tuple[float, float]]:
-        found = [
-            self.costs_of.get((order.name, each.name), self.costs_of.get(each.name, inf)) for each in vehicles
-        ]
-        return [(cost, cost) for cost in found]
+        named = ((order.name, vehicle.name) for vehicle in vehicles)
+        costs = (self.costs_of.get(pair, self.costs_of.get(pair[1], inf)) for pair in named)
+        return [(cost, cost) for cost in costs]
 
     def visits(self) -> Mapping[str | None, int]:
         return self.coming

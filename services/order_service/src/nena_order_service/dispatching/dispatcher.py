@@ -656,7 +656,9 @@ class _Decision:
 
     def _note_reason(self, order: TransportOrder) -> None:
         """Note why an order waits: no vehicle takes it, or those that do have no route."""
-        key = order.number if order.number in self._kept else self._knowledge.kind(order)
+        key: int | OrderKind = order.number
+        if order.number not in self._kept:
+            key = self._knowledge.kind(order)
         why = self._reasons.get(key)
         if why is None and (takers := self.fleet.takers(order)):
             vehicle = max(takers, key=lambda taker: taker.name)
