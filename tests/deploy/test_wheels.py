@@ -49,7 +49,6 @@ def test_a_program_runs_from_its_wheel(installed: Path, program: str, tmp_path: 
 def test_files_beside_the_code_are_in_the_wheels(installed: Path) -> None:
     for package, pattern in (
         ("nena_status_aggregator", "panel/static/*.js"),
-        ("nena_order_service", "store/migrations/versions/*.py"),
         ("nena_demo", "plants/*.xml"),
         ("nena_client", "py.typed"),
     ):

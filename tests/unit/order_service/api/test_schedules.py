@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
 
@@ -253,16 +254,16 @@ async def test_schedule_that_fails_is_retried_and_holds_up_no_other(
     monkeypatch.setattr(engine_schedules, "LOOK_INTERVAL", 0.0)
     await put(client)
     await put(client, "/v1/schedules/other")
-    create = service.engine._life_cycle.create
+    create = service.engine.create_with
 
-    def fail(request: TransportOrderRequest, name: str) -> None:
+    def fail(put: Callable[[], None], request: TransportOrderRequest, name: str) -> None:
         if name.startswith("milk-run"):
             raise RuntimeError(name)
-        create(request, name)
+        create(put, request, name)
 
     clock.advance(16 * HOUR)
     with monkeypatch.context() as failing:
-        failing.setattr(service.engine._life_cycle, "create", fail)
+        failing.setattr(service.engine, "create_with", fail)
         await run_due(service)
     assert await orders(client) == ["other-20260329T040000Z"]
     assert (await client.get(MILK_RUN)).json()["createdOrders"] == 0, "it has no order yet"

@@ -291,7 +291,7 @@ class Engine:
         """Create an order of a validated request, then make another change, both in one unit of work."""
         with self.change():
             self._life_cycle.create(request, name)
-            progress()  # last: a unit of work that fails is committed as far as it got
+            progress()
 
     def withdraw(self, number: int, reason: str, *, immediate: bool = True) -> None:
         """Withdraw an order that has not ended; see :meth:`LifeCycle.withdraw`."""
