@@ -57,8 +57,12 @@ async def test_goal_is_sent_by_action_with_our_id(nav2: RclpyNav2, robot: Driven
     assert nav2.by_topic.messages == []
     nav2.end()
     await robot.hears(GoalReport, lambda report: report.status == "SUCCEEDED")
-    nav2.pose(5.0)
-    assert await robot.hears(Arrived) == Arrived(1)
+
+    def arrived() -> list[Arrived]:
+        nav2.pose(5.0)  # again and again: until the result has come, feedback takes precedence
+        return robot.all(Arrived)
+
+    assert await until(arrived, what="the arrival") == [Arrived(1)]
 
 
 async def test_feedback_contains_pose_remaining_distance_and_recoveries(
