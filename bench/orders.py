@@ -35,7 +35,7 @@ def _site(version: Version, *, driving: bool) -> Iterator[tuple[Site, str, Robot
         robots = Robots(site.broker_port, ROBOTS, driving=driving)
         try:
             lanes.wait_for_robots(url, ROBOTS)
-            for number in range(ROBOTS):  # nobody has to ask for one
+            for number in range(ROBOTS):  # so that the order service need not request them
                 robots.send_state(number)
             pass_time(SETTLE_SECONDS)
             yield site, url, robots

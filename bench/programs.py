@@ -166,7 +166,7 @@ def yardstick(module: str, *arguments: str) -> Iterator[int]:
 
 
 def wait_for_end_of_input() -> None:
-    """Say that a yardstick is ready, and wait until its block ends."""
+    """Report that a yardstick is ready, then wait for its input to end."""
     sys.stdout.write("ready\n")
     sys.stdout.flush()
     sys.stdin.read()

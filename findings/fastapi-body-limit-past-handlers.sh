@@ -50,7 +50,7 @@ async def chunks():
 async def main():
     seen = {}
     transport = httpx.ASGITransport(app)
-    async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
+    async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as client:
         for path in ("/with-body", "/without-body"):
             for form, content in (("whole", BODY), ("chunked", chunks())):
                 answer = await client.post(path, content=content, headers={"content-type": "application/json"})

@@ -66,7 +66,7 @@ def most_connections() -> int:
     return max(allowed - RESERVED_FILES, allowed // 2)
 
 
-class Connection(H11Protocol):
+class HttpConnection(H11Protocol):
     """uvicorn's connection with timeouts for heads and bodies, for which uvicorn waits forever."""
 
     def __init__(self, config: uvicorn.Config, state: ServerState, answers: Counter[int]) -> None:
@@ -238,7 +238,7 @@ class HttpServer:
         """Hold a connection from accepting it to its end."""
         encryption = self._current_encryption()
         timeout = HANDSHAKE_TIMEOUT if encryption else None
-        connection = Connection(self._server.config, self._server.server_state, self.answers)
+        connection = HttpConnection(self._server.config, self._server.server_state, self.answers)
         try:
             transport, _ = await asyncio.get_running_loop().connect_accepted_socket(
                 lambda: connection,  # what uvloop returns is its own SSLProtocol
