@@ -32,8 +32,15 @@ log = get_logger(__name__)
 HANDSHAKE_TIMEOUT = 5.0
 """Timeout of the TLS handshake, seconds from accepting the connection."""
 
+KEEP_ALIVE = 75
+"""Time for which an answered connection waits for the next request, seconds.
+
+Longer than the 60 s of nginx and of cloud load balancers: a client that sends its request at the moment in
+which the server closes the connection gets no answer.
+"""
+
 HEAD_TIMEOUT = 10.0
-"""Timeout of a request's head, seconds from the connection or the end of the answer before."""
+"""Timeout of a request's head, seconds from the connection or the first byte of a further request."""
 
 BODY_TIMEOUT = 60.0
 """Timeout of a request's body, seconds from the end of its head."""
@@ -73,25 +80,46 @@ class HttpConnection(H11Protocol):
         super().__init__(config, state, {})
         self.ended = asyncio.Event()
         self._answers = answers
-        self._awaited: object = None
+        self._awaited: str | None = None
         self._deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Wait for the first request."""
         super().connection_made(transport)
-        self._await(h11.IDLE)
+        self._await("head")
 
     def handle_events(self) -> None:
         """Read what has arrived, and wait for the rest of the head or body.
 
         h11 reads lines that end without CR, which RFC 9112, 2.2 allows: a proxy may read them differently.
         """
+        try:
+            self._skip_late_body()
+        except h11.RemoteProtocolError:
+            self.transport.close()  # the request has its answer
+            return
         head = self.conn.trailing_data[0].partition(b"\r\n\r\n")[0]
         if self.conn.their_state is h11.IDLE and BARE_LINE_FEED.search(head):
             self.send_400_response("A line ends without CR.")
         else:
             super().handle_events()
-        self._await(self.conn.their_state)
+        if self.conn.their_state is h11.IDLE:
+            self._await("head" if self.conn.trailing_data[0] else "next request")
+        else:
+            self._await("body" if self.conn.their_state is h11.SEND_BODY else None)
+
+    def _skip_late_body(self) -> None:
+        """Read the rest of a body whose request is answered, so that the next head is checked like the first.
+
+        uvicorn would read that head in the same loop as the end of the body.
+        """
+        while self.conn.our_state is h11.DONE and self.conn.their_state is h11.SEND_BODY:
+            event = self.conn.next_event()
+            if event is h11.NEED_DATA:
+                break
+            if isinstance(event, h11.EndOfMessage):
+                self.transport.resume_reading()
+                self.conn.start_next_cycle()
 
     def send_400_response(self, msg: str) -> None:
         """Refuse a malformed request."""
@@ -104,15 +132,15 @@ class HttpConnection(H11Protocol):
         super().connection_lost(exc)
         self.ended.set()
 
-    def _await(self, part: object) -> None:
-        """Start the timeout of a part of a request, by h11's names."""
-        if part is self._awaited:
+    def _await(self, part: str | None) -> None:
+        """Start the timeout of what is awaited; None: an answer, which may take its time."""
+        if part == self._awaited:
             return
         if self._deadline is not None:
             self._deadline.cancel()
         self._awaited, self._deadline = part, None
-        if part in (h11.IDLE, h11.SEND_BODY):
-            seconds = HEAD_TIMEOUT if part is h11.IDLE else BODY_TIMEOUT
+        if part is not None:
+            seconds = {"next request": KEEP_ALIVE, "head": HEAD_TIMEOUT, "body": BODY_TIMEOUT}[part]
             self._deadline = self.loop.call_later(seconds, self.transport.abort)
 
 
@@ -159,6 +187,7 @@ class HttpServer:
                 server_header=False,
                 proxy_headers=settings.reverse_proxy,
                 forwarded_allow_ips=[str(network) for network in settings.trusted_proxies],
+                timeout_keep_alive=KEEP_ALIVE,
                 timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
             )
         )

@@ -216,6 +216,23 @@ async def test_next_request_has_its_own_timeout(monkeypatch: pytest.MonkeyPatch)
         assert await is_closed(line)
 
 
+async def test_an_answered_connection_waits_for_the_next_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clients keep connections open for longer than a head may take, and proxies for a minute."""
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        monkeypatch.setattr(server_module, "HEAD_TIMEOUT", 0.05)
+        assert await answered(line)
+        async with connected(server) as silent:
+            assert await is_closed(silent)
+        assert await answered(line)
+
+
+async def test_an_answered_connection_is_closed_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "KEEP_ALIVE", 0.05)
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        assert await answered(line)
+        assert await is_closed(line)
+
+
 async def test_an_answer_may_take_longer_than_the_head(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "HEAD_TIMEOUT", 0.05)
     late = asyncio.Event()
@@ -397,6 +414,40 @@ async def test_ambiguous_request_is_refused(request_: bytes) -> None:
 
     assert answer.startswith(b"HTTP/1.1 400")
     assert b"yes" not in answer
+
+
+@pytest.mark.parametrize(
+    ("length", "body"),
+    [
+        pytest.param(b"Content-Length: 4", b"late", id="length"),
+        pytest.param(CHUNKED.strip(), b"4\r\nlate\r\n0\r\n\r\n", id="chunks"),
+    ],
+)
+@pytest.mark.parametrize(("end", "status"), [(b"\r\n", b"200"), (b"\n", b"400")])
+async def test_a_head_behind_a_late_body_is_checked(
+    length: bytes, body: bytes, end: bytes, status: bytes
+) -> None:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        assert await answered(line, b"POST / HTTP/1.1\r\nHost: a\r\n" + length + b"\r\n\r\n")
+        line[1].write(body + end.join([b"GET / HTTP/1.1", b"Host: a", b"", b""]))
+        async with asyncio.timeout(PATIENCE):
+            assert (await line[0].readline()).split()[1] == status
+
+
+async def test_a_late_body_without_a_next_request_keeps_the_connection() -> None:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        for _ in range(2):
+            assert await answered(line, b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 4\r\n\r\n")
+            for part in (b"la", b"te"):
+                line[1].write(part)
+                await line[1].drain()
+
+
+async def test_a_malformed_late_body_closes_the_connection() -> None:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        assert await answered(line, b"POST / HTTP/1.1\r\nHost: a\r\n" + CHUNKED + b"\r\n")
+        line[1].write(b"no length\r\n")
+        assert await is_closed(line)
 
 
 async def test_a_body_may_hold_line_feeds() -> None:
