@@ -97,7 +97,9 @@ def validity_of(pem: str) -> Validity:
     try:
         (certificate,) = _elements(ssl.PEM_cert_to_DER_cert(pem[begin : end + len(END)]))
         fields = [
-            each for each in _elements(_elements(certificate.content)[0].content) if each.tag != VERSION
+            element
+            for element in _elements(_elements(certificate.content)[0].content)
+            if element.tag != VERSION
         ]
         first, last = _elements(fields[VALIDITY].content)
         return Validity(_time(first), _time(last))

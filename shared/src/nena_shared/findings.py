@@ -24,7 +24,7 @@ def in_words(findings: Sequence[Any], *, whole: str, root: str = "", most: int |
         root: first part of paths, to be omitted.
         most: maximum number of errors; an additional line counts the rest.
     """
-    lines = [f"{path_of(each['loc'], root) or whole}: {words_of(each)}" for each in findings[:most]]
+    lines = [f"{path_of(finding['loc'], root) or whole}: {words_of(finding)}" for finding in findings[:most]]
     more = len(findings) - len(lines)
     return [*lines, f"{whole}: {more} more invalid values"] if more else lines
 

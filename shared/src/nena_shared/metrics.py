@@ -120,11 +120,11 @@ class _Table(Collector):
         return ()
 
     def collect(self) -> Iterator[Family]:
-        for each in self._metrics:
+        for metric in self._metrics:
             try:
-                yield each.family(self._source)
+                yield metric.family(self._source)
             except Exception:  # still show the others, which help to find the fault
-                log.exception("a metric could not be read", metric=each.name)
+                log.exception("a metric could not be read", metric=metric.name)
 
 
 class Exposition:

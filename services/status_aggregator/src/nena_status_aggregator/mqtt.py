@@ -349,7 +349,7 @@ def schemes(settings: AggregatorSettings) -> tuple[TopicScheme, ...]:
 
 def schemes_of(vehicles: Iterable[Vehicle]) -> tuple[TopicScheme, ...]:
     """Return the topic schemes of the vehicles' interface names; invalid names are skipped."""
-    names = dict.fromkeys(each.interface_name for each in vehicles if each.interface_name)
+    names = dict.fromkeys(vehicle.interface_name for vehicle in vehicles if vehicle.interface_name)
     return tuple(TopicScheme(name, major) for name in names if _is_prefix(name) for major in ("v2", "v3"))
 
 

@@ -159,7 +159,7 @@ class BlackBox:
         since, source = iso(utc - timedelta(seconds=self._settings.seconds)), self._source
         recording = Recording(
             self.ring.entries(now),
-            [each for each in recent_lines() if each > since],
+            [line for line in recent_lines() if line > since],
             now,
             utc,
             {

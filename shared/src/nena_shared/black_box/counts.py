@@ -23,9 +23,9 @@ class RecordingCounts:
     def total(cls, counts: Iterable[RecordingCounts]) -> Self:
         """Return the sums of the counts of several robots."""
         found = cls()
-        for each in counts:
-            for outcome, number in each.outcomes.items():
+        for count in counts:
+            for outcome, number in count.outcomes.items():
                 found.outcomes[outcome] += number
-            found.sent_bytes += each.sent_bytes
-            found.waiting += each.waiting
+            found.sent_bytes += count.sent_bytes
+            found.waiting += count.waiting
         return found

@@ -43,13 +43,13 @@ def files_in(folder: Path, pattern: str = "*") -> list[StoredFile]:
 
 def excess(files: list[StoredFile], *, keep: int, keep_bytes: int) -> list[StoredFile]:
     """Return the files to remove, oldest first, until the others fit; the newest always stays."""
-    total, left = sum(each.size for each in files), len(files)
+    total, left = sum(file.size for file in files), len(files)
     removed = []
-    for each in files[:-1]:
+    for file in files[:-1]:
         if left <= keep and total <= keep_bytes:
             break
-        removed.append(each)
-        total, left = total - each.size, left - 1
+        removed.append(file)
+        total, left = total - file.size, left - 1
     return removed
 
 
@@ -83,7 +83,7 @@ class OutgoingFolder:
 
     def waiting(self) -> list[StoredFile]:
         """Return the files that have not been transferred, oldest first."""
-        return [each for each in files_in(self._folder) if FILE_NAME.fullmatch(each.path.name)]
+        return [file for file in files_in(self._folder) if FILE_NAME.fullmatch(file.path.name)]
 
     def mark_sent(self, name: str) -> None:
         """Move a file to those that have been transferred.

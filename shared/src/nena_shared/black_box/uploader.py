@@ -93,7 +93,7 @@ class Uploader:
             self._added.clear()
             files = await asyncio.to_thread(self._folder.waiting)
             self._counts.waiting = len(files)
-            sent = [await self._send(each.path) for each in files]
+            sent = [await self._send(file.path) for file in files]
             if all(sent):
                 await self._added.wait()
             else:

@@ -611,7 +611,7 @@ class MqttLink:
                 return
             self._ends_at_names += 1  # unless it answers
             session.subscribed_by_name += len(names)
-            granted = await session.client.subscribe([(each, 0) for each in names])
+            granted = await session.client.subscribe([(name, 0) for name in names])
             self._ends_at_names = 0
             refused = [
                 each for each, code in zip(names, granted, strict=True) if getattr(code, "is_failure", False)
@@ -697,7 +697,9 @@ class MqttLink:
 
     def _matching_handlers(self, topic: str) -> tuple[Handler, ...]:
         return tuple(
-            each.handler for each in self._subscriptions if topic_matches_sub(each.topic_filter, topic)
+            subscription.handler
+            for subscription in self._subscriptions
+            if topic_matches_sub(subscription.topic_filter, topic)
         )
 
     def _drop_waiting(self) -> None:

@@ -39,10 +39,10 @@ class Deviations:
 
     def note(self, robot: RobotKey, topic: str, repairs: tuple[Repair, ...]) -> bool:
         """Count the repairs of one message; return whether one of them is new for this robot."""
-        for each in repairs:
-            label = (f"{topic}.{each.field}", each.kind.value)
+        for repair in repairs:
+            label = (f"{topic}.{repair.field}", repair.kind.value)
             known = label in self._totals or len(self._totals) < LABELS_LIMIT
-            self._totals[label if known else (OTHER, each.kind.value)] += 1
+            self._totals[label if known else (OTHER, repair.kind.value)] += 1
         new = self._keep(robot, topic, repairs)
         self._log(robot, topic, repairs)
         return new
@@ -69,10 +69,10 @@ class Deviations:
                 return False
             kept = self._robots[robot] = {}
         before = len(kept)
-        for each in repairs:
-            field = f"{topic}.{each.field}"
+        for repair in repairs:
+            field = f"{topic}.{repair.field}"
             if len(kept) < FIELDS_LIMIT:
-                kept.setdefault((field, each.kind), each._replace(field=field))
+                kept.setdefault((field, repair.kind), repair._replace(field=field))
         return len(kept) > before
 
     def _log(self, robot: RobotKey, topic: str, repairs: tuple[Repair, ...]) -> None:
@@ -84,5 +84,5 @@ class Deviations:
             "robot deviates from VDA 5050; its message was repaired",
             robot=str(robot),
             topic=topic,
-            repairs=[str(each) for each in repairs],
+            repairs=[str(repair) for repair in repairs],
         )

@@ -29,4 +29,4 @@ ROS_SESSION: Final = "rosSession"
 def transforms_itself(factsheet: Factsheet) -> bool:
     """Return whether the robot converts between the plant frame and its map itself."""
     actions = factsheet.protocol_features.mobile_robot_actions
-    return any(each.action_type == SHOW_MAP_TRANSFORMS for each in actions)
+    return any(action.action_type == SHOW_MAP_TRANSFORMS for action in actions)

@@ -70,7 +70,7 @@ def _field(name: str, info: FieldInfo) -> Field:
 def _wire_names(name: str, info: FieldInfo) -> Iterator[str]:
     read = info.validation_alias or info.alias or name
     if isinstance(read, AliasChoices):
-        yield from (str(each) for each in read.choices)
+        yield from (str(choice) for choice in read.choices)
     else:
         yield str(read)
 
@@ -95,7 +95,7 @@ def _shape(annotation: Any, metadata: list[Any]) -> Shape:  # noqa: ANN401 - any
         inner, *more = get_args(annotation)
         return _shape(inner, [*metadata, *_flat(more)])
     if origin in (Union, UnionType):
-        kinds = [each for each in get_args(annotation) if each is not type(None)]
+        kinds = [arg for arg in get_args(annotation) if arg is not type(None)]
         return _shape(kinds[0], metadata) if len(kinds) == 1 else Shape(object)
     if any(isinstance(each, BeforeValidator) and not isinstance(each, Reads) for each in metadata):
         return Shape(object)  # read by the version's own code

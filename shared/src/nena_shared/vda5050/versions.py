@@ -24,7 +24,7 @@ class _Codecs(Mapping[str, Codec]):
     """Codecs by version; each package is imported at its first use, because a robot only needs one."""
 
     def __init__(self, packages: Iterable[str]) -> None:
-        found = {_version(each): each for each in packages}
+        found = {_version(package): package for package in packages}
         self._packages = {version: found[version] for version in sorted(found, key=_numbers)}
         self._loaded: dict[str, Codec] = {}
 
@@ -56,7 +56,9 @@ class _Rules(Mapping[str, Rules]):
 
 def find_codecs() -> Mapping[str, Codec]:
     """Return the codecs of all packages here that are named after a version, the oldest first."""
-    return _Codecs(each.name for each in iter_modules(vda5050.__path__) if _PACKAGE.fullmatch(each.name))
+    return _Codecs(
+        module.name for module in iter_modules(vda5050.__path__) if _PACKAGE.fullmatch(module.name)
+    )
 
 
 def load_codecs() -> None:
@@ -158,7 +160,7 @@ def codec_of_header(payload: bytes) -> Codec | None:
 def nearest_codec(version: str) -> Codec | None:
     """Return the codec of this version, or of the nearest older one of the same major version."""
     wanted = _numbers(version)
-    older = [each for each in CODECS if wanted[:1] <= _numbers(each) <= wanted]
+    older = [codec for codec in CODECS if wanted[:1] <= _numbers(codec) <= wanted]
     return CODECS[older[-1]] if older else None
 
 

@@ -102,7 +102,7 @@ def read_users(path: Path) -> tuple[User, ...]:
         raise ConfigurationError([f"http.users: {path} is not valid TOML: {error}"]) from error
     except ValidationError as error:
         problems = in_words(error.errors(), whole="the file")
-        raise ConfigurationError([f"http.users: {path}: {each}" for each in problems]) from error
+        raise ConfigurationError([f"http.users: {path}: {problem}" for problem in problems]) from error
     names = [user.name for user in users]
     if twice := {name for name in names if names.count(name) > 1}:
         raise ConfigurationError([f"http.users: {path}: {', '.join(sorted(twice))} is defined twice"])

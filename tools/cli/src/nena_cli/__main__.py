@@ -118,7 +118,7 @@ def _added() -> dict[str, EntryPoint]:
     """Return the commands of other distributions by name."""
     from importlib.metadata import entry_points  # noqa: PLC0415 - it reads every distribution's files
 
-    return {each.name: each for each in entry_points(group=ENTRY_POINTS)}
+    return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
 
 
 def _passed_on(command: EntryPoint) -> Any:  # noqa: ANN401 - see Command.load

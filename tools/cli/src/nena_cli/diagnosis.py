@@ -119,7 +119,7 @@ def explain(
 ) -> None:
     """Show why an order or a vehicle is waiting, link by link to the root, and what to do."""
     with service.connected() as connection:
-        fleet = {each.name: each for each in connection.call(LIST_VEHICLES).vehicles}
+        fleet = {vehicle.name: vehicle for vehicle in connection.call(LIST_VEHICLES).vehicles}
         found = explain_vehicle(name, fleet) if name in fleet else _explain_order(connection, name, fleet)
         found = with_services(found, connection.readiness())
     service.print_one(found, *_explanation_tables(found))
@@ -133,28 +133,30 @@ def report_of(
     stops: Sequence[StopStatus] = (),
 ) -> StatusReport:
     """Return what runs and what needs a person."""
-    known = {each.name: each for each in vehicles}
+    known = {vehicle.name: vehicle for vehicle in vehicles}
     chains = vehicle_chains(known)
     behind = Counter(chain.head for chain in chains.values())
     stuck = sorted(
-        (each for each in vehicles if _needs_a_person(each)),
+        (vehicle for vehicle in vehicles if _needs_a_person(vehicle)),
         key=lambda each: (-behind[each.name], vehicle_state(each) != VehicleState.ERROR, each.name),
     )
     circles = sorted({chain.circle for chain in chains.values() if chain.circle})
     return StatusReport(
         services={url: each.text for url, each in services.items()},
-        vehicles=Counter(each.state for each in vehicles),
+        vehicles=Counter(vehicle.state for vehicle in vehicles),
         waiting_vehicles=len(chains),
-        orders=Counter(each.state for each in orders if not each.state.final),
+        orders=Counter(order.state for order in orders if not order.state.final),
         attention=(
             *(_of_service(url, each) for url, each in services.items() if not each.healthy),
             *map(_of_stop, stops),
             *(_of_vehicle(each, behind[each.name]) for each in stuck),
             *(
-                Attention(name=each[0], state="WAITING", reason=_circle(each), advice=_leave_circle(each))
-                for each in circles
+                Attention(
+                    name=circle[0], state="WAITING", reason=_circle(circle), advice=_leave_circle(circle)
+                )
+                for circle in circles
             ),
-            *(found for each in orders if (found := _of_order(each, now))),
+            *(found for order in orders if (found := _of_order(order, now))),
         ),
     )
 
@@ -174,7 +176,7 @@ def explain_vehicle(name: str, fleet: Mapping[str, VehicleStatus]) -> Explanatio
 def explain_order(orders: Sequence[TransportOrderStatus], fleet: Mapping[str, VehicleStatus]) -> Explanation:
     """Return why the first order waits; each further one is what the order before it depends on."""
     last = orders[-1]
-    steps = [Step(name=each.name, state=each.state, reason=each.reason) for each in orders]
+    steps = [Step(name=order.name, state=order.state, reason=order.reason) for order in orders]
     vehicle = last.processing_vehicle
     if last.held:
         advice = f"nena orders resume {last.name}"

@@ -35,10 +35,10 @@ def narrow(console: Console, table: Table) -> list[Text]:
     lines.append(_header(table, widths, beside))
     for row in table.rows:
         lines.append(_line(row, widths, beside))
-        for each in columns:
-            if each not in beside and row[each]:
-                name = Text(f"{table.headers[each]}: ", style="dim")
-                for line in name.append_text(row[each]).wrap(console, console.width - GAP):
+        for column in columns:
+            if column not in beside and row[column]:
+                name = Text(f"{table.headers[column]}: ", style="dim")
+                for line in name.append_text(row[column]).wrap(console, console.width - GAP):
                     line.rstrip()
                     lines.append(Text(" " * GAP).append_text(line))
     return lines
@@ -49,8 +49,8 @@ def brief(console: Console, table: Table) -> list[Text]:
     widths, columns = _widths(table), _columns_with_values(table)
     lines = [_line(row, widths, columns) for row in table.rows][-max(1, console.height - 2) :]
     lines = [_header(table, widths, columns), *lines]
-    for each in lines:
-        each.truncate(console.width - len("^C"), overflow="ellipsis")  # the terminal writes it there
+    for line in lines:
+        line.truncate(console.width - len("^C"), overflow="ellipsis")  # the terminal writes it there
     return lines
 
 
@@ -72,13 +72,13 @@ def _widths(table: Table) -> list[int]:
 
 
 def _header(table: Table, widths: list[int], columns: list[int]) -> Text:
-    return _line([Text(each, style="bold") for each in table.headers], widths, columns)
+    return _line([Text(header, style="bold") for header in table.headers], widths, columns)
 
 
 def _line(cells: Sequence[Text], widths: list[int], columns: list[int]) -> Text:
     line = Text()
-    for each in columns:
-        line.append_text(cells[each])
-        line.append(" " * (widths[each] - cells[each].cell_len + GAP))
+    for column in columns:
+        line.append_text(cells[column])
+        line.append(" " * (widths[column] - cells[column].cell_len + GAP))
     line.rstrip()
     return line

@@ -107,7 +107,7 @@ def output_of(context: typer.Context) -> Format:
 def own_options(context: typer.Context) -> tuple[str, ...]:
     """Return the command's own options on the command line, in the order of its help."""
     shared = {each.name for each in OPTIONS}
-    own = (each for each in context.command.params if each.name not in shared and each.opts[0][0] == "-")
+    own = (param for param in context.command.params if param.name not in shared and param.opts[0][0] == "-")
     return tuple(each.opts[0] for each in own if _is_given(context, each.name))
 
 

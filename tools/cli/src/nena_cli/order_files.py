@@ -39,7 +39,7 @@ def read_orders(lines: Iterable[str]) -> Iterator[tuple[int, TransportOrderReque
     header = text[0].removeprefix("\ufeff") if text else ""
     delimiter = max(DELIMITERS, key=header.count)
     rows = csv.DictReader([header, *text[1:]], delimiter=delimiter)
-    columns = [each.strip() for each in rows.fieldnames or ()]
+    columns = [fieldname.strip() for fieldname in rows.fieldnames or ()]
     unknown = sorted(set(columns) - set(COLUMNS))
     if STOPS not in columns or unknown:
         hint = f"Known columns: {', '.join(COLUMNS)}"
@@ -75,7 +75,7 @@ def _order(row: dict[str | Any, Any]) -> TransportOrderRequest:
         fields["priority"] = _whole_number(fields["priority"])
     if "deadline" in fields:
         fields["deadline"] = _moment(fields["deadline"])
-    fields["destinations"] = [each.model_dump(by_alias=True, exclude_unset=True) for each in stops]
+    fields["destinations"] = [stop.model_dump(by_alias=True, exclude_unset=True) for stop in stops]
     return TransportOrderRequest.model_validate(fields)
 
 

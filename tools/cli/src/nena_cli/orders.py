@@ -144,7 +144,7 @@ def import_(
 def _without_dependencies(
     order: TransportOrderRequest, names: Collection[str | None]
 ) -> TransportOrderRequest:
-    left = tuple(each for each in order.dependencies if each not in names)
+    left = tuple(dependency for dependency in order.dependencies if dependency not in names)
     return order.model_copy(update={"dependencies": left})
 
 
@@ -299,7 +299,7 @@ def _watch_one(service: Service, connection: Client, name: str) -> None:
     else:
         query = {"kind": "transportOrder", "transportOrder": name}
         changes = watch(connection, _board(), query, service.output)
-        order = next(each for each in changes if each.state.final)
+        order = next(change for change in changes if change.state.final)
         changes.close()
     if order.state is not TransportOrderState.FINISHED:
         fail(f"{order.name} is {order.state}: {order.reason}", REFUSED)

@@ -312,8 +312,8 @@ def put(
     if service.output not in (Format.TABLE, Format.WIDE):
         print_object(service.output, done)
         return
-    for each in done.warnings:
-        echo(each)
+    for warning in done.warnings:
+        echo(warning)
     result = "activated" if done.changed else "can be activated"
     echo(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; {result}")
 

@@ -143,7 +143,7 @@ def _template(
         raise typer.BadParameter(message)
     if file is None:
         places: list[JsonValue] = [
-            parse_stop(each).model_dump(by_alias=True, exclude_unset=True) for each in stops
+            parse_stop(stop).model_dump(by_alias=True, exclude_unset=True) for stop in stops
         ]
         fields = {to_camel(name): value for name, value in given.items() if value is not None}
         return {"destinations": places, **fields}

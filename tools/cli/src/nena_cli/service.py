@@ -69,8 +69,8 @@ class Service:
     def print_one(self, found: BaseModel, *tables: Table) -> None:
         """Print one object; ``tables`` show it to people."""
         if self.output in (Format.TABLE, Format.WIDE):
-            for each in tables:
-                print_table(each, wide=self.output is Format.WIDE)
+            for table in tables:
+                print_table(table, wide=self.output is Format.WIDE)
         else:
             print_object(self.output, found)
 

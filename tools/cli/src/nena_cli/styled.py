@@ -19,7 +19,7 @@ class Table:
 
     def add_row(self, *cells: Text | str) -> None:
         """Add a row; texts that are missing at its end are empty."""
-        row = [each if isinstance(each, Text) else Text(each) for each in cells]
+        row = [cell if isinstance(cell, Text) else Text(cell) for cell in cells]
         self.rows.append([*row, *(Text() for _ in self.headers[len(row) :])])
 
     def __rich__(self) -> RichTable:

@@ -62,7 +62,7 @@ def vehicle_state(vehicle: VehicleStatus) -> str:
     paused = vehicle.paused and vehicle.stop is None
     if vehicle.state in STUCK:
         return vehicle.state
-    if vehicle.taken_out or any(each.startswith("CRITICAL ") for each in vehicle.errors):
+    if vehicle.taken_out or any(error.startswith("CRITICAL ") for error in vehicle.errors):
         return VehicleState.ERROR
     if stopped or paused or vehicle.field_violation or vehicle.localized is False:
         return BLOCKED
@@ -199,14 +199,14 @@ def _deviations(vehicle: VehicleStatus) -> tuple[str, ...]:
 def traffic_table(plan: TrafficPlan) -> Table:
     """Return a table with a row for each vehicle: its next points with seconds, bold where it may drive."""
     table = Table("vehicle", "at", "next", "goal", "order", "waits")
-    for each in plan.vehicles:
+    for vehicle in plan.vehicles:
         table.add_row(
-            Text(each.vehicle),
-            Text(each.at),
-            _next_points(each),
-            Text(each.goal or ""),
-            Text(each.transport_order or ""),
-            Text(each.wait.reason if each.wait else ""),
+            Text(vehicle.vehicle),
+            Text(vehicle.at),
+            _next_points(vehicle),
+            Text(vehicle.goal or ""),
+            Text(vehicle.transport_order or ""),
+            Text(vehicle.wait.reason if vehicle.wait else ""),
         )
     return table
 
@@ -258,32 +258,37 @@ def zone_sets_table(zone_sets: Iterable[ZoneSetStatus]) -> Table:
 def peripherals_table(peripherals: Iterable[PeripheralStatus]) -> Table:
     """Return a table with a row for each peripheral device."""
     table = Table("location", "state", "operations", "job", "waiting")
-    for each in peripherals:
-        job = each.job.operation if each.job else ""
-        waiting = str(len(each.waiting) or "")
-        table.add_row(*map(Text, (each.location, each.state, ", ".join(each.operations), job, waiting)))
+    for peripheral in peripherals:
+        job = peripheral.job.operation if peripheral.job else ""
+        waiting = str(len(peripheral.waiting) or "")
+        table.add_row(
+            *map(
+                Text, (peripheral.location, peripheral.state, ", ".join(peripheral.operations), job, waiting)
+            )
+        )
     return table
 
 
 def peripheral_jobs_table(jobs: Iterable[PeripheralJobStatus]) -> Table:
     """Return a table with a row for each peripheral job."""
     table = Table("job", "location", "operation", "state", "vehicle", "order", "reason")
-    for each in jobs:
-        for_whom = (each.related_vehicle or "", each.related_transport_order or "")
-        table.add_row(
-            *map(Text, (each.name, each.location, each.operation, each.state, *for_whom, each.reason))
-        )
+    for job in jobs:
+        for_whom = (job.related_vehicle or "", job.related_transport_order or "")
+        table.add_row(*map(Text, (job.name, job.location, job.operation, job.state, *for_whom, job.reason)))
     return table
 
 
 def points_table(points: Iterable[PointStatus]) -> Table:
     """Return a table with a row for each point."""
     table = Table("point", "type", "x, y", "map", "locations", "occupied by", "reserved by")
-    for each in points:
-        place = f"{each.x:.2f}, {each.y:.2f}"
-        names = (each.locations, each.occupied_by, each.reserved_by)
+    for point in points:
+        place = f"{point.x:.2f}, {point.y:.2f}"
+        names = (point.locations, point.occupied_by, point.reserved_by)
         table.add_row(
-            *map(Text, (each.name, each.type, place, each.map_id or "", *(", ".join(them) for them in names)))
+            *map(
+                Text,
+                (point.name, point.type, place, point.map_id or "", *(", ".join(them) for them in names)),
+            )
         )
     return table
 
@@ -291,28 +296,55 @@ def points_table(points: Iterable[PointStatus]) -> Table:
 def locations_table(locations: Iterable[LocationStatus]) -> Table:
     """Return a table with a row for each location; the operations of a point only if they are fewer."""
     table = Table("location", "type", "x, y", "locked", "operations", "device", "points")
-    for each in locations:
+    for location in locations:
         links = (
             link.point
-            if link.operations == each.operations
+            if link.operations == location.operations
             else f"{link.point}: {', '.join(link.operations)}"
-            for link in each.links
+            for link in location.links
         )
-        offered = (", ".join(each.operations), ", ".join(each.peripheral_operations), "; ".join(links))
-        place = f"{each.x:.2f}, {each.y:.2f}"
-        table.add_row(*map(Text, (each.name, each.type, place, "locked" if each.locked else "", *offered)))
+        offered = (
+            ", ".join(location.operations),
+            ", ".join(location.peripheral_operations),
+            "; ".join(links),
+        )
+        place = f"{location.x:.2f}, {location.y:.2f}"
+        table.add_row(
+            *map(Text, (location.name, location.type, place, "locked" if location.locked else "", *offered))
+        )
     return table
 
 
 def schedules_table(schedules: Iterable[ScheduleStatus]) -> Table:
     """Return a table with a row for each schedule."""
     table = Table("schedule", "cron", "time zone", "stops", "next run", "last run", "orders", "skipped")
-    for each in schedules:
-        next_run = _local(each.next_runs[0]) if each.next_runs else "none" if each.enabled else "disabled"
-        last_run = each.last_runs[0].transport_order or each.last_runs[0].reason if each.last_runs else ""
-        counts = (str(each.created_orders or ""), str(each.skipped_runs or ""))
+    for schedule in schedules:
+        next_run = (
+            _local(schedule.next_runs[0])
+            if schedule.next_runs
+            else "none"
+            if schedule.enabled
+            else "disabled"
+        )
+        last_run = (
+            schedule.last_runs[0].transport_order or schedule.last_runs[0].reason
+            if schedule.last_runs
+            else ""
+        )
+        counts = (str(schedule.created_orders or ""), str(schedule.skipped_runs or ""))
         table.add_row(
-            *map(Text, (each.name, each.cron, each.time_zone, _stops(each), next_run, last_run, *counts))
+            *map(
+                Text,
+                (
+                    schedule.name,
+                    schedule.cron,
+                    schedule.time_zone,
+                    _stops(schedule),
+                    next_run,
+                    last_run,
+                    *counts,
+                ),
+            )
         )
     return table
 
@@ -337,8 +369,8 @@ def schedule_details(status: ScheduleStatus) -> Table:
 def schedule_runs_table(status: ScheduleStatus) -> Table:
     """Return the last runs of a schedule."""
     table = Table("planned", "order", "reason", title="Last runs")
-    for each in status.last_runs:
-        table.add_row(*map(Text, (_local(each.planned), each.transport_order or "", each.reason)))
+    for run in status.last_runs:
+        table.add_row(*map(Text, (_local(run.planned), run.transport_order or "", run.reason)))
     return table
 
 
@@ -350,32 +382,32 @@ def _stops(status: ScheduleStatus) -> str:
 def stops_table(stops: Iterable[StopStatus]) -> Table:
     """Return a table with a row for each stop."""
     table = Table("stop", "area", "by", "since", "reason", "paused", "not paused")
-    for each in stops:
-        area = each.area
+    for stop in stops:
+        area = stop.area
         where = f"{area.x_min:g},{area.y_min:g},{area.x_max:g},{area.y_max:g}" if area else "all robots"
-        paused = "ended" if each.ended else f"{each.paused} of {each.vehicles}"
-        others = "; ".join(f"{other.vehicle} {other.reason}" for other in each.not_paused)
-        since = f"{each.since:%Y-%m-%d %H:%M:%S} UTC"
-        table.add_row(*map(Text, (each.name, where, each.by, since, each.reason, paused, others)))
+        paused = "ended" if stop.ended else f"{stop.paused} of {stop.vehicles}"
+        others = "; ".join(f"{other.vehicle} {other.reason}" for other in stop.not_paused)
+        since = f"{stop.since:%Y-%m-%d %H:%M:%S} UTC"
+        table.add_row(*map(Text, (stop.name, where, stop.by, since, stop.reason, paused, others)))
     return table
 
 
 def audit_table(entries: Iterable[AuditEntry]) -> Table:
     """Return a table with a row for each request of the audit trail."""
     table = Table("row", "time", "user", "by", "operation", "object", "request", "change", "result")
-    for each in entries:
-        change = " > ".join(filter(None, (each.before, each.after)))
-        result = f"{each.result}: {each.reason}" if each.reason else str(each.result)
-        time = f"{each.timestamp:%Y-%m-%d %H:%M:%S} UTC"
-        by = f"{each.interface} ({each.client})" if each.client else str(each.interface)
+    for entry in entries:
+        change = " > ".join(filter(None, (entry.before, entry.after)))
+        result = f"{entry.result}: {entry.reason}" if entry.reason else str(entry.result)
+        time = f"{entry.timestamp:%Y-%m-%d %H:%M:%S} UTC"
+        by = f"{entry.interface} ({entry.client})" if entry.client else str(entry.interface)
         row = (
-            str(each.sequence),
+            str(entry.sequence),
             time,
-            each.user,
+            entry.user,
             by,
-            each.operation,
-            each.object,
-            each.request,
+            entry.operation,
+            entry.object,
+            entry.request,
             change,
             result,
         )

@@ -51,7 +51,7 @@ def list_(
     with service.connected() as connection:
         query = {"state": [each.value for each in state or ()]}
         vehicles = connection.call(LIST_VEHICLES, query=query).vehicles
-        filtered = state and any(each.wait for each in vehicles)
+        filtered = state and any(vehicle.wait for vehicle in vehicles)
         fleet = connection.call(LIST_VEHICLES).vehicles if filtered else ()
     service.print_all(vehicles, partial(tables.vehicles_table, fleet=fleet))
 

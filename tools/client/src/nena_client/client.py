@@ -54,7 +54,7 @@ def _headers(token: str | None, user_agent: str) -> dict[str, str]:
 
 def _trust(urls: Sequence[str]) -> ssl.SSLContext | bool:
     """Return what httpx verifies certificates with; the system's authorities take time to load."""
-    if any(each.lower().startswith("https:") for each in urls):
+    if any(url.lower().startswith("https:") for url in urls):
         return True
     return ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # trusts no certificate
 

@@ -60,7 +60,7 @@ class RefusedError(Exception):
     """The order service rejected a request; the text says why and what to do."""
 
     def __init__(self, problem: Problem) -> None:
-        super().__init__("\n".join([problem.detail, *(f"- {each}" for each in problem.errors)]))
+        super().__init__("\n".join([problem.detail, *(f"- {error}" for error in problem.errors)]))
         self.problem = problem
 
     @property

@@ -65,17 +65,17 @@ def all_actions(state: State | None) -> tuple[ActionState, ...]:
 
 def status_problems(before: State | None, now: State) -> Iterator[Problem]:
     """Compare action states with those of the previous state, by actionId."""
-    old = {each.action_id: each.action_status for each in all_actions(before)}
-    for each in all_actions(now):
-        was = old.get(each.action_id, each.action_status)
-        if each.action_status not in REACHABLE[was]:
-            text = f"action '{each.action_id}' was {was} and is {each.action_status}"
+    old = {action.action_id: action.action_status for action in all_actions(before)}
+    for action in all_actions(now):
+        was = old.get(action.action_id, action.action_status)
+        if action.action_status not in REACHABLE[was]:
+            text = f"action '{action.action_id}' was {was} and is {action.action_status}"
             yield Rule.ACTION_STATUS, Severity.ERROR, text
 
 
 def order_action_problems(now: State, order: StitchedOrder) -> Iterator[Problem]:
     """Check the actions of ``order`` in a state that echoes it."""
-    statuses = {each.action_id: each.action_status for each in all_actions(now)}
+    statuses = {action.action_id: action.action_status for action in all_actions(now)}
     for action_id in order.actions:
         if action_id not in statuses:
             text = f"action '{action_id}' of order '{order.last.order_id}' has no state"
@@ -90,11 +90,11 @@ def _early(now: State, order: StitchedOrder, statuses: Mapping[str, ActionStatus
     if not now.last_node_id:
         return
     last = now.last_node_sequence_id
-    nodes = {each.sequence_id for each in now.node_states if each.sequence_id > last}
-    edges = {each.sequence_id for each in now.edge_states if each.sequence_id > last + 1}
-    known = {each.sequence_id: each for each in order.last.nodes} | order.nodes
+    nodes = {state.sequence_id for state in now.node_states if state.sequence_id > last}
+    edges = {state.sequence_id for state in now.edge_states if state.sequence_id > last + 1}
+    known = {node.sequence_id: node for node in order.last.nodes} | order.nodes
     ahead: list[tuple[str, Iterable[Action]]]
-    ahead = [(f"node '{known[each].node_id}'", known[each].actions) for each in nodes if each in known]
+    ahead = [(f"node '{known[node].node_id}'", known[node].actions) for node in nodes if node in known]
     ahead += [(f"edge '{e.edge_id}'", e.actions) for e in order.last.edges if e.sequence_id in edges]
     for place, actions in ahead:
         for action in actions:
@@ -167,7 +167,7 @@ class InstantConversation:
 
     def on_state(self, state: State) -> Iterator[Problem]:
         """Check the instant actions of a state."""
-        statuses = {each.action_id: each.action_status for each in all_actions(state)}
+        statuses = {action.action_id: action.action_status for action in all_actions(state)}
         self._waiting.on_state(lambda action_id: action_id in statuses)
         for action_id, ending in self._ending.items():
             before, ending.status = ending.status, statuses.get(action_id, ending.status)
@@ -183,7 +183,7 @@ class InstantConversation:
     def ends(self, order_id: str) -> bool:
         """Return whether an instant action ends or ended the order."""
         endings = (each for each in self._ending.values() if order_id in each.order_ids)
-        return any(each.status is not ActionStatus.FAILED for each in endings)
+        return any(ending.status is not ActionStatus.FAILED for ending in endings)
 
     def on_hibernation(self) -> Iterator[Problem]:
         """Check that the robot has reported the end of startHibernation before it hibernates (6.2.3)."""
@@ -198,7 +198,7 @@ class InstantConversation:
         if state.node_states or state.edge_states:
             yield Rule.CANCEL_END, Severity.ERROR, f"{name} nodes or edges of the order remain"
         open_ones = (each.action_id for each in state.action_states if not each.action_status.ended)
-        if unended := [each for each in open_ones if each not in self._types]:
+        if unended := [one for one in open_ones if one not in self._types]:
             text = f"{name} actions of the order have not ended: {', '.join(unended)}"
             yield Rule.CANCEL_END, Severity.ERROR, text
 

@@ -43,7 +43,7 @@ def message_problems(received: ReceivedMessage) -> Iterator[Problem]:
     written: JsonValue = received.message.model_dump(mode="json", by_alias=True)
     deviations = list(_deviations(from_json(received.payload), written, ""))
     for rule in (Rule.FIELD, Rule.SPELLING):
-        yield from [each for each in deviations if each[0] is rule][:MAX_REPORTED]
+        yield from [deviation for deviation in deviations if deviation[0] is rule][:MAX_REPORTED]
 
 
 def _graph_violations(received: ReceivedMessage) -> tuple[str, ...]:
@@ -150,9 +150,9 @@ class ConnectionChecks:
     def on_request(self, *requests: str) -> Iterator[Problem]:
         """Check what is sent to a robot: while it hibernates, it answers only stopHibernation (6.2.3)."""
         if self._connection is ConnectionState.HIBERNATING:
-            for each in requests:
-                if each != STOP_HIBERNATION:
-                    text = f"{each} is sent to a hibernating robot, which answers only {STOP_HIBERNATION}"
+            for request in requests:
+                if request != STOP_HIBERNATION:
+                    text = f"{request} is sent to a hibernating robot, which answers only {STOP_HIBERNATION}"
                     yield Rule.CONNECTION, Severity.WARNING, text
 
     def on_state(self, received: ReceivedMessage) -> Iterator[Problem]:
@@ -187,7 +187,7 @@ class FactsheetChecks:
     def on_factsheet(self, message: Factsheet) -> None:
         """Record the actions that the robot supports."""
         actions = message.protocol_features.mobile_robot_actions
-        self._scopes = {each.action_type: tuple(each.action_scopes) for each in actions}
+        self._scopes = {action.action_type: tuple(action.action_scopes) for action in actions}
 
     def on_order(self, order: Order) -> Iterator[Problem]:
         """Check the actions of an order."""
@@ -270,7 +270,7 @@ class RobotConversation:
             case InstantActions():
                 yield from self._action_ids.check(message.actions, "instantActions")
                 yield from self._factsheet.check(message.actions, ActionScope.INSTANT)
-                yield from self._connection.on_request(*(each.action_type for each in message.actions))
+                yield from self._connection.on_request(*(action.action_type for action in message.actions))
                 newest = self._orders.newest
                 yield from self._instants.on_instant_actions(received, message, self._state, newest)
             case Responses():
@@ -306,15 +306,15 @@ class RobotConversation:
         self._state = state
 
     def _responses(self, message: Responses) -> Iterator[Problem]:
-        for each in message.responses:
-            if self._state and each.request_id not in self._requests:
-                text = f"the robot did not send the request '{each.request_id}'"
+        for response in message.responses:
+            if self._state and response.request_id not in self._requests:
+                text = f"the robot did not send the request '{response.request_id}'"
                 yield Rule.RESPONSE, Severity.WARNING, text
 
 
 def _request_ids(state: State) -> Iterator[str]:
-    yield from (each.request_id for each in state.zone_requests or ())
-    yield from (each.request_id for each in state.edge_requests or ())
+    yield from (request.request_id for request in state.zone_requests or ())
+    yield from (request.request_id for request in state.edge_requests or ())
 
 
 MAX_ROBOTS: Final = 10_000

@@ -168,13 +168,13 @@ def progress_problems(
 
 def _content_problems(now: State, order: StitchedOrder) -> Iterator[Problem]:
     known = order.released()
-    for each in now.node_states:
-        node_id, released = known.get(each.sequence_id, (None, False))
-        name = f"node '{each.node_id}' ({each.sequence_id})"
-        if node_id != each.node_id:
+    for state in now.node_states:
+        node_id, released = known.get(state.sequence_id, (None, False))
+        name = f"node '{state.node_id}' ({state.sequence_id})"
+        if node_id != state.node_id:
             yield _error(f"{name} is not part of the order")
-        elif released is not each.released:
-            yield _error(f"{name} has released {each.released}, in the order {released}")
+        elif released is not state.released:
+            yield _error(f"{name} has released {state.released}, in the order {released}")
     yield from _not_rising([each.sequence_id for each in now.node_states], "nodeStates")
     yield from _not_rising([each.sequence_id for each in now.edge_states], "edgeStates")
 
@@ -199,7 +199,7 @@ def _first_node_problems(now: State) -> Iterator[Problem]:
 
 def _skipped(now: State, order: StitchedOrder) -> Iterator[Problem]:
     """Find nodes that disappeared although the robot reached none of them."""
-    ahead, last = min(each.sequence_id for each in now.node_states), now.last_node_sequence_id
+    ahead, last = min(state.sequence_id for state in now.node_states), now.last_node_sequence_id
     if now.last_node_id and ahead > last + 2:
         numbers = f"{last + 2}" if ahead == last + 4 else f"{last + 2} to {ahead - 2}"
         yield _error(f"node {numbers} of order '{order.last.order_id}' disappeared without being reached")
@@ -212,10 +212,10 @@ def _steps(before: State, now: State, order: StitchedOrder) -> Iterator[Problem]
     if known and now.last_node_id and known[0] != now.last_node_id:
         yield _error(f"lastNodeId '{now.last_node_id}' is not node {number} of the order")
     if before.order_update_id == now.order_update_id:
-        old = {each.sequence_id for each in before.node_states}
-        for each in now.node_states:
-            if each.sequence_id not in old:
-                yield _error(f"node '{each.node_id}' ({each.sequence_id}) disappeared and is listed again")
+        old = {state.sequence_id for state in before.node_states}
+        for state in now.node_states:
+            if state.sequence_id not in old:
+                yield _error(f"node '{state.node_id}' ({state.sequence_id}) disappeared and is listed again")
     if number < before.last_node_sequence_id and now.last_node_id:
         yield _error(f"lastNodeSequenceId decreases from {before.last_node_sequence_id} to {number}")
 
@@ -286,7 +286,14 @@ class OrderConversation:
     def _before(self, order: Order) -> StitchedOrder | None:
         """Return the order as known before this message."""
         candidates = (self._sent, self._taken)
-        return next((each for each in candidates if each and each.last.order_id == order.order_id), None)
+        return next(
+            (
+                candidate
+                for candidate in candidates
+                if candidate and candidate.last.order_id == order.order_id
+            ),
+            None,
+        )
 
     def _echo_problems(self, state: State, before: State | None) -> Iterator[Problem]:
         key = state.order_id, state.order_update_id
@@ -315,7 +322,9 @@ def _rejected_orders(state: State) -> set[tuple[str, int | None]]:
     """Return orderId and, if given, orderUpdateId of the orders that errors name."""
     found: set[tuple[str, int | None]] = set()
     for error in state.errors:
-        references = {each.reference_key: each.reference_value for each in error.error_references}
+        references = {
+            reference.reference_key: reference.reference_value for reference in error.error_references
+        }
         update = references.get("orderUpdateId", "")
         if "orderId" in references:
             found.add((references["orderId"], int(update) if update.isdecimal() else None))

@@ -39,18 +39,18 @@ def _other(message: Header) -> Iterator[str]:
         case Order():
             yield from _order(message)
         case InstantActions():
-            yield from (f"do {_action(each)}" for each in message.actions)
+            yield from (f"do {_action(action)}" for action in message.actions)
         case Connection():
             yield str(message.connection_state)
         case Factsheet():
             actions = message.protocol_features.mobile_robot_actions
-            supported = _list(each.action_type for each in actions)
+            supported = _list(action.action_type for action in actions)
             yield f"{message.type_specification.series_name}: supports {supported}"
         case Responses():
-            yield from (f"{each.request_id}: {each.grant_type}" for each in message.responses)
+            yield from (f"{response.request_id}: {response.grant_type}" for response in message.responses)
         case ZoneSetTransfer():
             zones = message.zone_set.zones
-            yield f"zone set '{message.zone_set.zone_set_id}': {_list(each.zone_id for each in zones)}"
+            yield f"zone set '{message.zone_set.zone_set_id}': {_list(zone.zone_id for zone in zones)}"
 
 
 def _order(order: Order) -> Iterator[str]:
@@ -59,13 +59,13 @@ def _order(order: Order) -> Iterator[str]:
     yield f"order '{order.order_id}' update {order.order_update_id}"
     yield "base " + " → ".join(base) + (", horizon " + " → ".join(horizon) if horizon else "")
     for node in order.nodes:
-        yield from (f"on {node.node_id}: {_action(each)}" for each in node.actions)
+        yield from (f"on {node.node_id}: {_action(action)}" for action in node.actions)
     for edge in order.edges:
-        yield from (f"along {edge.edge_id}: {_action(each)}" for each in edge.actions)
+        yield from (f"along {edge.edge_id}: {_action(action)}" for action in edge.actions)
 
 
 def _action(action: Action) -> str:
-    parameters = ", ".join(f"{each.key}={each.value}" for each in action.action_parameters)
+    parameters = ", ".join(f"{parameter.key}={parameter.value}" for parameter in action.action_parameters)
     return f"{action.action_type}({parameters}) as '{action.action_id}', {action.blocking_type}"
 
 
@@ -167,7 +167,7 @@ def _all(state: State | None) -> tuple[ActionState, ...]:
 
 def _loads(state: State) -> str:
     return (
-        _list(each.load_id or each.load_type or "a load" for each in state.loads or ()) if state.loads else ""
+        _list(load.load_id or load.load_type or "a load" for load in state.loads or ()) if state.loads else ""
     )
 
 
@@ -184,7 +184,7 @@ def _held(held: Iterable[Any] | None, name: str) -> str:
 
 def _requests(state: State) -> str:
     requests: list[ZoneRequest | EdgeRequest] = [*(state.zone_requests or ()), *(state.edge_requests or ())]
-    return ", ".join(f"{each.request_id} {each.request_status}" for each in requests)
+    return ", ".join(f"{request.request_id} {request.request_status}" for request in requests)
 
 
 def _list(names: Iterable[str]) -> str:

@@ -58,7 +58,7 @@ class OrderFeed:
     async def _create(self, number: int) -> int:
         """Create orders; none if the order service does not answer, so that they are due again later."""
         requests = [self._request() for _ in range(number)]
-        names = {each.name for each in requests if each.name}
+        names = {request.name for request in requests if request.name}
         self.open |= names  # an order may end before the answer arrives
         try:
             accepted = await self._host.create_many(requests)

@@ -122,7 +122,7 @@ order_service = {{ url = {_text(rest_url)} }}
 def _loopback_file(processes: Processes, hall: Hall, serial_number: str, robots: range) -> str:
     starts = "".join(
         f"\n[[loopback.starts]]\nx = {place.x}\ny = {place.y}\ntheta = {place.theta}\n"
-        for place in (hall.starts[each] for each in robots)
+        for place in (hall.starts[robot] for robot in robots)
     )
     # A fleet of one would not be numbered.
     serial = f"{serial_number}-1" if len(robots) == 1 and serial_number == LOOPBACK_SERIAL else serial_number

@@ -77,7 +77,7 @@ class Host:
         answer = await self.rest.post("/v1/transportOrders/batch", content=_body(batch), headers=_JSON)
         answer.raise_for_status()
         results = TransportOrderBatchAnswer.model_validate_json(answer.content).results
-        return {each.transport_order.name for each in results if each.transport_order}
+        return {result.transport_order.name for result in results if result.transport_order}
 
     async def create_by_mqtt(self, request: TransportOrderRequest) -> TransportOrderStatus:
         """Create an order over MQTT and wait for the answer; ``request`` needs an idempotency key.
@@ -178,7 +178,8 @@ async def wait_for_robots(host: Host, count: int) -> None:
         await host.wait_for(lambda: sum(map(can_work, host.vehicles.values())) >= count, ROBOTS_SECONDS)
     except TimeoutError as error:
         known = [
-            f"{each.name}: {each.connection} {each.state}, {each.reason}" for each in host.vehicles.values()
+            f"{vehicle.name}: {vehicle.connection} {vehicle.state}, {vehicle.reason}"
+            for vehicle in host.vehicles.values()
         ]
         message = f"not all of {count} robots became ready within {ROBOTS_SECONDS:.0f} s. " + (
             "; ".join(known) or "The order service reported no vehicle."
@@ -210,7 +211,7 @@ async def run(host: Host) -> tuple[TransportOrderStatus, ...]:
 
 def can_work(vehicle: VehicleStatus) -> bool:
     """Return whether a vehicle is idle, localised, and can drive."""
-    drives = not any(CANNOT_DRIVE in each for each in vehicle.errors)
+    drives = not any(CANNOT_DRIVE in error for error in vehicle.errors)
     there = vehicle.connection == "ONLINE" and vehicle.current_position is not None
     return there and drives and vehicle.state == "IDLE"
 
@@ -224,5 +225,5 @@ def _standstill(host: Host, names: tuple[str, ...]) -> str:
     for name in names:
         order = host.orders.get(name)
         lines.append(f"  {name}: {order.state}, {order.reason}" if order else f"  {name}: no status received")
-    lines += [f"  {each.name}: {each.state}, {each.reason}" for each in host.vehicles.values()]
+    lines += [f"  {vehicle.name}: {vehicle.state}, {vehicle.reason}" for vehicle in host.vehicles.values()]
     return "\n".join(lines)

@@ -103,7 +103,7 @@ async def _simulate(options: argparse.Namespace) -> None:
         SimulatedPeripheral(location, broker, topics, seconds=options.seconds)
         for location in options.locations
     ]
-    await asyncio.gather(*(each.link.run() for each in devices))
+    await asyncio.gather(*(device.link.run() for device in devices))
 
 
 def main() -> None:

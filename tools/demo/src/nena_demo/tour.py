@@ -72,8 +72,8 @@ class Tour:
     def introduce(self) -> None:
         """Print the steps."""
         self._progress.line("Guided tour. Watch the panel, and press a key; b, o and e again to undo them:")
-        for each in self.steps:
-            self._progress.line(f"  {each.key}  {each.text}")
+        for step in self.steps:
+            self._progress.line(f"  {step.key}  {step.text}")
         self._progress.line(f"  {QUIT}  stop everything (or Ctrl-C)")
 
     async def press(self, key: str) -> None:
@@ -97,7 +97,7 @@ class Tour:
 
     def status(self) -> str:
         """Return one line about robots and orders."""
-        robots = Counter(_activity(each) for each in self.host.vehicles.values())
+        robots = Counter(_activity(vehicle) for vehicle in self.host.vehicles.values())
         finished = self.feed.ended[TransportOrderState.FINISHED]
         failed = self.feed.ended.total() - finished
         shown = ", ".join(f"{count} {what}" for what, count in sorted(robots.items()))
@@ -165,7 +165,7 @@ class Tour:
             self._stopped = None
             return
         robots = [self.host.vehicles[each] for each in self._running.loopback if each in self.host.vehicles]
-        driving = [each.name for each in robots if each.state is VehicleState.EXECUTING]
+        driving = [robot.name for robot in robots if robot.state is VehicleState.EXECUTING]
         self._stopped = (driving or list(self._running.loopback))[0]
         self._command(self._stopped, command="emergencyStop", stop="MANUAL")
         self._progress.line(f"emergency stop of {self._stopped} pressed. Press e to release it")
@@ -250,7 +250,9 @@ async def _wait_until(host: Host, condition: Callable[[], bool]) -> None:
     try:
         await host.wait_for(condition, ROBOTS_SECONDS)
     except TimeoutError as error:
-        known = (f"{each.name}: {each.connection} {each.reason}" for each in host.vehicles.values())
+        known = (
+            f"{vehicle.name}: {vehicle.connection} {vehicle.reason}" for vehicle in host.vehicles.values()
+        )
         message = f"not all robots became ready within {ROBOTS_SECONDS:.0f} s. " + "; ".join(known)
         raise JobFailedError(message) from error
 

@@ -75,7 +75,7 @@ class Authority:
 
         """
         names = list(hosts)
-        alternatives = x509.SubjectAlternativeName([_host(each) for each in names])
+        alternatives = x509.SubjectAlternativeName([_host(name) for name in names])
         return self._sign(names[0][:COMMON_NAME], now, days, alternatives, server=True)
 
     def for_client(self, name: str, now: datetime, days: int) -> Pair:
@@ -89,8 +89,8 @@ class Authority:
         """
         issued = self._certificate.not_valid_after_utc
         builder = x509.CertificateRevocationListBuilder(self._certificate.subject, now - SKEW, issued)
-        for each in certificates:
-            revoked = x509.RevokedCertificateBuilder().serial_number(each).revocation_date(now).build()
+        for certificate in certificates:
+            revoked = x509.RevokedCertificateBuilder().serial_number(certificate).revocation_date(now).build()
             builder = builder.add_revoked_certificate(revoked)
         return builder.sign(self._key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
 

@@ -164,7 +164,7 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             yield from (f"write {own}/{each}" for each in FROM_HOST)
             yield f"read {own}/#"
             statuses = (fleet.all_order_statuses, fleet.all_sequence_statuses, fleet.all_vehicle_statuses)
-            yield from (f"read {each}" for each in statuses)
+            yield from (f"read {status}" for status in statuses)
             yield f"read {fleet.all_peripherals(PeripheralTopic.STATUS)}"
             yield f"read {fleet.plant_model}"
         case Kind.DEVICE:

@@ -66,5 +66,5 @@ def _json(data: bytes) -> bytes:
 def _problems(error: ValidationError) -> tuple[PlantProblem, ...]:
     details = error.errors(include_url=False, include_context=False, include_input=False)
     return tuple(
-        PlantProblem("BAD_VALUE", ObjectKind.MODEL, "", each) for each in in_words(details, whole="the model")
+        PlantProblem("BAD_VALUE", ObjectKind.MODEL, "", word) for word in in_words(details, whole="the model")
     )

@@ -22,18 +22,18 @@ def write(model: PlantModel, *, map_id: str | None = None, frame: str = "map") -
     if ``map_id`` is required, or has no points.
     """
     chosen = map_id if map_id is not None else _only_map(model)
-    points = [each for each in model.points if each.map_id in (None, chosen)]
+    points = [point for point in model.points if point.map_id in (None, chosen)]
     if not points:
         problem = f"no point is on the map {chosen!r}"
         raise PlantModelError([PlantProblem("NO_POINTS", ObjectKind.MODEL, model.name, problem)])
     transform = map_transforms(model).get(chosen or "", MapTransform())
     ids = {each.name: number for number, each in enumerate(points)}
-    places = {each.name: _place(each, transform) for each in points}
+    places = {point.name: _place(point, transform) for point in points}
     edges = [
-        each for each in model.edges() if {each.source, each.destination} <= ids.keys() and _usable(each)
+        edge for edge in model.edges() if {edge.source, edge.destination} <= ids.keys() and _usable(edge)
     ]
     features = [
-        *(_node(ids[each.name], each, places[each.name], frame) for each in points),
+        *(_node(ids[point.name], point, places[point.name], frame) for point in points),
         *(_edge(len(points) + number, each, ids, places) for number, each in enumerate(edges)),
     ]
     collection = {"type": "FeatureCollection", "name": model.name, "features": features}
@@ -42,7 +42,7 @@ def write(model: PlantModel, *, map_id: str | None = None, frame: str = "map") -
 
 
 def _only_map(model: PlantModel) -> str | None:
-    found = sorted({each.map_id for each in model.points if each.map_id is not None})
+    found = sorted({point.map_id for point in model.points if point.map_id is not None})
     if len(found) > 1:
         problem = f"its points are on several maps, name one: {', '.join(found)}"
         raise PlantModelError([PlantProblem("SEVERAL_MAPS", ObjectKind.MODEL, model.name, problem)])

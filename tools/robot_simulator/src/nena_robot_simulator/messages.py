@@ -196,7 +196,7 @@ def goal_of(request: Any, action: Action) -> Goal:  # noqa: ANN401 - rclpy carri
     """Read a request of an action's ``send_goal`` service."""
     if action is Action.FOLLOW_PATH:
         path = request.goal.path
-        way = [goal_pose_of(each.pose) for each in path.poses] or [NOWHERE]
+        way = [goal_pose_of(pose.pose) for pose in path.poses] or [NOWHERE]
         return Goal(goal_id_of(request), way[-1], path.header.frame_id, tuple(way[:-1]))
     stamped = request.goal.poses if action is Action.THROUGH_POSES else [request.goal.pose]
     places = [goal_pose_of(each.pose) for each in stamped] or [NOWHERE]

@@ -180,8 +180,8 @@ class RobotNode:
             self._log.info("goal cancelled", server=server.value, had_one=had_one)
 
         return [
-            self._servers.serve(server, CancelGoal, f"{each}/_action/cancel_goal", on_cancel)
-            for each in actions
+            self._servers.serve(server, CancelGoal, f"{action}/_action/cancel_goal", on_cancel)
+            for action in actions
         ]
 
     def _open_behaviours(self) -> list[Any]:

@@ -151,7 +151,7 @@ class Robot:
         """Return whether the robot is at standstill without a goal; only a request can change that."""
         if self._drive is not None or self.behaviour is not None:
             return False
-        return self._motion.standing and not any(each.busy for each in self._navigators.values())
+        return self._motion.standing and not any(navigator.busy for navigator in self._navigators.values())
 
     @property
     def drive(self) -> Drive | None:

@@ -45,9 +45,9 @@ def _sizes(text: str) -> list[int]:
 
 def _draw(folder: Path, plant: PlantModel, figures: Iterable[Figures]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    for each in figures:
-        picture = heat_map(plant, each.waiting_by_place, f"{plant.name}, {each.robots} robots")
-        (folder / f"waiting-{each.robots}.svg").write_text(picture, encoding="utf-8")
+    for figure in figures:
+        picture = heat_map(plant, figure.waiting_by_place, f"{plant.name}, {figure.robots} robots")
+        (folder / f"waiting-{figure.robots}.svg").write_text(picture, encoding="utf-8")
 
 
 PlantFile = Annotated[

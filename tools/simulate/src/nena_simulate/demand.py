@@ -55,7 +55,9 @@ class Demand:
     def timed(self, plant: PlantModel, random: Random) -> Iterator[Order]:
         """Yield the orders with a creation time, earliest first; endless if they are drawn at random."""
         make = Transport(plant)
-        drawn = [] if self.backlog else [_drawn(each, make, random.random()) for each in self.relations]
+        drawn = (
+            [] if self.backlog else [_drawn(relation, make, random.random()) for relation in self.relations]
+        )
         return merge(self.orders, *drawn, key=lambda order: order.at)
 
     def waiting(self, plant: PlantModel, random: Random) -> Iterator[TransportOrderRequest]:
@@ -102,7 +104,7 @@ class Transport:
 
 def stations(plant: PlantModel) -> tuple[str, ...]:
     """Return the locations at which robots pick and drop; if there are none, all reachable ones."""
-    reachable = [each for each in plant.locations if each.links]
+    reachable = [location for location in plant.locations if location.links]
     both = [
         each.name
         for each in reachable
@@ -147,12 +149,12 @@ def _of_csv(text: str, make: Transport) -> Demand:
     columns = set(rows[0]) if rows else set()
     if columns >= {"from", "to", "per_hour"}:
         return Demand(
-            relations=tuple(Relation(each["from"], each["to"], float(each["per_hour"])) for each in rows)
+            relations=tuple(Relation(row["from"], row["to"], float(row["per_hour"])) for row in rows)
         )
     if not columns >= {"at", "from", "to"}:
         message = "the columns must be from, to, per_hour, or at, from, to"
         raise DemandError(message)
-    return Demand(_from_the_first([(each["at"], make(each["from"], each["to"])) for each in rows]))
+    return Demand(_from_the_first([(row["at"], make(row["from"], row["to"])) for row in rows]))
 
 
 def _of_json(content: Any) -> Demand:  # noqa: ANN401 - whatever the file holds

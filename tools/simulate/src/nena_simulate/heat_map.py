@@ -36,7 +36,7 @@ class _View:
 
     def __init__(self, plant: PlantModel) -> None:
         self._plant = plant
-        xs, ys = [each.x_mm for each in plant.points], [each.y_mm for each in plant.points]
+        xs, ys = [point.x_mm for point in plant.points], [point.y_mm for point in plant.points]
         self._left, self._top = min(xs), max(ys)
         self._scale = WIDTH_PX / max(max(xs) - min(xs), 1)
         self.height = (max(ys) - min(ys)) * self._scale

@@ -70,18 +70,18 @@ class Observed:
         if len(parts) == 1:
             return parts[0]
         whole = cls(0.0)
-        for each in parts:
-            whole.finishes += [at + whole.hours * HOUR for at in each.finishes]
-            whole.leads += each.leads
-            whole.hours += each.hours
-            whole.created += each.created
-            whole.failed += each.failed
-            whole.empty += each.empty
-            whole.loaded += each.loaded
+        for part in parts:
+            whole.finishes += [at + whole.hours * HOUR for at in part.finishes]
+            whole.leads += part.leads
+            whole.hours += part.hours
+            whole.created += part.created
+            whole.failed += part.failed
+            whole.empty += part.empty
+            whole.loaded += part.loaded
             for total, more in (
-                (whole.seconds, each.seconds),
-                (whole.causes, each.causes),
-                (whole.places, each.places),
+                (whole.seconds, part.seconds),
+                (whole.causes, part.causes),
+                (whole.places, part.places),
             ):
                 for name, seconds in more.items():
                     total[name] += seconds
@@ -101,7 +101,7 @@ class Observer:
         self._created: set[str] = set()
         self._orders: dict[str, TransportOrderStatus] = {}
         """Unfinished orders by vehicle."""
-        self._words = Words(each.vehicle.name for each in site.robots)
+        self._words = Words(robot.vehicle.name for robot in site.robots)
         site.engine.unit_of_work.listeners.append(self)
 
     def observed(self) -> Observed:

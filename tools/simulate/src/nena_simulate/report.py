@@ -74,7 +74,7 @@ class Figures:
 
 def _by_minute(moments: Sequence[float], hours: float) -> tuple[int, ...]:
     """Return the number of ``moments`` (seconds) in each minute."""
-    minutes = Counter(int(each // 60) for each in moments)
+    minutes = Counter(int(moment // 60) for moment in moments)
     return tuple(minutes[each] for each in range(ceil(hours * 60)))
 
 
@@ -101,19 +101,19 @@ class Report:
     def to_markdown(self) -> str:
         """Return tables in Markdown."""
         parts = [f"# {self._title}", _markdown(self._rows())]
-        for each in self.figures:
-            parts.append(f"## Waiting with {each.robots} robots, robot minutes per hour")
-            parts.append(_markdown([("why", "minutes"), *_first(each.waiting_by_cause, CAUSES)]))
-            parts.append(_markdown([("where", "minutes"), *_first(each.waiting_by_place, PLACES)]))
+        for figure in self.figures:
+            parts.append(f"## Waiting with {figure.robots} robots, robot minutes per hour")
+            parts.append(_markdown([("why", "minutes"), *_first(figure.waiting_by_cause, CAUSES)]))
+            parts.append(_markdown([("where", "minutes"), *_first(figure.waiting_by_place, PLACES)]))
         return "\n\n".join(parts) + "\n"
 
     def to_text(self) -> str:
         """Return tables for a terminal."""
         parts = [self._title, _text(self._rows())]
-        for each in self.figures:
-            parts.append(f"Waiting with {each.robots} robots, robot minutes per hour:")
-            parts.append(_text(_first(each.waiting_by_cause, CAUSES)))
-            parts.append(_text(_first(each.waiting_by_place, PLACES)))
+        for figure in self.figures:
+            parts.append(f"Waiting with {figure.robots} robots, robot minutes per hour:")
+            parts.append(_text(_first(figure.waiting_by_cause, CAUSES)))
+            parts.append(_text(_first(figure.waiting_by_place, PLACES)))
         return "\n\n".join(filter(None, parts)) + "\n"
 
     @property
@@ -138,7 +138,7 @@ class Report:
             ("driven, km", lambda one: one.driven_km),
             ("driven empty", lambda one: f"{one.empty_share:.0%}"),
         ]
-        return [(name, *(str(show(each)) for each in self.figures)) for name, show in shown]
+        return [(name, *(str(show(figure)) for figure in self.figures)) for name, show in shown]
 
 
 def _first(values: Mapping[str, float], count: int) -> list[tuple[str, ...]]:
@@ -149,7 +149,7 @@ def _first(values: Mapping[str, float], count: int) -> list[tuple[str, ...]]:
 def _markdown(rows: Sequence[Sequence[str]]) -> str:
     head, *rest = rows
     lines = [head, ["---", *["---:"] * (len(head) - 1)], *rest]
-    return "\n".join(f"| {' | '.join(each)} |" for each in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def _text(rows: Sequence[Sequence[str]]) -> str:

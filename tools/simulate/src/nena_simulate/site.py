@@ -156,10 +156,10 @@ class SimulatedRobot:
             interval=IntervalSettings(visualization=0.0),
             loopback=LoopbackSettings(drain=0.0, pose_interval=POSE_SECONDS),
             operations=tuple(
-                each.model_copy(update={"seconds": case.work_seconds})
-                if each.action_type in LOADING
-                else each
-                for each in default_operations()
+                operation.model_copy(update={"seconds": case.work_seconds})
+                if operation.action_type in LOADING
+                else operation
+                for operation in default_operations()
             ),
         )
         self._broker = broker
@@ -253,7 +253,7 @@ class Site:
 
     async def _all_there(self) -> None:
         async with asyncio.timeout(READY_SECONDS):
-            while any(self.fleet.view(each.key).state is None for each in self.robots):  # noqa: ASYNC110 - they send it
+            while any(self.fleet.view(robot.key).state is None for robot in self.robots):  # noqa: ASYNC110 - they send it
                 await asyncio.sleep(LOOK)
 
     async def _let_one_die(self) -> None:
@@ -261,7 +261,7 @@ class Site:
         if self.case.disturbances.dead:
             at, seconds = self.case.disturbances.dead
             await asyncio.sleep(at)
-            while not (found := [each for each in self.robots if self._may_die(each)]):  # noqa: ASYNC110 - they drive
+            while not (found := [robot for robot in self.robots if self._may_die(robot)]):  # noqa: ASYNC110 - they drive
                 await asyncio.sleep(LOOK)
             await found[0].die(seconds)
 
@@ -301,9 +301,9 @@ def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
     Robots use the plant's frame; the frames of their maps in the model are ignored.
     """
     plant = case.plant
-    vehicles = [_own(each, case.speed) for each in plant.vehicles[: case.robots]]
+    vehicles = [_own(vehicle, case.speed) for vehicle in plant.vehicles[: case.robots]]
     pattern = vehicles[-1] if vehicles else Vehicle(name="Robot")
-    taken = {each.name for each in plant.vehicles}
+    taken = {vehicle.name for vehicle in plant.vehicles}
     names = (name for number in range(1, 10**6) if (name := f"Robot-{number:02d}") not in taken)
     for name in islice(names, case.robots - len(vehicles)):
         properties = {**pattern.properties, keys.VDA5050_SERIAL_NUMBER: name}
@@ -332,10 +332,10 @@ def check(case: Case) -> None:
 
 def _places(case: Case, random: Random) -> list[Point]:
     plant = case.plant
-    named = [plant.point(each) for each in case.starts]
+    named = [plant.point(start) for start in case.starts]
     served = {link.point for name in stations(plant) for link in plant.location(name).links}
-    parking = [each for each in plant.points if each.type is PointType.PARK_POSITION]
-    free = [each for each in plant.points if each.name not in served]
+    parking = [point for point in plant.points if point.type is PointType.PARK_POSITION]
+    free = [point for point in plant.points if point.name not in served]
     places = {each.name: each for each in (*named, *parking, *random.sample(free, len(free)))}
     chosen = list(places.values())[: case.robots]
     if len(chosen) < case.robots:

@@ -60,10 +60,10 @@ class Broker:
         hearers = self._hearers.get(message.topic)
         if hearers is None:
             hearers = self._hearers[message.topic] = tuple(
-                each for each in self._links if each.wants(message.topic)
+                link for link in self._links if link.wants(message.topic)
             )
-        for each in hearers:
-            self._send(each, message, retained=False)
+        for hearer in hearers:
+            self._send(hearer, message, retained=False)
 
     def _send(self, link: Link, message: Outbound, *, retained: bool) -> None:
         loop = asyncio.get_running_loop()

@@ -327,7 +327,7 @@ def _action_reason(state: State, action: ActionState) -> ConditionReason:
 
 def _open_action(actions: tuple[ActionState, ...]) -> ActionState | None:
     """Return the action in progress, else the first waiting one."""
-    still_open = [each for each in actions if not each.action_status.ended]
+    still_open = [action for action in actions if not action.action_status.ended]
     begun = (each for each in still_open if each.action_status is not ActionStatus.WAITING)
     return next(begun, still_open[0] if still_open else None)
 
@@ -360,7 +360,7 @@ def session_of(condition: Condition, state: State | None) -> SessionState:
     session = ros_session(state)
     if session:
         return session.state
-    blind = any(each.error_type == ErrorType.NAVIGATION_NOT_AVAILABLE for each in state.errors)
+    blind = any(error.error_type == ErrorType.NAVIGATION_NOT_AVAILABLE for error in state.errors)
     return SessionState.FAILED if blind else SessionState.ACTIVE
 
 
@@ -377,7 +377,9 @@ def ros_session(state: State) -> RosSession | None:
     """Return the ROS session in a state's information, for display only."""
     for entry in state.information or ():
         if entry.info_type == ROS_SESSION:
-            facts = {each.reference_key: each.reference_value for each in entry.info_references}
+            facts = {
+                reference.reference_key: reference.reference_value for reference in entry.info_references
+            }
             name = facts.get("state", "")
             if name in SessionState.__members__:
                 return RosSession(SessionState(name), facts.get("namespace", ""), facts.get("domainId", ""))

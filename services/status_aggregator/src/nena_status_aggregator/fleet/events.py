@@ -125,12 +125,12 @@ def _errors(before: tuple[ErrorEntry, ...], now: tuple[ErrorEntry, ...]) -> Iter
 def _by_identity(
     errors: tuple[ErrorEntry, ...],
 ) -> dict[tuple[str, *tuple[str, ...]], ErrorEntry]:
-    return {(each.error_type, *_references(each)): each for each in errors[:LIST_LIMIT]}
+    return {(error.error_type, *_references(error)): error for error in errors[:LIST_LIMIT]}
 
 
 def _references(error: ErrorEntry) -> Iterator[str]:
-    for each in error.error_references:
-        yield from (each.reference_key, each.reference_value)
+    for reference in error.error_references:
+        yield from (reference.reference_key, reference.reference_value)
 
 
 def _error_values(entry: ErrorEntry) -> Values:
@@ -164,7 +164,7 @@ def _outcome(before: State, now: State) -> Outcome:
     if now.order_id != before.order_id:
         return Outcome.UNSEEN
     last = before.node_states[-1].sequence_id if before.node_states else 0
-    failed = any(each.action_status is ActionStatus.FAILED for each in now.action_states)
+    failed = any(state.action_status is ActionStatus.FAILED for state in now.action_states)
     completed = now.last_node_sequence_id >= last and not failed
     return Outcome.COMPLETED if completed else Outcome.ABANDONED
 
@@ -173,7 +173,8 @@ def _actions(before: State, now: State) -> Iterator[Change]:
     if not (now.action_states or now.instant_action_states):
         return
     known = {
-        each.action_id: each.action_status for each in (*before.action_states, *before.instant_action_states)
+        state.action_id: state.action_status
+        for state in (*before.action_states, *before.instant_action_states)
     }
     for action in (*now.action_states[:LIST_LIMIT], *now.instant_action_states[:LIST_LIMIT]):
         old = known.get(action.action_id)

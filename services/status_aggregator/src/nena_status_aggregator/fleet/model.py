@@ -390,9 +390,9 @@ class FleetModel:
         self.advance(at)
         up, sign = self.order_service.up(at), self.order_service.last_sign
         down_since = iso(sign) if sign and up is False else None
-        stops = [view_stop(each) for each in self.order_service.stops]
+        stops = [view_stop(stop) for stop in self.order_service.stops]
         self._public.order_service = {"up": up, "lastSign": down_since, "stops": stops}
-        self._public.jams = [view_jam(each) for each in self.queues.jams(at)]
+        self._public.jams = [view_jam(jam) for jam in self.queues.jams(at)]
         return self._public.flush(self._view_robot, self._view_order, self._view_peripheral)
 
     def snapshot(self) -> FleetView:

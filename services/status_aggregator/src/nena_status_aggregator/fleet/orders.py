@@ -99,7 +99,7 @@ def progress(status: TransportOrderStatus, last_node: str | None) -> float | Non
         return 100.0 if status.state.value == "FINISHED" else None
     if not status.drive_orders:
         return 0.0
-    done = sum(each.state is DriveOrderState.FINISHED for each in status.drive_orders)
+    done = sum(order.state is DriveOrderState.FINISHED for order in status.drive_orders)
     return round(100.0 * (done + _share(status, last_node)) / len(status.drive_orders), 1)
 
 

@@ -73,7 +73,7 @@ class Statistics:
     robot_orders_ended: dict[Outcome, int] = field(default_factory=lambda: dict.fromkeys(Outcome, 0))
     nodes_reached: int = 0
     actions_ended: dict[ActionStatus, int] = field(
-        default_factory=lambda: {each: 0 for each in ActionStatus if each.ended}
+        default_factory=lambda: {status: 0 for status in ActionStatus if status.ended}
     )
     orders_ended: dict[str, int] = field(default_factory=dict)
     """By final state."""

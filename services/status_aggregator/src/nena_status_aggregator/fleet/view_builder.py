@@ -102,15 +102,15 @@ def view_robot(
         "grid": _grid(robot),
         "plan": _plan(robot, state) if state else None,
         "loads": _loads(state) if state else None,
-        "errors": [_error(each) for each in state.errors[:LIST_LIMIT]] if state else [],
+        "errors": [_error(error) for error in state.errors[:LIST_LIMIT]] if state else [],
         "information": _informations(state),
-        "actions": [_action(each) for each in _all_actions(state)[:LIST_LIMIT]] if state else [],
+        "actions": [_action(action) for action in _all_actions(state)[:LIST_LIMIT]] if state else [],
         "order": _order(robot, state) if state and state.order_id else None,
         "body": _body(robot),
         "vehicle": _vehicle(robot.vehicle, chain) if robot.vehicle else None,
         "malformed": robot.malformed,
         "problem": short(robot.problem) or None,
-        "deviations": [short(str(each)) or "" for each in robot.deviations],
+        "deviations": [short(str(deviation)) or "" for deviation in robot.deviations],
     }
 
 
@@ -203,7 +203,7 @@ def _plan(robot: Robot, state: State) -> list[tuple[float, float]] | None:
         return None
     map_id, sheet = at.map_id if at else None, robot.factsheet
     points = path.polyline[:LIST_LIMIT]
-    places = (robot.frame.place(each.x, each.y, map_id, sheet) for each in points)
+    places = (robot.frame.place(point.x, point.y, map_id, sheet) for point in points)
     return [(round(place[0], 2), round(place[1], 2)) for place in places if place]
 
 
@@ -229,12 +229,12 @@ def _loads(state: State) -> list[LoadView] | None:
         return None
     return [
         {
-            "loadId": each.load_id,
-            "loadType": each.load_type,
-            "loadPosition": each.load_position,
-            "weight": each.weight,
+            "loadId": load.load_id,
+            "loadType": load.load_type,
+            "loadPosition": load.load_position,
+            "weight": load.weight,
         }
-        for each in state.loads[:LIST_LIMIT]
+        for load in state.loads[:LIST_LIMIT]
     ]
 
 
@@ -258,7 +258,10 @@ def _information(entry: Information) -> InformationView:
 
 
 def _references(references: tuple[ErrorReference, ...]) -> dict[str, str]:
-    return {each.reference_key: short(each.reference_value) or "" for each in references[:LIST_LIMIT]}
+    return {
+        reference.reference_key: short(reference.reference_value) or ""
+        for reference in references[:LIST_LIMIT]
+    }
 
 
 def _all_actions(state: State) -> tuple[ActionState, ...]:
@@ -320,9 +323,9 @@ def view_known_actions(sheet: Factsheet) -> list[KnownActionView]:
     """Return the actions of a factsheet, with the same names for each VDA 5050 version."""
     return [
         {
-            "actionType": each.action_type,
-            "description": short(each.action_description),
-            "actionScopes": [scope.value for scope in each.action_scopes],
+            "actionType": action.action_type,
+            "description": short(action.action_description),
+            "actionScopes": [scope.value for scope in action.action_scopes],
             "actionParameters": [
                 {
                     "key": parameter.key,
@@ -330,17 +333,17 @@ def view_known_actions(sheet: Factsheet) -> list[KnownActionView]:
                     "description": short(parameter.description),
                     "isOptional": bool(parameter.is_optional),
                 }
-                for parameter in (each.action_parameters or ())[:LIST_LIMIT]
+                for parameter in (action.action_parameters or ())[:LIST_LIMIT]
             ],
         }
-        for each in sheet.protocol_features.mobile_robot_actions[:LIST_LIMIT]
+        for action in sheet.protocol_features.mobile_robot_actions[:LIST_LIMIT]
     ]
 
 
 def _outline(geometry: MobileRobotGeometry) -> list[tuple[float, float]] | None:
     """Return the first footprint of the factsheet, if any."""
     envelopes = geometry.envelopes2d
-    return [(each.x, each.y) for each in envelopes[0].vertices[:LIST_LIMIT]] if envelopes else None
+    return [(vertex.x, vertex.y) for vertex in envelopes[0].vertices[:LIST_LIMIT]] if envelopes else None
 
 
 def _vehicle(status: VehicleStatus, chain: WaitChain | None) -> VehicleView:
@@ -426,7 +429,7 @@ def view_reason(reason: CodedReason | None, depth: int = DEPTH_LIMIT) -> CodedRe
     """Build the view of a reason; None if it has no code, or is nested too deeply."""
     if reason is None or not depth:
         return None
-    causes = [view_reason(each, depth - 1) for each in reason.causes[:LIST_LIMIT]]
+    causes = [view_reason(cause, depth - 1) for cause in reason.causes[:LIST_LIMIT]]
     if None in causes:
         return None
     return {
@@ -435,7 +438,7 @@ def view_reason(reason: CodedReason | None, depth: int = DEPTH_LIMIT) -> CodedRe
             name: short(value) or "" if isinstance(value, str) else value
             for name, value in islice(reason.values.items(), LIST_LIMIT)
         },
-        "causes": [each for each in causes if each],
+        "causes": [cause for cause in causes if cause],
     }
 
 
@@ -458,7 +461,7 @@ def view_peripheral(device: TrackedPeripheral) -> PeripheralView:
         "waiting": len(status.waiting),
         "usedBy": list(status.used_by[:LIST_LIMIT]),
         "job": _job(status.job) if status.job else None,
-        "jobs": [_job(each) for each in status.jobs[:LIST_LIMIT]],
+        "jobs": [_job(job) for job in status.jobs[:LIST_LIMIT]],
     }
 
 

@@ -144,7 +144,8 @@ class MobileRobotActionV21(MobileRobotAction):
         if info.mode != "json" or not self.action_parameters:
             return self
         parameters = tuple(
-            self._typed(each, ValueDataType.STRING, ValueDataType.ARRAY) for each in self.action_parameters
+            self._typed(parameter, ValueDataType.STRING, ValueDataType.ARRAY)
+            for parameter in self.action_parameters
         )
         return self.model_copy(update={"action_parameters": parameters})
 
@@ -153,9 +154,9 @@ class MobileRobotActionV21(MobileRobotAction):
         self, parameters: tuple[ActionParameterDescriptionV21, ...] | None
     ) -> tuple[ActionParameterDescriptionV21, ...] | None:
         return parameters and tuple(
-            self._typed(each, ValueDataType.ARRAY, ValueDataType.STRING)
-            for each in parameters
-            if (self.action_type, each.key) != CANCELLED_ORDER
+            self._typed(parameter, ValueDataType.ARRAY, ValueDataType.STRING)
+            for parameter in parameters
+            if (self.action_type, parameter.key) != CANCELLED_ORDER
         )
 
     def _typed(
@@ -190,7 +191,9 @@ class ProtocolFeaturesV21(ProtocolFeatures):
 
     @field_serializer("optional_parameters", when_used="json")
     def _known(self, parameters: tuple[OptionalParameterV21, ...]) -> tuple[OptionalParameterV21, ...]:
-        return tuple(each for each in parameters if not has_segment_in(self.missing, each.parameter))
+        return tuple(
+            parameter for parameter in parameters if not has_segment_in(self.missing, parameter.parameter)
+        )
 
 
 class Envelope3dV21(Envelope3d):
@@ -265,7 +268,7 @@ class FactsheetV21(Factsheet):
         factsheet = Factsheet.model_validate(neutral, by_name=True, by_alias=False)
         features = factsheet.protocol_features
         actions = tuple(
-            each.model_copy(update={"blocking_types": None}) for each in features.mobile_robot_actions
+            action.model_copy(update={"blocking_types": None}) for action in features.mobile_robot_actions
         )
         features = features.model_copy(update={"mobile_robot_actions": actions})
         made = factsheet.model_copy(update={"protocol_features": features})

@@ -74,10 +74,10 @@ class ActionV21(Action):
         if self.action_type != action_type or info.mode != "json":
             return self
         parameters = tuple(
-            each.model_copy(update={"value": [each.value]})
-            if each.key == key and isinstance(each.value, str)
-            else each
-            for each in self.action_parameters
+            parameter.model_copy(update={"value": [parameter.value]})
+            if parameter.key == key and isinstance(parameter.value, str)
+            else parameter
+            for parameter in self.action_parameters
         )
         return self.model_copy(update={"action_parameters": parameters})
 
@@ -86,11 +86,11 @@ class ActionV21(Action):
         if self.action_type not in (TRIGGER[0], CANCELLED_ORDER[0]):
             return parameters
         return tuple(
-            each.model_copy(update={"value": _first(each.value)})
-            if (self.action_type, each.key) == TRIGGER
-            else each
-            for each in parameters
-            if (self.action_type, each.key) != CANCELLED_ORDER
+            parameter.model_copy(update={"value": _first(parameter.value)})
+            if (self.action_type, parameter.key) == TRIGGER
+            else parameter
+            for parameter in parameters
+            if (self.action_type, parameter.key) != CANCELLED_ORDER
         )
 
 

@@ -229,7 +229,7 @@ class StateV21(State):
             state.model_copy(
                 update={
                     "action_states": (*state.action_states, *state.instant_action_states),
-                    "errors": tuple(ErrorEntryV21.from_neutral(each) for each in state.errors),
+                    "errors": tuple(ErrorEntryV21.from_neutral(error) for error in state.errors),
                     "paused": True if state.operating_mode is OperatingMode.INTERVENED else state.paused,
                 }
             ),

@@ -184,7 +184,7 @@ class KeySet:
         """Return the key with this ID for a signature algorithm; without an ID, the only suitable key."""
         if (made := self._made.get((kid, algorithm))) is not None:
             return made
-        fitting = [each for each in self._keys if _fits(each, kid, algorithm)]
+        fitting = [key for key in self._keys if _fits(key, kid, algorithm)]
         if len(fitting) != 1:
             return None
         try:

@@ -78,7 +78,7 @@ class Hall:
     @property
     def width(self) -> float:
         """Return the largest x of the hall, m."""
-        return max(each.x_m for each in self.plant.points)
+        return max(point.x_m for point in self.plant.points)
 
 
 def make_hall(serial_numbers: tuple[str, ...]) -> Hall:
@@ -98,7 +98,7 @@ def make_hall(serial_numbers: tuple[str, ...]) -> Hall:
             LocationType(name="Door", allowed_peripheral_operations=("open", "close")),
         ),
         locations=tuple(sketch.locations),
-        vehicles=tuple(_vehicle(each) for each in serial_numbers),
+        vehicles=tuple(_vehicle(number) for number in serial_numbers),
     )
     return Hall(plant, tuple(sketch.parking[: len(serial_numbers)]), tuple(sketch.sections))
 
@@ -175,7 +175,7 @@ class _Sketch:
         """Draw the stations of an aisle, and add their names."""
         for half, y in (("south", HEIGHT // 4), ("north", HEIGHT * 3 // 4)):
             for side in (SPUR, -SPUR) if both_sides else (SPUR,):
-                number = sum(each.name.startswith(kind) for each in self.locations) + 1
+                number = sum(location.name.startswith(kind) for location in self.locations) + 1
                 x = aisle * AISLE_SPACING + side
                 stand = self._spur(f"{kind} {number} stand", x, y, f"Aisle {aisle + 1} {half}")
                 self._locate(f"{kind} {number}", "Transfer station", stand)
@@ -247,7 +247,7 @@ class _Sketch:
         return ()
 
     def _position(self, name: str) -> tuple[int, int]:
-        return next((each.x_mm, each.y_mm) for each in reversed(self.points) if each.name == name)
+        return next((point.x_mm, point.y_mm) for point in reversed(self.points) if point.name == name)
 
     def _locate(self, name: str, kind: str, stand: str) -> None:
         x, y = self._position(stand)

@@ -261,7 +261,9 @@ def _unsupported_on_edge(uses: list[VehicleTypeOnPath]) -> Iterator[str]:
     both, required = RotationAllowed.BOTH, RequirementType.REQUIRED
     for use in uses:
         unsupported = {
-            "feasible actions on edges": any(each.requirement_type is not required for each in use.actions),
+            "feasible actions on edges": any(
+                action.requirement_type is not required for action in use.actions
+            ),
             "reentryAllowed false": not use.reentry_allowed,
             "rotationAtStartNodeAllowed": use.rotation_at_start_node_allowed is not both,
             "rotationAtEndNodeAllowed": use.rotation_at_end_node_allowed is not both,

@@ -65,14 +65,17 @@ def in_1_0(model: PlantModel) -> Iterator[tuple[str, int]]:
         "action parameter values other than text, written as JSON",
         sum(parameter.is_json for action in actions for parameter in action.action_parameters),
     )
-    yield "types of stations", sum(keys.LIF_STATION_TYPE in each.properties for each in model.locations)
+    yield (
+        "types of stations",
+        sum(keys.LIF_STATION_TYPE in location.properties for location in model.locations),
+    )
     yield (
         "unknown heights of stations, written as 0",
         sum(
             any(key.endswith(".originId") for key in layers)
-            and keys.LIF_STATION_HEIGHT not in each.properties
-            for each in model.locations
-            if each.links
+            and keys.LIF_STATION_HEIGHT not in location.properties
+            for location in model.locations
+            if location.links
         ),
     )
 
@@ -143,8 +146,8 @@ def _of_the_rest(model: PlantModel) -> Iterator[tuple[str, int]]:
     yield "blocks", len(model.blocks)
     yield "vehicles", len(model.vehicles)
     objects = (
-        *(each.properties for each in model.points),
-        *(each.properties for each in model.paths),
+        *(point.properties for point in model.points),
+        *(path.properties for path in model.paths),
         *(each.properties for each in model.location_types),
         *(each.properties for each in locations),
         model.properties,

@@ -279,7 +279,7 @@ def _layout(origin: Origin, layout: OriginLayout) -> Layout:
         origin_descriptor=origin.origin_descriptor,
         nodes=tuple(map(_node, layout.nodes)),
         edges=tuple(map(_edge, layout.edges)),
-        stations=tuple(Station(**_given(each, _STATION)) for each in layout.stations),
+        stations=tuple(Station(**_given(station, _STATION)) for station in layout.stations),
     )
 
 
@@ -373,12 +373,12 @@ def _back(renamed: _Renamed) -> _Renamed:
 def _of_origin(layout: Layout, manufacturers: Mapping[str, str]) -> OriginLayout:
     made = OriginLayout(
         **_given(layout, _back(_LAYOUT), "origin_id", "origin_descriptor", "nodes", "edges", "stations"),
-        nodes=tuple(_node_of_2_0(each, manufacturers) for each in layout.nodes),
-        edges=tuple(_edge_of_2_0(each, manufacturers) for each in layout.edges),
+        nodes=tuple(_node_of_2_0(node, manufacturers) for node in layout.nodes),
+        edges=tuple(_edge_of_2_0(edge, manufacturers) for edge in layout.edges),
     )
     if not layout.stations:
         return made
-    stations = tuple(OriginStation(**_given(each, _back(_STATION))) for each in layout.stations)
+    stations = tuple(OriginStation(**_given(station, _back(_STATION))) for station in layout.stations)
     return made.model_copy(update={"stations": stations})
 
 
@@ -451,8 +451,8 @@ def _actions_of_2_0(actions: Iterable[TypeAction]) -> dict[str, tuple[RobotActio
         given = _given(action, _back(_ACTION), "requirement_type", "action_parameters")
         if action.action_parameters:
             given["action_parameters"] = tuple(
-                RobotActionParameter(key=each.key, value=json_value(each))
-                for each in action.action_parameters
+                RobotActionParameter(key=parameter.key, value=json_value(parameter))
+                for parameter in action.action_parameters
             )
         by_kind["required_actions" if required else "feasible_actions"] += (RobotAction(**given),)
     return dict(by_kind)

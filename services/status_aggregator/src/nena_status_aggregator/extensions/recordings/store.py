@@ -118,17 +118,17 @@ class RecordingStore:
     def _trim(self, place: Path) -> None:
         """Remove the oldest files: of this robot beyond its number, then of all robots beyond the limits."""
         limits = self._limits
-        own = [each for each in files_in(place) if FILE_NAME.fullmatch(each.path.name)]
+        own = [file for file in files_in(place) if FILE_NAME.fullmatch(file.path.name)]
         self._remove(excess(own, keep=limits.robot_files, keep_bytes=limits.total_bytes))
         every = [each for _, other in self._places() for each in files_in(other)]
         every.sort(key=lambda each: each.written)
         self._remove(excess(every, keep=limits.files, keep_bytes=limits.total_bytes))
 
     def _remove(self, files: list[StoredFile]) -> None:
-        for each in files:
-            each.path.unlink(missing_ok=True)
+        for file in files:
+            file.path.unlink(missing_ok=True)
             with suppress(OSError):  # not empty
-                each.path.parent.rmdir()
+                file.path.parent.rmdir()
 
     def _place(self, robot: RobotKey) -> Path:
         return self._folder / SEPARATOR.join(_level(each) for each in robot)

@@ -167,7 +167,7 @@ def compute(engine: Engine, since: int, until: int) -> Report:
             "recordedSeconds": max(0, recorded) / 1000,
             "missing": _missing(period),
             "orders": _orders(period, begin, max(0, recorded)),
-            "utilisation": utilisation(_total(each["conditions"] for each in robots)),
+            "utilisation": utilisation(_total(robot["conditions"] for robot in robots)),
             "robots": robots,
             "waiting": waits.by_cause(),
             "waitingPlaces": waits.by_place(),
@@ -359,7 +359,7 @@ def _bounded(
 ) -> tuple[ColumnElement[Any], ColumnElement[Any]]:
     """Return the begin and the first end (null: none), both within the range."""
     first, last = literal(since, BigInteger), literal(until, BigInteger)
-    one, other = (func.coalesce(each, last) for each in ends)
+    one, other = (func.coalesce(end, last) for end in ends)
     return _greatest(begin, first), _least(_least(one, other), last)
 
 
@@ -373,7 +373,7 @@ def _placed(changes: Subquery, down: Sequence[Outage]) -> Subquery:
         marks += [_mark(each.begin, -each.begin, 1), _mark(each.end, each.end, -1, *cut)]
         lost += each.end - each.begin
     rows = union_all(
-        select(*(changes.c[name] for name in columns), *_mark_values(1)), *(select(*each) for each in marks)
+        select(*(changes.c[name] for name in columns), *_mark_values(1)), *(select(*mark) for mark in marks)
     ).subquery("rows")
     order: dict[str, Any] = {"order_by": (rows.c.time, rows.c.kind)}
     lost_before = func.sum(rows.c.moved).over(rows=(None, 0), **order)
