@@ -61,7 +61,7 @@ class Certificates:
                 continue
             try:
                 loaded = _loaded.get(file) if purpose == "http" else None
-                found[purpose] = loaded or _read(file)
+                found[purpose] = loaded or _read_validity(file)
             except (OSError, ValueError) as error:
                 log.warning("certificate unreadable", file=str(file), reason=str(error))
         return found
@@ -76,10 +76,10 @@ def remember_http(file: Path | None) -> None:
     if file:
         _loaded.pop(file, None)
         with suppress(OSError, ValueError):
-            _loaded[file] = _read(file)
+            _loaded[file] = _read_validity(file)
 
 
-def _read(file: Path) -> Validity:
+def _read_validity(file: Path) -> Validity:
     """Return the validity of a file; comments around the certificate may have any encoding."""
     return validity_of(file.read_text(encoding="latin-1"))
 

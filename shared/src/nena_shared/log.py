@@ -59,7 +59,7 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
     """Configure logging of this process. Call it once, before anything is logged."""
     out = stream or sys.stderr
     level = logging.getLevelNamesMapping()[settings.level.upper()]
-    rendering, output = _rendering(settings, colours=out.isatty()), _Output(out)
+    rendering, output = _make_renderer(settings, colours=out.isatty()), _Output(out)
     structlog.configure(
         processors=[*COMMON, *rendering],
         wrapper_class=structlog.make_filtering_bound_logger(level),
@@ -72,7 +72,7 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
     logging.getLogger("httpx").setLevel(logging.WARNING)  # it logs each URL, which may contain a secret
 
 
-def _rendering(settings: LogSettings, *, colours: bool) -> tuple[Processor, ...]:
+def _make_renderer(settings: LogSettings, *, colours: bool) -> tuple[Processor, ...]:
     if settings.form == "json":
         return _remember_event, structlog.processors.JSONRenderer()
     if not colours:
@@ -106,11 +106,11 @@ def _without_controls(_logger: WrappedLogger, _method: str, event: EventDict) ->
     """Escape control characters in texts of robots and hosts, which could manipulate a terminal."""
     for key, value in event.items():
         if isinstance(value, str):
-            event[key] = _escaped(value)
+            event[key] = _escape_controls(value)
     return event
 
 
-def _escaped(text: str) -> str:
+def _escape_controls(text: str) -> str:
     return text if text.isprintable() else text.translate(CONTROLS)
 
 
@@ -124,13 +124,13 @@ def in_plain_text(_logger: WrappedLogger, _method: str, event: EventDict) -> str
     Control characters in texts of robots and hosts, which could manipulate a terminal, are escaped.
     """
     time, level, text = event.pop("timestamp", ""), event.pop("level", ""), str(event.pop("event", ""))
-    traces = [_escaped(trace) for key in ("stack", "exception") if (trace := event.pop(key, None))]
-    values = [f"{key}={_quoted(event[key])}" for key in sorted(event)]
-    line = " ".join((time, f"[{level:<9}]", f"{_escaped(text):<30}", *values))
+    traces = [_escape_controls(trace) for key in ("stack", "exception") if (trace := event.pop(key, None))]
+    values = [f"{key}={_quote_value(event[key])}" for key in sorted(event)]
+    line = " ".join((time, f"[{level:<9}]", f"{_escape_controls(text):<30}", *values))
     return "\n".join((line.rstrip(" "), *traces))
 
 
-def _quoted(value: object) -> str:
+def _quote_value(value: object) -> str:
     plain = isinstance(value, str) and value.isprintable() and QUOTED.isdisjoint(value)
     return str(value) if plain else repr(value)
 

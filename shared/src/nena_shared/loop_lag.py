@@ -25,13 +25,13 @@ class LoopLag:
     @property
     def longest(self) -> float:
         """Longest delay of the last minute, seconds; 0 before the first measurement."""
-        self._forget(self._clock.monotonic())
+        self._forget_old(self._clock.monotonic())
         return self._longest[0][1] if self._longest else 0.0
 
     def note(self, delay: float) -> None:
         """Add a measured delay, seconds."""
         now = self._clock.monotonic()
-        self._forget(now)
+        self._forget_old(now)
         while self._longest and self._longest[-1][1] <= delay:
             self._longest.pop()
         self._longest.append((now, delay))
@@ -43,6 +43,6 @@ class LoopLag:
             await asyncio.sleep(INTERVAL)
             self.note(max(0.0, self._clock.monotonic() - due))
 
-    def _forget(self, now: float) -> None:
+    def _forget_old(self, now: float) -> None:
         while self._longest and self._longest[0][0] < now - WINDOW:
             self._longest.popleft()

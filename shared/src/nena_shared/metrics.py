@@ -63,7 +63,7 @@ class Metric(Generic[S]):
             samples = reading.items()
         else:
             samples = [((), reading)]
-        family = self._empty()
+        family = self._make_family()
         for values, sample in samples:
             labels = (values,) if isinstance(values, str) else values
             if isinstance(family, HistogramMetricFamily):
@@ -74,7 +74,7 @@ class Metric(Generic[S]):
                 family.add_metric(labels, sample)
         return family
 
-    def _empty(self) -> GaugeMetricFamily | CounterMetricFamily | HistogramMetricFamily:
+    def _make_family(self) -> GaugeMetricFamily | CounterMetricFamily | HistogramMetricFamily:
         match self.kind:
             case MetricKind.GAUGE:
                 return GaugeMetricFamily(self.name, self.text, labels=self.labels)

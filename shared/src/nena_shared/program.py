@@ -125,7 +125,7 @@ def run(
         chosen = load(model, sys.argv[1:] if argv is None else argv, program=program, description=description)
         configure(chosen.log)
         with asyncio.Runner(loop_factory=loop_factory) as runner:
-            runner.run(_serve(chosen, serve))
+            runner.run(_serve_until_stopped(chosen, serve))
         get_logger(__name__).info("program ended", program=program)
     except ConfigurationError as error:
         return report_misconfigured(program, error)
@@ -143,7 +143,7 @@ def report_misconfigured(program: str, error: ConfigurationError) -> int:
     return EXIT_MISCONFIGURED
 
 
-async def _serve(settings: S, serve: Callable[[S, asyncio.Event], Awaitable[None]]) -> None:
+async def _serve_until_stopped(settings: S, serve: Callable[[S, asyncio.Event], Awaitable[None]]) -> None:
     stop = asyncio.Event()
     stop_on_signals(stop)
     gc.freeze()  # modules stay: each full garbage collection would search them, which holds a robot for 30 ms

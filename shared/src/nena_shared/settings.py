@@ -261,9 +261,9 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
             cli_avoid_json=True,
             cli_implicit_flags=True,
         )
-        return _build(model, command_line, from_file)
+        return _build_settings(model, command_line, from_file)
     except SettingsError as error:
-        raise ConfigurationError([_unread(error)]) from error
+        raise ConfigurationError([_unreadable_text(error)]) from error
     except RecursionError as error:
         message = "settings: a list or table in the environment or an option is nested too deeply"
         raise ConfigurationError([message]) from error
@@ -314,12 +314,12 @@ def parse_toml(text: bytes) -> dict[str, Any]:
         raise TomlError(shortened(str(error))) from error
 
 
-def _build(model: type[S], command_line: PydanticBaseSettingsSource, from_file: dict[str, Any]) -> S:
+def _build_settings(model: type[S], command_line: PydanticBaseSettingsSource, from_file: dict[str, Any]) -> S:
     try:
-        given = _merged(_merged(from_file, EnvSettingsSource(model)()), command_line())
-        return model(**_merged(_defaults_of_groups(model), given))
+        given = _merge_tables(_merge_tables(from_file, EnvSettingsSource(model)()), command_line())
+        return model(**_merge_tables(_defaults_of_groups(model), given))
     except ValidationError as error:
-        raise ConfigurationError(_problems(error)) from error
+        raise ConfigurationError(_problems_of(error)) from error
 
 
 def _defaults_of_groups(model: type[S]) -> dict[str, Any]:
@@ -335,16 +335,18 @@ def _defaults_of_groups(model: type[S]) -> dict[str, Any]:
     }
 
 
-def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+def _merge_tables(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """Merge ``above`` over ``below``, table by table."""
     result = dict(below)
     for name, value in above.items():
         old = result.get(name)
-        result[name] = _merged(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+        result[name] = (
+            _merge_tables(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+        )
     return result
 
 
-def _unread(error: SettingsError) -> str:
+def _unreadable_text(error: SettingsError) -> str:
     """Return an error that names the option or variable whose text is not the required list or table.
 
     pydantic-settings names only the outermost table of a variable; its cause contains the text.
@@ -356,11 +358,11 @@ def _unread(error: SettingsError) -> str:
     return f'{name}: invalid; write a list as ["a", "b"], a table as {{"a": 1}}'
 
 
-def _problems(error: ValidationError) -> list[str]:
-    return [f"{path_of(item['loc'])}: {_words(item)}" for item in error.errors()]
+def _problems_of(error: ValidationError) -> list[str]:
+    return [f"{path_of(item['loc'])}: {_problem_text(item)}" for item in error.errors()]
 
 
-def _words(problem: ErrorDetails) -> str:
+def _problem_text(problem: ErrorDetails) -> str:
     if problem["type"] == "extra_forbidden":
         return "unknown setting"
     if problem["type"] == "missing":

@@ -62,10 +62,10 @@ class Supervisor:
         """Start ``work`` as a task."""
         task = asyncio.create_task(work, name=name)
         self._tasks.add(task)
-        task.add_done_callback(lambda ended: self._ended(ended, vital=vital))
+        task.add_done_callback(lambda ended: self._task_ended(ended, vital=vital))
         return task
 
-    def _ended(self, task: asyncio.Task[None], *, vital: bool) -> None:
+    def _task_ended(self, task: asyncio.Task[None], *, vital: bool) -> None:
         self._tasks.discard(task)
         if task.cancelled():
             return
@@ -112,11 +112,11 @@ async def end(*tasks: asyncio.Task[Any], again_after: float = AGAIN_AFTER) -> No
             task.cancel()
         _, left = await asyncio.wait(left, timeout=again_after)
         if left:
-            log.warning("tasks did not end; cancelling them again", tasks=sorted(map(_name, left)))
+            log.warning("tasks did not end; cancelling them again", tasks=sorted(map(_name_of, left)))
     await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def _name(task: asyncio.Task[Any]) -> str:
+def _name_of(task: asyncio.Task[Any]) -> str:
     return task.get_name()
 
 

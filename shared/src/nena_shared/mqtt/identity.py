@@ -24,18 +24,18 @@ def tls_context(settings: MqttTlsSettings) -> ssl.SSLContext | None:
     try:
         context = ssl.create_default_context(cafile=settings.ca)
     except (OSError, ssl.SSLError) as error:
-        raise ConfigurationError([f"mqtt.tls.ca: {settings.ca}: {_reason(error)}"]) from error
+        raise ConfigurationError([f"mqtt.tls.ca: {settings.ca}: {_reason_of(error)}"]) from error
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     if settings.certificate is not None:
         try:
             context.load_cert_chain(settings.certificate, settings.key)
         except (OSError, ssl.SSLError) as error:
             files = " and ".join(str(each) for each in (settings.certificate, settings.key) if each)
-            raise ConfigurationError([f"mqtt.tls.certificate: {files}: {_reason(error)}"]) from error
+            raise ConfigurationError([f"mqtt.tls.certificate: {files}: {_reason_of(error)}"]) from error
     return context
 
 
-def _reason(error: Exception) -> str:
+def _reason_of(error: Exception) -> str:
     if isinstance(error, ssl.SSLError):
         return f"not a PEM file, or key and certificate do not match ({error.reason or error})"
     return str(getattr(error, "strerror", None) or error)
@@ -54,13 +54,13 @@ def private_client_id(name: str, settings: MqttSettings) -> str:
         ConfigurationError: the file with the secret cannot be read.
 
     """
-    secret = _secret(settings)
+    secret = _read_secret(settings)
     if not secret:
         return name
-    return f"{name}-{sha256(_hardened(secret) + name.encode()).hexdigest()[:DIGITS]}"
+    return f"{name}-{sha256(_hash_slowly(secret) + name.encode()).hexdigest()[:DIGITS]}"
 
 
-def _secret(settings: MqttSettings) -> bytes:
+def _read_secret(settings: MqttSettings) -> bytes:
     if settings.tls.key is None:
         return (settings.secret() or "").encode()
     try:
@@ -70,6 +70,6 @@ def _secret(settings: MqttSettings) -> bytes:
 
 
 @lru_cache(maxsize=1)
-def _hardened(secret: bytes) -> bytes:
+def _hash_slowly(secret: bytes) -> bytes:
     """Return a slow hash, so that passwords cannot be brute-forced from a client ID in a broker's log."""
     return scrypt(secret, salt=b"NeNa client id", n=2**14, r=8, p=1, dklen=32)

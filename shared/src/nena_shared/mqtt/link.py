@@ -418,9 +418,9 @@ class MqttLink:
         elif message.topic in self.state.set_aside:
             self._drop_set_aside(message)
         elif session and not session.first and not self._outbox and self._may_send(session, message):
-            self._send(session, message)
+            self._send_message(session, message)
         elif session or message.keep:
-            self._queue(message)
+            self._queue_message(message)
         else:
             self.state.dropped += 1
 
@@ -432,7 +432,7 @@ class MqttLink:
             connects = self.state.connects
             await self._begin_term()
             try:
-                await self._serve()
+                await self._serve_connection()
             except (MqttError, OSError, UnicodeError, ConfigurationError) as error:
                 self._log_failure(error, lost=self.state.connects > connects)
             end_if_cancelled()
@@ -483,22 +483,22 @@ class MqttLink:
             self._drop_waiting()
             self.state.term = term
 
-    async def _serve(self) -> None:
+    async def _serve_connection(self) -> None:
         async with self._make_client() as client:
             end_if_cancelled()
             session = _Session(client)
             self._connecting = True
             watching = asyncio.create_task(self._watch_term(client), name="watch the term")
             try:
-                await self._begin(session)
+                await self._begin_session(session)
                 end_if_cancelled()
-                await client.receive(self._receive)
+                await client.receive(self._handle_message)
             except MqttError:
-                self._suspect(session)
+                self._find_harmful_message(session)
                 raise
             finally:
                 watching.cancel()
-                self._end(session)
+                self._end_session(session)
 
     async def _watch_term(self, client: Client) -> None:
         """Close the connection at the end of the term, even if nothing is written."""
@@ -522,7 +522,7 @@ class MqttLink:
             may_write=self._may_write,
         )
 
-    async def _begin(self, session: _Session) -> None:
+    async def _begin_session(self, session: _Session) -> None:
         """Publish the first messages, subscribe, then publish the waiting messages."""
         for first in self._hooks.on_connected():
             if first.topic in self.state.set_aside:
@@ -532,7 +532,7 @@ class MqttLink:
             self._send_waiting(session)  # before the next one is made
             await session.client.wait_until(lambda: session.has_room)
         self.state.refused, self.state.refused_names = (), frozenset()
-        await self._subscribe(session)
+        await self._send_subscriptions(session)
         self._session = session
         self.state.connected = True
         self.state.connects += 1
@@ -541,7 +541,7 @@ class MqttLink:
         log.info("broker connected", host=self._settings.host, port=self._settings.port)
         self._connecting = False
         later = asyncio.get_running_loop().call_later
-        later(STABLE_AFTER, self._trust, session)
+        later(STABLE_AFTER, self._trust_session, session)
         if self._suspects:
             later(SUSPECTED_FOR, self._clear_suspects, session)
         self._send_waiting(session)
@@ -549,7 +549,7 @@ class MqttLink:
         if self._names:
             self._subscribe_late(session)
 
-    async def _subscribe(self, session: _Session) -> None:
+    async def _send_subscriptions(self, session: _Session) -> None:
         """Send all subscriptions not sent yet, including those added meanwhile."""
         if session.subscribed == len(self._subscriptions):
             return
@@ -591,7 +591,7 @@ class MqttLink:
 
     async def _try_to_subscribe(self, session: _Session) -> None:
         try:
-            await self._subscribe(session)
+            await self._send_subscriptions(session)
             await self._subscribe_by_name(session)
         except MqttError as error:
             log.warning("no answer to new subscriptions, reconnecting", reason=str(error))
@@ -623,9 +623,9 @@ class MqttLink:
                     number=len(refused),
                 )
                 self.state.refused_names |= frozenset(refused)
-            await self._subscribe(session)  # what was added meanwhile
+            await self._send_subscriptions(session)  # what was added meanwhile
 
-    def _end(self, session: _Session) -> None:
+    def _end_session(self, session: _Session) -> None:
         """Requeue unacknowledged messages, in order, before the waiting ones."""
         in_flight = (message for message, _ in session.deliveries.values())
         unsent = [*in_flight, *session.first, *self._outbox]
@@ -640,7 +640,7 @@ class MqttLink:
             if message.topic in self.state.set_aside:
                 self._drop_set_aside(message)
             elif message.keep and self._may_write():
-                self._queue(message)
+                self._queue_message(message)
             else:
                 self.state.dropped += 1
         if self._session is session:
@@ -648,7 +648,7 @@ class MqttLink:
             self.state.connected = False
             self._hooks.on_lost()
 
-    def _suspect(self, session: _Session) -> None:
+    def _find_harmful_message(self, session: _Session) -> None:
         """Find out whether the connection has ended because of a message."""
         if self._silence or not session.client.closed_by_broker or not self._may_write():
             return  # the broker has not ended it
@@ -685,7 +685,7 @@ class MqttLink:
         self.state.set_aside[message.topic] += 1
         self.state.dropped += 1
 
-    def _receive(self, inbound: Inbound) -> None:
+    def _handle_message(self, inbound: Inbound) -> None:
         self.state.received += 1
         for handler in self._handlers(inbound.topic):
             try:
@@ -706,7 +706,7 @@ class MqttLink:
         self.state.dropped += len(self._outbox)
         self._outbox.clear()
 
-    def _queue(self, message: Outbound) -> None:
+    def _queue_message(self, message: Outbound) -> None:
         dropped = self._outbox.add(message)
         if dropped is None:
             return
@@ -731,7 +731,7 @@ class MqttLink:
             return ready and (session.stable or not self._suspects.near_refusal(message.topic))
         return session.has_room and not session.alone
 
-    def _send(self, session: _Session, message: Outbound) -> None:
+    def _send_message(self, session: _Session, message: Outbound) -> None:
         session.sent += 1
         number = session.sent
         now = monotonic()
@@ -739,7 +739,7 @@ class MqttLink:
         if self._suspects and message.qos == 0:
             message = replace(message, qos=1)  # the acknowledgement shows that the broker accepts it
         try:
-            session.client.send(message, partial(self._confirmed, session, number))
+            session.client.send(message, partial(self._confirm_delivery, session, number))
         except MqttError:
             return  # the connection is about to end, which requeues `deliveries`
         except ValueError as error:
@@ -753,7 +753,7 @@ class MqttLink:
             session.alone = number
             asyncio.get_running_loop().call_later(SOON, self._waited_for_end, session, number)
 
-    def _confirmed(self, session: _Session, number: int) -> None:
+    def _confirm_delivery(self, session: _Session, number: int) -> None:
         delivery = session.deliveries.pop(number, None)
         if delivery is None:
             return  # it was requeued
@@ -771,7 +771,7 @@ class MqttLink:
             session.alone = 0
             self._clear_suspects(session)
 
-    def _trust(self, session: _Session) -> None:
+    def _trust_session(self, session: _Session) -> None:
         session.stable = True
         self._send_waiting(session)
 
@@ -787,7 +787,7 @@ class MqttLink:
             first = session.first[0] if session.first else next(iter(self._outbox))
             if not self._may_send(session, first):
                 return
-            self._send(session, session.first.popleft() if session.first else self._outbox.pop())
+            self._send_message(session, session.first.popleft() if session.first else self._outbox.pop())
 
     def _log_suspicion(self) -> None:
         log.error(

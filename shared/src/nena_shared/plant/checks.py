@@ -53,11 +53,11 @@ def disconnected_points(model: PlantModel) -> tuple[str, ...]:
     if not names:
         return ()
     start = max(names, key=lambda name: min(len(forward[name]), len(backward[name])))
-    connected = _reachable(start, forward) & _reachable(start, backward)
+    connected = _reachable_from(start, forward) & _reachable_from(start, backward)
     return tuple(name for name in names if name not in connected)
 
 
-def _reachable(start: str, neighbours: Mapping[str, list[str]]) -> set[str]:
+def _reachable_from(start: str, neighbours: Mapping[str, list[str]]) -> set[str]:
     seen = {start}
     waiting = deque([start])
     while waiting:
@@ -121,13 +121,13 @@ def find_property_warnings(model: PlantModel) -> Iterator[PlantProblem]:
     """Yield suspicious properties of all objects, and a missing recharge operation."""
     for kind, name, properties in _all_properties(model):
         for key, value in properties.items():
-            for code, text in _findings(model, key, value):
+            for code, text in _check_property(model, key, value):
                 yield PlantProblem(code, kind, name, text)
     if model.vehicles:
-        yield from _recharging(model)
+        yield from _check_recharging(model)
 
 
-def _recharging(model: PlantModel) -> Iterator[PlantProblem]:
+def _check_recharging(model: PlantModel) -> Iterator[PlantProblem]:
     operations = {operation for each in model.location_types for operation in each.allowed_operations}
     if RECHARGE_OPERATION not in operations:
         similar = sorted(each for each in operations if each.casefold() == RECHARGE_OPERATION.casefold())
@@ -146,7 +146,7 @@ def _all_properties(model: PlantModel) -> Iterator[tuple[ObjectKind, str, Mappin
     yield from ((ObjectKind.VEHICLE, vehicle.name, vehicle.properties) for vehicle in model.vehicles)
 
 
-def _findings(model: PlantModel, key: str, value: str) -> Iterator[tuple[str, str]]:
+def _check_property(model: PlantModel, key: str, value: str) -> Iterator[tuple[str, str]]:
     if meant := _intended_key(key):
         yield "MISSPELT_PROPERTY", f"unknown property {key!r}; did you mean {meant!r}?"
     if not value.strip():
@@ -187,7 +187,7 @@ def _is_number(value: str) -> bool:
 _NAMES_SHOWN = 10
 
 
-def _names(model: PlantModel) -> Iterator[tuple[ObjectKind, str]]:
+def _all_names(model: PlantModel) -> Iterator[tuple[ObjectKind, str]]:
     yield from ((ObjectKind.POINT, point.name) for point in model.points)
     yield from ((ObjectKind.PATH, path.name) for path in model.paths)
     yield from ((ObjectKind.LOCATION_TYPE, location_type.name) for location_type in model.location_types)
@@ -197,8 +197,8 @@ def _names(model: PlantModel) -> Iterator[tuple[ObjectKind, str]]:
 
 
 def _name_errors(model: PlantModel) -> Iterator[PlantProblem]:
-    times = Counter(name for _, name in _names(model))
-    for kind, name in dict.fromkeys(_names(model)):
+    times = Counter(name for _, name in _all_names(model))
+    for kind, name in dict.fromkeys(_all_names(model)):
         if times[name] > 1:
             text = f"{times[name]} objects have this name; rename all but one, even if their kinds differ"
             yield PlantProblem("DUPLICATE_NAME", kind, name, text)
@@ -212,16 +212,18 @@ def _reference_errors(model: PlantModel) -> Iterator[PlantProblem]:
     for path in model.paths:
         for end in (path.source, path.destination):
             if end not in model.points_by_name:
-                yield _dangling(ObjectKind.PATH, path.name, ObjectKind.POINT, end)
+                yield _dangling_reference(ObjectKind.PATH, path.name, ObjectKind.POINT, end)
         for operation in path.peripheral_operations:
             if operation.location not in model.locations_by_name:
-                yield _dangling(ObjectKind.PATH, path.name, ObjectKind.LOCATION, operation.location)
+                yield _dangling_reference(ObjectKind.PATH, path.name, ObjectKind.LOCATION, operation.location)
     for location in model.locations:
         if location.type not in model.location_types_by_name:
-            yield _dangling(ObjectKind.LOCATION, location.name, ObjectKind.LOCATION_TYPE, location.type)
+            yield _dangling_reference(
+                ObjectKind.LOCATION, location.name, ObjectKind.LOCATION_TYPE, location.type
+            )
         for link in location.links:
             if link.point not in model.points_by_name:
-                yield _dangling(ObjectKind.LOCATION, location.name, ObjectKind.POINT, link.point)
+                yield _dangling_reference(ObjectKind.LOCATION, location.name, ObjectKind.POINT, link.point)
 
 
 def _member_errors(model: PlantModel) -> Iterator[PlantProblem]:
@@ -243,12 +245,12 @@ def _transform_errors(model: PlantModel) -> Iterator[PlantProblem]:
             yield PlantProblem("BAD_VALUE", ObjectKind.MODEL, model.name, problem)
 
 
-def _dangling(kind: ObjectKind, name: str, wanted: ObjectKind, reference: str) -> PlantProblem:
+def _dangling_reference(kind: ObjectKind, name: str, wanted: ObjectKind, reference: str) -> PlantProblem:
     return PlantProblem("UNKNOWN_REFERENCE", kind, name, f"refers to unknown {wanted} {reference!r}")
 
 
 def _name_warnings(model: PlantModel) -> Iterator[PlantProblem]:
-    for kind, name in _names(model):
+    for kind, name in _all_names(model):
         if name != name.strip() or not name.isprintable():
             text = "the name has leading or trailing spaces or invisible characters; it is kept unchanged"
             yield PlantProblem("SUSPICIOUS_NAME", kind, name, text)

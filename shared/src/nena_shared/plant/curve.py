@@ -42,13 +42,13 @@ def places(trajectory: PathTrajectory, samples: int = _SAMPLES) -> tuple[Place, 
     """Return ``samples`` + 1 points along a valid curve, including both ends."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     first, last = knots[degree], knots[-degree - 1]
-    return tuple(_place(trajectory, first + (last - first) * i / samples) for i in range(samples + 1))
+    return tuple(_place_at(trajectory, first + (last - first) * i / samples) for i in range(samples + 1))
 
 
 def steps(trajectory: PathTrajectory, longest: float) -> tuple[Place, ...]:
     """Return points along a valid curve, including both ends, at most ``longest`` m apart."""
     knots, degree = trajectory.knot_vector, trajectory.degree
-    found = [_place(trajectory, knots[degree])]
+    found = [_place_at(trajectory, knots[degree])]
     for low, high in pairwise(sorted(set(knots[degree : len(knots) - degree]))):
         cuts = [low + (high - low) * i / (_PARTS * degree) for i in range(1, _PARTS * degree)]
         for before, after in pairwise((low, *cuts, high)):
@@ -63,7 +63,7 @@ def _add_steps(
     waiting = [part]
     while waiting:
         low, high = waiting.pop()
-        middle, end = (low + high) / 2, _place(trajectory, high)
+        middle, end = (low + high) / 2, _place_at(trajectory, high)
         if hypot(end[0] - found[-1][0], end[1] - found[-1][1]) <= longest or not low < middle < high:
             found.append(end)
         else:
@@ -90,7 +90,7 @@ def is_cubic_bezier(trajectory: PathTrajectory) -> bool:
     return (trajectory.degree, trajectory.knot_vector) == (3, CUBIC_BEZIER_KNOTS) and len(weights) == 1
 
 
-def _place(trajectory: PathTrajectory, at: float) -> Place:
+def _place_at(trajectory: PathTrajectory, at: float) -> Place:
     """Return the point at parameter ``at``, by de Boor's algorithm for rational curves."""
     knots, degree = trajectory.knot_vector, trajectory.degree
     last = bisect_left(knots, knots[-degree - 1]) - 1

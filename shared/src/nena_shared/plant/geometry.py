@@ -154,29 +154,29 @@ class PlanarIndex(Generic[T]):
         self._cells: dict[tuple[int, int], list[int]] = {}
         self._large: list[int] = []
         for index, (box, _) in enumerate(self._items):
-            columns, rows = self._span(box)
+            columns, rows = self._cells_of_box(box)
             if len(columns) * len(rows) > MOST_CELLS_OF_ONE:
                 self._large.append(index)
                 continue
             for column in columns:
                 for row in rows:
                     self._cells.setdefault((column, row), []).append(index)
-        self._columns = _range([column for column, _ in self._cells])
-        self._rows = _range([row for _, row in self._cells])
+        self._columns = _covering_range([column for column, _ in self._cells])
+        self._rows = _covering_range([row for _, row in self._cells])
 
     def near(self, x: float, y: float, reach: float) -> list[T]:
         """Return all items with boxes nearer to the position than ``reach``, in order, and perhaps others."""
-        columns, rows = self._span(Box(x - reach, y - reach, x + reach, y + reach))
+        columns, rows = self._cells_of_box(Box(x - reach, y - reach, x + reach, y + reach))
         found = set(self._large)
-        for column in _overlap(columns, self._columns):
-            for row in _overlap(rows, self._rows):
+        for column in _range_overlap(columns, self._columns):
+            for row in _range_overlap(rows, self._rows):
                 found.update(self._cells.get((column, row), ()))
         return [self._items[index][1] for index in sorted(found)]
 
     def nearest(self, x: float, y: float) -> T | None:
         """Return the item nearest to the position, the first of several; None if the index is empty."""
         best, least = -1, inf
-        for ring, indices in enumerate(self._rings(x, y)):
+        for ring, indices in enumerate(self._rings_around(x, y)):
             if least < (ring - 1) * self._cell:
                 break
             for index in indices:
@@ -186,11 +186,11 @@ class PlanarIndex(Generic[T]):
                     best, least = index, distance
         return self._items[best][1] if best >= 0 else None
 
-    def _span(self, box: Box) -> tuple[range, range]:
+    def _cells_of_box(self, box: Box) -> tuple[range, range]:
         columns = range(floor(box.x_min / self._cell), floor(box.x_max / self._cell) + 1)
         return columns, range(floor(box.y_min / self._cell), floor(box.y_max / self._cell) + 1)
 
-    def _rings(self, x: float, y: float) -> Iterator[Iterable[int]]:
+    def _rings_around(self, x: float, y: float) -> Iterator[Iterable[int]]:
         """Yield the items ring by ring, starting with the cell nearest to the position."""
         if not self._cells:
             return
@@ -199,7 +199,7 @@ class PlanarIndex(Generic[T]):
         for ring in range(max(len(self._columns), len(self._rows))):
             yield [
                 index
-                for cell in _ring(column, row, ring, self._columns, self._rows)
+                for cell in _cells_of_ring(column, row, ring, self._columns, self._rows)
                 for index in self._cells.get(cell, ())
             ]
 
@@ -215,23 +215,25 @@ def _cell_of(boxes: list[Box]) -> float:
     return float(ceil((square / len(boxes)) ** 0.5)) or 1.0
 
 
-def _range(numbers: list[int]) -> range:
+def _covering_range(numbers: list[int]) -> range:
     return range(min(numbers), max(numbers) + 1) if numbers else range(0)
 
 
-def _overlap(one: range, other: range) -> range:
+def _range_overlap(one: range, other: range) -> range:
     return range(max(one.start, other.start), min(one.stop, other.stop))
 
 
-def _ring(column: int, row: int, ring: int, columns: range, rows: range) -> Iterator[tuple[int, int]]:
+def _cells_of_ring(
+    column: int, row: int, ring: int, columns: range, rows: range
+) -> Iterator[tuple[int, int]]:
     """Yield the existing cells at a distance of exactly ``ring`` cells."""
     left, right, low, high = column - ring, column + ring, row - ring, row + ring
-    for each in _overlap(range(left, right + 1), columns):
+    for each in _range_overlap(range(left, right + 1), columns):
         if low in rows:
             yield each, low
         if high in rows and ring:
             yield each, high
-    for each in _overlap(range(low + 1, high), rows):
+    for each in _range_overlap(range(low + 1, high), rows):
         if left in columns:
             yield left, each
         if right in columns:

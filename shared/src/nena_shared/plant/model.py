@@ -331,23 +331,23 @@ class PlantModel(PlantRecord):
 
     def point(self, name: str) -> Point:
         """Return the point of this name. Raises UnknownObjectError."""
-        return _known(self.points_by_name, ObjectKind.POINT, name)
+        return _known_object(self.points_by_name, ObjectKind.POINT, name)
 
     def path(self, name: str) -> Path:
         """Return the path of this name. Raises UnknownObjectError."""
-        return _known(self.paths_by_name, ObjectKind.PATH, name)
+        return _known_object(self.paths_by_name, ObjectKind.PATH, name)
 
     def location(self, name: str) -> Location:
         """Return the location of this name. Raises UnknownObjectError."""
-        return _known(self.locations_by_name, ObjectKind.LOCATION, name)
+        return _known_object(self.locations_by_name, ObjectKind.LOCATION, name)
 
     def location_type(self, name: str) -> LocationType:
         """Return the location type of this name. Raises UnknownObjectError."""
-        return _known(self.location_types_by_name, ObjectKind.LOCATION_TYPE, name)
+        return _known_object(self.location_types_by_name, ObjectKind.LOCATION_TYPE, name)
 
     def vehicle(self, name: str) -> Vehicle:
         """Return the vehicle of this name. Raises UnknownObjectError."""
-        return _known(self.vehicles_by_name, ObjectKind.VEHICLE, name)
+        return _known_object(self.vehicles_by_name, ObjectKind.VEHICLE, name)
 
     def edges(self) -> Iterator[DirectedEdge]:
         """Yield every drivable direction of every path, including locked ones, in the order of the paths."""
@@ -374,7 +374,7 @@ class PlantModel(PlantRecord):
         )
 
 
-def _known(objects: Mapping[str, T], kind: ObjectKind, name: str) -> T:
+def _known_object(objects: Mapping[str, T], kind: ObjectKind, name: str) -> T:
     try:
         return objects[name]
     except KeyError:

@@ -185,12 +185,12 @@ class DeviationBounds(PlantRecord):
 
     def ellipse(self, wanted: float) -> tuple[float, float]:
         """Return the semi-axes a and b, m: the values within the bounds that are closest to ``wanted``."""
-        b = _within(wanted, self.b_minimum, self.b_maximum)
-        a = _within(max(wanted, b), self.a_minimum, self.a_maximum)
+        b = _limit_to(wanted, self.b_minimum, self.b_maximum)
+        a = _limit_to(max(wanted, b), self.a_minimum, self.a_maximum)
         return a, min(a, b)
 
 
-def _within(value: float, least: float | None, most: float | None) -> float:
+def _limit_to(value: float, least: float | None, most: float | None) -> float:
     return max(least or 0.0, value if most is None else min(value, most))
 
 

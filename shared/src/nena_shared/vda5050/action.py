@@ -51,14 +51,14 @@ class ActionStatus(StrEnum):
         return self in (ActionStatus.FINISHED, ActionStatus.FAILED)
 
 
-def _sendable(value: JsonValue) -> JsonValue:
+def _check_sendable(value: JsonValue) -> JsonValue:
     if value is None:
         message = "null is not a parameter value; omit the parameter"
         raise ValueError(message)
     return finite(value)
 
 
-ParameterValue = Annotated[JsonValue, AfterValidator(_sendable)]
+ParameterValue = Annotated[JsonValue, AfterValidator(_check_sendable)]
 """Any JSON value except null, NaN and infinity."""
 
 

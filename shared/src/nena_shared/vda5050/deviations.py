@@ -43,8 +43,8 @@ class Deviations:
             label = (f"{topic}.{repair.field}", repair.kind.value)
             known = label in self._totals or len(self._totals) < LABELS_LIMIT
             self._totals[label if known else (OTHER, repair.kind.value)] += 1
-        new = self._keep(robot, topic, repairs)
-        self._log(robot, topic, repairs)
+        new = self._keep_new(robot, topic, repairs)
+        self._log_repairs(robot, topic, repairs)
         return new
 
     def note_message(self, topic: str, repairs: tuple[Repair, ...]) -> None:
@@ -62,7 +62,7 @@ class Deviations:
         """Number of repairs by topic with field, and kind."""
         return self._totals
 
-    def _keep(self, robot: RobotKey, topic: str, repairs: tuple[Repair, ...]) -> bool:
+    def _keep_new(self, robot: RobotKey, topic: str, repairs: tuple[Repair, ...]) -> bool:
         kept = self._robots.get(robot)
         if kept is None:
             if len(self._robots) >= ROBOTS_LIMIT:
@@ -75,7 +75,7 @@ class Deviations:
                 kept.setdefault((field, repair.kind), repair._replace(field=field))
         return len(kept) > before
 
-    def _log(self, robot: RobotKey, topic: str, repairs: tuple[Repair, ...]) -> None:
+    def _log_repairs(self, robot: RobotKey, topic: str, repairs: tuple[Repair, ...]) -> None:
         now, last = self._clock.monotonic(), self._logged_at.get(robot)
         if robot not in self._robots or (last is not None and now - last < LOGGED_EACH):
             return

@@ -118,13 +118,13 @@ def error(
         error_description=description,
         error_hint=hint,
         error_references=tuple(
-            ErrorReference(reference_key=_camel(key), reference_value=str(value))
+            ErrorReference(reference_key=_camel_case(key), reference_value=str(value))
             for key, value in references.items()
             if value is not None
         ),
     )
 
 
-def _camel(name: str) -> str:
+def _camel_case(name: str) -> str:
     first, *rest = name.split("_")
     return first + "".join(part.capitalize() for part in rest)

@@ -10,10 +10,10 @@ from nena_shared.vda5050.order import Order
 
 def violations(order: Order) -> tuple[str, ...]:
     """Return a sentence for each rule that ``order`` violates; empty for a valid graph (section 6.1.1)."""
-    return tuple(_violations(order))
+    return tuple(_violations_of(order))
 
 
-def _violations(order: Order) -> Iterator[str]:
+def _violations_of(order: Order) -> Iterator[str]:
     nodes, edges = order.nodes, order.edges
     if not nodes:
         yield "an order has at least one node"

@@ -37,7 +37,7 @@ Report = Callable[[str, tuple[Repair, ...]], None]
 """Receives the topic of a message that deviates from the standard, and its repairs."""
 
 
-def _ignore(_topic: str, _repairs: tuple[Repair, ...]) -> None:
+def _ignore_repairs(_topic: str, _repairs: tuple[Repair, ...]) -> None:
     pass
 
 
@@ -71,7 +71,7 @@ class MessageReader:
     rejects it.
     """
 
-    def __init__(self, report: Report = _ignore, *, strict: bool = False) -> None:
+    def __init__(self, report: Report = _ignore_repairs, *, strict: bool = False) -> None:
         load_codecs()
         self._report = report
         self._strict = strict
@@ -94,7 +94,7 @@ class MessageReader:
                 return message
         if known is not None:
             try:
-                message = _read(kind, known.codec, payload)
+                message = _read_strictly(kind, known.codec, payload)
             except MalformedMessageError:
                 pass  # its version may have changed
             else:
@@ -107,7 +107,7 @@ class MessageReader:
         """Read a message whose version is not known yet or has changed."""
         codec = reader_of(payload, major_version)
         try:
-            message = _read(kind, codec, payload)
+            message = _read_strictly(kind, codec, payload)
         except MalformedMessageError:
             repaired = None
             if not self._strict:
@@ -115,7 +115,7 @@ class MessageReader:
             if repaired is None:
                 raise
             return repaired
-        self._learn(topic, _KnownReader(message.version, codec, EVERYWHERE))
+        self._learn_repairs(topic, _KnownReader(message.version, codec, EVERYWHERE))
         return message
 
     def _repaired(
@@ -133,7 +133,7 @@ class MessageReader:
             return None
         try:
             text = without_mark(payload, found)
-            content = parse_members(text, _members(only)) if only else parse(text)
+            content = parse_members(text, _members_read_for(only)) if only else parse(text)
             if not isinstance(content, dict):
                 return None
             codec = reader_for(version_number(content.get("version")), major_version)
@@ -172,9 +172,9 @@ class MessageReader:
                 known.note(paths)
                 return
             paths |= known.deviations
-        self._learn(topic, _KnownReader(version, codec, paths))
+        self._learn_repairs(topic, _KnownReader(version, codec, paths))
 
-    def _learn(self, topic: str, known: _KnownReader) -> None:
+    def _learn_repairs(self, topic: str, known: _KnownReader) -> None:
         if topic not in self._known and len(self._known) >= TOPICS_REMEMBERED:
             self._known.clear()
         before = self._known.get(topic)
@@ -183,7 +183,7 @@ class MessageReader:
             self._report(topic, (unknown,))
 
 
-def _read(kind: type[M], codec: Codec, payload: bytes) -> M:
+def _read_strictly(kind: type[M], codec: Codec, payload: bytes) -> M:
     """Read a message strictly, in the version of ``codec``."""
     return read_record(kind, codec, payload) if kind in RECORDED else codec.decode(kind, payload)
 
@@ -200,7 +200,7 @@ def _read_by_topic(content: dict[str, Any], codec: Codec, found: Repairs) -> Non
 
 
 @lru_cache(maxsize=10_000)
-def _members(paths: frozenset[str]) -> frozenset[str]:
+def _members_read_for(paths: frozenset[str]) -> frozenset[str]:
     """Return the members of a message that a repair of the fields at ``paths`` reads."""
     return frozenset(path.partition(".")[0] for path in paths) | {"version", "orderId"}
 
@@ -238,7 +238,7 @@ def _read_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | 
         if record is not None:
             return record
         again = written(content)
-    return None if again is None else _read(kind, codec, again)
+    return None if again is None else _read_strictly(kind, codec, again)
 
 
 def _unknown_version(known: _KnownReader) -> Repair | None:

@@ -46,7 +46,7 @@ def read_record(kind: type[R], codec: Codec, payload: bytes) -> R:
     Raises:
         MalformedMessageError: the codec rejects the message.
     """
-    record = _decoded(kind, codec, payload)
+    record = _decode_record(kind, codec, payload)
     return codec.decode(kind, payload) if record is None else record
 
 
@@ -93,7 +93,7 @@ def record_of(kind: type[R], codec: Codec, content: dict[str, Any]) -> R | None:
     if form is None:
         return None
     try:
-        return _of_major(codec, cast("R", convert(content, _struct(form))))
+        return _of_major(codec, cast("R", convert(content, _struct_of(form))))
     except (ValidationError, RecursionError):
         return None
 
@@ -106,14 +106,14 @@ def changed(message: R, **values: object) -> R:
     return message.model_copy(update=values)
 
 
-def _decoded(kind: type[R], codec: Codec, payload: bytes) -> R | None:
+def _decode_record(kind: type[R], codec: Codec, payload: bytes) -> R | None:
     form = codec.forms.get(kind)
     if form is None or len(payload) > MAXIMUM_PAYLOAD:
         return None
     try:
         if not payload.isascii():
             payload.decode()  # msgspec does not validate UTF-8 in skipped fields
-        return _of_major(codec, cast("R", _decoder(form).decode(payload)))
+        return _of_major(codec, cast("R", _decoder_of(form).decode(payload)))
     except (DecodeError, UnicodeDecodeError, RecursionError):
         return None
 
@@ -123,12 +123,12 @@ def _of_major(codec: Codec, record: R) -> R | None:
 
 
 @cache
-def _decoder(form: type[Header]) -> Decoder[Any]:
-    return Decoder(_struct(form))
+def _decoder_of(form: type[Header]) -> Decoder[Any]:
+    return Decoder(_struct_of(form))
 
 
 @cache
-def _struct(form: type[WireObject]) -> type[Any]:
+def _struct_of(form: type[WireObject]) -> type[Any]:
     """Derive the struct of a form. Fields that the version lacks become class constants."""
     read = fields_of(form)
     names = {each.name for each in read}
@@ -138,10 +138,11 @@ def _struct(form: type[WireObject]) -> type[Any]:
         if name not in names
     }
     if form.finish_record is not WireObject.finish_record:
-        namespace["__post_init__"] = _finisher(form)
+        namespace["__post_init__"] = _finisher_of(form)
     return defstruct(
         form.__name__,
-        [_member(form, each) for each in read] + [other for each in read for other in _other_names(each)],
+        [_struct_member(form, each) for each in read]
+        + [other for each in read for other in _other_names(each)],
         namespace=namespace,
         module=form.__module__,
         frozen=True,
@@ -150,7 +151,7 @@ def _struct(form: type[WireObject]) -> type[Any]:
     )
 
 
-def _finisher(form: type[WireObject]) -> Callable[[Any], None]:
+def _finisher_of(form: type[WireObject]) -> Callable[[Any], None]:
     finish = form.finish_record
 
     def post_init(record: Any) -> None:  # noqa: ANN401 - a struct
@@ -160,7 +161,7 @@ def _finisher(form: type[WireObject]) -> Callable[[Any], None]:
     return post_init
 
 
-def _member(form: type[WireObject], each: Field) -> tuple[str, Any, Any]:
+def _struct_member(form: type[WireObject], each: Field) -> tuple[str, Any, Any]:
     """Return a field as msgspec defines it."""
     kind = _type_of(each.shape)
     info = form.model_fields[each.name]
@@ -184,13 +185,13 @@ def _type_of(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
     if shape.kind is tuple:
         return GenericAlias(tuple, (_type_of(shape.item or Shape(object)), ...))
     if issubclass(shape.kind, WireObject):
-        return _struct(shape.kind)
+        return _struct_of(shape.kind)
     if issubclass(shape.kind, StrEnum):
         return shape.kind
-    return _limited(shape)
+    return _limited_type(shape)
 
 
-def _limited(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
+def _limited_type(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
     kind: Any = shape.kind
     if kind is datetime:
         return Annotated[datetime, Meta(tz=True)]
@@ -201,11 +202,11 @@ def _limited(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
             given = ({} if "gt" in given else {"ge": -float_info.max}) | {"le": float_info.max} | given
         return Annotated[kind, Meta(**given)] if given else kind
     if kind is str:
-        return Annotated[str, Meta(max_length=shape.longest, pattern=_pattern(shape))]
+        return Annotated[str, Meta(max_length=shape.longest, pattern=_pattern_of(shape))]
     return kind
 
 
-def _pattern(shape: Shape) -> str | None:
+def _pattern_of(shape: Shape) -> str | None:
     """Return the pattern of a text: that of its field, without the field's older names."""
     if shape.names:
         return rf"^(?!(?:{'|'.join(map(re.escape, shape.names))})\Z)"

@@ -216,25 +216,25 @@ def repairs_of(found: Repairs) -> tuple[Repair, ...]:
 
 def version_number(value: object) -> str | None:
     """Complete a version number of a robot (``2.1``, ``v2.1.0``, 2.1); None if it is not one."""
-    return _completed(str(value)) if isinstance(value, str | int | float) else None
+    return _complete_version(str(value)) if isinstance(value, str | int | float) else None
 
 
 @lru_cache(maxsize=100)
-def _completed(text: str) -> str | None:
+def _complete_version(text: str) -> str | None:
     written = _VERSION.fullmatch(text)
     return ".".join(str(int(part or "0")) for part in written.groups()) if written else None
 
 
 def _repair_version(form: type[Header], content: dict[str, Any], found: Repairs, version: str) -> None:
     stated = content.get("version")
-    if ("version" in content or "version" in _required(form)) and not _is_version(stated):
+    if ("version" in content or "version" in _required_fields(form)) and not _is_version(stated):
         content["version"] = version_number(stated) or version
         found["version", RepairKind.VERSION_NUMBER] = quoted(stated)
 
 
 def _repair_timestamp(form: type[Header], content: dict[str, Any], found: Repairs, now: datetime) -> None:
     time = content.get("timestamp")
-    if ("timestamp" in content or "timestamp" in _required(form)) and not _is_time(time):
+    if ("timestamp" in content or "timestamp" in _required_fields(form)) and not _is_time(time):
         unix_time = _unix_time(time)
         content["timestamp"] = iso(unix_time or now)
         kind = RepairKind.TIME_OF_ARRIVAL if unix_time is None else RepairKind.UNIX_TIME
@@ -243,7 +243,7 @@ def _repair_timestamp(form: type[Header], content: dict[str, Any], found: Repair
 
 def _unix_time(value: object) -> datetime | None:
     """Return the time that a Unix time of 10 digits (seconds) or 13 digits (milliseconds) means."""
-    number = _number(value) if isinstance(value, str) else value
+    number = _parse_number(value) if isinstance(value, str) else value
     if isinstance(number, bool) or not isinstance(number, int | float):
         return None
     for unit in (1, 1000):
@@ -253,7 +253,7 @@ def _unix_time(value: object) -> datetime | None:
 
 
 @cache
-def _required(form: type[Header]) -> frozenset[str]:
+def _required_fields(form: type[Header]) -> frozenset[str]:
     return frozenset(field.name for field in fields_of(form) if field.required)
 
 
@@ -262,7 +262,7 @@ def _is_version(value: object) -> bool:
 
 
 def _is_time(value: object) -> bool:
-    if not isinstance(value, str) or _number(value) is not None:
+    if not isinstance(value, str) or _parse_number(value) is not None:
         return False
     try:
         _TIME.validate_json(to_json(value), strict=True)
@@ -337,7 +337,7 @@ class _FieldRepair:
         value = content.get(name)
         if value is None:
             if self.field.required or (name in content and not self.field.nullable):
-                self._replace(content, name, found, given=name in content)
+                self._replace_missing(content, name, found, given=name in content)
             return
         if type(value) is self.plain:
             return
@@ -356,7 +356,7 @@ class _FieldRepair:
             if fixed is not value:
                 content[name] = fixed
 
-    def _replace(self, content: dict[str, Any], name: str, found: Repairs, *, given: bool) -> None:
+    def _replace_missing(self, content: dict[str, Any], name: str, found: Repairs, *, given: bool) -> None:
         """Set a value that is missing or null."""
         list_given_as_null = given and self.field.shape.kind is tuple
         if self.empty or list_given_as_null:
@@ -392,15 +392,15 @@ def _fix_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
         return _word_of(shape, at)
     if kind in (int, float):
         return _number_of(shape, at, scope)
-    simple: dict[type, _Fix] = {str: _text_of(shape, at), bool: _boolean_of(at), datetime: _moment}
-    return simple.get(kind, _anything)
+    simple: dict[type, _Fix] = {str: _text_of(shape, at), bool: _boolean_of(at), datetime: _read_time}
+    return simple.get(kind, _keep_value)
 
 
-def _anything(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
+def _keep_value(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
     return value
 
 
-def _moment(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
+def _read_time(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
     if not _is_time(value):
         raise _UnrepairableError
     return value
@@ -432,14 +432,14 @@ def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
 def _word_of(shape: Shape, at: str) -> _Fix:
     words = [*(each.value for each in shape.kind), *(shape.names or ())]  # type: ignore[attr-defined] # an enumeration
     accepted = frozenset(words)
-    by_letters = {_letters(word): word for word in reversed(words)}
+    by_letters = {_letters_of(word): word for word in reversed(words)}
 
     def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
         if type(value) is not str:
             raise _UnrepairableError
         if value in accepted:
             return value
-        word = by_letters.get(_letters(value))
+        word = by_letters.get(_letters_of(value))
         if word is None:
             raise _UnrepairableError
         found[at, RepairKind.LETTER_CASE] = quoted(value)
@@ -448,7 +448,7 @@ def _word_of(shape: Shape, at: str) -> _Fix:
     return fix
 
 
-def _letters(word: str) -> str:
+def _letters_of(word: str) -> str:
     """Return a word without case and separators."""
     return word.casefold().replace("_", "").replace("-", "").replace(" ", "")
 
@@ -488,7 +488,7 @@ def _number_of(shape: Shape, at: str, scope: Scope) -> _Fix:
     def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
         number = value
         if type(number) is str:
-            number = _number(number)
+            number = _parse_number(number)
             found_kind: RepairKind | None = RepairKind.TEXT_AS_NUMBER
         else:
             found_kind = None
@@ -519,7 +519,7 @@ def _is_finite(number: float) -> bool:
         return False
 
 
-def _number(text: str) -> float | int | None:
+def _parse_number(text: str) -> float | int | None:
     """Parse a number."""
     if "_" in text:
         return None  # only Python accepts such a number

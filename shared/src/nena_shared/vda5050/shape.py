@@ -53,17 +53,17 @@ class Field:
 @cache
 def fields_of(form: type[WireObject]) -> tuple[Field, ...]:
     """Return the fields that ``form`` reads."""
-    return tuple(_field(name, info) for name, info in form.model_fields.items() if not info.exclude)
+    return tuple(_field_of(name, info) for name, info in form.model_fields.items() if not info.exclude)
 
 
-def _field(name: str, info: FieldInfo) -> Field:
+def _field_of(name: str, info: FieldInfo) -> Field:
     hints = [info.annotation, *info.metadata]
     return Field(
         name=name,
         wire=tuple(_wire_names(name, info)),
-        shape=_shape(info.annotation, list(_flat(info.metadata))),
+        shape=_shape_of(info.annotation, list(_flatten_metadata(info.metadata))),
         required=info.is_required(),
-        nullable=type(None) in _members(hints[0]),
+        nullable=type(None) in _members_of(hints[0]),
     )
 
 
@@ -75,40 +75,40 @@ def _wire_names(name: str, info: FieldInfo) -> Iterator[str]:
         yield str(read)
 
 
-def _members(annotation: Any) -> tuple[Any, ...]:  # noqa: ANN401 - any type annotation
+def _members_of(annotation: Any) -> tuple[Any, ...]:  # noqa: ANN401 - any type annotation
     while get_origin(annotation) is Annotated:
         annotation = get_args(annotation)[0]
     return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
 
 
-def _flat(metadata: list[Any]) -> Iterator[Any]:
+def _flatten_metadata(metadata: list[Any]) -> Iterator[Any]:
     for each in metadata:
         if isinstance(each, FieldInfo):
-            yield from _flat(each.metadata)
+            yield from _flatten_metadata(each.metadata)
         else:
             yield each
 
 
-def _shape(annotation: Any, metadata: list[Any]) -> Shape:  # noqa: ANN401 - any type annotation
+def _shape_of(annotation: Any, metadata: list[Any]) -> Shape:  # noqa: ANN401 - any type annotation
     origin = get_origin(annotation)
     if origin is Annotated:
         inner, *more = get_args(annotation)
-        return _shape(inner, [*metadata, *_flat(more)])
+        return _shape_of(inner, [*metadata, *_flatten_metadata(more)])
     if origin in (Union, UnionType):
         kinds = [arg for arg in get_args(annotation) if arg is not type(None)]
-        return _shape(kinds[0], metadata) if len(kinds) == 1 else Shape(object)
+        return _shape_of(kinds[0], metadata) if len(kinds) == 1 else Shape(object)
     if any(isinstance(each, BeforeValidator) and not isinstance(each, Reads) for each in metadata):
         return Shape(object)  # read by the version's own code
     if origin is tuple:
-        return Shape(tuple, item=_shape(get_args(annotation)[0], []))
+        return Shape(tuple, item=_shape_of(get_args(annotation)[0], []))
     if isinstance(annotation, type) and issubclass(
         annotation, (str, int, float, datetime, StrEnum, WireObject)
     ):
-        return _limited(annotation, metadata)
+        return _limited_shape(annotation, metadata)
     return Shape(object)
 
 
-def _limited(kind: type, metadata: list[Any]) -> Shape:
+def _limited_shape(kind: type, metadata: list[Any]) -> Shape:
     found = {type(each): each for each in metadata}
     least, above, most, longest = found.get(Ge), found.get(Gt), found.get(Le), found.get(MaxLen)
     reads = found.get(Reads)

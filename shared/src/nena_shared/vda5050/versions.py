@@ -24,8 +24,8 @@ class _Codecs(Mapping[str, Codec]):
     """Codecs by version; each package is imported at its first use, because a robot only needs one."""
 
     def __init__(self, packages: Iterable[str]) -> None:
-        found = {_version(package): package for package in packages}
-        self._packages = {version: found[version] for version in sorted(found, key=_numbers)}
+        found = {_version_of(package): package for package in packages}
+        self._packages = {version: found[version] for version in sorted(found, key=_numbers_of)}
         self._loaded: dict[str, Codec] = {}
 
     def __getitem__(self, version: str) -> Codec:
@@ -67,13 +67,13 @@ def load_codecs() -> None:
         codec_for(version)
 
 
-def _version(package: str) -> str:
+def _version_of(package: str) -> str:
     """Return the version of a package such as ``v3_0`` or ``v3_0_1``."""
     numbers = package[1:].split("_")
     return ".".join([*numbers, "0"][:3])
 
 
-def _numbers(version: str) -> tuple[int, ...]:
+def _numbers_of(version: str) -> tuple[int, ...]:
     return tuple(map(int, version.split(".")))
 
 
@@ -159,8 +159,8 @@ def codec_of_header(payload: bytes) -> Codec | None:
 @lru_cache(maxsize=100)
 def nearest_codec(version: str) -> Codec | None:
     """Return the codec of this version, or of the nearest older one of the same major version."""
-    wanted = _numbers(version)
-    older = [codec for codec in CODECS if wanted[:1] <= _numbers(codec) <= wanted]
+    wanted = _numbers_of(version)
+    older = [codec for codec in CODECS if wanted[:1] <= _numbers_of(codec) <= wanted]
     return CODECS[older[-1]] if older else None
 
 

@@ -101,7 +101,7 @@ class AccessControl:
         """Forward a request, or answer 401, 403, 429 or 503."""
         if scope["type"] == "http":
             try:
-                scope.setdefault("state", {})["user"] = await self._authenticate(scope)
+                scope.setdefault("state", {})["user"] = await self._authenticate_request(scope)
             except Refused as error:
                 answer = refusal(error.status, error.detail, error.headers)
                 await answer(scope, receive, send)
@@ -114,17 +114,17 @@ class AccessControl:
     def _login_required(self) -> bool:
         return self.users is not None or self.oidc is not None
 
-    async def _authenticate(self, scope: Scope) -> KnownUser | None:
+    async def _authenticate_request(self, scope: Scope) -> KnownUser | None:
         address = scope["client"][0] if scope.get("client") else "unknown"
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(scope, cookies=self.cookies)
-        user = await self._who(token, address) if token and role else None
+        user = await self._user_of(token, address) if token and role else None
         self._check_rate(self._requests, f"user {user.known_as}" if user else f"address {address}")
         if not self._login_required or role is None:
             return user
         if user is None:
             detail = "Log in: send your token as `Authorization: Bearer TOKEN`."
-            raise _unknown(f"Unknown token. {detail}" if token else detail)
+            raise _unknown_user(f"Unknown token. {detail}" if token else detail)
         if user.role < role:
             detail = f"{user.name} is {user.role.name.lower()}; this requires the role {role.name.lower()}."
             raise Refused(HTTPStatus.FORBIDDEN, detail)
@@ -149,14 +149,14 @@ class AccessControl:
             return False
         return user is not None and (role is None or user.role >= role)
 
-    async def _who(self, token: str, address: str) -> KnownUser | None:
-        user = self._own(token) or await self._of_issuer(token, address)
+    async def _user_of(self, token: str, address: str) -> KnownUser | None:
+        user = self._own_user(token) or await self._of_issuer(token, address)
         if user is None and self._login_required:
             self._count_wrong(address)
             log.warning("unknown token", address=address)
         return user
 
-    def _own(self, token: str) -> User | None:
+    def _own_user(self, token: str) -> User | None:
         try:
             return self.users.user_of(token) if self.users else None
         except ConfigurationError as error:
@@ -173,7 +173,7 @@ class AccessControl:
             self._count_wrong(address)
             log.warning("invalid OIDC token", address=address, reason=str(error))
             detail = f"The token is not accepted: {error}. Sign in again."
-            raise _unknown(detail, "invalid_token") from error
+            raise _unknown_user(detail, "invalid_token") from error
         except NoRoleError as error:
             self._count_wrong(address)
             log.warning("user without a role", address=address, reason=str(error))
@@ -198,7 +198,7 @@ class AccessControl:
             raise Refused(HTTPStatus.TOO_MANY_REQUESTS, detail, **{"retry-after": str(ceil(seconds))})
 
 
-def _unknown(detail: str, error: str = "") -> Refused:
+def _unknown_user(detail: str, error: str = "") -> Refused:
     challenge = 'Bearer realm="NeNa"' + (f', error="{error}"' if error else "")
     return Refused(HTTPStatus.UNAUTHORIZED, detail, **{"www-authenticate": challenge})
 

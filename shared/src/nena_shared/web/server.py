@@ -86,7 +86,7 @@ class HttpConnection(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Wait for the first request."""
         super().connection_made(transport)
-        self._await("head")
+        self._start_timeout("head")
 
     def handle_events(self) -> None:
         """Read what has arrived, and wait for the rest of the head or body.
@@ -104,9 +104,9 @@ class HttpConnection(H11Protocol):
         else:
             super().handle_events()
         if self.conn.their_state is h11.IDLE:
-            self._await("head" if self.conn.trailing_data[0] else "next request")
+            self._start_timeout("head" if self.conn.trailing_data[0] else "next request")
         else:
-            self._await("body" if self.conn.their_state is h11.SEND_BODY else None)
+            self._start_timeout("body" if self.conn.their_state is h11.SEND_BODY else None)
 
     def _skip_late_body(self) -> None:
         """Read the rest of a body whose request is answered, so that the next head is checked like the first.
@@ -128,11 +128,11 @@ class HttpConnection(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Tell that the connection has ended."""
-        self._await(None)
+        self._start_timeout(None)
         super().connection_lost(exc)
         self.ended.set()
 
-    def _await(self, part: str | None) -> None:
+    def _start_timeout(self, part: str | None) -> None:
         """Start the timeout of what is awaited; None: an answer, which may take its time."""
         if part == self._awaited:
             return
@@ -176,7 +176,7 @@ class HttpServer:
         self._files = _file_versions(settings)
         self._server = _Server(
             uvicorn.Config(
-                self._answer,
+                self._answer_request,
                 http="h11",
                 ws="none",
                 interface="asgi3",
@@ -213,7 +213,7 @@ class HttpServer:
     async def run(self) -> None:
         """Answer requests until :meth:`stop` is called."""
         log.info("http listening", url=self.url, port=self.port)
-        self._accepting = asyncio.create_task(self._accept(), name="http accept")
+        self._accepting = asyncio.create_task(self._accept_connections(), name="http accept")
         self._accepting.add_done_callback(
             lambda _: self.stop()
         )  # where it fails, too: run() raises its error
@@ -232,7 +232,7 @@ class HttpServer:
         else:
             self._socket.close()
 
-    async def _accept(self) -> None:
+    async def _accept_connections(self) -> None:
         loop = asyncio.get_running_loop()
         with self._socket:
             while True:
@@ -245,17 +245,17 @@ class HttpServer:
                     await asyncio.sleep(NO_FILES_PAUSE)
                     continue
                 network = network_of(str(address[0]))
-                if refusal := self._refusal(network):
+                if refusal := self._why_refused(network):
                     accepted.close()
                     if not _refusals_logged.wait(f"{refusal} {network}", loop.time()):
                         log.warning(refusal, address=str(address[0]))
                     continue
                 self._open[network] += 1
-                task = loop.create_task(self._connect(accepted, network), name=f"http {network}")
+                task = loop.create_task(self._hold_connection(accepted, network), name=f"http {network}")
                 self._connections.add(task)
                 task.add_done_callback(self._connections.discard)
 
-    def _refusal(self, network: str) -> str | None:
+    def _why_refused(self, network: str) -> str | None:
         """Return why no further connection is taken from a network."""
         if self._open[network] >= PER_ADDRESS and not self._settings.reverse_proxy:
             return "too many connections from one address; closing further ones"
@@ -263,7 +263,7 @@ class HttpServer:
             return "too many connections; closing further ones"
         return None
 
-    async def _connect(self, accepted: socket.socket, network: str) -> None:
+    async def _hold_connection(self, accepted: socket.socket, network: str) -> None:
         """Hold a connection from accepting it to its end."""
         encryption = self._current_encryption()
         timeout = HANDSHAKE_TIMEOUT if encryption else None
@@ -300,7 +300,7 @@ class HttpServer:
                 log.info("renewed certificate loaded", file=str(self._settings.tls_certificate))
         return self._encryption
 
-    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _answer_request(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def send_counted(message: Message) -> None:
             if message["type"] == "http.response.start":
                 self.answers[message["status"]] += 1

@@ -48,7 +48,7 @@ class EventRing(Generic[E]):
         """Add an event and wake all clients."""
         self._ring.append(event)
         self.count += 1
-        self._wake()
+        self._wake_readers()
 
     @property
     def kept(self) -> int:
@@ -58,7 +58,7 @@ class EventRing(Generic[E]):
     def close(self) -> None:
         """End the streams of all clients."""
         self.closed = True
-        self._wake()
+        self._wake_readers()
 
     def last(self, number: int) -> tuple[E, ...] | None:
         """Return the last ``number`` events; None if fewer are stored."""
@@ -98,7 +98,7 @@ class EventRing(Generic[E]):
             self._added = asyncio.Event()
         return self._added
 
-    def _wake(self) -> None:
+    def _wake_readers(self) -> None:
         if self._added:
             self._added.set()
             self._added = None

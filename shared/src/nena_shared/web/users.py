@@ -39,7 +39,7 @@ TOKEN_PREFIX = "nena_"  # noqa: S105 - what secret scanners know our tokens by
 TOKEN_BYTES = 32
 
 
-def _role(value: object) -> object:
+def _read_role(value: object) -> object:
     return Role[value.upper()] if isinstance(value, str) and value.upper() in Role.__members__ else value
 
 
@@ -49,7 +49,7 @@ class User(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str = Field(pattern=f"^{NAME.pattern}$")
-    role: Annotated[Role, BeforeValidator(_role)]
+    role: Annotated[Role, BeforeValidator(_read_role)]
     token_sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 
     @property
@@ -116,7 +116,7 @@ def write_users(path: Path, users: Iterable[User]) -> None:
         lines += ["\n[[user]]\n", f'name = "{user.name}"\n', f'role = "{user.role.name.lower()}"\n']
         lines += [f'token_sha256 = "{user.token_sha256}"\n']
     draft = path.with_name(f".{path.name}.new")
-    _write(draft, "".join(lines), 0o640)
+    _write_file(draft, "".join(lines), 0o640)
     if path.exists():  # a service that can read the old file must be able to read the new one
         kept = path.stat()
         os.chown(draft, kept.st_uid, kept.st_gid)
@@ -138,7 +138,7 @@ def make_first_user(path: Path) -> Path | None:
     token_file, secret = draft.with_name(f"{draft.name}.token"), path.with_name(f"{path.name}.token")
     try:
         write_users(draft, [User(name="admin", role=Role.ADMIN, token_sha256=hash_of(token))])
-        _write(token_file, f"{token}\n", 0o600)
+        _write_file(token_file, f"{token}\n", 0o600)
         os.link(draft, path)
         token_file.replace(secret)
     except FileExistsError:
@@ -162,7 +162,7 @@ class UsersFile:
 
         """
         self._path = path
-        self._seen = self._stamp()
+        self._seen = self._file_version()
         self._users = read_users(path)
 
     def user_of(self, token: str) -> User | None:
@@ -172,7 +172,7 @@ class UsersFile:
             ConfigurationError: the file has changed and is no longer valid.
 
         """
-        if (stamp := self._stamp()) != self._seen:
+        if (stamp := self._file_version()) != self._seen:
             self._users = read_users(self._path)
             self._seen = stamp
         wanted = hash_of(token)
@@ -182,7 +182,7 @@ class UsersFile:
                 found = user
         return found
 
-    def _stamp(self) -> tuple[int, int, int]:
+    def _file_version(self) -> tuple[int, int, int]:
         try:
             status = self._path.stat()
         except OSError:
@@ -190,7 +190,7 @@ class UsersFile:
         return (status.st_ino, status.st_mtime_ns, status.st_size)
 
 
-def _write(path: Path, text: str, mode: int) -> None:
+def _write_file(path: Path, text: str, mode: int) -> None:
     flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
     with os.fdopen(os.open(path, flags, mode), "w", encoding="utf-8") as file:
         file.write(text)

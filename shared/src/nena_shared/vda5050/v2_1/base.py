@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, Va
 from nena_shared.clock import in_utc
 
 
-def _hundredths(value: datetime) -> str:
+def _write_hundredths(value: datetime) -> str:
     milliseconds = value.replace(tzinfo=None).isoformat(timespec="milliseconds")
     return milliseconds[:-1] + "Z"
 
@@ -18,7 +18,7 @@ def _hundredths(value: datetime) -> str:
 TimestampV2 = Annotated[
     datetime,
     AfterValidator(in_utc),
-    PlainSerializer(_hundredths, return_type=str, when_used="json"),
+    PlainSerializer(_write_hundredths, return_type=str, when_used="json"),
     WithJsonSchema({"type": "string", "format": "date-time"}),
 ]
 """ISO 8601 in UTC with hundredths of a second (2.1 section 6.4)."""
@@ -31,11 +31,11 @@ def _negated_in_json(value: object, info: ValidationInfo) -> object:
     return not value if info.mode == "json" and isinstance(value, bool) else value
 
 
-def _negated(value: bool | None) -> bool | None:  # noqa: FBT001 - the serializer's form
+def _negate_value(value: bool | None) -> bool | None:  # noqa: FBT001 - the serializer's form
     return None if value is None else not value
 
 
 Negated = Annotated[
-    bool | None, BeforeValidator(_negated_in_json), PlainSerializer(_negated, when_used="json")
+    bool | None, BeforeValidator(_negated_in_json), PlainSerializer(_negate_value, when_used="json")
 ]
 """A boolean with the opposite meaning in 2.x."""

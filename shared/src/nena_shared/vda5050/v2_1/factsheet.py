@@ -144,7 +144,7 @@ class MobileRobotActionV21(MobileRobotAction):
         if info.mode != "json" or not self.action_parameters:
             return self
         parameters = tuple(
-            self._typed(parameter, ValueDataType.STRING, ValueDataType.ARRAY)
+            self._with_type(parameter, ValueDataType.STRING, ValueDataType.ARRAY)
             for parameter in self.action_parameters
         )
         return self.model_copy(update={"action_parameters": parameters})
@@ -154,12 +154,12 @@ class MobileRobotActionV21(MobileRobotAction):
         self, parameters: tuple[ActionParameterDescriptionV21, ...] | None
     ) -> tuple[ActionParameterDescriptionV21, ...] | None:
         return parameters and tuple(
-            self._typed(parameter, ValueDataType.ARRAY, ValueDataType.STRING)
+            self._with_type(parameter, ValueDataType.ARRAY, ValueDataType.STRING)
             for parameter in parameters
             if (self.action_type, parameter.key) != CANCELLED_ORDER
         )
 
-    def _typed(
+    def _with_type(
         self, parameter: ActionParameterDescriptionV21, old: ValueDataType, new: ValueDataType
     ) -> ActionParameterDescriptionV21:
         """Return ``parameter`` with this version's type of the trigger parameter."""
@@ -168,7 +168,7 @@ class MobileRobotActionV21(MobileRobotAction):
         return parameter.model_copy(update={"value_data_type": new})
 
 
-def _neutral(path: str, info: ValidationInfo) -> str:
+def _neutral_name(path: str, info: ValidationInfo) -> str:
     return neutral_path(path) if info.mode == "json" else path
 
 
@@ -177,7 +177,7 @@ class OptionalParameterV21(OptionalParameter):
 
     parameter: Annotated[
         str,
-        AfterValidator(_neutral),
+        AfterValidator(_neutral_name),
         PlainSerializer(written_path, return_type=str, when_used="json"),
     ]
 
@@ -190,7 +190,9 @@ class ProtocolFeaturesV21(ProtocolFeatures):
     mobile_robot_actions: Annotated[tuple[MobileRobotActionV21, ...], Field(alias="agvActions")]
 
     @field_serializer("optional_parameters", when_used="json")
-    def _known(self, parameters: tuple[OptionalParameterV21, ...]) -> tuple[OptionalParameterV21, ...]:
+    def _known_parameters(
+        self, parameters: tuple[OptionalParameterV21, ...]
+    ) -> tuple[OptionalParameterV21, ...]:
         return tuple(
             parameter for parameter in parameters if not has_segment_in(self.missing, parameter.parameter)
         )

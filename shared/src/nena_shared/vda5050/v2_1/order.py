@@ -86,7 +86,7 @@ class ActionV21(Action):
         if self.action_type not in (TRIGGER[0], CANCELLED_ORDER[0]):
             return parameters
         return tuple(
-            parameter.model_copy(update={"value": _first(parameter.value)})
+            parameter.model_copy(update={"value": _first_value(parameter.value)})
             if (self.action_type, parameter.key) == TRIGGER
             else parameter
             for parameter in parameters
@@ -94,7 +94,7 @@ class ActionV21(Action):
         )
 
 
-def _first(value: JsonValue) -> JsonValue:
+def _first_value(value: JsonValue) -> JsonValue:
     return value[0] if isinstance(value, list) and value else value
 
 
@@ -143,18 +143,18 @@ def uniform_knots(control_points: int, degree: int) -> tuple[float, ...]:
     return (0.0,) * (degree + 1) + inner + (1.0,) * (degree + 1)
 
 
-def _ellipse(radius: object) -> object:
+def _as_ellipse(radius: object) -> object:
     return {"a": radius, "b": radius} if isinstance(radius, int | float) else radius
 
 
-def _radius(deviation: AllowedDeviationXY) -> float:
+def _as_radius(deviation: AllowedDeviationXY) -> float:
     return min(deviation.a, deviation.b)
 
 
 DeviationRadius = Annotated[
     AllowedDeviationXY,
-    BeforeValidator(_ellipse),
-    PlainSerializer(_radius, return_type=NotNegative, when_used="json"),
+    BeforeValidator(_as_ellipse),
+    PlainSerializer(_as_radius, return_type=NotNegative, when_used="json"),
 ]
 """Radius, m. An ellipse is sent as its shorter semi-axis, the stricter value."""
 

@@ -18,7 +18,7 @@ from nena_shared.vda5050.v2_1.order import ActionV21, CorridorV21, EdgeV21, Node
 SEGMENT: Final = re.compile(r"\w+")
 
 
-def _aliases(kind: type[WireObject], form: type[WireObject]) -> dict[str, str]:
+def _aliases_of(kind: type[WireObject], form: type[WireObject]) -> dict[str, str]:
     """Return the wire names in ``form`` by the wire names in ``kind``."""
     fields = form.model_fields
     return {str(field.alias): str(fields[name].alias) for name, field in kind.model_fields.items()}
@@ -27,7 +27,7 @@ def _aliases(kind: type[WireObject], form: type[WireObject]) -> dict[str, str]:
 WRITTEN: Final[Mapping[str, str]] = {
     name: other
     for kind, form in ((Node, NodeV21), (Edge, EdgeV21), (Corridor, CorridorV21), (Action, ActionV21))
-    for name, other in _aliases(kind, form).items()
+    for name, other in _aliases_of(kind, form).items()
     if name != other
 }
 """Names of 2.x by neutral names, where they differ."""

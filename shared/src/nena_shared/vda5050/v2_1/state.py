@@ -95,7 +95,7 @@ class ErrorReferenceV21(ErrorReference):
         return {"reference_key": key, "reference_value": neutral_path(value) if key == PARAMETER else value}
 
     @model_validator(mode="after")
-    def _read(self, info: ValidationInfo) -> Self:
+    def _finish_reading(self, info: ValidationInfo) -> Self:
         return self.model_copy(update=self.finish_record(self)) if info.mode == "json" else self
 
     @field_serializer("reference_key", when_used="json")

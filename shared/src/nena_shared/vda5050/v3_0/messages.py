@@ -278,7 +278,7 @@ class ProtocolFeaturesV30(ProtocolFeatures):
     mobile_robot_actions: tuple[MobileRobotActionV30, ...]
 
 
-def _whole(seconds: float) -> float:
+def _whole_seconds(seconds: float) -> float:
     return float(ceil(seconds))
 
 
@@ -286,7 +286,7 @@ class BatteryChargingV30(BatteryCharging):
     """Charging thresholds (section 7.10); times are written in whole seconds, as 3.0.1 requires."""
 
     minimum_charging_time: (
-        Annotated[NotNegative, PlainSerializer(_whole, return_type=float, when_used="json")] | None
+        Annotated[NotNegative, PlainSerializer(_whole_seconds, return_type=float, when_used="json")] | None
     ) = None
 
 
