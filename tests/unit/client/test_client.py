@@ -152,7 +152,7 @@ class Breaking(Client):
         self.asked: list[str | None] = []
 
     @contextmanager
-    def _stream(self, _query: Query | None, last_id: str | None) -> Iterator[Iterator[str]]:
+    def _follow_stream(self, _query: Query | None, last_id: str | None) -> Iterator[Iterator[str]]:
         self.asked.append(last_id)
         lines = next(self._streams)
         if lines is None:

@@ -39,7 +39,7 @@ async def test_lost_cancellation_is_repeated(
                 stops += 1
         return 0
 
-    monkeypatch.setattr(demo, "_work", deaf)
+    monkeypatch.setattr(demo, "_run_command", deaf)
     monkeypatch.setattr(demo, "STOP_TIMEOUT", 0.1)
     async with asyncio.timeout(PATIENCE):
         status = await demo._until_stopped(argparse.Namespace(), tmp_path, ProgressPrinter(sys.stdout))

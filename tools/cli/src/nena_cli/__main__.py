@@ -74,13 +74,13 @@ class Commands(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401, ARG002 - see Command.load
         """Return the names of all commands."""
-        return [*COMMANDS, *sorted(_added())]
+        return [*COMMANDS, *sorted(_added_commands())]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - see Command.load
         """Return a command with name and help only, for lists of commands."""
         if found := COMMANDS.get(cmd_name):
             return TyperCommand(cmd_name, help=found.help)
-        if added := _added().get(cmd_name):
+        if added := _added_commands().get(cmd_name):
             return _passed_on(added)
         return super().get_command(ctx, cmd_name)
 
@@ -114,7 +114,7 @@ app = group(
 
 
 @cache
-def _added() -> dict[str, EntryPoint]:
+def _added_commands() -> dict[str, EntryPoint]:
     """Return the commands of other distributions by name."""
     from importlib.metadata import entry_points  # noqa: PLC0415 - it reads every distribution's files
 

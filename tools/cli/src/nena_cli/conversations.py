@@ -76,12 +76,12 @@ def record(
 ) -> None:
     """Record a broker's VDA 5050 messages until Ctrl-C or the given limit."""
     with _errors_reported():
-        filters = _filters(topic, interface, robot)
+        filters = _topic_filters(topic, interface, robot)
         address = broker.parse_address(
             url, username=username, password_file=password_file, tls=ctx.obj, filters=filters
         )
         with new_file(file) as out:
-            count = _listen(address, lambda entry: append(entry, out), seconds, messages)
+            count = _listen_to_broker(address, lambda entry: append(entry, out), seconds, messages)
     echo(f"{count} messages recorded in {file}")
 
 
@@ -107,7 +107,7 @@ def replay(
     """Publish a recording to a broker until its end, Ctrl-C or the given limit."""
     with _errors_reported():
         address = broker.parse_address(url, username=username, password_file=password_file, tls=ctx.obj)
-        wanted = EntryFilter(only, _filters(topic, interface, robot))
+        wanted = EntryFilter(only, _topic_filters(topic, interface, robot))
         entries = [each for each in read_file(file) if wanted.matches(each)][:messages]
         client_id = f"nena-replay-{getpid()}"
 
@@ -130,7 +130,7 @@ def show(
     """Show a conversation: who sent what, and what changed."""
     console = Console(soft_wrap=True)
     with _errors_reported():
-        shown = show_conversation(_entries(file), console, robot=robot, everything=everything)
+        shown = show_conversation(_read_entries(file), console, robot=robot, everything=everything)
     if not shown:
         echo("The recording has no VDA 5050 messages.")
 
@@ -157,18 +157,18 @@ def check(
     def report(findings: Iterator[Finding]) -> None:
         for finding in findings:
             found[finding.severity] += 1
-            _print(finding, as_json=as_json)
+            _print_finding(finding, as_json=as_json)
 
     with _errors_reported():
-        filters = _filters(topic, interface, robot)
+        filters = _topic_filters(topic, interface, robot)
         if broker.is_broker(source):
             address = broker.parse_address(
                 source, username=username, password_file=password_file, tls=ctx.obj, filters=filters
             )
-            _listen(address, lambda entry: report(checker.add(entry)), seconds, messages)
+            _listen_to_broker(address, lambda entry: report(checker.add(entry)), seconds, messages)
         else:
             wanted = EntryFilter(topic_filters=filters)
-            for entry in _entries(source):
+            for entry in _read_entries(source):
                 if wanted.matches(entry):
                     report(checker.add(entry))
                 else:
@@ -179,7 +179,7 @@ def check(
     raise typer.Exit(FOUND if errors or (strict and warnings) else 0)
 
 
-def _filters(topics: list[str] | None, interface: str, robot: str | None) -> tuple[str, ...]:
+def _topic_filters(topics: list[str] | None, interface: str, robot: str | None) -> tuple[str, ...]:
     """Return the chosen topic filters; empty: all topics."""
     chosen = tuple(topics or ())
     if robot is not None or interface != "+":
@@ -187,7 +187,7 @@ def _filters(topics: list[str] | None, interface: str, robot: str | None) -> tup
     return chosen
 
 
-def _print(finding: Finding, *, as_json: bool) -> None:
+def _print_finding(finding: Finding, *, as_json: bool) -> None:
     if as_json:
         sys.stdout.write(json.dumps(finding.as_json()) + "\n")
         sys.stdout.flush()
@@ -200,11 +200,11 @@ def _print(finding: Finding, *, as_json: bool) -> None:
     )
 
 
-def _entries(source: str) -> Iterator[Entry]:
+def _read_entries(source: str) -> Iterator[Entry]:
     return read(sys.stdin, "standard input") if source == "-" else read_file(Path(source))
 
 
-def _listen(
+def _listen_to_broker(
     address: broker.BrokerAddress,
     handle: Callable[[Entry], None],
     seconds: float | None,

@@ -152,7 +152,10 @@ def report_of(
             *(_of_vehicle(each, behind[each.name]) for each in stuck),
             *(
                 Attention(
-                    name=circle[0], state="WAITING", reason=_circle(circle), advice=_leave_circle(circle)
+                    name=circle[0],
+                    state="WAITING",
+                    reason=_describe_circle(circle),
+                    advice=_leave_circle(circle),
                 )
                 for circle in circles
             ),
@@ -170,7 +173,7 @@ def explain_vehicle(name: str, fleet: Mapping[str, VehicleStatus]) -> Explanatio
     if chain and chain.circle:
         return Explanation(name=name, steps=steps, advice=_leave_circle(chain.circle))
     head = fleet.get(names[-1])
-    return Explanation(name=name, steps=steps, advice=_advice(head) if head else "")
+    return Explanation(name=name, steps=steps, advice=_advice_for(head) if head else "")
 
 
 def explain_order(orders: Sequence[TransportOrderStatus], fleet: Mapping[str, VehicleStatus]) -> Explanation:
@@ -242,15 +245,15 @@ def _of_safety(vehicle: VehicleStatus) -> Iterator[str]:
 def _needs_a_person(vehicle: VehicleStatus) -> bool:
     if vehicle.connection == "HIBERNATING":
         return False
-    return is_stuck(vehicle) or ReasonCode.PATH_LOCKED.code in _codes(vehicle) or _is_empty(vehicle)
+    return is_stuck(vehicle) or ReasonCode.PATH_LOCKED.code in _reason_codes(vehicle) or _is_empty(vehicle)
 
 
 def _is_empty(vehicle: VehicleStatus) -> bool:
     """Return whether the battery of an idle vehicle is too low for orders."""
-    return vehicle.state is VehicleState.IDLE and ReasonCode.MUST_RECHARGE.code in _codes(vehicle)
+    return vehicle.state is VehicleState.IDLE and ReasonCode.MUST_RECHARGE.code in _reason_codes(vehicle)
 
 
-def _codes(vehicle: VehicleStatus) -> set[str]:
+def _reason_codes(vehicle: VehicleStatus) -> set[str]:
     """Return the codes of the reason of a vehicle, and of those that it contains."""
     found, left = set[str](), [*filter(None, (vehicle.coded_reason,))]
     while left:
@@ -278,7 +281,7 @@ def _of_vehicle(vehicle: VehicleStatus, behind: int) -> Attention:
         state=step.state,
         reason=step.reason,
         waiting_behind=behind,
-        advice=_advice(vehicle),
+        advice=_advice_for(vehicle),
     )
 
 
@@ -295,7 +298,7 @@ def _of_order(order: TransportOrderStatus, now: datetime) -> Attention | None:
     return Attention(name=order.name, state=state, reason=order.reason, advice=advice)
 
 
-def _advice(vehicle: VehicleStatus) -> str:
+def _advice_for(vehicle: VehicleStatus) -> str:
     """Return what to do about a vehicle that stands; empty if it does not need a person."""
     advice = next((advice for applies, advice in ADVICE if applies(vehicle)), "")
     return advice.format(name=vehicle.name)
@@ -316,13 +319,16 @@ ADVICE: Final[tuple[tuple[Callable[[VehicleStatus], bool], str], ...]] = (
     (lambda each: each.taken_out, "Check the robot, then: nena vehicles level {name} TO_BE_UTILIZED"),
     (lambda each: each.localized is False, "Set its position in the control panel."),
     (is_stuck, "Go to the robot. Details: nena vehicles show {name}"),
-    (lambda each: ReasonCode.PATH_LOCKED.code in _codes(each), "Unlock the path in the control panel."),
+    (
+        lambda each: ReasonCode.PATH_LOCKED.code in _reason_codes(each),
+        "Unlock the path in the control panel.",
+    ),
     (_is_empty, "Take it to a charging station."),
 )
 """What to do about a vehicle; the first that applies."""
 
 
-def _circle(names: Sequence[str]) -> str:
+def _describe_circle(names: Sequence[str]) -> str:
     return f"in a circle of waiting vehicles: {', '.join(names)}"
 
 
@@ -333,8 +339,8 @@ def _leave_circle(names: Sequence[str]) -> str:
 def _status_tables(report: StatusReport) -> tuple[Table, ...]:
     rows = [
         *(("order service", f"{url}: {state}") for url, state in report.services.items()),
-        ("vehicles", _counts(report.vehicles, f"{report.waiting_vehicles} waiting for others")),
-        ("open orders", _counts(report.orders)),
+        ("vehicles", _count_by_state(report.vehicles, f"{report.waiting_vehicles} waiting for others")),
+        ("open orders", _count_by_state(report.orders)),
     ]
     summary = Table(frame=False)
     for name, text in rows:
@@ -345,7 +351,9 @@ def _status_tables(report: StatusReport) -> tuple[Table, ...]:
     table = Table("needs attention", "state", "reason", "what to do", frame=False)
     for each in report.attention[:SHOWN]:
         behind = f" ({each.waiting_behind} wait behind it)" if each.waiting_behind else ""
-        table.add_row(Text(each.name), _state(each.state), Text(each.reason + behind), Text(each.advice))
+        table.add_row(
+            Text(each.name), _styled_state(each.state), Text(each.reason + behind), Text(each.advice)
+        )
     if len(report.attention) > SHOWN:
         more = f"and {len(report.attention) - SHOWN} more"
         table.add_row(*map(Text, (more, "", "", "nena status -o json")))
@@ -355,17 +363,17 @@ def _status_tables(report: StatusReport) -> tuple[Table, ...]:
 def _explanation_tables(found: Explanation) -> tuple[Table, ...]:
     steps = Table(frame=False)
     for depth, each in enumerate(found.steps):
-        steps.add_row(Text("  " * depth + each.name), _state(each.state), Text(each.reason))
+        steps.add_row(Text("  " * depth + each.name), _styled_state(each.state), Text(each.reason))
     if found.advice:
         steps.add_row(Text("what to do", style="dim"), Text(""), Text(found.advice))
     return (steps,)
 
 
-def _state(state: str) -> Text:
+def _styled_state(state: str) -> Text:
     return Text(state, style=STYLES.get(state, ""))
 
 
-def _counts(by_state: Mapping[S, int], *more: str) -> str:
+def _count_by_state(by_state: Mapping[S, int], *more: str) -> str:
     """Return ``12: 8 EXECUTING, 4 IDLE``."""
     parts = (*(f"{by_state[state]} {state}" for state in sorted(by_state)), *more)
     total = sum(by_state.values())

@@ -19,7 +19,7 @@ FRAME: Final = 3
 
 def is_too_wide(table: Table, width: int) -> bool:
     """Return whether a table with a header would have to break its values to fit."""
-    return bool(table.headers) and sum(_widths(table)) + FRAME * len(table.headers) + 1 > width
+    return bool(table.headers) and sum(_column_widths(table)) + FRAME * len(table.headers) + 1 > width
 
 
 def narrow(console: Console, table: Table) -> list[Text]:
@@ -27,14 +27,14 @@ def narrow(console: Console, table: Table) -> list[Text]:
 
     The widest columns, but never the first, are below each row.
     """
-    widths, columns = _widths(table), _columns_with_values(table)
+    widths, columns = _column_widths(table), _columns_with_values(table)
     beside = list(columns)
-    while _total(widths, beside) > console.width and len(beside) > 1:
+    while _total_width(widths, beside) > console.width and len(beside) > 1:
         beside.remove(max(beside[1:], key=widths.__getitem__))
     lines = [Text(table.title, style="italic")] if table.title else []
-    lines.append(_header(table, widths, beside))
+    lines.append(_header_line(table, widths, beside))
     for row in table.rows:
-        lines.append(_line(row, widths, beside))
+        lines.append(_line_of(row, widths, beside))
         for column in columns:
             if column not in beside and row[column]:
                 name = Text(f"{table.headers[column]}: ", style="dim")
@@ -46,9 +46,9 @@ def narrow(console: Console, table: Table) -> list[Text]:
 
 def brief(console: Console, table: Table) -> list[Text]:
     """Return a table as a line per row, cut off where the terminal ends; the last rows, as they fit it."""
-    widths, columns = _widths(table), _columns_with_values(table)
-    lines = [_line(row, widths, columns) for row in table.rows][-max(1, console.height - 2) :]
-    lines = [_header(table, widths, columns), *lines]
+    widths, columns = _column_widths(table), _columns_with_values(table)
+    lines = [_line_of(row, widths, columns) for row in table.rows][-max(1, console.height - 2) :]
+    lines = [_header_line(table, widths, columns), *lines]
     for line in lines:
         line.truncate(console.width - len("^C"), overflow="ellipsis")  # the terminal writes it there
     return lines
@@ -58,11 +58,11 @@ def _columns_with_values(table: Table) -> list[int]:
     return [each for each in range(len(table.headers)) if not each or any(row[each] for row in table.rows)]
 
 
-def _total(widths: list[int], beside: list[int]) -> int:
+def _total_width(widths: list[int], beside: list[int]) -> int:
     return sum(widths[each] + GAP for each in beside) - GAP
 
 
-def _widths(table: Table) -> list[int]:
+def _column_widths(table: Table) -> list[int]:
     """Return the width of each column if no value is broken."""
     columns = zip(*table.rows, strict=True) if table.rows else ([] for _ in table.headers)
     return [
@@ -71,11 +71,11 @@ def _widths(table: Table) -> list[int]:
     ]
 
 
-def _header(table: Table, widths: list[int], columns: list[int]) -> Text:
-    return _line([Text(header, style="bold") for header in table.headers], widths, columns)
+def _header_line(table: Table, widths: list[int], columns: list[int]) -> Text:
+    return _line_of([Text(header, style="bold") for header in table.headers], widths, columns)
 
 
-def _line(cells: Sequence[Text], widths: list[int], columns: list[int]) -> Text:
+def _line_of(cells: Sequence[Text], widths: list[int], columns: list[int]) -> Text:
     line = Text()
     for column in columns:
         line.append_text(cells[column])

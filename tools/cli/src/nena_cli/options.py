@@ -32,7 +32,7 @@ PLAIN: Final = None
 """Typer's markup mode of all commands: help and usage errors in plain text, which starts without Rich."""
 
 
-def _options(*, hidden: bool) -> tuple[Parameter, ...]:
+def _shared_options(*, hidden: bool) -> tuple[Parameter, ...]:
     """Return the options as parameters of a Typer command."""
 
     def described(*names: str, **more: Any) -> Any:  # noqa: ANN401 - Typer's own type
@@ -66,7 +66,7 @@ def _options(*, hidden: bool) -> tuple[Parameter, ...]:
     )
 
 
-OPTIONS: Final = _options(hidden=False)
+OPTIONS: Final = _shared_options(hidden=False)
 
 
 def group(*more: Parameter, hidden: bool = True, **settings: Any) -> typer.Typer:  # noqa: ANN401 - of Typer
@@ -79,7 +79,7 @@ def group(*more: Parameter, hidden: bool = True, **settings: Any) -> typer.Typer
     def callback(**_: Any) -> None:  # noqa: ANN401 - the command reads them from its context
         return
 
-    options = (*_options(hidden=hidden), *more)
+    options = (*_shared_options(hidden=hidden), *more)
     callback.__signature__ = Signature(options)  # type: ignore[attr-defined]
     callback.__annotations__ = {each.name: each.annotation for each in options}
     return typer.Typer(
@@ -93,13 +93,13 @@ def group(*more: Parameter, hidden: bool = True, **settings: Any) -> typer.Typer
 
 def option(context: typer.Context, name: str) -> Any:  # noqa: ANN401 - of any type
     """Return an option's value: from the command line, that nearest to the command, or the default."""
-    given = next(_given(context, name), None)
+    given = next(_contexts_with_options(context, name), None)
     return context.params.get(name) if given is None else given.params[name]
 
 
 def output_of(context: typer.Context) -> Format:
     """Return the output format: that nearest to the command; ``--json`` is one of its spellings."""
-    for at in _given(context, "as_json", "output"):
+    for at in _contexts_with_options(context, "as_json", "output"):
         return Format.JSON if at.params["as_json"] else at.params["output"]
     return Format.TABLE
 
@@ -111,7 +111,7 @@ def own_options(context: typer.Context) -> tuple[str, ...]:
     return tuple(each.opts[0] for each in own if _is_given(context, each.name))
 
 
-def _given(context: typer.Context, *names: str) -> Iterator[Any]:
+def _contexts_with_options(context: typer.Context, *names: str) -> Iterator[Any]:
     """Yield the contexts, innermost first, that have one of these options from the command line."""
     at: Any = context
     while at is not None:

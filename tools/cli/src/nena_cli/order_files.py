@@ -51,7 +51,7 @@ def read_orders(lines: Iterable[str]) -> Iterator[tuple[int, TransportOrderReque
             row = next(rows, None)
             if row is None:
                 return
-            yield rows.line_num, _order(row)
+            yield rows.line_num, _order_of_row(row)
         except (typer.BadParameter, ValidationError, csv.Error) as error:
             problems = (
                 problems_of(error, FINDINGS_SHOWN) if isinstance(error, ValidationError) else [str(error)]
@@ -60,7 +60,7 @@ def read_orders(lines: Iterable[str]) -> Iterator[tuple[int, TransportOrderReque
             raise typer.BadParameter(message) from error
 
 
-def _order(row: dict[str | Any, Any]) -> TransportOrderRequest:
+def _order_of_row(row: dict[str | Any, Any]) -> TransportOrderRequest:
     if None in row:
         message = "more values than columns"
         raise typer.BadParameter(message)
@@ -74,12 +74,12 @@ def _order(row: dict[str | Any, Any]) -> TransportOrderRequest:
     if "priority" in fields:
         fields["priority"] = _whole_number(fields["priority"])
     if "deadline" in fields:
-        fields["deadline"] = _moment(fields["deadline"])
+        fields["deadline"] = _parse_moment(fields["deadline"])
     fields["destinations"] = [stop.model_dump(by_alias=True, exclude_unset=True) for stop in stops]
     return TransportOrderRequest.model_validate(fields)
 
 
-def _moment(text: str) -> datetime:
+def _parse_moment(text: str) -> datetime:
     """Parse a moment; without a zone it is in local time, as for ``nena orders create``."""
     try:
         return datetime.fromisoformat(text).astimezone()

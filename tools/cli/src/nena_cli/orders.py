@@ -77,7 +77,7 @@ def create(
     wait: option.Wait = False,
 ) -> None:
     """Create a transport order."""
-    request = _request(
+    request = _build_request(
         service,
         file,
         destinations=tuple(map(parse_stop, stops or ())),
@@ -135,7 +135,7 @@ def import_(
             made = tuple(each.transport_order for each in results if each.transport_order)
             created += sum(not each.problem for each in results)
             if made and service.output is not Format.TABLE:
-                _print(service, *made)
+                _print_orders(service, *made)
     echo(f"{created} {'possible' if check else 'created, or already there'}, {refused} refused")
     if refused:
         raise typer.Exit(REFUSED)
@@ -171,10 +171,10 @@ def list_(
         for name, moment in (("since", since), ("until", until)):
             if moment is not None:
                 query[name] = moment.astimezone().isoformat()
-        found = tuple(islice(_orders(connection, query), limit))
+        found = tuple(islice(_list_orders(connection, query), limit))
         if vehicle is not None and not found:
             connection.call(SHOW_VEHICLE, vehicle)  # an unknown one is an error
-        _print(service, *found)
+        _print_orders(service, *found)
 
 
 @app.command("show")
@@ -203,7 +203,7 @@ def watch_(
         if vehicle is not None:
             connection.call(SHOW_VEHICLE, vehicle)  # an unknown one is an error
         query = {"kind": "transportOrder", **({"vehicle": vehicle} if vehicle else {})}
-        for _ in watch(connection, _board(), query, service.output):
+        for _ in watch(connection, _make_board(), query, service.output):
             pass
 
 
@@ -217,7 +217,7 @@ def withdraw(
     version: Version = None,
 ) -> None:
     """Withdraw a transport order: it fails immediately, or when its vehicle has released it."""
-    _change(service, WITHDRAW, name, {"reason": reason}, version)
+    _change_order(service, WITHDRAW, name, {"reason": reason}, version)
 
 
 @app.command()
@@ -237,7 +237,7 @@ def hold(
 ) -> None:
     """Hold a transport order until it is resumed; it keeps its vehicle."""
     body: dict[str, JsonValue] = {"by": by or getuser(), "immediate": immediate, "reason": reason}
-    _change(service, HOLD, name, body, version)
+    _change_order(service, HOLD, name, body, version)
 
 
 @app.command()
@@ -251,10 +251,10 @@ def resume(
     version: Version = None,
 ) -> None:
     """Resume a held transport order from its vehicle's position."""
-    _change(service, RESUME, name, {"by": by or getuser(), "reason": reason}, version)
+    _change_order(service, RESUME, name, {"by": by or getuser(), "reason": reason}, version)
 
 
-def _change(
+def _change_order(
     service: Service,
     operation: Operation[TransportOrderStatus],
     name: str,
@@ -265,10 +265,12 @@ def _change(
     given: dict[str, JsonValue] = {key: value for key, value in body.items() if value is not None}
     headers = {} if version is None else {"If-Match": f'"{version}"'}
     with service.connected() as connection:
-        _print(service, connection.call(operation, name, body=given, headers=headers))
+        _print_orders(service, connection.call(operation, name, body=given, headers=headers))
 
 
-def _request(service: Service, file: typer.FileBinaryRead | None, **fields: object) -> TransportOrderRequest:
+def _build_request(
+    service: Service, file: typer.FileBinaryRead | None, **fields: object
+) -> TransportOrderRequest:
     """Build a request from a file or from the options."""
     if (file is None) == (not fields["destinations"]):
         message = "Specify stops or --file, not both" if file else "Specify stops or --file"
@@ -288,33 +290,33 @@ def print_or_watch(service: Service, connection: Client, order: TransportOrderSt
     if wait:
         _watch_one(service, connection, order.name)
     else:
-        _print(service, order)
+        _print_orders(service, order)
 
 
 def _watch_one(service: Service, connection: Client, name: str) -> None:
     """Watch an order to its end; exit with status 1 unless it is FINISHED."""
     order = connection.call(SHOW_ORDER, name)
     if order.state.final:
-        _print(service, order)
+        _print_orders(service, order)
     else:
         query = {"kind": "transportOrder", "transportOrder": name}
-        changes = watch(connection, _board(), query, service.output)
+        changes = watch(connection, _make_board(), query, service.output)
         order = next(change for change in changes if change.state.final)
         changes.close()
     if order.state is not TransportOrderState.FINISHED:
         fail(f"{order.name} is {order.state}: {order.reason}", REFUSED)
 
 
-def _orders(
+def _list_orders(
     connection: Client, query: dict[str, str | int | Sequence[str]]
 ) -> Iterator[TransportOrderStatus]:
     for page in connection.pages(LIST_ORDERS, query):
         yield from page.transport_orders
 
 
-def _print(service: Service, *orders: TransportOrderStatus) -> None:
+def _print_orders(service: Service, *orders: TransportOrderStatus) -> None:
     service.print_all(orders, tables.orders_table)
 
 
-def _board() -> Board[TransportOrderStatus]:
+def _make_board() -> Board[TransportOrderStatus]:
     return Board(TransportOrderStatus, tables.orders_table)

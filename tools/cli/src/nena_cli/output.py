@@ -45,7 +45,7 @@ def fail(why: object, status: int = WRONG) -> NoReturn:
 
 def print_json(body: BaseModel) -> None:
     """Print a body as a line of JSON and flush."""
-    _write(body.model_dump_json(by_alias=True))
+    _write_line(body.model_dump_json(by_alias=True))
 
 
 def print_objects(output: Format, found: Sequence[M], table: Callable[[Sequence[M]], Table]) -> None:
@@ -63,9 +63,9 @@ def print_object(output: Format, body: BaseModel) -> None:
         import yaml  # type: ignore[import-untyped] # noqa: PLC0415 - the command starts faster without it
 
         content = body.model_dump(mode="json", by_alias=True)
-        _write("---\n" + yaml.safe_dump(content, sort_keys=False, allow_unicode=True).rstrip())
+        _write_line("---\n" + yaml.safe_dump(content, sort_keys=False, allow_unicode=True).rstrip())
     elif output is Format.NAME:
-        _write(_name_of(body))
+        _write_line(_name_of(body))
     else:
         print_json(body)
 
@@ -78,7 +78,7 @@ def print_table(what: Table, *, wide: bool = False) -> None:
     """
     if not wide and not is_terminal():
         for row in what.rows:
-            _write("\t".join(" ".join(cell.plain.split()) for cell in row))
+            _write_line("\t".join(" ".join(cell.plain.split()) for cell in row))
         return
     console = Console()
     if what.headers and not what.rows and is_terminal():
@@ -105,6 +105,6 @@ def _name_of(body: BaseModel) -> str:
     fail("This answer has no name; use another --output.")
 
 
-def _write(line: str) -> None:
+def _write_line(line: str) -> None:
     sys.stdout.write(line + "\n")
     sys.stdout.flush()

@@ -249,8 +249,8 @@ def import_(
     """Convert a plant model to NeNa's own JSON without loss."""
     with _errors_reported():
         read = read_plant(file, strict=strict)
-        model = read.model or _reject(read, as_json=as_json)
-        _write(read, model, Target.NENA, output, LifOptions(), replace=replace, as_json=as_json)
+        model = read.model or _reject_model(read, as_json=as_json)
+        _write_model(read, model, Target.NENA, output, LifOptions(), replace=replace, as_json=as_json)
 
 
 @app.command("export", hidden=True)
@@ -284,14 +284,14 @@ def convert(
         fail("use either --format or --nav2-route")
     with _errors_reported():
         read = read_plant(file, strict=strict)
-        model = read.model or _reject(read, as_json=as_json)
+        model = read.model or _reject_model(read, as_json=as_json)
         if target is None:
             report = nav2_route_graph.write(model, map_id=map_id, frame=frame)
             write_bytes(report.data, output, replace=replace)
             warnings = _findings(report.warnings, are_errors=False)
-            _report(read, (*read.findings, *warnings), as_json=as_json, written=output)
+            _report_findings(read, (*read.findings, *warnings), as_json=as_json, written=output)
             return
-        _write(read, model, target, output, options, replace=replace, as_json=as_json)
+        _write_model(read, model, target, output, options, replace=replace, as_json=as_json)
 
 
 @app.command()
@@ -318,7 +318,7 @@ def put(
     echo(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; {result}")
 
 
-def _write(
+def _write_model(
     read: PlantFile,
     model: PlantModel,
     target: Target,
@@ -330,15 +330,15 @@ def _write(
 ) -> None:
     data, warnings = encode(model, target, at=datetime.now(UTC), options=options)
     write_bytes(data, output, replace=replace)
-    _report(read, (*read.findings, *warnings), as_json=as_json, written=output)
+    _report_findings(read, (*read.findings, *warnings), as_json=as_json, written=output)
 
 
-def _reject(read: PlantFile, *, as_json: bool) -> NoReturn:
-    _report(read, read.findings, as_json=as_json)
+def _reject_model(read: PlantFile, *, as_json: bool) -> NoReturn:
+    _report_findings(read, read.findings, as_json=as_json)
     raise typer.Exit(FOUND)
 
 
-def _report(
+def _report_findings(
     read: PlantFile, findings: tuple[Finding, ...], *, as_json: bool, written: str | None = None
 ) -> None:
     """Report as text on standard error, or as JSON on standard output unless the model goes there."""

@@ -61,9 +61,9 @@ def list_(
     aggregator: Aggregator = DEFAULT_AGGREGATOR,
 ) -> None:
     """List recordings and log reports, newest first."""
-    with _connected(service, aggregator) as client:
+    with _connect_aggregator(service, aggregator) as client:
         answer = client.get("/api/v1/recordings", params={"robot": robot} if robot else None)
-        _check(answer)
+        _check_answer(answer)
         found = _ROWS.validate_json(answer.content)
     service.print_all(found, recordings_table)
 
@@ -84,12 +84,12 @@ def get(
     path = "/".join(quote(each, safe="") for each in (*robot.split("/"), name))
     target = to or Path(Path(name).name)
     with (
-        _connected(service, aggregator) as client,
+        _connect_aggregator(service, aggregator) as client,
         client.stream("GET", f"/api/v1/recordings/{path}") as answer,
     ):
         if answer.is_error:
             answer.read()
-        _check(answer)
+        _check_answer(answer)
         with target.open("wb") as file:
             for part in answer.iter_bytes():
                 file.write(part)
@@ -135,7 +135,7 @@ def recordings_table(found: Sequence[RecordingRow]) -> Table:
 
 
 @contextmanager
-def _connected(service: Service, url: str) -> Iterator[httpx.Client]:
+def _connect_aggregator(service: Service, url: str) -> Iterator[httpx.Client]:
     """Connect to the status aggregator; report an error in one line and exit."""
     token = service.access_token()
     headers = {"authorization": f"Bearer {token}"} if token else {}
@@ -148,7 +148,7 @@ def _connected(service: Service, url: str) -> Iterator[httpx.Client]:
         fail(f"Cannot connect to the status aggregator. Set --aggregator or NENA_AGGREGATOR_URL.\n{error}")
 
 
-def _check(answer: httpx.Response) -> None:
+def _check_answer(answer: httpx.Response) -> None:
     """Report a refusal and exit."""
     if answer.is_success:
         return

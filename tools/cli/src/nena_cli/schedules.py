@@ -41,7 +41,7 @@ def list_(service: Service) -> None:
     """List the schedules with their next and last runs."""
     with service.connected() as connection:
         found = connection.call(LIST_SCHEDULES)
-    _print(service, *found.schedules)
+    _print_schedules(service, *found.schedules)
 
 
 @app.command("show")
@@ -91,31 +91,31 @@ def put(
     """Create a schedule, or replace its definition."""
     given = {"intended_vehicle": vehicle, "priority": priority, "type": kind, "timeout": timeout}
     body: dict[str, JsonValue] = {
-        "transportOrder": _template(service, stops or (), file, given),
+        "transportOrder": _order_template(service, stops or (), file, given),
         "cron": cron,
         "timeZone": zone,
-        "validFrom": _moment(valid_from),
-        "validUntil": _moment(valid_until),
+        "validFrom": _utc_moment(valid_from),
+        "validUntil": _utc_moment(valid_until),
         "catchUp": catch_up,
         "maxOpenOrders": max_open_orders,
         "enabled": not disabled,
     }
     with service.connected() as connection:
-        _print(service, connection.call(PUT_SCHEDULE, name, body=body))
+        _print_schedules(service, connection.call(PUT_SCHEDULE, name, body=body))
 
 
 @app.command()
 @of_service
 def enable(service: Service, name: Name) -> None:
     """Enable a schedule. What it has missed while disabled is not caught up."""
-    _enable(service, name, enabled=True)
+    _enable_schedule(service, name, enabled=True)
 
 
 @app.command()
 @of_service
 def disable(service: Service, name: Name) -> None:
     """Disable a schedule: it creates no orders until it is enabled."""
-    _enable(service, name, enabled=False)
+    _enable_schedule(service, name, enabled=False)
 
 
 @app.command()
@@ -123,15 +123,15 @@ def disable(service: Service, name: Name) -> None:
 def delete(service: Service, name: Name) -> None:
     """Delete a schedule; the orders that it has created stay."""
     with service.connected() as connection:
-        _print(service, connection.call(DELETE_SCHEDULE, name))
+        _print_schedules(service, connection.call(DELETE_SCHEDULE, name))
 
 
-def _enable(service: Service, name: str, *, enabled: bool) -> None:
+def _enable_schedule(service: Service, name: str, *, enabled: bool) -> None:
     with service.connected() as connection:
-        _print(service, connection.call(ENABLE_SCHEDULE, name, body={"enabled": enabled}))
+        _print_schedules(service, connection.call(ENABLE_SCHEDULE, name, body={"enabled": enabled}))
 
 
-def _template(
+def _order_template(
     service: Service,
     stops: Sequence[str],
     file: typer.FileBinaryRead | None,
@@ -155,9 +155,9 @@ def _template(
     return order
 
 
-def _moment(local: datetime | None) -> str | None:
+def _utc_moment(local: datetime | None) -> str | None:
     return None if local is None else iso(in_utc(local.astimezone()))
 
 
-def _print(service: Service, *schedules: ScheduleStatus) -> None:
+def _print_schedules(service: Service, *schedules: ScheduleStatus) -> None:
     service.print_all(schedules, tables.schedules_table)

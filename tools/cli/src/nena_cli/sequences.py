@@ -55,7 +55,7 @@ def create(
     if types:
         body["orderTypes"] = [*types]
     with service.connected() as connection:
-        _print(service, connection.call(CREATE_SEQUENCE, body=body))
+        _print_sequences(service, connection.call(CREATE_SEQUENCE, body=body))
 
 
 @app.command("list")
@@ -85,7 +85,7 @@ def list_(
         if moment is not None:
             query[name] = moment.astimezone().isoformat()
     with service.connected() as connection:
-        _print(service, *islice(_all(connection, query), limit))
+        _print_sequences(service, *islice(_list_sequences(connection, query), limit))
 
 
 @app.command("show")
@@ -102,13 +102,13 @@ def show_(service: Service, name: Name) -> None:
 def complete(service: Service, name: Name) -> None:
     """Complete an order sequence: it accepts no more orders and releases its vehicle after the last one."""
     with service.connected() as connection:
-        _print(service, connection.call(COMPLETE_SEQUENCE, name, body={}))
+        _print_sequences(service, connection.call(COMPLETE_SEQUENCE, name, body={}))
 
 
-def _all(connection: Client, query: Query) -> Iterator[OrderSequenceStatus]:
+def _list_sequences(connection: Client, query: Query) -> Iterator[OrderSequenceStatus]:
     for page in connection.pages(LIST_SEQUENCES, query):
         yield from page.order_sequences
 
 
-def _print(service: Service, *sequences: OrderSequenceStatus) -> None:
+def _print_sequences(service: Service, *sequences: OrderSequenceStatus) -> None:
     service.print_all(sequences, tables.sequences_table)

@@ -43,7 +43,7 @@ class Service:
             with self.opened() as connection:
                 yield connection
         except RefusedError as error:
-            fail(self._explain(error), REFUSED)
+            fail(self._explain_refusal(error), REFUSED)
         except BrokenPipeError:
             raise  # Typer exits quietly: the reader of standard output, such as head, has gone
         except (UnreachableError, OSError) as error:
@@ -60,7 +60,7 @@ class Service:
         finally:
             connection.close()
 
-    def _explain(self, error: RefusedError) -> str:
+    def _explain_refusal(self, error: RefusedError) -> str:
         """Return the order service's text, or a hint about the token options."""
         if error.problem.status == HTTPStatus.UNAUTHORIZED and self.access_token() is None:
             return "The order service requires a token. Set NENA_TOKEN or --token-file."

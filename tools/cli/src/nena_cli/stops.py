@@ -36,7 +36,7 @@ def list_(service: Service) -> None:
 @of_service
 def all_(service: Service, reason: Reason, *, by: By = None) -> None:
     """Pause all robots until the stop is ended."""
-    _stop(service, {"by": by or getuser(), "reason": reason})
+    _begin_stop(service, {"by": by or getuser(), "reason": reason})
 
 
 @app.command(context_settings={"ignore_unknown_options": True})  # a negative XMIN is no option
@@ -50,8 +50,8 @@ def area(
     by: By = None,
 ) -> None:
     """Pause the robots in an area, and keep others out, until the stop is ended."""
-    where = _area(corners, map_id).model_dump(mode="json", by_alias=True, exclude_none=True)
-    _stop(service, {"by": by or getuser(), "reason": reason, "area": where})
+    where = _parse_area(corners, map_id).model_dump(mode="json", by_alias=True, exclude_none=True)
+    _begin_stop(service, {"by": by or getuser(), "reason": reason, "area": where})
 
 
 @app.command()
@@ -69,13 +69,13 @@ def end(
     service.print_all((done,), tables.stops_table)
 
 
-def _stop(service: Service, body: dict[str, JsonValue]) -> None:
+def _begin_stop(service: Service, body: dict[str, JsonValue]) -> None:
     with service.connected() as connection:
         begun = connection.call(STOP, body=body)
     service.print_all((begun,), tables.stops_table)
 
 
-def _area(corners: str, map_id: str | None) -> Area:
+def _parse_area(corners: str, map_id: str | None) -> Area:
     """Parse ``XMIN,YMIN,XMAX,YMAX``; raises typer.BadParameter."""
     numbers = corners.split(",")
     if len(numbers) != CORNERS:

@@ -80,11 +80,11 @@ def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
     for order in orders:
         table.add_row(
             Text(order.name),
-            _state(order),
-            Text(_vehicle(order)),
+            _state_text(order),
+            Text(_vehicle_of(order)),
             destinations(order),
             Text(str(order.priority or "")),
-            Text(_local(order.created)),
+            Text(_local_time(order.created)),
             Text(order.reason),
         )
     return table
@@ -96,20 +96,20 @@ def destinations(order: TransportOrderStatus) -> Text:
     for index, each in enumerate(order.drive_orders):
         done = each.state.value == "FINISHED"
         style = "dim" if done else "bold" if index == order.current_drive_order_index else ""
-        text.append(" > " if index else "").append(_place(each.destination), style=style)
+        text.append(" > " if index else "").append(_place_of(each.destination), style=style)
     return text
 
 
 def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Table:
     """Return the details of an order."""
-    return _details(
+    return _details_table(
         ("order", Text(order.name)),
-        ("state", _state(order)),
+        ("state", _state_text(order)),
         ("reason", Text(order.reason)),
         ("vehicle", Text(order.processing_vehicle or "")),
         ("intended vehicle", Text(order.intended_vehicle or "")),
         ("type, priority", Text(f"{order.type}, {order.priority}")),
-        ("deadline", _deadline(order)),
+        ("deadline", _deadline_text(order)),
         ("sequence", Text(order.wrapping_sequence or "")),
         ("depends on", Text(", ".join(order.dependencies))),
         ("dispensable", Text("yes" if order.dispensable else "")),
@@ -120,7 +120,7 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
     )
 
 
-def _details(*rows: tuple[str, Text]) -> Table:
+def _details_table(*rows: tuple[str, Text]) -> Table:
     """Return a table of names and values, without those that are empty."""
     table = Table(frame=False)
     for name, value in rows:
@@ -134,7 +134,7 @@ def history_table(status: TransportOrderStatus | OrderSequenceStatus) -> Table:
     table = Table("time", "event", "details", title="History")
     for entry in status.history:
         what = entry.event_code.removeprefix("nena:")
-        table.add_row(Text(_local(entry.timestamp)), Text(what), Text(", ".join(entry.supplements)))
+        table.add_row(Text(_local_time(entry.timestamp)), Text(what), Text(", ".join(entry.supplements)))
     return table
 
 
@@ -158,12 +158,12 @@ def vehicles_table(vehicles: Iterable[VehicleStatus], fleet: Iterable[VehicleSta
             Text(vehicle.name),
             _vehicle_state(vehicle),
             Text(vehicle.connection, style="" if vehicle.connection == "ONLINE" else "yellow"),
-            Text(_position(vehicle)),
+            Text(_position_of(vehicle)),
             Text(energy),
             Text(vehicle.transport_order or ""),
-            Text("; ".join((vehicle.reason, *vehicle.errors, *_deviations(vehicle)))),
-            *([_chain(vehicle.name, chains, known)] if chains else []),
-            *([_maps(vehicle)] if vehicle.maps else []),
+            Text("; ".join((vehicle.reason, *vehicle.errors, *_deviations_of(vehicle)))),
+            *([_waiting_chain(vehicle.name, chains, known)] if chains else []),
+            *([_maps_of(vehicle)] if vehicle.maps else []),
         )
     return table
 
@@ -179,7 +179,7 @@ def _vehicle_state(vehicle: VehicleStatus) -> Text:
     return Text(state, style=VEHICLE_STYLES.get(state, ""))
 
 
-def _chain(name: str, chains: Mapping[str, WaitChain], fleet: Mapping[str, VehicleStatus]) -> Text:
+def _waiting_chain(name: str, chains: Mapping[str, WaitChain], fleet: Mapping[str, VehicleStatus]) -> Text:
     """Return the vehicles from the next one to the head with its state, or around the circle."""
     chain = chains.get(name)
     if chain is None:
@@ -191,7 +191,7 @@ def _chain(name: str, chains: Mapping[str, WaitChain], fleet: Mapping[str, Vehic
     return Text(f"{way} ({head.state if head else 'unknown'})")
 
 
-def _deviations(vehicle: VehicleStatus) -> tuple[str, ...]:
+def _deviations_of(vehicle: VehicleStatus) -> tuple[str, ...]:
     listed = ", ".join(vehicle.deviations)
     return (f"this robot deviates from VDA 5050: {listed}",) if listed else ()
 
@@ -221,7 +221,7 @@ def _next_points(plan: VehiclePlan) -> Text:
     return text
 
 
-def _maps(vehicle: VehicleStatus) -> Text:
+def _maps_of(vehicle: VehicleStatus) -> Text:
     """Return the maps of a robot with versions; disabled ones dim."""
     text = Text()
     for each in vehicle.maps or ():
@@ -238,8 +238,8 @@ def order_types_table(vehicle: VehicleStatus) -> Table:
     return table
 
 
-def _deadline(order: TransportOrderStatus) -> Text:
-    text = Text(_local(order.deadline))
+def _deadline_text(order: TransportOrderStatus) -> Text:
+    text = Text(_local_time(order.deadline))
     return text.append(", late", style="red") if order.late else text
 
 
@@ -320,7 +320,7 @@ def schedules_table(schedules: Iterable[ScheduleStatus]) -> Table:
     table = Table("schedule", "cron", "time zone", "stops", "next run", "last run", "orders", "skipped")
     for schedule in schedules:
         next_run = (
-            _local(schedule.next_runs[0])
+            _local_time(schedule.next_runs[0])
             if schedule.next_runs
             else "none"
             if schedule.enabled
@@ -339,7 +339,7 @@ def schedules_table(schedules: Iterable[ScheduleStatus]) -> Table:
                     schedule.name,
                     schedule.cron,
                     schedule.time_zone,
-                    _stops(schedule),
+                    _stops_of(schedule),
                     next_run,
                     last_run,
                     *counts,
@@ -351,18 +351,18 @@ def schedules_table(schedules: Iterable[ScheduleStatus]) -> Table:
 
 def schedule_details(status: ScheduleStatus) -> Table:
     """Return the definition of a schedule and its next runs."""
-    return _details(
+    return _details_table(
         ("schedule", Text(status.name)),
         ("cron, time zone", Text(f"{status.cron}, {status.time_zone}")),
         ("enabled", Text("yes" if status.enabled else "no")),
-        ("valid from", Text(_local(status.valid_from))),
-        ("valid until", Text(_local(status.valid_until))),
+        ("valid from", Text(_local_time(status.valid_from))),
+        ("valid until", Text(_local_time(status.valid_until))),
         ("catch up", Text(str(status.catch_up))),
         ("max. open orders", Text(str(status.max_open_orders))),
-        ("stops", Text(_stops(status))),
+        ("stops", Text(_stops_of(status))),
         ("created orders", Text(str(status.created_orders))),
         ("skipped runs", Text(str(status.skipped_runs))),
-        ("next runs", Text(", ".join(map(_local, status.next_runs)))),
+        ("next runs", Text(", ".join(map(_local_time, status.next_runs)))),
     )
 
 
@@ -370,13 +370,13 @@ def schedule_runs_table(status: ScheduleStatus) -> Table:
     """Return the last runs of a schedule."""
     table = Table("planned", "order", "reason", title="Last runs")
     for run in status.last_runs:
-        table.add_row(*map(Text, (_local(run.planned), run.transport_order or "", run.reason)))
+        table.add_row(*map(Text, (_local_time(run.planned), run.transport_order or "", run.reason)))
     return table
 
 
-def _stops(status: ScheduleStatus) -> str:
+def _stops_of(status: ScheduleStatus) -> str:
     """Return where a schedule's orders lead."""
-    return " > ".join(map(_place, status.transport_order.destinations))
+    return " > ".join(map(_place_of, status.transport_order.destinations))
 
 
 def stops_table(stops: Iterable[StopStatus]) -> Table:
@@ -435,31 +435,31 @@ def instant_action_table(vehicle: str, done: InstantActionAnswer) -> Table:
     return table
 
 
-def _state(order: TransportOrderStatus) -> Text:
+def _state_text(order: TransportOrderStatus) -> Text:
     style = STATE_STYLES.get(order.state, "")
     return Text(f"{order.state} (held)", style="yellow") if order.held else Text(order.state, style=style)
 
 
-def _vehicle(status: TransportOrderStatus | OrderSequenceStatus) -> str:
+def _vehicle_of(status: TransportOrderStatus | OrderSequenceStatus) -> str:
     """Return the vehicle of an order or a sequence; in parentheses if it is only intended."""
     return status.processing_vehicle or (f"({status.intended_vehicle})" if status.intended_vehicle else "")
 
 
-def _position(vehicle: VehicleStatus) -> str:
+def _position_of(vehicle: VehicleStatus) -> str:
     if vehicle.current_position:
         return vehicle.current_position
     position = vehicle.precise_position
     return f"{position.x:.2f}, {position.y:.2f}" if position else ""
 
 
-def _place(destination: Destination) -> str:
+def _place_of(destination: Destination) -> str:
     place = destination.location_name
     if destination.coordinate:
         place = f"{destination.coordinate.x:g}, {destination.coordinate.y:g}"
     return f"{place}: {destination.operation}"
 
 
-def _local(moment: datetime | None) -> str:
+def _local_time(moment: datetime | None) -> str:
     return f"{moment.astimezone():%Y-%m-%d %H:%M:%S}" if moment else ""
 
 
@@ -470,9 +470,9 @@ def sequences_table(sequences: Iterable[OrderSequenceStatus]) -> Table:
         table.add_row(
             Text(sequence.name),
             Text(_sequence_state(sequence)),
-            Text(_vehicle(sequence)),
-            _orders(sequence),
-            Text(_local(sequence.created)),
+            Text(_vehicle_of(sequence)),
+            _orders_of(sequence),
+            Text(_local_time(sequence.created)),
             Text(sequence.reason),
         )
     return table
@@ -480,7 +480,7 @@ def sequences_table(sequences: Iterable[OrderSequenceStatus]) -> Table:
 
 def sequence_details(sequence: OrderSequenceStatus) -> Table:
     """Return the details of a sequence."""
-    return _details(
+    return _details_table(
         ("sequence", Text(sequence.name)),
         ("state", Text(_sequence_state(sequence))),
         ("reason", Text(sequence.reason)),
@@ -488,12 +488,12 @@ def sequence_details(sequence: OrderSequenceStatus) -> Table:
         ("intended vehicle", Text(sequence.intended_vehicle or "")),
         ("order types", Text(", ".join(sequence.order_types))),
         ("failure", Text("ends the sequence" if sequence.failure_fatal else "ignored")),
-        ("orders", _orders(sequence)),
+        ("orders", _orders_of(sequence)),
         ("properties", Text(", ".join(f"{each.key}={each.value}" for each in sequence.properties))),
     )
 
 
-def _orders(sequence: OrderSequenceStatus) -> Text:
+def _orders_of(sequence: OrderSequenceStatus) -> Text:
     """Return the orders of a sequence: finished ones dim, the next one bold."""
     text = Text()
     turn = sequence.finished_index + 1

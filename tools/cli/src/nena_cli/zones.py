@@ -31,7 +31,7 @@ def list_(service: Service) -> None:
     """List the zone sets and their status at the robots."""
     with service.connected() as connection:
         found = connection.call(LIST_ZONE_SETS)
-    _print(service, *found.zone_sets)
+    _print_zone_sets(service, *found.zone_sets)
 
 
 @app.command()
@@ -46,7 +46,7 @@ def put(
     except (OSError, ValueError) as error:
         fail(f"{file}: {error}")
     with service.connected() as connection:
-        _print(service, connection.call(PUT_ZONE_SET, body=body))
+        _print_zone_sets(service, connection.call(PUT_ZONE_SET, body=body))
 
 
 @app.command()
@@ -55,7 +55,7 @@ def enable(service: Service, name: Name) -> None:
     """Enable a zone set at the robots; disables the others of its map."""
     with service.connected() as connection:
         done = connection.call(ENABLE_ZONE_SET, name, body={})
-    _print(service, done)
+    _print_zone_sets(service, done)
 
 
 @app.command()
@@ -64,8 +64,8 @@ def delete(service: Service, name: Name) -> None:
     """Delete a zone set at the robots."""
     with service.connected() as connection:
         done = connection.call(DELETE_ZONE_SET, name)
-    _print(service, done)
+    _print_zone_sets(service, done)
 
 
-def _print(service: Service, *zone_sets: ZoneSetStatus) -> None:
+def _print_zone_sets(service: Service, *zone_sets: ZoneSetStatus) -> None:
     service.print_all(zone_sets, tables.zone_sets_table)

@@ -48,11 +48,11 @@ USER_AGENT = "nena-client"
 """Name of the client in the audit trail, unless the caller chooses one."""
 
 
-def _headers(token: str | None, user_agent: str) -> dict[str, str]:
+def _request_headers(token: str | None, user_agent: str) -> dict[str, str]:
     return {"User-Agent": user_agent} | ({"Authorization": f"Bearer {token}"} if token else {})
 
 
-def _trust(urls: Sequence[str]) -> ssl.SSLContext | bool:
+def _trusted_authorities(urls: Sequence[str]) -> ssl.SSLContext | bool:
     """Return what httpx verifies certificates with; the system's authorities take time to load."""
     if any(url.lower().startswith("https:") for url in urls):
         return True
@@ -90,8 +90,8 @@ class Client:
         user_agent: str = USER_AGENT,
     ) -> None:
         self._addresses = Addresses.of(urls)
-        trust = _trust(self._addresses.urls)
-        self._client = httpx.Client(headers=_headers(token, user_agent), timeout=ANSWER, verify=trust)
+        trust = _trusted_authorities(self._addresses.urls)
+        self._client = httpx.Client(headers=_request_headers(token, user_agent), timeout=ANSWER, verify=trust)
         self._retry_for = retry_for
 
     def __enter__(self) -> Self:
@@ -114,7 +114,7 @@ class Client:
         **options: Unpack[Options],
     ) -> A:
         """Call an operation on the object of this name; raises RefusedError and UnreachableError."""
-        return read(operation, self._send(Call.of(operation, name, request, options)))
+        return read(operation, self._send_call(Call.of(operation, name, request, options)))
 
     def pages(self, operation: Operation[P], query: Query | None = None) -> Iterator[P]:
         """Yield the pages of a list; raises RefusedError and UnreachableError."""
@@ -139,7 +139,7 @@ class Client:
         ever = False
         while True:
             try:
-                with self._stream(query, last_id) as parts:
+                with self._follow_stream(query, last_id) as parts:
                     for event in chain.from_iterable(map(EventReader().read, parts)):
                         ever = True
                         last_id = event.id or last_id
@@ -159,7 +159,7 @@ class Client:
                 status = self.call(SHOW_ORDER, order)
         return status
 
-    def _send(self, call: Call) -> httpx.Response:
+    def _send_call(self, call: Call) -> httpx.Response:
         give_up = time.monotonic() + self._retry_for
         while True:
             try:
@@ -188,16 +188,16 @@ class Client:
         except httpx.TransportError as error:
             return ServiceState(f"not reachable: {error}", healthy=False)
 
-    def _active(self) -> str:
+    def _active_url(self) -> str:
         """Return the URL of the active order service; a single one counts as active."""
         if len(self._addresses.urls) > 1:
             self.call(LIST_VEHICLES, query={"limit": 1})
         return self._addresses.urls[0]
 
     @contextmanager
-    def _stream(self, query: Query | None, last_id: str | None) -> Iterator[Iterator[str]]:
+    def _follow_stream(self, query: Query | None, last_id: str | None) -> Iterator[Iterator[str]]:
         """Follow the parts of the event stream; raises as :meth:`call` does, also while it is followed."""
-        url = self._active()
+        url = self._active_url()
         headers = {"Last-Event-ID": last_id} if last_id else {}
         following = self._client.stream("GET", url + EVENTS, params=query, headers=headers, timeout=STREAM)
         try:
@@ -223,8 +223,10 @@ class AsyncClient:
         user_agent: str = USER_AGENT,
     ) -> None:
         self._addresses = Addresses.of(urls)
-        trust = _trust(self._addresses.urls)
-        self._client = httpx.AsyncClient(headers=_headers(token, user_agent), timeout=ANSWER, verify=trust)
+        trust = _trusted_authorities(self._addresses.urls)
+        self._client = httpx.AsyncClient(
+            headers=_request_headers(token, user_agent), timeout=ANSWER, verify=trust
+        )
         self._retry_for = retry_for
 
     async def __aenter__(self) -> Self:
@@ -247,7 +249,7 @@ class AsyncClient:
         **options: Unpack[Options],
     ) -> A:
         """Call an operation on the object of this name; raises RefusedError and UnreachableError."""
-        return read(operation, await self._send(Call.of(operation, name, request, options)))
+        return read(operation, await self._send_call(Call.of(operation, name, request, options)))
 
     async def pages(self, operation: Operation[P], query: Query | None = None) -> AsyncIterator[P]:
         """Yield the pages of a list; raises RefusedError and UnreachableError."""
@@ -272,7 +274,7 @@ class AsyncClient:
         ever = False
         while True:
             try:
-                async with self._stream(query, last_id) as parts:
+                async with self._follow_stream(query, last_id) as parts:
                     reader = EventReader()
                     async for part in parts:
                         for event in reader.read(part):
@@ -294,7 +296,7 @@ class AsyncClient:
                 status = await self.call(SHOW_ORDER, order)
         return status
 
-    async def _send(self, call: Call) -> httpx.Response:
+    async def _send_call(self, call: Call) -> httpx.Response:
         give_up = time.monotonic() + self._retry_for
         while True:
             try:
@@ -323,16 +325,18 @@ class AsyncClient:
         except httpx.TransportError as error:
             return ServiceState(f"not reachable: {error}", healthy=False)
 
-    async def _active(self) -> str:
+    async def _active_url(self) -> str:
         """Return the URL of the active order service; a single one counts as active."""
         if len(self._addresses.urls) > 1:
             await self.call(LIST_VEHICLES, query={"limit": 1})
         return self._addresses.urls[0]
 
     @asynccontextmanager
-    async def _stream(self, query: Query | None, last_id: str | None) -> AsyncIterator[AsyncIterator[str]]:
+    async def _follow_stream(
+        self, query: Query | None, last_id: str | None
+    ) -> AsyncIterator[AsyncIterator[str]]:
         """Follow the parts of the event stream; raises as :meth:`call` does, also while it is followed."""
-        url = await self._active()
+        url = await self._active_url()
         headers = {"Last-Event-ID": last_id} if last_id else {}
         following = self._client.stream("GET", url + EVENTS, params=query, headers=headers, timeout=STREAM)
         try:

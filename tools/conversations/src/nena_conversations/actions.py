@@ -41,7 +41,7 @@ ALONE: Final = frozenset({BlockingType.HARD, BlockingType.SINGLE})
 STANDING: Final = frozenset({BlockingType.HARD, BlockingType.SOFT})
 
 
-def _reachable() -> dict[ActionStatus, frozenset[ActionStatus]]:
+def _reachable_statuses() -> dict[ActionStatus, frozenset[ActionStatus]]:
     """Return the statuses reachable from each status: one state may combine several changes."""
     found: dict[ActionStatus, frozenset[ActionStatus]] = {}
     for start in ActionStatus:
@@ -55,7 +55,7 @@ def _reachable() -> dict[ActionStatus, frozenset[ActionStatus]]:
     return found
 
 
-REACHABLE: Final = _reachable()
+REACHABLE: Final = _reachable_statuses()
 
 
 def all_actions(state: State | None) -> tuple[ActionState, ...]:
@@ -80,12 +80,14 @@ def order_action_problems(now: State, order: StitchedOrder) -> Iterator[Problem]
         if action_id not in statuses:
             text = f"action '{action_id}' of order '{order.last.order_id}' has no state"
             yield Rule.ACTION_LOST, Severity.ERROR, text
-    yield from _early(now, order, statuses)
+    yield from _check_early_actions(now, order, statuses)
     running = [each for key, each in order.actions.items() if statuses.get(key) is S.RUNNING]
-    yield from _blocking(now, running)
+    yield from _check_blocking(now, running)
 
 
-def _early(now: State, order: StitchedOrder, statuses: Mapping[str, ActionStatus]) -> Iterator[Problem]:
+def _check_early_actions(
+    now: State, order: StitchedOrder, statuses: Mapping[str, ActionStatus]
+) -> Iterator[Problem]:
     """Find actions that started before the robot reached their node or edge."""
     if not now.last_node_id:
         return
@@ -105,7 +107,7 @@ def _early(now: State, order: StitchedOrder, statuses: Mapping[str, ActionStatus
                 yield Rule.ACTION_EARLY, Severity.ERROR, text
 
 
-def _blocking(now: State, running: list[Action]) -> Iterator[Problem]:
+def _check_blocking(now: State, running: list[Action]) -> Iterator[Problem]:
     for action in running:
         if action.blocking_type in ALONE and len(running) > 1:
             others = ", ".join(f"'{each.action_id}'" for each in running if each is not action)
@@ -156,8 +158,8 @@ class InstantConversation:
             self._types[action.action_id] = action.action_type
             self._waiting.add(action.action_id, received)
             if action.action_type in ENDS_ORDER:
-                self._ending[action.action_id] = _Ending(_meant(action, state, newest_order))
-            if state and not _allowed(action.action_type, state.operating_mode):
+                self._ending[action.action_id] = _Ending(_cancelled_orders(action, state, newest_order))
+            if state and not _is_allowed(action.action_type, state.operating_mode):
                 text = f"{action.action_type} is sent to a robot in the mode {state.operating_mode}"
                 yield Rule.MODE, Severity.ERROR, text
             at = action.parameter(WAKE_UP_TIME)
@@ -203,7 +205,7 @@ class InstantConversation:
             yield Rule.CANCEL_END, Severity.ERROR, text
 
 
-def _meant(action: Action, state: State | None, newest_order: str | None) -> frozenset[str]:
+def _cancelled_orders(action: Action, state: State | None, newest_order: str | None) -> frozenset[str]:
     named = action.parameter("orderId")
     if isinstance(named, str):
         return frozenset({named})
@@ -211,7 +213,7 @@ def _meant(action: Action, state: State | None, newest_order: str | None) -> fro
     return frozenset(each for each in (held, newest_order) if each)
 
 
-def _allowed(action_type: str, mode: OperatingMode) -> bool:
+def _is_allowed(action_type: str, mode: OperatingMode) -> bool:
     if mode is OperatingMode.INTERVENED:
         return action_type in HARMLESS | {CANCEL_ORDER}
     return mode.fleet_controls or action_type in HARMLESS

@@ -113,7 +113,7 @@ async def listen(
             failures.append(error)
             stop.set()
 
-    async with _connected(address, client_id, on_message):
+    async with _connect_broker(address, client_id, on_message):
         await stop.wait()
     for failure in failures:
         raise failure
@@ -188,7 +188,7 @@ async def replay(
     """
     count = 0
     headers = FreshHeaders()
-    async with _connected(address, client_id, None) as link:
+    async with _connect_broker(address, client_id, None) as link:
         for pause, entry in paced(entries, speed):
             await set_within(stop, pause)
             if stop.is_set():
@@ -205,7 +205,7 @@ async def replay(
 
 
 @asynccontextmanager
-async def _connected(
+async def _connect_broker(
     address: BrokerAddress, client_id: str, handle: Callable[[Inbound], None] | None
 ) -> AsyncIterator[MqttLink]:
     link = MqttLink(address.settings, client_id=client_id)

@@ -41,7 +41,7 @@ def message_problems(received: ReceivedMessage) -> Iterator[Problem]:
             yield Rule.GRAPH if problem in broken else Rule.MESSAGE, Severity.ERROR, problem
         return
     written: JsonValue = received.message.model_dump(mode="json", by_alias=True)
-    deviations = list(_deviations(from_json(received.payload), written, ""))
+    deviations = list(_check_form(from_json(received.payload), written, ""))
     for rule in (Rule.FIELD, Rule.SPELLING):
         yield from [deviation for deviation in deviations if deviation[0] is rule][:MAX_REPORTED]
 
@@ -56,23 +56,23 @@ def _graph_violations(received: ReceivedMessage) -> tuple[str, ...]:
     return violations(order) if isinstance(order, Order) else ()
 
 
-def _deviations(given: JsonValue, written: JsonValue, path: str) -> Iterator[Problem]:
+def _check_form(given: JsonValue, written: JsonValue, path: str) -> Iterator[Problem]:
     """Compare a message with its form as its version writes it; ``path`` is the current field."""
     if isinstance(given, dict) and isinstance(written, dict):
         for key, value in given.items():
             where = f"{path}.{key}" if path else key
             if key in written:
-                yield from _deviations(value, written[key], where)
+                yield from _check_form(value, written[key], where)
             else:
                 yield Rule.FIELD, Severity.WARNING, f"{where} is not a field of this version and is ignored"
     elif isinstance(given, list) and isinstance(written, list):
         for index, (one, other) in enumerate(zip(given, written, strict=False)):
-            yield from _deviations(one, other, f"{path}.{index}")
+            yield from _check_form(one, other, f"{path}.{index}")
     elif isinstance(given, str):
-        yield from _spelling(given, written, path)
+        yield from _check_spelling(given, written, path)
 
 
-def _spelling(given: str, written: JsonValue, path: str) -> Iterator[Problem]:
+def _check_spelling(given: str, written: JsonValue, path: str) -> Iterator[Problem]:
     if path.rsplit(".", 1)[-1] in TIMES:
         if not given.endswith("Z"):
             yield (
@@ -107,10 +107,10 @@ class HeaderChecks:
             return  # wills and retained messages have older headers
         self._last[received.topic] = message.header_id, message.timestamp
         if last:
-            yield from _compare(message, *last)
+            yield from _compare_headers(message, *last)
 
 
-def _compare(message: Header, last_id: int, last_time: datetime) -> Iterator[Problem]:
+def _compare_headers(message: Header, last_id: int, last_time: datetime) -> Iterator[Problem]:
     expected = (last_id + 1) % HEADER_IDS
     if message.header_id not in (expected, 0):
         text = f"headerId {message.header_id} follows {last_id}: messages are missing or out of order"
@@ -251,7 +251,7 @@ class RobotConversation:
         yield from self._headers.check(received, received.message)
         if received.retained and received.sender is Sender.FLEET:
             return  # an old command, which robots ignore
-        yield from self._content(received, received.message)
+        yield from self._check_content(received, received.message)
 
     def overdue(self, now: datetime, *, ended: bool = False) -> Iterator[tuple[ReceivedMessage, Problem]]:
         """Yield, once, messages without an answer and an overdue state at ``now``.
@@ -263,10 +263,10 @@ class RobotConversation:
         if overdue := self._connection.overdue_state(now):
             yield overdue
 
-    def _content(self, received: ReceivedMessage, message: Header) -> Iterator[Problem]:
+    def _check_content(self, received: ReceivedMessage, message: Header) -> Iterator[Problem]:
         match message:
             case Order():
-                yield from self._order(received, message)
+                yield from self._check_order(received, message)
             case InstantActions():
                 yield from self._action_ids.check(message.actions, "instantActions")
                 yield from self._factsheet.check(message.actions, ActionScope.INSTANT)
@@ -274,7 +274,7 @@ class RobotConversation:
                 newest = self._orders.newest
                 yield from self._instants.on_instant_actions(received, message, self._state, newest)
             case Responses():
-                yield from self._responses(message)
+                yield from self._check_responses(message)
             case State():
                 yield from self._on_state(received, message)
             case Connection():
@@ -284,7 +284,7 @@ class RobotConversation:
             case Factsheet():
                 self._factsheet.on_factsheet(message)
 
-    def _order(self, received: ReceivedMessage, order: Order) -> Iterator[Problem]:
+    def _check_order(self, received: ReceivedMessage, order: Order) -> Iterator[Problem]:
         yield from self._action_ids.check(actions_of(order), f"order '{order.order_id}'")
         yield from self._factsheet.on_order(order)
         yield from self._connection.on_request(f"order '{order.order_id}'")
@@ -305,7 +305,7 @@ class RobotConversation:
             self._requests[request_id] = None
         self._state = state
 
-    def _responses(self, message: Responses) -> Iterator[Problem]:
+    def _check_responses(self, message: Responses) -> Iterator[Problem]:
         for response in message.responses:
             if self._state and response.request_id not in self._requests:
                 text = f"the robot did not send the request '{response.request_id}'"
@@ -341,11 +341,11 @@ class Checker:
         if received is None:
             return
         self.checked += 1
-        yield from self._advance(received.time)
+        yield from self._advance_time(received.time)
         if received.topic_prefix not in self._robots:
             self._robots[received.topic_prefix] = RobotConversation()
         for problem in self._robots[received.topic_prefix].check(received):
-            yield from _findings(received, problem)
+            yield from _findings_of(received, problem)
 
     def skip(self) -> None:
         """Count a message that is not checked, so that numbers match the recording."""
@@ -354,21 +354,21 @@ class Checker:
     def end(self) -> Iterator[Finding]:
         """Yield messages without an answer at the end of the conversation."""
         if self._now is not None:
-            yield from self._overdue(self._now, ended=True)
+            yield from self._overdue_findings(self._now, ended=True)
 
-    def _advance(self, now: datetime) -> Iterator[Finding]:
+    def _advance_time(self, now: datetime) -> Iterator[Finding]:
         self._now = now
         if self._overdue_checked is None or now - self._overdue_checked >= OVERDUE_INTERVAL:
             self._overdue_checked = now
-            yield from self._overdue(now, ended=False)
+            yield from self._overdue_findings(now, ended=False)
 
-    def _overdue(self, now: datetime, *, ended: bool) -> Iterator[Finding]:
+    def _overdue_findings(self, now: datetime, *, ended: bool) -> Iterator[Finding]:
         for robot in self._robots.values():
             for late, problem in robot.overdue(now, ended=ended):
-                yield from _findings(late, problem)
+                yield from _findings_of(late, problem)
 
 
-def _findings(received: ReceivedMessage, problem: Problem) -> Iterator[Finding]:
+def _findings_of(received: ReceivedMessage, problem: Problem) -> Iterator[Finding]:
     """Yield a finding if the message's version has the rule."""
     rule, severity, text = problem
     section = rule.section(received.codec.version, received.topic)

@@ -77,7 +77,7 @@ def parse(entry: Entry, number: int) -> ReceivedMessage | None:
         return None
     major, manufacturer, serial_number, last = levels[-LEVELS:]
     topic = Topic(last)
-    codec = _codec(entry.payload, major)
+    codec = _codec_of(entry.payload, major)
     message: Header | None = None
     problems: tuple[str, ...] = ()
     try:
@@ -118,7 +118,7 @@ def sender_of(topic: str) -> Sender | None:
     return SENDERS[Topic(last)] if last in set(Topic) else None
 
 
-def _codec(payload: bytes, major: str) -> Codec:
+def _codec_of(payload: bytes, major: str) -> Codec:
     """Choose the codec by header, else by topic, else the newest one, which then reports the problems."""
     found = codec_of_header(payload)
     if found is None and major[:1] == "v" and major[1:].isdecimal():

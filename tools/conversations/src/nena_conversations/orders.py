@@ -111,7 +111,7 @@ def update_problems(order: Order, before: StitchedOrder, *, cancelled: bool) -> 
     name = f"update {order.order_update_id} of order '{order.order_id}'"
     last = before.last.order_update_id
     if order.order_update_id == last:
-        if _content(order) != _content(before.last):
+        if _content_of(order) != _content_of(before.last):
             yield Rule.SAME_UPDATE_ID, Severity.ERROR, f"{name} is repeated with different content"
         return
     if order.order_update_id < last:
@@ -134,7 +134,7 @@ def _stitching_problems(order: Order, before: StitchedOrder, name: str) -> Itera
         yield Rule.STITCHING_NODE, Severity.ERROR, f"{name} changes the decision point '{first.node_id}'"
 
 
-def _content(order: Order) -> str:
+def _content_of(order: Order) -> str:
     return order.model_dump_json(exclude=set(HEADER), exclude_none=True)
 
 
@@ -161,9 +161,9 @@ def progress_problems(
             yield Rule.PROGRESS, Severity.WARNING, f"{text} without a visible reason"
         return
     yield from _first_node_problems(now)
-    yield from _skipped(now, order)
+    yield from _check_skipped_nodes(now, order)
     if before and same:
-        yield from _steps(before, now, order)
+        yield from _check_steps(before, now, order)
 
 
 def _content_problems(now: State, order: StitchedOrder) -> Iterator[Problem]:
@@ -172,9 +172,9 @@ def _content_problems(now: State, order: StitchedOrder) -> Iterator[Problem]:
         node_id, released = known.get(state.sequence_id, (None, False))
         name = f"node '{state.node_id}' ({state.sequence_id})"
         if node_id != state.node_id:
-            yield _error(f"{name} is not part of the order")
+            yield _progress_error(f"{name} is not part of the order")
         elif released is not state.released:
-            yield _error(f"{name} has released {state.released}, in the order {released}")
+            yield _progress_error(f"{name} has released {state.released}, in the order {released}")
     yield from _not_rising([each.sequence_id for each in now.node_states], "nodeStates")
     yield from _not_rising([each.sequence_id for each in now.edge_states], "edgeStates")
 
@@ -183,12 +183,14 @@ def _last_node_problems(now: State, order: StitchedOrder) -> Iterator[Problem]:
     """Check that the robot has not driven into the horizon."""
     number = now.last_node_sequence_id
     if order.released().get(number) == (now.last_node_id, False):
-        yield _error(f"the robot reached node '{now.last_node_id}' ({number}), which is not released")
+        yield _progress_error(
+            f"the robot reached node '{now.last_node_id}' ({number}), which is not released"
+        )
 
 
 def _not_rising(numbers: Sequence[int], what: str) -> Iterator[Problem]:
     if list(numbers) != sorted(set(numbers)):
-        yield _error(f"the sequenceIds of {what} do not increase: {', '.join(map(str, numbers))}")
+        yield _progress_error(f"the sequenceIds of {what} do not increase: {', '.join(map(str, numbers))}")
 
 
 def _first_node_problems(now: State) -> Iterator[Problem]:
@@ -197,30 +199,34 @@ def _first_node_problems(now: State) -> Iterator[Problem]:
         yield Rule.FIRST_NODE, Severity.ERROR, text
 
 
-def _skipped(now: State, order: StitchedOrder) -> Iterator[Problem]:
+def _check_skipped_nodes(now: State, order: StitchedOrder) -> Iterator[Problem]:
     """Find nodes that disappeared although the robot reached none of them."""
     ahead, last = min(state.sequence_id for state in now.node_states), now.last_node_sequence_id
     if now.last_node_id and ahead > last + 2:
         numbers = f"{last + 2}" if ahead == last + 4 else f"{last + 2} to {ahead - 2}"
-        yield _error(f"node {numbers} of order '{order.last.order_id}' disappeared without being reached")
+        yield _progress_error(
+            f"node {numbers} of order '{order.last.order_id}' disappeared without being reached"
+        )
 
 
-def _steps(before: State, now: State, order: StitchedOrder) -> Iterator[Problem]:
+def _check_steps(before: State, now: State, order: StitchedOrder) -> Iterator[Problem]:
     """Compare two states of one order: no node reappears."""
     number = now.last_node_sequence_id
     known = order.released().get(number)
     if known and now.last_node_id and known[0] != now.last_node_id:
-        yield _error(f"lastNodeId '{now.last_node_id}' is not node {number} of the order")
+        yield _progress_error(f"lastNodeId '{now.last_node_id}' is not node {number} of the order")
     if before.order_update_id == now.order_update_id:
         old = {state.sequence_id for state in before.node_states}
         for state in now.node_states:
             if state.sequence_id not in old:
-                yield _error(f"node '{state.node_id}' ({state.sequence_id}) disappeared and is listed again")
+                yield _progress_error(
+                    f"node '{state.node_id}' ({state.sequence_id}) disappeared and is listed again"
+                )
     if number < before.last_node_sequence_id and now.last_node_id:
-        yield _error(f"lastNodeSequenceId decreases from {before.last_node_sequence_id} to {number}")
+        yield _progress_error(f"lastNodeSequenceId decreases from {before.last_node_sequence_id} to {number}")
 
 
-def _error(text: str) -> Problem:
+def _progress_error(text: str) -> Problem:
     return Rule.PROGRESS, Severity.ERROR, text
 
 
@@ -252,7 +258,7 @@ class OrderConversation:
         self, received: ReceivedMessage, order: Order, state: State | None, *, cancelled: bool
     ) -> Iterator[Problem]:
         """Check an order or update; ``state`` is the robot's last one."""
-        before = self._before(order)
+        before = self._order_before(order)
         yield from situation_problems(order, state, self._taken)
         if before:
             yield from update_problems(order, before, cancelled=cancelled)
@@ -269,10 +275,10 @@ class OrderConversation:
         ``before`` is the previous state; ``ends_early``: nodes may disappear without being reached.
         """
         rejected = _rejected_orders(state)
-        self._waiting.on_state(lambda key: _echoes(state, key) or _rejects(state, key, rejected))
+        self._waiting.on_state(lambda key: _echoes_order(state, key) or _rejects_order(state, key, rejected))
         yield from self._echo_problems(state, before)
         self._taken = self._known.get((state.order_id, state.order_update_id))
-        if self._sent and _rejects(state, self._sent.key, rejected):
+        if self._sent and _rejects_order(state, self._sent.key, rejected):
             self._sent = self._taken
         if self._taken and self._taken.complete:
             yield from progress_problems(before, state, self._taken, ends_early=ends_early)
@@ -283,7 +289,7 @@ class OrderConversation:
             text = f"no state echoes update {update} of order '{order_id}', and no error names it"
             yield received, (Rule.ANSWER, Severity.WARNING, text)
 
-    def _before(self, order: Order) -> StitchedOrder | None:
+    def _order_before(self, order: Order) -> StitchedOrder | None:
         """Return the order as known before this message."""
         candidates = (self._sent, self._taken)
         return next(
@@ -307,13 +313,13 @@ class OrderConversation:
             yield Rule.ECHO, Severity.WARNING, text
 
 
-def _echoes(state: State, key: OrderKey) -> bool:
+def _echoes_order(state: State, key: OrderKey) -> bool:
     return key[0] == state.order_id and key[1] <= state.order_update_id
 
 
-def _rejects(state: State, key: OrderKey, rejected: set[tuple[str, int | None]]) -> bool:
+def _rejects_order(state: State, key: OrderKey, rejected: set[tuple[str, int | None]]) -> bool:
     """Return whether an error rejects the order; errors may name an accepted order for other reasons."""
-    if _echoes(state, key):
+    if _echoes_order(state, key):
         return False
     return key in rejected or (key[0] != state.order_id and (key[0], None) in rejected)
 

@@ -84,11 +84,11 @@ def read(lines: Iterable[str], name: str) -> Iterator[Entry]:
         except ValueError as error:
             if before and not line.endswith("\n"):
                 return
-            raise RecordingError(_problem(error, f"{name}, line {number}")) from error
+            raise RecordingError(_problem_at(error, f"{name}, line {number}")) from error
         yield before
 
 
-def _problem(error: ValueError, where: str) -> str:
+def _problem_at(error: ValueError, where: str) -> str:
     if not isinstance(error, ValidationError):
         return f"{where}: {error}"
     return f"{where}: {in_words(error.errors(include_url=False)[:1], whole='line')[0]}"

@@ -41,7 +41,7 @@ class Sections:
         return self.v2_1 if (major, minor) >= FIRST_2_1 else self.v2_0
 
 
-def _both(section_2: str, section_3: str) -> Sections:
+def _both_versions(section_2: str, section_3: str) -> Sections:
     return Sections(section_2, section_2, section_3)
 
 
@@ -52,10 +52,10 @@ def _only_3(section: str) -> Sections:
 MESSAGES: Final[Mapping[Topic, Sections]] = MappingProxyType(
     {
         Topic.ORDER: Sections("6.7", "6.6.6", "7.3"),
-        Topic.INSTANT_ACTIONS: _both("6.9", "7.4"),
-        Topic.STATE: _both("6.10.6", "7.8"),
-        Topic.VISUALIZATION: _both("6.13", "7.9"),
-        Topic.CONNECTION: _both("6.14", "7.7"),
+        Topic.INSTANT_ACTIONS: _both_versions("6.9", "7.4"),
+        Topic.STATE: _both_versions("6.10.6", "7.8"),
+        Topic.VISUALIZATION: _both_versions("6.13", "7.9"),
+        Topic.CONNECTION: _both_versions("6.14", "7.7"),
         Topic.FACTSHEET: Sections("7", "6.15", "7.10"),
         Topic.ZONE_SET: Sections("6.5", "6.5", "7.6"),
         Topic.RESPONSES: Sections("6.5", "6.5", "7.5"),
@@ -71,39 +71,39 @@ class Rule(Enum):
     """The message is valid for its topic and version."""
     FIELD = "field", None
     """The message has only fields of its version."""
-    SPELLING = "spelling", _both("6.1", "7.1")
+    SPELLING = "spelling", _both_versions("6.1", "7.1")
     """Names and times are written as the version writes them."""
-    GRAPH = "graph", _both("6.6.1", "6.1.1")
+    GRAPH = "graph", _both_versions("6.6.1", "6.1.1")
     """The nodes and edges of an order are a valid graph."""
-    VERSION = "version", _both("6.3", "4.2")
+    VERSION = "version", _both_versions("6.3", "4.2")
     """Topic and header name the same major version."""
-    ADDRESS = "address", _both("6.4", "7.2")
+    ADDRESS = "address", _both_versions("6.4", "7.2")
     """The header names the robot of the topic."""
-    HEADER_ID = "headerId", _both("6.4", "7.2")
+    HEADER_ID = "headerId", _both_versions("6.4", "7.2")
     """headerId increases by one from message to message of a topic."""
-    TIMESTAMP = "timestamp", _both("6.4", "7.2")
+    TIMESTAMP = "timestamp", _both_versions("6.4", "7.2")
     """Timestamps do not go back."""
 
-    CONNECTION = "connection", _both("6.14", "6.5")
+    CONNECTION = "connection", _both_versions("6.14", "6.5")
     """Only a robot that is ONLINE sends states."""
-    STATE_INTERVAL = "stateInterval", _both("6.10", "6.6")
+    STATE_INTERVAL = "stateInterval", _both_versions("6.10", "6.6")
     """The robot sends a state at least every 30 s."""
 
-    FIRST_SEQUENCE_ID = "firstSequenceId", _both("6.6.1", "6.1.1")
+    FIRST_SEQUENCE_ID = "firstSequenceId", _both_versions("6.6.1", "6.1.1")
     """A new order begins with sequenceId 0."""
     FIRST_UPDATE_ID = "firstUpdateId", _only_3("6.1.1")
     """A new order has orderUpdateId 0."""
-    OTHER_ORDER = "otherOrder", _both("6.6.2", "6.1.4.6")
+    OTHER_ORDER = "otherOrder", _both_versions("6.6.2", "6.1.4.6")
     """A new order is sent to an idle robot only."""
-    MODE = "mode", _both("6.10.6", "6.6.6")
+    MODE = "mode", _both_versions("6.10.6", "6.6.6")
     """Fleet control sends only in modes in which it controls the robot."""
     NOT_OFFERED = "notOffered", Sections("7", "6.15", "7.10")
     """Fleet control requests only actions of the factsheet."""
-    OUTDATED_UPDATE = "outdatedUpdate", _both("6.6.4.3", "6.1.4.4")
+    OUTDATED_UPDATE = "outdatedUpdate", _both_versions("6.6.4.3", "6.1.4.4")
     """An update has a greater orderUpdateId than the ones before."""
     SAME_UPDATE_ID = "sameUpdateId", _only_3("6.1.4.5")
     """A repeated orderUpdateId has the same content."""
-    STITCHING = "stitching", _both("6.6.2", "6.1.2")
+    STITCHING = "stitching", _both_versions("6.6.2", "6.1.2")
     """An update begins with the decision point: the base is extended, never changed."""
     STITCHING_NODE = "stitchingNode", _only_3("6.1.2")
     """An update repeats the decision point unchanged."""
@@ -112,25 +112,25 @@ class Rule(Enum):
     ACTION_ID = "actionId", Sections("6.7", "6.6.6", "7.3")
     """An actionId identifies one action."""
 
-    ANSWER = "answer", _both("6.10", "6.6")
+    ANSWER = "answer", _both_versions("6.10", "6.6")
     """The robot's state echoes an order, or names it in an error."""
-    INSTANT_ANSWER = "instantAnswer", _both("6.9", "6.2.1")
+    INSTANT_ANSWER = "instantAnswer", _both_versions("6.9", "6.2.1")
     """Each instant action gets a state."""
-    ECHO = "echo", _both("6.10.6", "7.8")
+    ECHO = "echo", _both_versions("6.10.6", "7.8")
     """A state has an order and update that were sent, and never returns to an older update."""
-    PROGRESS = "progress", _both("6.10.2", "6.6.2")
+    PROGRESS = "progress", _both_versions("6.10.2", "6.6.2")
     """Nodes are those of the order; they disappear in order, without gaps, and never reappear."""
     FIRST_NODE = "firstNode", _only_3("6.6.1")
     """The first node of an order counts as reached immediately."""
-    ACTION_LOST = "actionLost", _both("6.11", "6.6.9")
+    ACTION_LOST = "actionLost", _both_versions("6.11", "6.6.9")
     """Each action of an order has a state from its acceptance on."""
-    ACTION_STATUS = "actionStatus", _both("6.11", "6.6.9")
+    ACTION_STATUS = "actionStatus", _both_versions("6.11", "6.6.9")
     """An action's status changes as the figure of the standard allows."""
-    ACTION_EARLY = "actionEarly", _both("6.10.2", "6.6.2")
+    ACTION_EARLY = "actionEarly", _both_versions("6.10.2", "6.6.2")
     """An action begins when its node is reached or its edge entered."""
-    BLOCKING = "blocking", _both("6.12", "6.2.2")
+    BLOCKING = "blocking", _both_versions("6.12", "6.2.2")
     """HARD and SINGLE actions run alone; no driving beside HARD and SOFT ones."""
-    CANCEL_END = "cancelEnd", _both("6.6.3", "6.1.3")
+    CANCEL_END = "cancelEnd", _both_versions("6.6.3", "6.1.3")
     """When cancelOrder is FINISHED, no nodes, edges or running actions of the order remain."""
     RESPONSE = "response", _only_3("6.9")
     """Fleet control answers only requests of the robot."""

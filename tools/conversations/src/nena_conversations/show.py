@@ -30,46 +30,46 @@ MOVED = 0.05
 def describe(message: Header, before: State | None) -> list[str]:
     """Describe a message in lines; ``before`` is the robot's previous state, if any."""
     if isinstance(message, State):
-        return list(_state(message, before)) or ["no change"]
-    return list(_other(message))
+        return list(_describe_state(message, before)) or ["no change"]
+    return list(_describe_message(message))
 
 
-def _other(message: Header) -> Iterator[str]:
+def _describe_message(message: Header) -> Iterator[str]:
     match message:
         case Order():
-            yield from _order(message)
+            yield from _describe_order(message)
         case InstantActions():
-            yield from (f"do {_action(action)}" for action in message.actions)
+            yield from (f"do {_describe_action(action)}" for action in message.actions)
         case Connection():
             yield str(message.connection_state)
         case Factsheet():
             actions = message.protocol_features.mobile_robot_actions
-            supported = _list(action.action_type for action in actions)
+            supported = _join_names(action.action_type for action in actions)
             yield f"{message.type_specification.series_name}: supports {supported}"
         case Responses():
             yield from (f"{response.request_id}: {response.grant_type}" for response in message.responses)
         case ZoneSetTransfer():
             zones = message.zone_set.zones
-            yield f"zone set '{message.zone_set.zone_set_id}': {_list(zone.zone_id for zone in zones)}"
+            yield f"zone set '{message.zone_set.zone_set_id}': {_join_names(zone.zone_id for zone in zones)}"
 
 
-def _order(order: Order) -> Iterator[str]:
+def _describe_order(order: Order) -> Iterator[str]:
     base = [node.node_id for node in order.nodes if node.released]
     horizon = [node.node_id for node in order.nodes if not node.released]
     yield f"order '{order.order_id}' update {order.order_update_id}"
     yield "base " + " → ".join(base) + (", horizon " + " → ".join(horizon) if horizon else "")
     for node in order.nodes:
-        yield from (f"on {node.node_id}: {_action(action)}" for action in node.actions)
+        yield from (f"on {node.node_id}: {_describe_action(action)}" for action in node.actions)
     for edge in order.edges:
-        yield from (f"along {edge.edge_id}: {_action(action)}" for action in edge.actions)
+        yield from (f"along {edge.edge_id}: {_describe_action(action)}" for action in edge.actions)
 
 
-def _action(action: Action) -> str:
+def _describe_action(action: Action) -> str:
     parameters = ", ".join(f"{parameter.key}={parameter.value}" for parameter in action.action_parameters)
     return f"{action.action_type}({parameters}) as '{action.action_id}', {action.blocking_type}"
 
 
-def _state(now: State, before: State | None) -> Iterator[str]:
+def _describe_state(now: State, before: State | None) -> Iterator[str]:
     yield from _order_of(now, before)
     for name, text in (
         ("operating_mode", "mode"),
@@ -77,11 +77,11 @@ def _state(now: State, before: State | None) -> Iterator[str]:
         ("paused", "paused"),
         ("new_base_request", "requests more base"),
     ):
-        yield from _changed(text, getattr(now, name), getattr(before, name) if before else None)
-    yield from _place(now, before)
-    yield from _actions(now, before)
-    yield from _errors(now.errors, before.errors if before else ())
-    yield from _rest(now, before)
+        yield from _changed_value(text, getattr(now, name), getattr(before, name) if before else None)
+    yield from _place_changes(now, before)
+    yield from _action_changes(now, before)
+    yield from _error_changes(now.errors, before.errors if before else ())
+    yield from _other_changes(now, before)
 
 
 def _order_of(now: State, before: State | None) -> Iterator[str]:
@@ -91,18 +91,18 @@ def _order_of(now: State, before: State | None) -> Iterator[str]:
     last = now.last_node_id, now.last_node_sequence_id
     if before is None or last != (before.last_node_id, before.last_node_sequence_id):
         yield f"last node '{now.last_node_id}' ({now.last_node_sequence_id})"
-    left = _left(now)
-    if before is None or left != _left(before):
+    left = _remaining_nodes(now)
+    if before is None or left != _remaining_nodes(before):
         yield f"nodes left: {left}"
 
 
-def _left(state: State) -> str:
+def _remaining_nodes(state: State) -> str:
     base = [node.node_id for node in state.node_states if node.released]
     horizon = [node.node_id for node in state.node_states if not node.released]
-    return _list(base) + (f", horizon {_list(horizon)}" if horizon else "")
+    return _join_names(base) + (f", horizon {_join_names(horizon)}" if horizon else "")
 
 
-def _place(now: State, before: State | None) -> Iterator[str]:
+def _place_changes(now: State, before: State | None) -> Iterator[str]:
     here, there = now.mobile_robot_position, before.mobile_robot_position if before else None
     if here is None:
         if there:
@@ -114,18 +114,18 @@ def _place(now: State, before: State | None) -> Iterator[str]:
         yield "localised" if here.localized else "not localised"
 
 
-def _actions(now: State, before: State | None) -> Iterator[str]:
-    old = {each.action_id: each.action_status for each in _all(before)}
-    for each in _all(now):
+def _action_changes(now: State, before: State | None) -> Iterator[str]:
+    old = {each.action_id: each.action_status for each in _all_actions(before)}
+    for each in _all_actions(now):
         if old.get(each.action_id) is not each.action_status:
             result = f": {each.action_result}" if each.action_result else ""
             yield f"{each.action_type or 'action'} '{each.action_id}' {each.action_status}{result}"
-    gone = set(old) - {each.action_id for each in _all(now)}
+    gone = set(old) - {each.action_id for each in _all_actions(now)}
     if gone:
-        yield "no longer listed: " + _list(sorted(gone))
+        yield "no longer listed: " + _join_names(sorted(gone))
 
 
-def _errors(now: Iterable[ErrorEntry], before: Iterable[ErrorEntry]) -> Iterator[str]:
+def _error_changes(now: Iterable[ErrorEntry], before: Iterable[ErrorEntry]) -> Iterator[str]:
     old, new = tuple(before), tuple(now)
     for each in new:
         if each not in old:
@@ -135,59 +135,65 @@ def _errors(now: Iterable[ErrorEntry], before: Iterable[ErrorEntry]) -> Iterator
             yield f"cleared: {each.error_type}"
 
 
-def _rest(now: State, before: State | None) -> Iterator[str]:
+def _other_changes(now: State, before: State | None) -> Iterator[str]:
     old = before.power_supply if before else None
     if old is None or int(now.power_supply.state_of_charge) != int(old.state_of_charge):
         yield f"battery {now.power_supply.state_of_charge:.0f} %"
-    yield from _changed("charging", now.power_supply.charging, old.charging if old else None)
-    yield from _changed("loads", _loads(now), _loads(before) if before else None)
-    yield from _changed("emergency stop", now.safety_state.active_emergency_stop.value, _stop(before))
-    yield from _changed(
+    yield from _changed_value("charging", now.power_supply.charging, old.charging if old else None)
+    yield from _changed_value("loads", _list_loads(now), _list_loads(before) if before else None)
+    yield from _changed_value(
+        "emergency stop", now.safety_state.active_emergency_stop.value, _emergency_stop(before)
+    )
+    yield from _changed_value(
         "field violation", now.safety_state.field_violation, before and before.safety_state.field_violation
     )
-    yield from _changed("maps", _held(now.maps, "map_id"), _held(before.maps, "map_id") if before else None)
-    yield from _changed(
-        "zone sets",
-        _held(now.zone_sets, "zone_set_id"),
-        _held(before.zone_sets, "zone_set_id") if before else None,
+    yield from _changed_value(
+        "maps", _list_held(now.maps, "map_id"), _list_held(before.maps, "map_id") if before else None
     )
-    yield from _changed("requests", _requests(now), _requests(before) if before else None)
+    yield from _changed_value(
+        "zone sets",
+        _list_held(now.zone_sets, "zone_set_id"),
+        _list_held(before.zone_sets, "zone_set_id") if before else None,
+    )
+    yield from _changed_value("requests", _list_requests(now), _list_requests(before) if before else None)
 
 
-def _changed(name: str, now: Any, before: Any) -> Iterator[str]:  # noqa: ANN401 - any two values of one field
+def _changed_value(name: str, now: Any, before: Any) -> Iterator[str]:  # noqa: ANN401 - any two values of one field
     """Yield a changed value; an empty one only if it was not empty before."""
     if now != before and (now or before):
         shown = {True: "yes", False: "no", None: "unknown", "": "none"}.get(now, now)
         yield f"{name}: {shown}"
 
 
-def _all(state: State | None) -> tuple[ActionState, ...]:
+def _all_actions(state: State | None) -> tuple[ActionState, ...]:
     return (*state.action_states, *state.instant_action_states) if state else ()
 
 
-def _loads(state: State) -> str:
+def _list_loads(state: State) -> str:
     return (
-        _list(load.load_id or load.load_type or "a load" for load in state.loads or ()) if state.loads else ""
+        _join_names(load.load_id or load.load_type or "a load" for load in state.loads or ())
+        if state.loads
+        else ""
     )
 
 
-def _stop(state: State | None) -> str:
+def _emergency_stop(state: State | None) -> str:
     return state.safety_state.active_emergency_stop.value if state else "NONE"
 
 
-def _held(held: Iterable[Any] | None, name: str) -> str:
+def _list_held(held: Iterable[Any] | None, name: str) -> str:
     def status(each: Any) -> str:  # noqa: ANN401 - a map or a zone set
         return str(getattr(each, "map_status", None) or getattr(each, "zone_set_status", ""))
 
     return ", ".join(f"{getattr(each, name)} {status(each)}" for each in held or ())
 
 
-def _requests(state: State) -> str:
+def _list_requests(state: State) -> str:
     requests: list[ZoneRequest | EdgeRequest] = [*(state.zone_requests or ()), *(state.edge_requests or ())]
     return ", ".join(f"{request.request_id} {request.request_status}" for request in requests)
 
 
-def _list(names: Iterable[str]) -> str:
+def _join_names(names: Iterable[str]) -> str:
     return ", ".join(names) or "none"
 
 
@@ -207,7 +213,7 @@ def show(
             continue
         shown += 1
         console.print(
-            _heading(received), *(f"    {line}" for line in lines), sep="\n", markup=False, highlight=False
+            _heading_of(received), *(f"    {line}" for line in lines), sep="\n", markup=False, highlight=False
         )
     return shown
 
@@ -227,7 +233,7 @@ def readable(entries: Iterable[Entry]) -> Iterator[tuple[ReceivedMessage, list[s
             states[received.robot] = received.message
 
 
-def _heading(received: ReceivedMessage) -> Text:
+def _heading_of(received: ReceivedMessage) -> Text:
     to_robot = received.sender is Sender.FLEET
     direction = f"fleet → {received.robot}" if to_robot else f"{received.robot} → fleet"
     colour = "cyan" if to_robot else "green"
@@ -235,11 +241,11 @@ def _heading(received: ReceivedMessage) -> Text:
         colour = "red"
     retained = " (retained)" if received.retained else ""
     return Text.assemble(
-        (f"{received.number:>6} {_clock(received.time)} ", "dim"),
+        (f"{received.number:>6} {_clock_time(received.time)} ", "dim"),
         (f"{direction} {received.topic}", colour),
         (f" {received.codec.version}{retained}", "dim"),
     )
 
 
-def _clock(time: datetime) -> str:
+def _clock_time(time: datetime) -> str:
     return f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"

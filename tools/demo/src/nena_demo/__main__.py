@@ -28,7 +28,7 @@ STOP_TIMEOUT = 20.0
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demo; exit status 0: done, 1: an order stalled or failed, 130: stopped by the user."""
-    arguments = _parser().parse_args(argv)
+    arguments = _make_parser().parse_args(argv)
     log.configure(LogSettings(level="error"))
     progress = ProgressPrinter(sys.stdout)
     if arguments.broker != "mosquitto" and mosquitto_path() is None:
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 async def _until_stopped(arguments: argparse.Namespace, folder: Path, progress: ProgressPrinter) -> int:
     stop = asyncio.Event()
     stop_on_signals(stop)
-    work = asyncio.create_task(_work(arguments, folder, progress), name="demo")
+    work = asyncio.create_task(_run_command(arguments, folder, progress), name="demo")
     stopping = asyncio.create_task(stop.wait(), name="wait for stop")
     await asyncio.wait({work, stopping}, return_when=asyncio.FIRST_COMPLETED)
     stopping.cancel()
@@ -60,7 +60,7 @@ async def _until_stopped(arguments: argparse.Namespace, folder: Path, progress: 
     return work.result()
 
 
-async def _work(arguments: argparse.Namespace, folder: Path, progress: ProgressPrinter) -> int:
+async def _run_command(arguments: argparse.Namespace, folder: Path, progress: ProgressPrinter) -> int:
     smoke = arguments.command == "smoke"
     options = Options(
         broker=arguments.broker,
@@ -94,7 +94,7 @@ def _number_of_robots(text: str) -> int:
     return int(text)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="nena-demo",
         description="Starts NeNa on this machine with simulated robots that carry out transport orders.",

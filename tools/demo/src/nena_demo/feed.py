@@ -42,12 +42,12 @@ class OrderFeed:
         while True:
             missing = self._wanted - len(self.open)
             if missing > 0:
-                await self._create(missing)
+                await self._create_orders(missing)
             await asyncio.sleep(INTERVAL)
 
     async def peak(self) -> int:
         """Create many orders at once; return how many were accepted."""
-        return await self._create(PEAK_FACTOR * len(self._hall.starts))
+        return await self._create_orders(PEAK_FACTOR * len(self._hall.starts))
 
     def changed(self, name: str, state: TransportOrderState) -> None:
         """Note the new state of an order; others than those of this feed are ignored."""
@@ -55,9 +55,9 @@ class OrderFeed:
             self.open.discard(name)
             self.ended[state] += 1
 
-    async def _create(self, number: int) -> int:
+    async def _create_orders(self, number: int) -> int:
         """Create orders; none if the order service does not answer, so that they are due again later."""
-        requests = [self._request() for _ in range(number)]
+        requests = [self._next_request() for _ in range(number)]
         names = {request.name for request in requests if request.name}
         self.open |= names  # an order may end before the answer arrives
         try:
@@ -67,7 +67,7 @@ class OrderFeed:
         self.open -= names - accepted
         return len(accepted)
 
-    def _request(self) -> TransportOrderRequest:
+    def _next_request(self) -> TransportOrderRequest:
         """Return a transport from goods in to storage, or from there to goods out, within a section."""
         section = self._random.choice(self._hall.sections)
         storage = self._random.choice(section.storage)

@@ -60,10 +60,12 @@ async def start(processes: Processes, options: Options) -> HallStack:
     variables = stack.environment(processes.folder, mqtt.port)
     rest_port, panel_port = options.rest_port or free_port(), options.panel_port or free_port()
     rest_url, panel_url = f"http://127.0.0.1:{rest_port}", f"http://127.0.0.1:{panel_port}"
-    order_service = await _start(
+    order_service = await _start_program(
         processes, "order-service", _order_service_file(processes, hall, rest_port), variables
     )
-    await _start(processes, "status-aggregator", _aggregator_file(processes, panel_port, rest_url), variables)
+    await _start_program(
+        processes, "status-aggregator", _aggregator_file(processes, panel_port, rest_url), variables
+    )
     agent = await _start_loopback(processes, hall, options.robots, variables)
     door = (console_script("nena-demo-peripheral"), GATE, "--port", str(mqtt.port))
     await processes.start("door", (*door, "--seconds", str(DOOR_SECONDS)), environment=variables)
@@ -73,7 +75,9 @@ async def start(processes: Processes, options: Options) -> HallStack:
     return HallStack(hall, mqtt, rest_url, panel_url, order_service, agent, loopback[-1], loopback)
 
 
-async def _start(processes: Processes, name: str, settings: str, variables: Mapping[str, str]) -> Child:
+async def _start_program(
+    processes: Processes, name: str, settings: str, variables: Mapping[str, str]
+) -> Child:
     file = processes.folder / f"{name}.toml"
     file.write_text(settings, encoding="utf-8")
     program = "edge-agent" if name.startswith("edge-agent") else name
@@ -87,19 +91,19 @@ async def _start_loopback(
     """Start the agents of the loopback robots; return that of the last one, which runs alone."""
     if robots > 1:
         fleet = _loopback_file(processes, hall, LOOPBACK_SERIAL, range(1, robots))
-        await _start(processes, "edge-agents", fleet, variables)
+        await _start_program(processes, "edge-agents", fleet, variables)
     last = f"{LOOPBACK_SERIAL}-{robots}"
     alone = _loopback_file(processes, hall, last, range(1))
-    return await _start(processes, f"edge-agent-{last}", alone, variables)
+    return await _start_program(processes, f"edge-agent-{last}", alone, variables)
 
 
 def _order_service_file(processes: Processes, hall: Hall, port: int) -> str:
     plant = processes.folder / "hall.json"
     plant.write_text(hall.plant.to_json(), encoding="utf-8")
     return f"""\
-plant = {_text(plant)}
+plant = {_toml_text(plant)}
 http = {{ port = {port} }}
-store = {{ url = {_text(f"sqlite:///{processes.folder / 'orders.sqlite3'}")} }}
+store = {{ url = {_toml_text(f"sqlite:///{processes.folder / 'orders.sqlite3'}")} }}
 
 [engine.peripherals]
 enabled = true
@@ -114,8 +118,8 @@ energy = {{ until_fully_recharged = false }}
 def _aggregator_file(processes: Processes, port: int, rest_url: str) -> str:
     return f"""\
 http = {{ port = {port} }}
-history = {{ url = {_text(f"sqlite:///{processes.folder / 'history.sqlite3'}")} }}
-order_service = {{ url = {_text(rest_url)} }}
+history = {{ url = {_toml_text(f"sqlite:///{processes.folder / 'history.sqlite3'}")} }}
+order_service = {{ url = {_toml_text(rest_url)} }}
 """
 
 
@@ -132,7 +136,7 @@ serial_number = "{serial}"
 map_id = "{MAP_ID}"
 driver = "loopback"
 interval = {{ state_maximum = 10.0 }}
-journal = {{ folder = {_text(processes.folder / "journal")} }}
+journal = {{ folder = {_toml_text(processes.folder / "journal")} }}
 
 [loopback]
 count = {len(robots)}
@@ -151,6 +155,6 @@ def _ros_fleet(hall: Hall, serials: tuple[str, ...]) -> RosFleet:
     return RosFleet(robots, MAP_ID, (-4.0, hall.width + 3.0, -4.0, 20.0), SPEED)
 
 
-def _text(value: object) -> str:
+def _toml_text(value: object) -> str:
     """Return a TOML string."""
     return json.dumps(str(value))

@@ -61,7 +61,7 @@ class Host:
             RefusedError: with the order service's text.
 
         """
-        answer = await self.rest.post("/v1/transportOrders", content=_body(request), headers=_JSON)
+        answer = await self.rest.post("/v1/transportOrders", content=_body_of(request), headers=_JSON)
         if answer.is_error:
             raise RefusedError(answer.text)
         return TransportOrderStatus.model_validate_json(answer.content)
@@ -74,7 +74,7 @@ class Host:
 
         """
         batch = TransportOrderBatch(transport_orders=tuple(requests))
-        answer = await self.rest.post("/v1/transportOrders/batch", content=_body(batch), headers=_JSON)
+        answer = await self.rest.post("/v1/transportOrders/batch", content=_body_of(batch), headers=_JSON)
         answer.raise_for_status()
         results = TransportOrderBatchAnswer.model_validate_json(answer.content).results
         return {result.transport_order.name for result in results if result.transport_order}
@@ -87,7 +87,7 @@ class Host:
 
         """
         key = request.idempotency_key or ""
-        self.link.publish(Outbound(self._topics.creation_request(HOST_ID), _body(request)))
+        self.link.publish(Outbound(self._topics.creation_request(HOST_ID), _body_of(request)))
         try:
             await self.wait_for(lambda: key in self._answers, ANSWER_SECONDS)
         except TimeoutError as error:
@@ -142,7 +142,7 @@ class Host:
 _JSON = {"Content-Type": "application/json"}
 
 
-def _body(request: BaseModel) -> bytes:
+def _body_of(request: BaseModel) -> bytes:
     return request.model_dump_json(by_alias=True, exclude_none=True).encode()
 
 
@@ -198,9 +198,9 @@ async def run(host: Host) -> tuple[TransportOrderStatus, ...]:
     second = await host.create_by_mqtt(transport("Storage", "Goods out"))
     names = (first.name, second.name)
     try:
-        await host.wait_for(lambda: all(_ended(host, name) for name in names), ORDERS_SECONDS)
+        await host.wait_for(lambda: all(_has_ended(host, name) for name in names), ORDERS_SECONDS)
     except TimeoutError as error:
-        raise JobFailedError(_standstill(host, names)) from error
+        raise JobFailedError(_describe_standstill(host, names)) from error
     orders = tuple(host.orders[name] for name in names)
     for order in orders:
         if order.state is not TransportOrderState.FINISHED:
@@ -216,11 +216,11 @@ def can_work(vehicle: VehicleStatus) -> bool:
     return there and drives and vehicle.state == "IDLE"
 
 
-def _ended(host: Host, name: str) -> bool:
+def _has_ended(host: Host, name: str) -> bool:
     return name in host.orders and host.orders[name].state.final
 
 
-def _standstill(host: Host, names: tuple[str, ...]) -> str:
+def _describe_standstill(host: Host, names: tuple[str, ...]) -> str:
     lines = [f"not finished within {ORDERS_SECONDS:.0f} s:"]
     for name in names:
         order = host.orders.get(name)

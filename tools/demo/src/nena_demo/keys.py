@@ -24,7 +24,7 @@ def pressed_keys(source: int) -> Iterator[asyncio.Queue[str]]:
     loop = asyncio.get_running_loop()
 
     def readable() -> None:
-        read = _read(source)
+        read = _read_keys(source)
         if not read:
             loop.remove_reader(source)
         for key in read.decode(errors="ignore"):
@@ -41,7 +41,7 @@ def pressed_keys(source: int) -> Iterator[asyncio.Queue[str]]:
             loop.remove_reader(source)
 
 
-def _read(source: int) -> bytes:
+def _read_keys(source: int) -> bytes:
     try:
         return os.read(source, READ_AT_ONCE)
     except OSError:

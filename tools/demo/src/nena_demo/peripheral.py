@@ -42,62 +42,62 @@ class SimulatedPeripheral:
         self._running: dict[str, asyncio.TimerHandle] = {}
         client_id = f"nena-peripheral-{location}"
         self.link = MqttLink(broker, client_id=client_id, hooks=LinkHooks(self._will, self._greeting))
-        self.link.subscribe(topics.peripheral(location, PeripheralTopic.JOB), self._asked)
-        self.link.subscribe(topics.peripheral(location, PeripheralTopic.CANCEL), self._cancelled)
+        self.link.subscribe(topics.peripheral(location, PeripheralTopic.JOB), self._accept_job)
+        self.link.subscribe(topics.peripheral(location, PeripheralTopic.CANCEL), self._cancel_job)
 
-    def _asked(self, message: Inbound) -> None:
+    def _accept_job(self, message: Inbound) -> None:
         request = DeviceRequest.model_validate_json(message.payload)
         if known := self._answers.get(request.job_id):
-            self._publish(PeripheralTopic.JOB_STATE, known)
+            self._publish_body(PeripheralTopic.JOB_STATE, known)
             return
-        self._answer(request.job_id, DeviceJobState.ACKNOWLEDGED)
+        self._answer_job(request.job_id, DeviceJobState.ACKNOWLEDGED)
         loop = asyncio.get_running_loop()
-        self._running[request.job_id] = loop.call_later(self._seconds, self._finish, request)
-        self._report()
+        self._running[request.job_id] = loop.call_later(self._seconds, self._finish_job, request)
+        self._report_state()
 
-    def _finish(self, request: DeviceRequest) -> None:
+    def _finish_job(self, request: DeviceRequest) -> None:
         del self._running[request.job_id]
         self.executed.append(request.operation)
-        self._answer(request.job_id, DeviceJobState.FINISHED)
-        self._report()
+        self._answer_job(request.job_id, DeviceJobState.FINISHED)
+        self._report_state()
 
-    def _cancelled(self, message: Inbound) -> None:
+    def _cancel_job(self, message: Inbound) -> None:
         job_id = DeviceCancellation.model_validate_json(message.payload).job_id
         if timer := self._running.pop(job_id, None):
             timer.cancel()
-            self._answer(job_id, DeviceJobState.FAILED, "cancelled")
-            self._report()
+            self._answer_job(job_id, DeviceJobState.FAILED, "cancelled")
+            self._report_state()
 
-    def _answer(self, job_id: str, state: DeviceJobState, reason: str = "") -> None:
+    def _answer_job(self, job_id: str, state: DeviceJobState, reason: str = "") -> None:
         answer = self._answers[job_id] = DeviceAnswer(job_id=job_id, state=state, reason=reason)
         if len(self._answers) > JOBS_KEPT:
             self._answers.popitem(last=False)
-        self._publish(PeripheralTopic.JOB_STATE, answer)
+        self._publish_body(PeripheralTopic.JOB_STATE, answer)
 
-    def _report(self) -> None:
-        self.link.publish(self._state())
+    def _report_state(self) -> None:
+        self.link.publish(self._state_message())
 
-    def _state(self) -> Outbound:
+    def _state_message(self) -> Outbound:
         state = PeripheralState.EXECUTING if self._running else PeripheralState.IDLE
-        return self._message(PeripheralTopic.STATE, DeviceReport(state=state), retain=True)
+        return self._message_of(PeripheralTopic.STATE, DeviceReport(state=state), retain=True)
 
     def _will(self) -> Outbound:
-        return self._message(
+        return self._message_of(
             PeripheralTopic.STATE, DeviceReport(state=PeripheralState.UNAVAILABLE), retain=True
         )
 
     def _greeting(self) -> tuple[Outbound, ...]:
-        return (self._state(),)
+        return (self._state_message(),)
 
-    def _publish(self, topic: PeripheralTopic, body: BaseModel) -> None:
-        self.link.publish(self._message(topic, body))
+    def _publish_body(self, topic: PeripheralTopic, body: BaseModel) -> None:
+        self.link.publish(self._message_of(topic, body))
 
-    def _message(self, topic: PeripheralTopic, body: BaseModel, *, retain: bool = False) -> Outbound:
+    def _message_of(self, topic: PeripheralTopic, body: BaseModel, *, retain: bool = False) -> Outbound:
         payload = body.model_dump_json(by_alias=True).encode()
         return Outbound(self._topics.peripheral(self._location, topic), payload, retain=retain)
 
 
-async def _simulate(options: argparse.Namespace) -> None:
+async def _simulate_devices(options: argparse.Namespace) -> None:
     broker, topics = MqttSettings(host=options.host, port=options.port), FleetTopics(options.prefix)
     devices = [
         SimulatedPeripheral(location, broker, topics, seconds=options.seconds)
@@ -118,6 +118,6 @@ def main() -> None:
     parser.add_argument("--prefix", default="nena/v1", help="topic_prefix of the order service.")
     parser.add_argument("--seconds", type=float, default=5.0, help="Duration of an operation, seconds.")
     try:
-        asyncio.run(_simulate(parser.parse_args()))
+        asyncio.run(_simulate_devices(parser.parse_args()))
     except KeyboardInterrupt:
         return

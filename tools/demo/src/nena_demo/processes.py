@@ -93,7 +93,7 @@ class Processes:
     ) -> None:
         """End every child: by SIGTERM, then by SIGKILL."""
         for child in reversed(self.children):
-            await self._stop(child)
+            await self._stop_child(child)
 
     async def start(
         self, name: str, command: Sequence[str], *, environment: Mapping[str, str] | None = None
@@ -101,19 +101,19 @@ class Processes:
         """Start ``command``; its output goes to a log file with its name."""
         log = self.folder / f"{name}.log"
         log.unlink(missing_ok=True)
-        child = Child(name, await _spawn(command, environment, log), log, command, environment)
+        child = Child(name, await _spawn_process(command, environment, log), log, command, environment)
         self.children.append(child)
         return child
 
     async def restart(self, child: Child) -> None:
         """Start a child that has ended again; its output is appended to its log."""
-        child.process = await _spawn(child.command, child.environment, child.log)
+        child.process = await _spawn_process(child.command, child.environment, child.log)
         child.wanted, child.started = True, time.monotonic()
 
     async def stop(self, child: Child) -> None:
         """End a child, which :meth:`keep_running` then leaves alone."""
         child.wanted = False
-        await self._stop(child)
+        await self._stop_child(child)
 
     async def kill(self, child: Child) -> None:
         """Kill a child, which :meth:`keep_running` starts again; however often, that is no failure."""
@@ -153,7 +153,7 @@ class Processes:
         for child in self.children:
             child.check()
 
-    async def _stop(self, child: Child) -> None:
+    async def _stop_child(self, child: Child) -> None:
         if child.process.returncode is not None:
             return
         child.process.send_signal(signal.SIGTERM)
@@ -165,7 +165,7 @@ class Processes:
             await child.process.wait()
 
 
-async def _spawn(
+async def _spawn_process(
     command: Sequence[str], environment: Mapping[str, str] | None, log: Path
 ) -> asyncio.subprocess.Process:
     with log.open("ab") as output:
@@ -262,17 +262,17 @@ async def start_broker(processes: Processes, port: int, kind: str) -> Child:
         command = [
             mosquitto,
             "-c",
-            str(_write(processes.folder / "mosquitto.conf", MOSQUITTO_CONFIGURATION, port)),
+            str(_write_configuration(processes.folder / "mosquitto.conf", MOSQUITTO_CONFIGURATION, port)),
         ]
     else:
-        configuration = _write(processes.folder / "amqtt.yaml", AMQTT_CONFIGURATION, port)
+        configuration = _write_configuration(processes.folder / "amqtt.yaml", AMQTT_CONFIGURATION, port)
         command = [console_script("amqtt"), "-c", str(configuration)]
     child = await processes.start("broker", command)
     await _wait_for_port(child, port)
     return child
 
 
-def _write(path: Path, template: str, port: int) -> Path:
+def _write_configuration(path: Path, template: str, port: int) -> Path:
     path.write_text(template.format(port=port, user=getpass.getuser()), encoding="utf-8")
     return path
 

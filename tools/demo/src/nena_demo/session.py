@@ -124,8 +124,8 @@ class DemoSession:
             ChildFailedError: a process ended.
 
         """
-        await self._watched(host.wait_for_robots(self._host, len(stack.ROBOTS)))
-        await self._watched(host.run(self._host))
+        await self._run_watched(host.wait_for_robots(self._host, len(stack.ROBOTS)))
+        await self._run_watched(host.run(self._host))
         self._progress.line("both transport orders are FINISHED")
 
     async def check_end_state(self) -> None:
@@ -137,16 +137,16 @@ class DemoSession:
         """
         expected = {name: order.state for name, order in self._host.orders.items()}
         async with httpx.AsyncClient(base_url=self._stack.panel_url, timeout=5.0) as client:
-            problems = await _problems(client, expected)
+            problems = await _find_differences(client, expected)
             end = asyncio.get_running_loop().time() + AGGREGATOR_SECONDS
             while problems and asyncio.get_running_loop().time() < end:
                 await asyncio.sleep(0.2)
-                problems = await _problems(client, expected)
+                problems = await _find_differences(client, expected)
         if problems:
             raise JobFailedError("the aggregator shows a different state: " + "; ".join(problems))
         self._progress.line("fleet state and metrics are correct")
 
-    async def _watched(self, work: Awaitable[object]) -> None:
+    async def _run_watched(self, work: Awaitable[object]) -> None:
         """Run ``work`` while monitoring the processes."""
         task = asyncio.ensure_future(work)
         try:
@@ -158,7 +158,7 @@ class DemoSession:
             task.cancel()
 
 
-async def _problems(client: httpx.AsyncClient, expected: Mapping[str, str]) -> tuple[str, ...]:
+async def _find_differences(client: httpx.AsyncClient, expected: Mapping[str, str]) -> tuple[str, ...]:
     fleet, metrics = await client.get("/api/v1/fleet"), await client.get("/metrics")
     return (
         *check_fleet(fleet.json(), expected, stack.ROBOTS),

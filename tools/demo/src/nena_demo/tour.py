@@ -61,12 +61,20 @@ class Tour:
         self._connections: dict[str, str] = {}
         self._moved = False
         self.steps = (
-            Step("b", "block an aisle: robots take other routes", self._block),
-            Step("k", "kill the agent of a robot: it comes back, and its robot goes on", self._kill),
-            Step("o", "stop the order service: robots finish what they have; nothing is lost", self._service),
-            Step("e", "press the emergency stop of a robot: the others drive around it or wait", self._press),
-            Step("p", "load peak: three orders for each robot at once", self._peak),
-            Step("r", "replay: what has happened so far", self._replay),
+            Step("b", "block an aisle: robots take other routes", self._block_aisle),
+            Step("k", "kill the agent of a robot: it comes back, and its robot goes on", self._kill_agent),
+            Step(
+                "o",
+                "stop the order service: robots finish what they have; nothing is lost",
+                self._toggle_service,
+            ),
+            Step(
+                "e",
+                "press the emergency stop of a robot: the others drive around it or wait",
+                self._toggle_emergency_stop,
+            ),
+            Step("p", "load peak: three orders for each robot at once", self._create_peak),
+            Step("r", "replay: what has happened so far", self._show_replay),
         )
 
     def introduce(self) -> None:
@@ -97,7 +105,7 @@ class Tour:
 
     def status(self) -> str:
         """Return one line about robots and orders."""
-        robots = Counter(_activity(vehicle) for vehicle in self.host.vehicles.values())
+        robots = Counter(_activity_of(vehicle) for vehicle in self.host.vehicles.values())
         finished = self.feed.ended[TransportOrderState.FINISHED]
         failed = self.feed.ended.total() - finished
         shown = ", ".join(f"{count} {what}" for what, count in sorted(robots.items()))
@@ -108,7 +116,7 @@ class Tour:
         robots = self._running.loopback
         for index, robot in enumerate(robots):
             charge = LOWEST_CHARGE + (100 - LOWEST_CHARGE) * index // max(1, len(robots) - 1)
-            self._command(robot, command="battery", stateOfCharge=charge)
+            self._send_command(robot, command="battery", stateOfCharge=charge)
 
     def _order_changed(self, name: str, state: TransportOrderState, reason: str) -> None:
         ours = name in self.feed.open
@@ -132,7 +140,7 @@ class Tour:
         elif before == "ONLINE" and vehicle.connection != "ONLINE":
             self._progress.line(f"{vehicle.name} is {vehicle.connection}: {vehicle.reason}")
 
-    async def _block(self) -> None:
+    async def _block_aisle(self) -> None:
         wanted = not self._blocked
         path = f"/v1/paths/{quote(BLOCKED_AISLE, safe='')}/lock"
         answer = await self.host.rest.put(path, json={"locked": wanted})
@@ -143,13 +151,13 @@ class Tour:
         else:
             self._progress.line(f"open again: {BLOCKED_AISLE}")
 
-    async def _kill(self) -> None:
+    async def _kill_agent(self) -> None:
         robot, agent = self._running.agent_robot, self._running.agent
         if agent.process.returncode is None:
             self._progress.line(f"killing the agent of {robot} (SIGKILL)")
             await self._processes.kill(agent)
 
-    async def _service(self) -> None:
+    async def _toggle_service(self) -> None:
         service = self._running.order_service
         if service.wanted:
             await self._processes.stop(service)
@@ -158,33 +166,33 @@ class Tour:
             await self._processes.restart(service)
             self._progress.line("order service is started again; it continues every order from its store")
 
-    async def _press(self) -> None:
+    async def _toggle_emergency_stop(self) -> None:
         if self._stopped is not None:
-            self._command(self._stopped, command="acknowledgeEmergencyStop")
+            self._send_command(self._stopped, command="acknowledgeEmergencyStop")
             self._progress.line(f"emergency stop of {self._stopped} released")
             self._stopped = None
             return
         robots = [self.host.vehicles[each] for each in self._running.loopback if each in self.host.vehicles]
         driving = [robot.name for robot in robots if robot.state is VehicleState.EXECUTING]
         self._stopped = (driving or list(self._running.loopback))[0]
-        self._command(self._stopped, command="emergencyStop", stop="MANUAL")
+        self._send_command(self._stopped, command="emergencyStop", stop="MANUAL")
         self._progress.line(f"emergency stop of {self._stopped} pressed. Press e to release it")
 
-    async def _peak(self) -> None:
+    async def _create_peak(self) -> None:
         created = await self.feed.peak()
         what = f"{created} orders created at once" if created else "the order service accepted none"
         self._progress.line(f"load peak: {what}")
 
-    async def _replay(self) -> None:
+    async def _show_replay(self) -> None:
         self._progress.line(f"replay: open {self._running.panel_url}/#/history and press Play")
 
-    def _command(self, robot: str, **command: object) -> None:
+    def _send_command(self, robot: str, **command: object) -> None:
         """Send a command to the simulation control of a loopback robot."""
         topic = f"uagv/loopback/{MANUFACTURER}/{robot}/control"
         self.host.link.publish(Outbound(topic, json.dumps(command).encode()))
 
 
-def _activity(vehicle: VehicleStatus) -> str:
+def _activity_of(vehicle: VehicleStatus) -> str:
     if vehicle.connection != "ONLINE":
         return vehicle.connection.lower().replace("_", " ")
     return vehicle.state.lower()
@@ -235,12 +243,12 @@ async def guide(tour: Tour, running: HallStack, progress: ProgressPrinter, keys:
         progress.line(f"control panel at {running.panel_url}/")
         progress.line(f"order service at {running.rest_url}/docs")
         tour.introduce()
-        supervisor.start("status", _report(tour, progress), vital=False)
+        supervisor.start("status", _report_status(tour, progress), vital=False)
         while (key := await keys.get()) != QUIT:
             await tour.press(key)
 
 
-async def _report(tour: Tour, progress: ProgressPrinter) -> None:
+async def _report_status(tour: Tour, progress: ProgressPrinter) -> None:
     while True:
         await asyncio.sleep(STATUS_SECONDS)
         progress.line(tour.status())

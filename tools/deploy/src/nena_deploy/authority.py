@@ -41,11 +41,11 @@ class Authority:
     def new(cls, name: str, now: datetime) -> Self:
         """Create a CA that is valid for ten years."""
         key = ec.generate_private_key(ec.SECP256R1())
-        subject = _name(name[:COMMON_NAME])
+        subject = _common_name(name[:COMMON_NAME])
         built = (
-            _builder(subject, subject, key, key, now, AUTHORITY_DAYS)
+            _certificate_builder(subject, subject, key, key, now, AUTHORITY_DAYS)
             .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-            .add_extension(_usage(signs=True), critical=True)
+            .add_extension(_key_usage(signs=True), critical=True)
         )
         return cls(built.sign(key, hashes.SHA256()), key)
 
@@ -65,7 +65,7 @@ class Authority:
 
     def key_pem(self) -> bytes:
         """Return the CA key (PEM). Keep it secret."""
-        return _private(self._key)
+        return _private_pem(self._key)
 
     def for_server(self, hosts: Iterable[str], now: datetime, days: int) -> Pair:
         """Issue a certificate for a server with these names and addresses.
@@ -75,12 +75,12 @@ class Authority:
 
         """
         names = list(hosts)
-        alternatives = x509.SubjectAlternativeName([_host(name) for name in names])
-        return self._sign(names[0][:COMMON_NAME], now, days, alternatives, server=True)
+        alternatives = x509.SubjectAlternativeName([_host_name(name) for name in names])
+        return self._sign_pair(names[0][:COMMON_NAME], now, days, alternatives, server=True)
 
     def for_client(self, name: str, now: datetime, days: int) -> Pair:
         """Issue a certificate for a client with this user name."""
-        return self._sign(name, now, days, None, server=False)
+        return self._sign_pair(name, now, days, None, server=False)
 
     def revocations(self, certificates: Iterable[int], now: datetime) -> bytes:
         """Return the revocation list (PEM) for certificates by their serial numbers.
@@ -94,21 +94,21 @@ class Authority:
             builder = builder.add_revoked_certificate(revoked)
         return builder.sign(self._key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
 
-    def _sign(
+    def _sign_pair(
         self, name: str, now: datetime, days: int, more: x509.SubjectAlternativeName | None, *, server: bool
     ) -> Pair:
         key = ec.generate_private_key(ec.SECP256R1())
         purpose = ExtendedKeyUsageOID.SERVER_AUTH if server else ExtendedKeyUsageOID.CLIENT_AUTH
         built = (
-            _builder(_name(name), self._certificate.subject, key, self._key, now, days)
+            _certificate_builder(_common_name(name), self._certificate.subject, key, self._key, now, days)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-            .add_extension(_usage(signs=False), critical=True)
+            .add_extension(_key_usage(signs=False), critical=True)
             .add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
         )
         if more is not None:
             built = built.add_extension(more, critical=False)
         signed = built.sign(self._key, hashes.SHA256())
-        return Pair(signed.public_bytes(serialization.Encoding.PEM), _private(key), signed.serial_number)
+        return Pair(signed.public_bytes(serialization.Encoding.PEM), _private_pem(key), signed.serial_number)
 
 
 def write_secret(path: Path, content: bytes) -> None:
@@ -127,7 +127,7 @@ def utc_now() -> datetime:
     return datetime.now(UTC)
 
 
-def _builder(  # noqa: PLR0917 - the contents of every certificate
+def _certificate_builder(  # noqa: PLR0917 - the contents of every certificate
     subject: x509.Name,
     issuer: x509.Name,
     key: ec.EllipticCurvePrivateKey,
@@ -151,7 +151,7 @@ def _builder(  # noqa: PLR0917 - the contents of every certificate
     )
 
 
-def _usage(*, signs: bool) -> x509.KeyUsage:
+def _key_usage(*, signs: bool) -> x509.KeyUsage:
     return x509.KeyUsage(
         digital_signature=not signs,
         key_cert_sign=signs,
@@ -165,17 +165,17 @@ def _usage(*, signs: bool) -> x509.KeyUsage:
     )
 
 
-def _host(text: str) -> x509.GeneralName:
+def _host_name(text: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ip_address(text))
     except ValueError:
         return x509.DNSName(text)
 
 
-def _name(text: str) -> x509.Name:
+def _common_name(text: str) -> x509.Name:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
 
 
-def _private(key: ec.EllipticCurvePrivateKey) -> bytes:
+def _private_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
     form, plain = serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     return key.private_bytes(serialization.Encoding.PEM, form, plain)

@@ -62,7 +62,9 @@ def robot_name(manufacturer: str, serial_number: str) -> str:
         IdentityError: the name is not valid in topics.
 
     """
-    return _short(f"{_level('manufacturer', manufacturer)}/{_level('serial number', serial_number)}")
+    return _check_length(
+        f"{_check_level('manufacturer', manufacturer)}/{_check_level('serial number', serial_number)}"
+    )
 
 
 def host_name(name: str) -> str:
@@ -75,7 +77,7 @@ def host_name(name: str) -> str:
     if name in {Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR}:
         message = f"{name} is the name of a service. Choose another name."
         raise IdentityError(message)
-    return _short(_level("name", name))
+    return _check_length(_check_level("name", name))
 
 
 DEVICES = "nena/peripherals/"
@@ -89,17 +91,17 @@ def device_name(location: str) -> str:
         IdentityError: the name of the location is not valid in topics.
 
     """
-    return _short(f"{DEVICES}{_level('location', location)}")
+    return _check_length(f"{DEVICES}{_check_level('location', location)}")
 
 
-def _short(name: str) -> str:
+def _check_length(name: str) -> str:
     if len(name.encode(errors="replace")) > COMMON_NAME:
         message = f"{name} is too long: certificates hold {COMMON_NAME} bytes of UTF-8."
         raise IdentityError(message)
     return name
 
 
-def _level(what: str, text: str) -> str:
+def _check_level(what: str, text: str) -> str:
     if not LEVEL.fullmatch(text):
         message = (
             f"The {what} {text!r} is not valid in a topic: use 1 to 64 characters without / + #, "
@@ -145,11 +147,11 @@ def access_list(identities: Iterable[Identity], topics: SiteTopics) -> str:
     """Return Mosquitto's access list (``acl_file``) for all identities; everything else is denied."""
     parts = ["# Created by nena-deploy: manual changes will be lost.\n"]
     for identity in identities:
-        parts += [f"\nuser {identity.name}\n", *(f"topic {rule}\n" for rule in _rules(identity, topics))]
+        parts += [f"\nuser {identity.name}\n", *(f"topic {rule}\n" for rule in _rules_of(identity, topics))]
     return "".join(parts)
 
 
-def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
+def _rules_of(identity: Identity, topics: SiteTopics) -> Iterator[str]:
     fleet = FleetTopics(topics.prefix)
     match identity.kind:
         case Kind.ROBOT:

@@ -52,11 +52,11 @@ def locked(path: Path, *, timeout: float = LOCK_TIMEOUT) -> Iterator[None]:
     path.parent.mkdir(parents=True, exist_ok=True)
     lock = path.with_name(f".{path.name}.lock")
     with lock.open("a") as file:
-        _take(file.fileno(), path, time.monotonic() + timeout)
+        _take_lock(file.fileno(), path, time.monotonic() + timeout)
         yield
 
 
-def _take(descriptor: int, path: Path, end: float) -> None:
+def _take_lock(descriptor: int, path: Path, end: float) -> None:
     while True:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -199,7 +199,7 @@ class Site:
             message = f"{folder} is not empty. Choose a new folder."
             raise SiteError(message)
         broker = folder / "broker"
-        authority, server = _certify(hosts, days)
+        authority, server = _create_authority(hosts, days)
         for each in (folder, broker, folder / "authority"):
             each.mkdir(parents=True, exist_ok=True)
         folder.chmod(0o750)
@@ -230,9 +230,8 @@ class Site:
             register = _Register.model_validate_json((folder / "site.json").read_bytes())
             authority = Authority.load(folder / "authority" / "ca.pem", folder / "authority" / "ca-key.pem")
         except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as error:
-            message = (
-                f"{folder} is not a nena-deploy site ({_reason(error)}). Create one with `nena-deploy init`."
-            )
+            reason = _reason_of(error)
+            message = f"{folder} is not a nena-deploy site ({reason}). Create one with `nena-deploy init`."
             raise SiteError(message) from error
         return cls(folder, register, authority)
 
@@ -251,12 +250,12 @@ class Site:
         """
         pair = self._authority.for_client(name, utc_now(), days)
         identity = Identity(kind=kind, name=name, certificate=pair.serial_number)
-        self._drop(kind, name)
+        self._drop_identity(kind, name)
         self._register.identities.append(identity)
         folder = self.folder_of(identity)
         folder.mkdir(parents=True, exist_ok=True)
-        self._fill(folder, identity, pair)
-        self._save()
+        self._fill_folder(folder, identity, pair)
+        self._save_register()
         return folder
 
     def certify_https(self, service: Kind, hosts: tuple[str, ...], *, days: int) -> Path:
@@ -294,7 +293,7 @@ class Site:
                 key=folder / "key.pem",
             )
             broker = MqttSettings(host=self._register.hosts[0], port=self._register.port, tls=tls)
-            await _clear(broker, topics_of_robot(robot, self._register.topics))
+            await _clear_topics(broker, topics_of_robot(robot, self._register.topics))
 
     def remove(self, kind: Kind, name: str) -> None:
         """Remove an identity: revoke its certificate, delete its rights and files.
@@ -304,9 +303,9 @@ class Site:
 
         """
         identity = self.require(kind, name)
-        self._drop(kind, name)
+        self._drop_identity(kind, name)
         shutil.rmtree(self.folder_of(identity), ignore_errors=True)
-        self._save()
+        self._save_register()
 
     def require(self, kind: Kind, name: str) -> Identity:
         """Return an identity.
@@ -315,21 +314,21 @@ class Site:
             IdentityError: unknown identity.
 
         """
-        identity = self._find(kind, name)
+        identity = self._find_identity(kind, name)
         if identity is None:
             message = f"No {kind} {name}. `nena-deploy list` shows all identities."
             raise IdentityError(message)
         return identity
 
-    def _find(self, kind: Kind, name: str) -> Identity | None:
+    def _find_identity(self, kind: Kind, name: str) -> Identity | None:
         return next((each for each in self if (each.kind, each.name) == (kind, name)), None)
 
-    def _drop(self, kind: Kind, name: str) -> None:
-        if found := self._find(kind, name):
+    def _drop_identity(self, kind: Kind, name: str) -> None:
+        if found := self._find_identity(kind, name):
             self._register.identities.remove(found)
             self._register.revoked.append(found.certificate)
 
-    def _fill(self, folder: Path, identity: Identity, pair: Pair) -> None:
+    def _fill_folder(self, folder: Path, identity: Identity, pair: Pair) -> None:
         self._write_pair(folder, pair)
         host, port = self._register.hosts[0], self._register.port
         text = SETTINGS.format(name=identity.name, host=host, port=port, folder="/etc/nena")
@@ -340,16 +339,16 @@ class Site:
         (folder / "certificate.pem").write_bytes(pair.certificate)
         write_secret(folder / "key.pem", pair.key)
 
-    def _save(self) -> None:
+    def _save_register(self) -> None:
         """Write the broker's files before our own, so that an interrupted change can be repeated."""
         broker = self.folder / "broker"
         revoked = self._authority.revocations(self._register.revoked, utc_now())
-        _replace(broker / "access.list", access_list(self, self._register.topics).encode())
-        _replace(broker / "revoked.pem", revoked)
-        _replace(self.folder / "site.json", self._register.model_dump_json(indent=2).encode())
+        _replace_file(broker / "access.list", access_list(self, self._register.topics).encode())
+        _replace_file(broker / "revoked.pem", revoked)
+        _replace_file(self.folder / "site.json", self._register.model_dump_json(indent=2).encode())
 
 
-async def _clear(broker: MqttSettings, topics: Iterable[str]) -> None:
+async def _clear_topics(broker: MqttSettings, topics: Iterable[str]) -> None:
     confirmations: list[asyncio.Future[None]] = []
     try:
         async with (
@@ -368,20 +367,20 @@ async def _clear(broker: MqttSettings, topics: Iterable[str]) -> None:
         raise BrokerError(reason) from error
 
 
-def _reason(error: Exception) -> str:
+def _reason_of(error: Exception) -> str:
     """Return in one line why a site cannot be read."""
     if isinstance(error, ValidationError):
         return f"site.json: {in_words(error.errors()[:1], whole='all of it')[0]}"
     return shortened(str(error))
 
 
-def _replace(path: Path, content: bytes) -> None:
+def _replace_file(path: Path, content: bytes) -> None:
     draft = path.with_name(f".{path.name}.new")
     draft.write_bytes(content)
     draft.replace(path)
 
 
-def _certify(hosts: tuple[str, ...], days: int) -> tuple[Authority, Pair]:
+def _create_authority(hosts: tuple[str, ...], days: int) -> tuple[Authority, Pair]:
     """Create a CA and the broker's certificate."""
     now = utc_now()
     try:

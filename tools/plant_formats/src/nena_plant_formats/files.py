@@ -26,9 +26,9 @@ class PlantFormat(StrEnum):
 
 def format_of(data: bytes) -> PlantFormat:
     """Return the format of a file; anything that is not JSON counts as XML. Raises PlantModelError."""
-    if not _json(data).startswith((b"{", b"[")):
+    if not _json_bytes(data).startswith((b"{", b"[")):
         return PlantFormat.OPENTCS
-    content = parse_json(_json(data))
+    content = parse_json(_json_bytes(data))
     return PlantFormat.LIF if isinstance(content, dict) and _LIF & content.keys() else PlantFormat.NENA
 
 
@@ -42,9 +42,9 @@ def read(data: bytes, *, strict: bool = False) -> ImportReport:
         case PlantFormat.OPENTCS:
             return opentcs_xml.read(data)
         case PlantFormat.LIF:
-            return lif.read(_json(data), strict=strict)
+            return lif.read(_json_bytes(data), strict=strict)
         case PlantFormat.NENA:
-            return read_nena(_json(data))
+            return read_nena(_json_bytes(data))
 
 
 def read_nena(data: bytes) -> ImportReport:
@@ -53,17 +53,17 @@ def read_nena(data: bytes) -> ImportReport:
     try:
         model = PlantModel.from_json(data)
     except ValidationError as error:
-        raise PlantModelError(_problems(error)) from error
+        raise PlantModelError(_problems_of(error)) from error
     if errors := find_errors(model):
         raise PlantModelError(errors)
     return ImportReport(model, find_warnings(model))
 
 
-def _json(data: bytes) -> bytes:
+def _json_bytes(data: bytes) -> bytes:
     return data.removeprefix(_BYTE_ORDER_MARK).lstrip()
 
 
-def _problems(error: ValidationError) -> tuple[PlantProblem, ...]:
+def _problems_of(error: ValidationError) -> tuple[PlantProblem, ...]:
     details = error.errors(include_url=False, include_context=False, include_input=False)
     return tuple(
         PlantProblem("BAD_VALUE", ObjectKind.MODEL, "", word) for word in in_words(details, whole="the model")

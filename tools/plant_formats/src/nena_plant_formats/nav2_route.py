@@ -28,17 +28,17 @@ def write(model: PlantModel, *, map_id: str | None = None, frame: str = "map") -
         raise PlantModelError([PlantProblem("NO_POINTS", ObjectKind.MODEL, model.name, problem)])
     transform = map_transforms(model).get(chosen or "", MapTransform())
     ids = {each.name: number for number, each in enumerate(points)}
-    places = {point.name: _place(point, transform) for point in points}
+    places = {point.name: _place_on_map(point, transform) for point in points}
     edges = [
-        edge for edge in model.edges() if {edge.source, edge.destination} <= ids.keys() and _usable(edge)
+        edge for edge in model.edges() if {edge.source, edge.destination} <= ids.keys() and _is_usable(edge)
     ]
     features = [
-        *(_node(ids[point.name], point, places[point.name], frame) for point in points),
-        *(_edge(len(points) + number, each, ids, places) for number, each in enumerate(edges)),
+        *(_node_feature(ids[point.name], point, places[point.name], frame) for point in points),
+        *(_edge_feature(len(points) + number, each, ids, places) for number, each in enumerate(edges)),
     ]
     collection = {"type": "FeatureCollection", "name": model.name, "features": features}
     data = json.dumps(collection, indent=2, ensure_ascii=False).encode() + b"\n"
-    return ExportReport(data, tuple(_warnings(model, ids)))
+    return ExportReport(data, tuple(_find_losses(model, ids)))
 
 
 def _only_map(model: PlantModel) -> str | None:
@@ -49,17 +49,17 @@ def _only_map(model: PlantModel) -> str | None:
     return found[0] if found else None
 
 
-def _usable(edge: DirectedEdge) -> bool:
+def _is_usable(edge: DirectedEdge) -> bool:
     """Return whether Nav2 may drive an edge; it cannot drive one backwards."""
     return edge.is_forward and not edge.path.locked
 
 
-def _place(point: Point, transform: MapTransform) -> list[float]:
+def _place_on_map(point: Point, transform: MapTransform) -> list[float]:
     found = transform.to_map(PlantPlace(point.x_m, point.y_m))
     return [round(found.x_m, DECIMALS), round(found.y_m, DECIMALS)]
 
 
-def _node(number: int, point: Point, place: list[float], frame: str) -> dict[str, Any]:
+def _node_feature(number: int, point: Point, place: list[float], frame: str) -> dict[str, Any]:
     return {
         "type": "Feature",
         "properties": {"id": number, "frame": frame, "metadata": {"name": point.name}},
@@ -67,7 +67,7 @@ def _node(number: int, point: Point, place: list[float], frame: str) -> dict[str
     }
 
 
-def _edge(
+def _edge_feature(
     number: int, edge: DirectedEdge, ids: dict[str, int], places: dict[str, list[float]]
 ) -> dict[str, Any]:
     return {
@@ -86,7 +86,7 @@ def _edge(
     }
 
 
-def _warnings(model: PlantModel, ids: dict[str, int]) -> Iterator[PlantProblem]:
+def _find_losses(model: PlantModel, ids: dict[str, int]) -> Iterator[PlantProblem]:
     for point in model.points:
         if point.name not in ids:
             text = f"on the map {point.map_id!r}"

@@ -55,10 +55,10 @@ log = logging.get_logger(__name__)
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; return 0 after a signal, 1 after a failure, 2 for invalid settings."""
     with ros_environment():
-        return run(SimulatorSettings, _serve, program=PROGRAM, description=DESCRIPTION, argv=argv)
+        return run(SimulatorSettings, _serve_robots, program=PROGRAM, description=DESCRIPTION, argv=argv)
 
 
-async def _serve(settings: SimulatorSettings, stop: asyncio.Event) -> None:
+async def _serve_robots(settings: SimulatorSettings, stop: asyncio.Event) -> None:
     try:
         from nena_robot_simulator import node  # noqa: PLC0415 - after the environment is set
     except ImportError as error:
@@ -71,14 +71,14 @@ async def _serve(settings: SimulatorSettings, stop: asyncio.Event) -> None:
         for robot in settings.all_robots:
             robots.append(node.RobotNode(robot, simulator=settings, hall=place, clock=clock))
             robots[-1].start()
-        await _wait(robots, stop)
+        await _wait_for_stop(robots, stop)
     finally:
         for started in robots:
             started.close()
         log.info("stopped")
 
 
-async def _wait(robots: Sequence[RobotNode], stop: asyncio.Event) -> None:
+async def _wait_for_stop(robots: Sequence[RobotNode], stop: asyncio.Event) -> None:
     """Wait for a signal, or until a robot's thread ends."""
     while not stop.is_set():
         if not all(robot.alive for robot in robots):

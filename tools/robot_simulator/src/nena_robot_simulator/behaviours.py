@@ -67,7 +67,7 @@ class Behaviours:
         self._types: dict[str, Any] = {}
         self._statuses: dict[str, Any] = {}
 
-        session.every(PERIOD, self._advance)
+        session.every(PERIOD, self._advance_work)
 
     def open(self, actions: Mapping[str, str]) -> list[Any]:
         """Join the ROS graph with the actions (names and types) whose types are installed."""
@@ -76,26 +76,26 @@ class Behaviours:
             kind = interface(f"nav2_msgs/action/{type_name}")
             if kind is not None:
                 self._types[name] = kind
-                found += self._serve(name, kind)
+                found += self._serve_action(name, kind)
         return found
 
     def cancel(self, *names: str) -> bool:
         """Cancel the current goal if it belongs to one of these actions; return whether it did."""
         if self._work is None or self._work.name not in names:
             return False
-        self._end(Status.CANCELED)
+        self._end_work(Status.CANCELED)
         return True
 
-    def _serve(self, name: str, kind: Any) -> list[Any]:  # noqa: ANN401
+    def _serve_action(self, name: str, kind: Any) -> list[Any]:  # noqa: ANN401
         hidden, services = f"{name}/_action", kind.Impl
 
         def on_goal(request: Any, answer: Answer) -> None:  # noqa: ANN401
-            accepted = self._take(name, messages.goal_id_of(request), request.goal)
+            accepted = self._accept_goal(name, messages.goal_id_of(request), request.goal)
             answer(services.SendGoalService.Response(accepted=accepted))
 
         def on_result(request: Any, answer: Answer) -> None:  # noqa: ANN401
             self._waiting[messages.goal_id_of(request)] = answer
-            self._answer(name)
+            self._answer_results(name)
 
         def on_cancel(request: Any, answer: Answer) -> None:  # noqa: ANN401
             response = CancelGoal.Response()
@@ -115,19 +115,19 @@ class Behaviours:
             self._session.publisher(services.FeedbackMessage, f"{hidden}/feedback", FEEDBACK),
         ]
 
-    def _show(self, name: str, goal_id: UUID, status: Status) -> None:
+    def _show_status(self, name: str, goal_id: UUID, status: Status) -> None:
         """Publish the status of the newest goal."""
         entry = GoalStatus(status=int(status))
         entry.goal_info.goal_id.uuid = list(goal_id.bytes)
         self._statuses[name].publish(GoalStatusArray(status_list=[entry]))
 
-    def _take(self, name: str, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401
+    def _accept_goal(self, name: str, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401
         if self._work is not None:
             return False
         self._work = self._work_of(name, goal_id, goal)
         log.info("behaviour", name=name, left=self._work.left)
         self._robot.behaviour, self._pose = self._work.velocity, self._robot.pose
-        self._show(name, goal_id, Status.EXECUTING)
+        self._show_status(name, goal_id, Status.EXECUTING)
         if name != "dock_robot":
             self._robot.docked = False
         self._wake()
@@ -151,7 +151,7 @@ class Behaviours:
                 away = -1.0 if name == "backup" else 1.0
                 return Work(name, goal_id, abs(float(goal.target.x)), (away * abs(float(goal.speed)), 0.0))
 
-    def _advance(self) -> None:
+    def _advance_work(self) -> None:
         work = self._work
         if work is None:
             return
@@ -162,19 +162,19 @@ class Behaviours:
         turned = abs(math.remainder(self._pose.yaw - before.yaw, math.tau))
         work.left -= turned if work.velocity[1] else before.distance(self._pose)
         if work.left <= 0.0:
-            self._end(Status.ABORTED if work.fails else Status.SUCCEEDED)
+            self._end_work(Status.ABORTED if work.fails else Status.SUCCEEDED)
 
-    def _end(self, status: Status) -> None:
+    def _end_work(self, status: Status) -> None:
         work, self._work, self._robot.behaviour = self._work, None, None
         if work is not None:
             self._ended[work.goal_id] = (status, work.error_code)
             if work.name == "dock_robot" and status is Status.SUCCEEDED:
                 self._robot.docked = True
             log.info("behaviour ended", name=work.name, status=status.name)
-            self._show(work.name, work.goal_id, status)
-            self._answer(work.name)
+            self._show_status(work.name, work.goal_id, status)
+            self._answer_results(work.name)
 
-    def _answer(self, name: str) -> None:
+    def _answer_results(self, name: str) -> None:
         """Answer the clients that wait for the result of an ended goal."""
         for goal_id in [each for each in self._waiting if each in self._ended]:
             status, code = self._ended[goal_id]

@@ -125,13 +125,13 @@ class StatusArray:
     def accept(self, goal_id: UUID, accepted_ns: int, now: float) -> None:
         """Add a goal; accept-and-execute shows it as EXECUTING at once."""
         self._goals[goal_id] = GoalEntry(goal_id, accepted_ns, GoalStatus.EXECUTING)
-        self._changed(now)
+        self._publish_entries(now)
 
     def cancel(self, goal_ids: Iterable[UUID], now: float) -> None:
         """Set goals to CANCELING, all in one array."""
         for goal_id in goal_ids:
-            self._change(goal_id, GoalStatus.CANCELING)
-        self._changed(now)
+            self._change_status(goal_id, GoalStatus.CANCELING)
+        self._publish_entries(now)
 
     def find(self, goal_id: UUID, now: float) -> GoalEntry | None:
         """Return a goal kept at ``now``."""
@@ -144,22 +144,22 @@ class StatusArray:
             GoalTransitionError: the goal's state machine has no such step.
 
         """
-        self._change(goal_id, status, error_code)
+        self._change_status(goal_id, status, error_code)
         self._ended_at[goal_id] = now
-        self._changed(now)
+        self._publish_entries(now)
 
     def take_unpublished(self) -> list[Snapshot]:
         """Return the new arrays since the last call, oldest first."""
         taken, self._unpublished = self._unpublished, []
         return taken
 
-    def _change(self, goal_id: UUID, status: GoalStatus, error_code: int = 0) -> None:
+    def _change_status(self, goal_id: UUID, status: GoalStatus, error_code: int = 0) -> None:
         old = self._goals[goal_id]
         if status not in _NEXT.get(old.status, ()):
             raise GoalTransitionError(goal_id, old.status, status)
         self._goals[goal_id] = GoalEntry(goal_id, old.accepted_ns, status, error_code)
 
-    def _changed(self, now: float) -> None:
+    def _publish_entries(self, now: float) -> None:
         self._unpublished.append(self.entries(now))
 
 
@@ -191,14 +191,14 @@ def answer_cancel(goals: Snapshot, goal_id: UUID, stamp_ns: int) -> CancelAnswer
     the stamp are selected (no stamp: all goals), and no match is not an error.
     """
     if goal_id != ANY_GOAL and stamp_ns == 0:
-        return _one(goals, goal_id)
+        return _cancel_one(goals, goal_id)
     return CancelAnswer(
         CancelCode.NONE,
         tuple(g for g in goals if g.cancelable and (g.goal_id == goal_id or _up_to(g, stamp_ns))),
     )
 
 
-def _one(goals: Snapshot, goal_id: UUID) -> CancelAnswer:
+def _cancel_one(goals: Snapshot, goal_id: UUID) -> CancelAnswer:
     found = next((goal for goal in goals if goal.goal_id == goal_id), None)
     if found is None:
         return CancelAnswer(CancelCode.UNKNOWN_GOAL_ID)

@@ -58,15 +58,15 @@ class GridMap:
         """Return whether a position (m) is on the map and free."""
         if not self.covers(x, y):
             return False
-        return self._cell(x, y) == FREE
+        return self._cell_of(x, y) == FREE
 
-    def _cell(self, x: float, y: float) -> int:
+    def _cell_of(self, x: float, y: float) -> int:
         column, row = map(math.floor, self._in_cells(x, y))
         return self.cells[row * self.width + column]
 
     def forbids(self, x: float, y: float) -> bool:
         """Return whether a position is in this mask of a keep-out filter and its cell is closed."""
-        return self.covers(x, y) and self._cell(x, y) == OCCUPIED
+        return self.covers(x, y) and self._cell_of(x, y) == OCCUPIED
 
     def covers(self, x: float, y: float) -> bool:
         """Return whether a position (m) is on the map; NaN and infinity are not."""
@@ -164,8 +164,8 @@ def obey(motion: Motion, command: tuple[float, float], limits: Limits, dt: float
     """Move for ``dt`` seconds with the commanded velocity (m/s, rad/s), as far as the limits allow."""
     brakes = abs(command[0]) < abs(motion.speed)
     change = limits.deceleration if brakes and limits.deceleration is not None else limits.acceleration
-    speed = _approach(motion.speed, command[0], change * dt)
-    yaw_rate = _approach(motion.yaw_rate, command[1], limits.yaw_acceleration * dt)
+    speed = _approach_value(motion.speed, command[0], change * dt)
+    yaw_rate = _approach_value(motion.yaw_rate, command[1], limits.yaw_acceleration * dt)
     heading = motion.pose.yaw + yaw_rate * dt / 2.0
     return replace(
         motion,
@@ -186,9 +186,9 @@ def command_to(pose: Pose, target: Pose, limits: Limits, *, behind: float = 0.0)
     """
     distance = pose.distance(target)
     if distance <= AT_PLACE and not behind:
-        return 0.0, _turn(wrap(target.yaw - pose.yaw), limits)
+        return 0.0, _turn_rate(wrap(target.yaw - pose.yaw), limits)
     error = wrap(pose.bearing(target) - pose.yaw)
-    turn = _turn(error, limits)
+    turn = _turn_rate(error, limits)
     if abs(error) > TURN_IN_PLACE_ABOVE:
         return 0.0, turn
     braking = math.sqrt(2.0 * limits.acceleration * (distance + behind))
@@ -199,12 +199,12 @@ def command_to(pose: Pose, target: Pose, limits: Limits, *, behind: float = 0.0)
     return speed * math.cos(error), turn
 
 
-def _turn(error: float, limits: Limits) -> float:
+def _turn_rate(error: float, limits: Limits) -> float:
     """Return a yaw rate that removes the error and still allows braking in time."""
     braking = math.sqrt(2.0 * limits.yaw_acceleration * abs(error))
     return math.copysign(min(limits.yaw_rate, HEADING_GAIN * abs(error), braking), error)
 
 
-def _approach(value: float, wanted: float, most: float) -> float:
+def _approach_value(value: float, wanted: float, most: float) -> float:
     """Change ``value`` towards ``wanted`` by at most ``most``."""
     return wanted if abs(wanted - value) <= most else value + math.copysign(most, wanted - value)

@@ -132,7 +132,7 @@ class Navigator:
             self._current, self._began_at = goal, now
             return True
         if self._pending is not None:
-            self._terminate(self._pending, now)
+            self._terminate_goal(self._pending, now)
         self._pending = goal
         return True
 
@@ -148,23 +148,23 @@ class Navigator:
             if now >= self._halted_at:
                 self._terminate_all(now, self._code_when_halted)
         elif self._path is None:
-            self._begin(self._current, now)
+            self._begin_goal(self._current, now)
         elif self._cancel_requested(self._pending or self._current):
             self._halted_at, self._code_when_halted = now + self._halting(), error_code
         else:
-            current = self._preempted(self._current, now)
+            current = self._preempt_goal(self._current, now)
             if progress is not Progress.UNDERWAY:
-                self._finish(current, progress, now, error_code)
+                self._finish_goal(current, progress, now, error_code)
 
     def _cancel_requested(self, asked: Goal) -> bool:
         return not self._active or self.goals[asked.goal_id] is GoalStatus.CANCELING
 
-    def _preempted(self, current: Goal, now: float) -> Goal:
+    def _preempt_goal(self, current: Goal, now: float) -> Goal:
         """Replace the current goal by the pending one; with an invalid pose, the robot keeps its old path."""
         if self._pending is None:
             return current
         if self._pending.tree != current.tree:  # the running tree is not replaced
-            self._terminate(self._pending, now)
+            self._terminate_goal(self._pending, now)
             self._pending = None
             return current
         self.goals.end(current.goal_id, GoalStatus.ABORTED, now)
@@ -172,11 +172,11 @@ class Navigator:
         self._path = self._path_of(self._current) or self._path
         return self._current
 
-    def _begin(self, goal: Goal, now: float) -> None:
+    def _begin_goal(self, goal: Goal, now: float) -> None:
         """Start from standstill; a goal with an invalid pose ends at once."""
         self._path = None if self._barred() else self._path_of(goal)
         if self._path is None:
-            self._finish(goal, Progress.FAILED, now)
+            self._finish_goal(goal, Progress.FAILED, now)
 
     def _path_of(self, goal: Goal) -> tuple[Pose, ...] | None:
         """Return the poses of a goal in the map frame; None if one of them is unknown."""
@@ -184,20 +184,20 @@ class Navigator:
         found = tuple(place for place in places if place is not None)
         return found if len(found) == len(places) else None
 
-    def _finish(self, goal: Goal, progress: Progress, now: float, error_code: int = 0) -> None:
+    def _finish_goal(self, goal: Goal, progress: Progress, now: float, error_code: int = 0) -> None:
         if progress is Progress.REACHED:
             self.goals.end(goal.goal_id, GoalStatus.SUCCEEDED, now)
         else:
-            self._terminate(goal, now, error_code)
+            self._terminate_goal(goal, now, error_code)
         self._current, self._pending, self._path, self._began_at = self._pending, None, None, now
 
     def _terminate_all(self, now: float, error_code: int = 0) -> None:
         ending = [goal for goal in (self._current, self._pending) if goal is not None]
         self._current = self._pending = self._path = self._halted_at = None
         for goal in ending:
-            self._terminate(goal, now, error_code)
+            self._terminate_goal(goal, now, error_code)
 
-    def _terminate(self, goal: Goal, now: float, error_code: int = 0) -> None:
+    def _terminate_goal(self, goal: Goal, now: float, error_code: int = 0) -> None:
         """End a goal without success: CANCELED if a client requested it, else ABORTED."""
         asked = self.goals[goal.goal_id] is GoalStatus.CANCELING
         status = GoalStatus.CANCELED if asked else GoalStatus.ABORTED
@@ -233,18 +233,18 @@ class Recovery:
 
     def over(self, now: float) -> bool:
         """Return whether the behaviour tree fails."""
-        return self._spent(now) >= self.seconds
+        return self._time_spent(now) >= self.seconds
 
     def count(self, now: float) -> int:
         """Return the number of recoveries so far."""
-        return int(min(self._spent(now), self.seconds) / RECOVERY_PERIOD)
+        return int(min(self._time_spent(now), self.seconds) / RECOVERY_PERIOD)
 
-    def _spent(self, now: float) -> float:
+    def _time_spent(self, now: float) -> float:
         return (now - self.began_at) * self.pace
 
     def command(self, now: float) -> tuple[float, float]:
         """Return the velocity of the current recovery, m/s and rad/s."""
-        rest = self._spent(now) % sum(seconds for seconds, _, _ in RECOVERY)
+        rest = self._time_spent(now) % sum(seconds for seconds, _, _ in RECOVERY)
         for seconds, speed, yaw_rate in RECOVERY:
             if rest < seconds:
                 return speed, yaw_rate
@@ -286,7 +286,7 @@ class Drive:
         self.recovery = failure.recovery
         self._tolerances = tolerances
         self._via = list(target.via)
-        whole = _length([start, *target.via, target.pose])
+        whole = _length_of([start, *target.via, target.pose])
         self._abort_within = None if failure.abort_after is None else (1.0 - failure.abort_after) * whole
         self._at_place = False
         self._reached = False
@@ -310,7 +310,7 @@ class Drive:
     @property
     def behind(self) -> float:
         """Length of the path beyond :attr:`next_place`, m."""
-        return _length([*self._via, self.end]) if self.end is not None else 0.0
+        return _length_of([*self._via, self.end]) if self.end is not None else 0.0
 
     def fail(self, error_code: int) -> None:
         """Make the controller give up."""
@@ -320,7 +320,7 @@ class Drive:
         """Return the remaining length of the path from ``pose``, m; 0 without one."""
         if self.end is None:
             return 0.0
-        return _length([pose, *self._via, self.target.pose])
+        return _length_of([pose, *self._via, self.target.pose])
 
     def move_to(self, pose: Pose) -> None:
         """Update the robot's pose; the goal's position counts once it has been reached."""
@@ -349,11 +349,11 @@ class Drive:
             return []
         corners = [pose, *self._via, self.end]
         most = max(1, PLAN_PARTS // (len(corners) - 1))
-        parts = (_straight(start, end, most) for start, end in pairwise(corners))
+        parts = (_straight_poses(start, end, most) for start, end in pairwise(corners))
         return [place for part in parts for place in part] + [self.end]
 
 
-def _straight(start: Pose, end: Pose, most: int) -> list[Pose]:
+def _straight_poses(start: Pose, end: Pose, most: int) -> list[Pose]:
     """Return at most ``most`` poses from ``start`` up to ``end`` (exclusive), heading along the line."""
     heading = start.bearing(end)
     parts = max(1, math.ceil(min(start.distance(end) / PLAN_SPACING, most)))
@@ -361,5 +361,5 @@ def _straight(start: Pose, end: Pose, most: int) -> list[Pose]:
     return [Pose(start.x + i * dx, start.y + i * dy, heading) for i in range(parts)]
 
 
-def _length(way: Sequence[Pose]) -> float:
+def _length_of(way: Sequence[Pose]) -> float:
     return sum(start.distance(end) for start, end in pairwise(way))

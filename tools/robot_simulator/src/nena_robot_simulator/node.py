@@ -90,7 +90,7 @@ class RobotNode:
         )
         types = action_types() if simulator.actions else {}
         self._controller = ControllerServer(
-            self._session, self._robot, types.get(Action.FOLLOW_PATH), clock, take=self._take
+            self._session, self._robot, types.get(Action.FOLLOW_PATH), clock, take=self._accept_goal
         )
         self._navigator = NavigatorEndpoints(self._session, self, types, on_goal_pose=self._on_goal_pose)
         self._planner = PlannerServer(self._session, self._robot, clock)
@@ -109,7 +109,7 @@ class RobotNode:
             self._endpoints = Offers(self._session, self._robot, settings.filter_info_topic)
             self._open_offers()
         for fault in (*simulator.faults, *settings.faults):
-            self._apply(fault)
+            self._apply_fault(fault)
         self._show_servers()
 
     @property
@@ -133,9 +133,11 @@ class RobotNode:
         costmap_services(
             self._session,
             lambda name: self._log.info("costmap cleared", costmap=name),
-            lambda kind: messages.costmap_message(kind, self._hall, self._settings.map_frame, self._stamp()),
+            lambda kind: messages.costmap_message(
+                kind, self._hall, self._settings.map_frame, self._time_stamp()
+            ),
         )
-        WaypointFollower(self._session, take=self._take, find=self.find, cancel=self._cancel_goal)
+        WaypointFollower(self._session, take=self._accept_goal, find=self.find, cancel=self._cancel_goal)
 
     def _make_servers(self) -> ServerEndpoints:
         tolerance, drive = self._settings.tolerance, self._settings.drive
@@ -223,7 +225,7 @@ class RobotNode:
         self._robot.use_map(found)
         self._publish_map()
         self._log.info("map loaded", width=found.width, height=found.height)
-        return messages.map_message(found, self._settings.map_frame, self._stamp())
+        return messages.map_message(found, self._settings.map_frame, self._time_stamp())
 
     def _make_timers(self) -> None:
         self._delivery = self._session.every(GOAL_DELAY, self._deliver_goals)
@@ -233,7 +235,7 @@ class RobotNode:
         self._replanning = self._session.every(PLAN_PERIOD, self._publish_plan)
         self._session.every(BATTERY_PERIOD, self._publish_battery)
 
-    def _stamp(self) -> int:
+    def _time_stamp(self) -> int:
         """Return the current time, UTC nanoseconds."""
         return int(self._clock.now().timestamp() * 1_000_000) * 1000
 
@@ -248,20 +250,20 @@ class RobotNode:
             pose, frame_id = self._goal_queue.popleft()
             if self.hangs:
                 continue
-            self._take(Goal(uuid.uuid4(), pose, frame_id), Action.TO_POSE)
+            self._accept_goal(Goal(uuid.uuid4(), pose, frame_id), Action.TO_POSE)
 
     def on_goal(self, action: Action, goal: Goal) -> int | None:
         """Accept a goal of an action; return the time of acceptance (UTC, ns), or None if it is rejected."""
         if self.find(action, goal.goal_id) is not None:
             return None
-        return self._take(goal, action)
+        return self._accept_goal(goal, action)
 
     def find(self, action: Action, goal_id: uuid.UUID) -> GoalEntry | None:
         """Return a known goal."""
         return self._robot.goals(action).find(goal_id, self._clock.monotonic())
 
-    def _take(self, goal: Goal, action: Action) -> int | None:
-        stamp = self._stamp()
+    def _accept_goal(self, goal: Goal, action: Action) -> int | None:
+        stamp = self._time_stamp()
         taken = self._robot.take_goal(goal, stamp, self._clock.monotonic(), action)
         x, y, via = goal.pose.x, goal.pose.y, len(goal.via)
         goal_id, frame = str(goal.goal_id), goal.frame_id
@@ -305,7 +307,7 @@ class RobotNode:
         self._robot.force_estimate()
 
     def _on_get_map(self, _request: GetMap.Request, response: GetMap.Response) -> None:
-        response.map = messages.map_message(self._hall, self._settings.map_frame, self._stamp())
+        response.map = messages.map_message(self._hall, self._settings.map_frame, self._time_stamp())
 
     def _on_fault(self, message: String) -> None:
         try:
@@ -313,23 +315,23 @@ class RobotNode:
         except faults.FaultRefusedError as error:
             self._log.warning("fault rejected", problems=error.problems)
             return
-        self._apply(fault)
+        self._apply_fault(fault)
         self._show_servers()
         self._publish_statuses()
         self._loop.reset()
 
-    def _apply(self, fault: faults.AnyFault) -> None:
+    def _apply_fault(self, fault: faults.AnyFault) -> None:
         if isinstance(fault, faults.Freeze):
             self._log.info("fault", **fault.model_dump())
             threading.Event().wait(fault.seconds)  # blocks the robot's thread, so everything hangs
             return
-        was_silent = self._silent
+        was_silent = self._is_silent
         now = self._clock.monotonic()
         if isinstance(fault, faults.Nav2Stopped) and fault.active:
             self.manage(Server.MANAGER, Command.SHUTDOWN)  # ends the goals, and tells their clients
-        self._robot.apply(fault, goal_id=uuid.uuid4(), accepted_ns=self._stamp(), now=now)
+        self._robot.apply(fault, goal_id=uuid.uuid4(), accepted_ns=self._time_stamp(), now=now)
         self._log.info("fault", **fault.model_dump())
-        if was_silent and not self._silent:
+        if was_silent and not self._is_silent:
             self._publish_map()
 
     def _show_servers(self) -> None:
@@ -339,28 +341,28 @@ class RobotNode:
         self._controller.show()
 
     @property
-    def _silent(self) -> bool:
+    def _is_silent(self) -> bool:
         return self._robot.faults.on(faults.Silence)
 
     def _on_loop(self) -> None:
         """Advance the robot. While it rests, only the slower cycle of the base runs."""
         now = self._clock.monotonic()
-        self._advance(now)
-        if not self._silent:
+        self._advance_robot(now)
+        if not self._is_silent:
             if self._endpoints is not None:
                 self._endpoints.show_collision()
             frame = self._settings.map_frame
             self._navigator.publish_progress(
-                lambda action: self._robot.feedback(action, now), frame, self._stamp
+                lambda action: self._robot.feedback(action, now), frame, self._time_stamp
             )
-            self._controller.publish_progress(frame, self._stamp())
+            self._controller.publish_progress(frame, self._time_stamp())
         if self._robot.drive is not None and self._robot.drive is not self._planned_for:
             self._publish_plan()
             self._replanning.reset()
         if self._robot.resting:
             self._loop.cancel()
 
-    def _advance(self, now: float) -> None:
+    def _advance_robot(self, now: float) -> None:
         changed = self._robot.advance(now)
         self._publish_statuses()
         if changed:
@@ -368,9 +370,9 @@ class RobotNode:
 
     def _on_base(self) -> None:
         if self._robot.resting:
-            self._advance(self._clock.monotonic())
-        stamp = self._stamp()
-        self._publish(
+            self._advance_robot(self._clock.monotonic())
+        stamp = self._time_stamp()
+        self._publish_message(
             self._odom,
             messages.odometry_message(
                 self._robot.odometry,
@@ -380,12 +382,12 @@ class RobotNode:
                 nanoseconds=stamp,
             ),
         )
-        if self._endpoints is not None and not self._silent:
+        if self._endpoints is not None and not self._is_silent:
             self._endpoints.publish_transforms(self._settings, stamp)
         estimate = self._robot.scan() if self._amcl_pose is not None else None
         if estimate is not None:
             message = messages.estimate_message(estimate, self._settings.map_frame, stamp)
-            self._publish(self._amcl_pose, message)
+            self._publish_message(self._amcl_pose, message)
 
     def _publish_plan(self) -> None:
         drive = self._planned_for = self._robot.drive
@@ -393,21 +395,25 @@ class RobotNode:
             return
         poses = drive.plan(self._robot.pose)
         if poses:
-            self._publish(self._plan, messages.path_message(poses, self._settings.map_frame, self._stamp()))
+            self._publish_message(
+                self._plan, messages.path_message(poses, self._settings.map_frame, self._time_stamp())
+            )
 
     def _publish_battery(self) -> None:
         scale = self._settings.battery.scale
         if self._robot.faults.on(faults.BatteryScale):
             scale = "fraction" if scale == "percent" else "percent"
         message = messages.battery_message(
-            self._robot.battery, scale, self._stamp(), charging=self._robot.docked
+            self._robot.battery, scale, self._time_stamp(), charging=self._robot.docked
         )
-        self._publish(self._battery, message)
+        self._publish_message(self._battery, message)
 
     def _publish_map(self) -> None:
         if not self._robot.servers.configured(Server.MAPS):
             return
-        self._publish(self._map, messages.map_message(self._hall, self._settings.map_frame, self._stamp()))
+        self._publish_message(
+            self._map, messages.map_message(self._hall, self._settings.map_frame, self._time_stamp())
+        )
 
     def _publish_statuses(self) -> None:
         for action in Action:
@@ -420,7 +426,7 @@ class RobotNode:
             self._navigator.answer(action)
             if action is Action.FOLLOW_PATH:
                 self._controller.answer()
-        if self._silent:
+        if self._is_silent:
             if snapshots:
                 self._held_back[action] = snapshots[-1]
             return
@@ -434,7 +440,7 @@ class RobotNode:
                     self._controller.publish(shown)
             self._last_array[action] = snapshot
 
-    def _publish(self, publisher: Publisher | None, message: object) -> None:
+    def _publish_message(self, publisher: Publisher | None, message: object) -> None:
         """Publish a message, unless its server is gone or everything is silent."""
-        if not self._silent and publisher is not None:
+        if not self._is_silent and publisher is not None:
             publisher.publish(message)

@@ -40,10 +40,10 @@ class PlannerServer:
             kind = interface(f"nav2_msgs/action/{type_name}")
             if kind is not None:
                 action = SimpleAction(self._session, name, kind)
-                found += action.open(partial(self._plan, action))
+                found += action.open(partial(self._plan_path, action))
         return found
 
-    def _plan(self, action: SimpleAction, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401 - rclpy carries no types
+    def _plan_path(self, action: SimpleAction, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401 - rclpy carries no types
         if not self._robot.servers.works(Server.PLANNER):
             return False
         several = hasattr(goal, "goals")

@@ -90,7 +90,9 @@ class Robot:
         self._time_factor = simulator.time_factor
         self._noise = noise
         self._own_limits = self._limits = Limits(**settings.drive.model_dump(exclude={"command_timeout"}))
-        self._navigators = {action: self._navigator(action, simulator.result_timeout) for action in Action}
+        self._navigators = {
+            action: self._make_navigator(action, simulator.result_timeout) for action in Action
+        }
         self._localisation = Localisation(
             known=settings.localisation.known_at_start,
             xy_deviation=settings.localisation.xy_deviation,
@@ -211,7 +213,7 @@ class Robot:
         seconds = now - navigator.began_at
         return Feedback(
             navigator.target.goal_id,
-            self._shown(self.pose),
+            self._reported_pose(self.pose),
             seconds=seconds,
             left=drive.left(self.pose) if now >= self._path_from else 0.0,
             speed=self.velocity[0],
@@ -227,7 +229,7 @@ class Robot:
         return poses, of_several(code) if several else code
 
     def _path_of(self, places: tuple[Pose, ...], frame_id: str, start: Pose | None) -> tuple[list[Pose], int]:
-        resolved = [self._resolve(place, frame_id) for place in places]
+        resolved = [self._resolve_pose(place, frame_id) for place in places]
         way = [place for place in resolved if place is not None]
         begin = start or self.pose
         if len(way) < len(resolved):
@@ -275,18 +277,18 @@ class Robot:
         estimate, lost = self._localisation.scan(self.pose), self.faults.get(faults.LocalisationLost)
         if estimate is not None and lost is not None:
             estimate = replace(estimate, xy_variance=lost.xy_deviation**2)
-        return self._misplaced(estimate)
+        return self._misplace_estimate(estimate)
 
-    def _misplaced(self, estimate: Estimate | None) -> Estimate | None:
+    def _misplace_estimate(self, estimate: Estimate | None) -> Estimate | None:
         """Displace the estimate according to the active faults."""
         if estimate is None:
             return None
-        pose = self._shown(estimate.pose)
+        pose = self._reported_pose(estimate.pose)
         if self.faults.on(faults.NanPose):
             pose = Pose(math.nan, pose.y, pose.yaw)
         return replace(estimate, pose=pose)
 
-    def _shown(self, pose: Pose) -> Pose:
+    def _reported_pose(self, pose: Pose) -> Pose:
         """Return the pose that AMCL reports for a robot at ``pose``."""
         jump = self.faults.get(faults.PoseJump)
         return Pose(pose.x + jump.x, pose.y + jump.y, pose.yaw) if jump else pose
@@ -368,10 +370,10 @@ class Robot:
         self._advanced_at = now
         if changed := self.servers.advance(now):
             self.set_navigators()
-        self._follow(now)
+        self._follow_target(now)
         self._look_for_answers(now)
         self._look_for_transform(seconds, now)
-        self._move(seconds * self._time_factor, now)
+        self._move_robot(seconds * self._time_factor, now)
         own = self._driven_for is Action.FOLLOW_PATH
         if self._tree_lost:
             self._alone = self._drive is not None and not own
@@ -390,17 +392,17 @@ class Robot:
             progress = drive.progress(self.pose, now)
             failed = progress is Progress.FAILED or drive.end is None
             navigator.tick(now, progress, drive.error_code if failed else ErrorCode.NONE)
-        self._follow(now)
+        self._follow_target(now)
         return changed
 
     def take_unpublished(self, action: Action = Action.TO_POSE) -> list[Snapshot]:
         """Return the new status arrays of an action since the last call."""
         return self.goals(action).take_unpublished()
 
-    def _navigator(self, action: Action, retention: float) -> Navigator:
+    def _make_navigator(self, action: Action, retention: float) -> Navigator:
         return Navigator(
             goals=StatusArray(retention),
-            resolve=self._resolve,
+            resolve=self._resolve_pose,
             halting=lambda: self._noise.uniform(*HALTING),
             barred=lambda: any(
                 other.driving
@@ -409,7 +411,7 @@ class Robot:
             ),
         )
 
-    def _resolve(self, pose: Pose, frame_id: str) -> Pose | None:
+    def _resolve_pose(self, pose: Pose, frame_id: str) -> Pose | None:
         if not self._localisation.known or not self.servers.works(Server.LOCALISATION):
             return None
         if math.isnan(pose.x):
@@ -449,11 +451,11 @@ class Robot:
         if drive is not None and not (driven and drive.progress(self.pose, now) is Progress.UNDERWAY):
             self._drive, self._alone = None, False
 
-    def _follow(self, now: float) -> None:
+    def _follow_target(self, now: float) -> None:
         """Plan a new drive if the target has changed, at the next tick of the tree's replanning clock."""
         path = self._navigators[Action.FOLLOW_PATH].target
         if path is not None:
-            self._see(path, now)
+            self._see_goal(path, now)
             self._follow_path(path)
             return
         if self._driven_for is Action.FOLLOW_PATH:
@@ -470,20 +472,20 @@ class Robot:
         if target is None:
             self._drive = self._drive if self._alone else None
             return
-        self._see(target, now)
+        self._see_goal(target, now)
         replans = self._drive is None or self._alone or now >= self._replan_at
         if not replans:
             return
         self._replan_at = now + self._replan_period * (SEVERAL_SLOWER if several else 1.0)
         drive = self._drive
         if drive is None or drive.target != target:
-            drive = self._drive = self._planned(target, several=several, now=now)
+            drive = self._drive = self._plan_drive(target, several=several, now=now)
             self._stuck_for, self._alone = 0.0, False
         answered = self.servers.works(Server.PLANNER) and self.servers.works(Server.CONTROLLER)
         drive.unanswered_at = None if answered else drive.unanswered_at or now
         self._poses_left = drive.places_left
 
-    def _see(self, target: Target, now: float) -> None:
+    def _see_goal(self, target: Target, now: float) -> None:
         """Note that the navigator's loop has a new goal, on a busy computer long after its acceptance.
 
         Its feedback has its number of poses at once, and the path of the goal before until it has its own.
@@ -515,7 +517,7 @@ class Robot:
         )
         self._driven_for, self._stuck_for = Action.FOLLOW_PATH, 0.0
 
-    def _planned(self, target: Target, *, several: bool, now: float) -> Drive:
+    def _plan_drive(self, target: Target, *, several: bool, now: float) -> Drive:
         end, code = self._end_of(target)
         abort = self.faults.get(faults.AbortHalfway)
         self.faults.spend(faults.AbortHalfway)
@@ -555,7 +557,7 @@ class Robot:
         inside = self._hall.covers(target.pose.x, target.pose.y)
         return None, ErrorCode.NO_VALID_PATH if inside else ErrorCode.GOAL_OUTSIDE_MAP
 
-    def _move(self, seconds: float, now: float) -> None:
+    def _move_robot(self, seconds: float, now: float) -> None:
         """Move the robot for ``seconds`` of its own time."""
         before = self.pose
         steps = max(1, math.ceil(seconds / LONGEST_STEP))
@@ -573,7 +575,7 @@ class Robot:
         A server stops the base when its work ends. One that has died or hangs says nothing, so that the base
         keeps the last command, up to its command time-out.
         """
-        commander, command = self._commanded(now)
+        commander, command = self._command_of_base(now)
         if commander is None and self._commander is not None and self.servers.runs(self._commander):
             command = (0.0, 0.0)
         if command is not None:
@@ -585,7 +587,7 @@ class Robot:
         if timeout and now - self._commanded_at >= timeout:
             self._command = (0.0, 0.0)
 
-    def _commanded(self, now: float) -> tuple[Server | None, tuple[float, float] | None]:
+    def _command_of_base(self, now: float) -> tuple[Server | None, tuple[float, float] | None]:
         """Return which server commands the base, and how, m/s and rad/s; None if no server does."""
         drive = self._drive
         if self.faults.on(faults.Stuck) or self.faults.on(faults.CollisionStop):

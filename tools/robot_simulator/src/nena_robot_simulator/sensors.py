@@ -96,12 +96,12 @@ class Localisation:
 
     def scan(self, true: Pose) -> Estimate | None:
         """Return the estimate after a laser scan at the true pose; None if the filter does not run."""
-        if not self._known or not (self._forced or self._last is None or _moved(self._last, true)):
+        if not self._known or not (self._forced or self._last is None or _has_moved(self._last, true)):
             return None
         self._last, self._forced = true, False
-        return Estimate(self._blurred(true), self._xy_deviation**2, self._yaw_deviation**2)
+        return Estimate(self._blur_pose(true), self._xy_deviation**2, self._yaw_deviation**2)
 
-    def _blurred(self, true: Pose) -> Pose:
+    def _blur_pose(self, true: Pose) -> Pose:
         return Pose(
             self._noise.gauss(true.x, self._xy_deviation),
             self._noise.gauss(true.y, self._xy_deviation),
@@ -109,6 +109,6 @@ class Localisation:
         )
 
 
-def _moved(last: Pose, true: Pose) -> bool:
+def _has_moved(last: Pose, true: Pose) -> bool:
     """Return whether the robot has moved far enough for the filter to run."""
     return last.distance(true) > UPDATE_DISTANCE or abs(wrap(true.yaw - last.yaw)) > UPDATE_ANGLE

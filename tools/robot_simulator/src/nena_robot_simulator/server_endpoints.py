@@ -75,14 +75,18 @@ class ServerEndpoints:
         for server in Server:
             if servers.listed(server):
                 continue
-            self._keep(self._open, server, there=servers.there(server), of=partial(self._common, server))
+            self._keep_endpoints(
+                self._open, server, there=servers.there(server), of=partial(self._common_services, server)
+            )
             work = self._work.get(server)
             if work is not None:
-                self._keep(self._working, server, there=servers.configured(server), of=work)
+                self._keep_endpoints(self._working, server, there=servers.configured(server), of=work)
         for change in servers.take_changes():
-            self._publish(change)
+            self._publish_transition(change)
 
-    def _keep(self, found: dict[Server, list[Any]], server: Server, *, there: bool, of: Open) -> None:
+    def _keep_endpoints(
+        self, found: dict[Server, list[Any]], server: Server, *, there: bool, of: Open
+    ) -> None:
         if there and server not in found:
             found[server] = list(of())
         elif not there and server in found:
@@ -100,9 +104,9 @@ class ServerEndpoints:
 
         return self._session.serve_later(kind, name, answer_if_awake)
 
-    def _common(self, server: Server) -> list[Any]:
+    def _common_services(self, server: Server) -> list[Any]:
         if server in MANAGED:
-            return self._manager(server)
+            return self._manager_services(server)
 
         def change(request: ChangeState.Request, response: ChangeState.Response) -> None:
             response.success = self._changes.change(server, request.transition.id)
@@ -122,7 +126,7 @@ class ServerEndpoints:
             )
         return found
 
-    def _manager(self, manager: Server) -> list[Any]:
+    def _manager_services(self, manager: Server) -> list[Any]:
         def awake() -> bool:
             return self._robot.servers.runs(manager) and not self._robot.faults.on(faults.BringUp)
 
@@ -144,7 +148,7 @@ class ServerEndpoints:
         state = self._robot.servers.state(server)
         response.current_state.id, response.current_state.label = int(state), state.name.lower()
 
-    def _publish(self, change: Change) -> None:
+    def _publish_transition(self, change: Change) -> None:
         before, after = change.before, change.after
         log.info("lifecycle", server=change.server.value, before=before.name, after=after.name)
         event = TransitionEvent()
@@ -160,10 +164,10 @@ def _answer_parameters(
 ) -> None:
     """Return the requested parameters; like rclcpp, none at all if one of them does not exist."""
     if all(name in values for name in request.names):
-        response.values = [_parameter(values[name]) for name in request.names]
+        response.values = [_parameter_value(values[name]) for name in request.names]
 
 
-def _parameter(value: Value) -> ParameterValue:
+def _parameter_value(value: Value) -> ParameterValue:
     match value:
         case bool():
             return ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)

@@ -246,10 +246,10 @@ class Servers:
         before = len(self._changes)
         for manager, watch in self._watches.items():
             if self.runs(manager) and not watch.idle:
-                self._check(manager, watch, now)
+                self._check_bonds(manager, watch, now)
         return bool(left) or len(self._changes) > before
 
-    def _check(self, manager: Server, watch: _Watch, now: float) -> None:
+    def _check_bonds(self, manager: Server, watch: _Watch, now: float) -> None:
         group = MANAGED[manager]
         running = all(map(self.runs, group))
         if watch.reset_at is None:
@@ -257,7 +257,7 @@ class Servers:
             watch.missed_since = (watch.missed_since or now) if missing else None
             if watch.missed_since is not None and now - watch.missed_since >= BOND_TIMEOUT:
                 watch.reset_at = watch.checked_at = now
-                watch.complete = self._deactivate(manager)
+                watch.complete = self._deactivate_group(manager)
         elif watch.complete and now - watch.reset_at >= CLEANING:
             watch.complete = False
             for server in reversed(group):
@@ -265,13 +265,13 @@ class Servers:
         elif now - watch.checked_at >= RESPAWN_CHECK:
             watch.checked_at = now
             if running and any(self._states[server] is LifecycleState.ACTIVE for server in group):
-                watch.reset_at, watch.complete = now, self._deactivate(manager)  # the rest of the reset
+                watch.reset_at, watch.complete = now, self._deactivate_group(manager)  # the rest of the reset
             elif running:
                 self._bring_up(manager)
             elif not all(map(self.there, group)):
                 watch.idle = now - watch.reset_at >= RESPAWN_WAIT
 
-    def _deactivate(self, manager: Server) -> bool:
+    def _deactivate_group(self, manager: Server) -> bool:
         """Deactivate the active ones up to the first one without an answer; return whether all answer."""
         for server in reversed(MANAGED[manager]):
             if not self.runs(server):

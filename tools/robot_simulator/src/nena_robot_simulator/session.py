@@ -54,7 +54,7 @@ class RosSession:
         self._executor.add_node(self._node)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._spin, name=f"ros {name}", daemon=True)
+        self._thread = threading.Thread(target=self._spin_executor, name=f"ros {name}", daemon=True)
 
     @property
     def alive(self) -> bool:
@@ -82,7 +82,7 @@ class RosSession:
         """Pass each message of a topic to ``callback``; a failure is logged and affects only that message."""
 
         def isolated(message: object) -> None:
-            with self._isolated(topic):
+            with self._isolate_errors(topic):
                 callback(message)
 
         return self._node.create_subscription(
@@ -93,7 +93,7 @@ class RosSession:
         """Serve a service; ``callback`` fills the response, which is sent even if it fails."""
 
         def isolated(request: object, response: object) -> object:
-            with self._isolated(name):
+            with self._isolate_errors(name):
                 callback(request, response)
             return response
 
@@ -112,7 +112,7 @@ class RosSession:
         send = service.send_response
 
         def forward(request: object, header: object) -> None:
-            with self._isolated(name):
+            with self._isolate_errors(name):
                 callback(request, lambda response: send(response, header))
 
         service.send_response = forward
@@ -132,13 +132,13 @@ class RosSession:
         """Call ``callback`` periodically; a failure is logged and the next call follows as usual."""
 
         def isolated() -> None:
-            with self._isolated(callback.__name__):
+            with self._isolate_errors(callback.__name__):
                 callback()
 
         return self._node.create_timer(seconds, isolated, callback_group=self._callbacks, clock=self._steady)
 
     @contextmanager
-    def _isolated(self, work: str) -> Iterator[None]:
+    def _isolate_errors(self, work: str) -> Iterator[None]:
         """Log an exception instead of ending the thread."""
         try:
             yield
@@ -157,7 +157,7 @@ class RosSession:
         self._node.destroy_node()
         self._joined.close()
 
-    def _spin(self) -> None:
+    def _spin_executor(self) -> None:
         try:
             while not self._stop.is_set():
                 self._executor.spin_once()

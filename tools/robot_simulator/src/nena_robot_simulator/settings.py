@@ -149,7 +149,7 @@ class MapSettings(SettingsGroup):
         return self
 
 
-def _beside(start: StartPose, index: int) -> StartPose:
+def _start_beside(start: StartPose, index: int) -> StartPose:
     return start.model_copy(update={"y": start.y + index})
 
 
@@ -226,11 +226,11 @@ class SimulatorSettings(ProgramSettings):
         """All robots, including copies."""
         if self.copies == 1:
             return self.robots
-        return tuple(self._copy(self.robots[0], index) for index in range(self.copies))
+        return tuple(self._copy_robot(self.robots[0], index) for index in range(self.copies))
 
-    def _copy(self, robot: RobotSettings, index: int) -> RobotSettings:
+    def _copy_robot(self, robot: RobotSettings, index: int) -> RobotSettings:
         """Return a copy, one metre beside the previous one."""
-        place = {"name": f"{robot.name}-{index + 1}", "start": _beside(robot.start, index)}
+        place = {"name": f"{robot.name}-{index + 1}", "start": _start_beside(robot.start, index)}
         if self.separate_domains:
             return robot.model_copy(update={**place, "domain_id": robot.domain_id + index})
         return robot.model_copy(update={**place, "namespace": f"{robot.namespace or 'r'}{index + 1}"})

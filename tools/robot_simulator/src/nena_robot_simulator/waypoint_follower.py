@@ -55,21 +55,21 @@ class WaypointFollower:
         self._cancel = cancel
         self._tour: _Tour | None = None
         self._missed_kind = interface("nav2_msgs/msg/MissedWaypoint")
-        self._timer = session.every(PERIOD, self._advance)
+        self._timer = session.every(PERIOD, self._advance_tour)
         self._timer.cancel()
         kind = interface("nav2_msgs/action/FollowWaypoints")
         self._action = SimpleAction(session, NAME, kind) if kind is not None else None
         if self._action is not None:
-            self._action.open(self._begin, self._end_by_request)
+            self._action.open(self._begin_tour, self._end_by_request)
 
-    def _begin(self, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401 - rclpy carries no types
-        self._end(GoalStatus.ABORTED)
+    def _begin_tour(self, goal_id: UUID, goal: Any) -> bool:  # noqa: ANN401 - rclpy carries no types
+        self._end_tour(GoalStatus.ABORTED)
         poses, index = list(goal.poses), int(goal.goal_index)
         if self._action is None or index >= len(poses):
             return False
         self._tour = _Tour(goal_id, poses, index, int(goal.number_of_loops))
         self._action.show(goal_id, GoalStatus.EXECUTING)
-        self._drive(self._tour)
+        self._drive_to_next(self._tour)
         self._timer.reset()
         return True
 
@@ -79,15 +79,15 @@ class WaypointFollower:
             return False
         if tour.drive is not None:
             self._cancel(tour.drive)
-        self._end(GoalStatus.CANCELED)
+        self._end_tour(GoalStatus.CANCELED)
         return True
 
-    def _drive(self, tour: _Tour) -> None:
+    def _drive_to_next(self, tour: _Tour) -> None:
         stamped = tour.poses[tour.index]
         goal = Goal(uuid4(), messages.goal_pose_of(stamped.pose), stamped.header.frame_id)
         tour.drive = goal.goal_id if self._take(goal, Action.TO_POSE) is not None else None
 
-    def _advance(self) -> None:
+    def _advance_tour(self) -> None:
         tour = self._tour
         if tour is None or self._action is None:
             self._timer.cancel()
@@ -104,11 +104,11 @@ class WaypointFollower:
         if tour.index == len(tour.poses) and tour.loops_left:
             tour.index, tour.loops_left = 0, tour.loops_left - 1
         if tour.index < len(tour.poses):
-            self._drive(tour)
+            self._drive_to_next(tour)
         else:
-            self._end(GoalStatus.SUCCEEDED)
+            self._end_tour(GoalStatus.SUCCEEDED)
 
-    def _end(self, status: GoalStatus) -> None:
+    def _end_tour(self, status: GoalStatus) -> None:
         tour, self._tour = self._tour, None
         if tour is None or self._action is None:
             return

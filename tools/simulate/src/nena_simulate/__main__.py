@@ -32,7 +32,7 @@ def _print_version(wanted: bool) -> None:  # noqa: FBT001 - the callback of an o
         raise typer.Exit
 
 
-def _sizes(text: str) -> list[int]:
+def _parse_sizes(text: str) -> list[int]:
     try:
         sizes = [int(each) for each in text.split(",")]
     except ValueError:
@@ -43,7 +43,7 @@ def _sizes(text: str) -> list[int]:
     return sizes
 
 
-def _draw(folder: Path, plant: PlantModel, figures: Iterable[Figures]) -> None:
+def _draw_pictures(folder: Path, plant: PlantModel, figures: Iterable[Figures]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for figure in figures:
         picture = heat_map(plant, figure.waiting_by_place, f"{plant.name}, {figure.robots} robots")
@@ -111,7 +111,7 @@ def simulate(
 ) -> None:
     """Simulate a plant with the real order service and robots that only exist here, in accelerated time."""
     begun = perf_counter()
-    sizes = _sizes(robots)
+    sizes = _parse_sizes(robots)
     try:
         model = read(plant.read_bytes()).model
         given = read_orders(orders, model) if orders else Demand(backlog=max(sizes))
@@ -137,11 +137,11 @@ def simulate(
         )
         typer.echo("This is a bug; please report it with the traceback above.", err=True)
         raise typer.Exit(1) from error
-    _write(Report(model.name, seed, tuple(figures), parts), model, json, markdown, heat_maps)
+    _write_report(Report(model.name, seed, tuple(figures), parts), model, json, markdown, heat_maps)
     typer.echo(f"{hours * len(figures):g} hours simulated in {perf_counter() - begun:.0f} s", err=True)
 
 
-def _write(
+def _write_report(
     report: Report, plant: PlantModel, json: Path | None, markdown: Path | None, pictures: Path | None
 ) -> None:
     typer.echo(report.to_text())
@@ -150,7 +150,7 @@ def _write(
     if markdown:
         markdown.write_text(report.to_markdown(), encoding="utf-8")
     if pictures:
-        _draw(pictures, plant, report.figures)
+        _draw_pictures(pictures, plant, report.figures)
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -56,7 +56,9 @@ class Demand:
         """Yield the orders with a creation time, earliest first; endless if they are drawn at random."""
         make = Transport(plant)
         drawn = (
-            [] if self.backlog else [_drawn(relation, make, random.random()) for relation in self.relations]
+            []
+            if self.backlog
+            else [_draw_orders(relation, make, random.random()) for relation in self.relations]
         )
         return merge(self.orders, *drawn, key=lambda order: order.at)
 
@@ -70,7 +72,7 @@ class Demand:
             yield make(relation.source, relation.destination)
 
 
-def _drawn(relation: Relation, make: Transport, seed: float) -> Iterator[Order]:
+def _draw_orders(relation: Relation, make: Transport, seed: float) -> Iterator[Order]:
     """Yield orders at independent random intervals (a Poisson process)."""
     random, at = Random(seed), 0.0  # noqa: S311 - no key
     while relation.per_hour > 0:
@@ -88,12 +90,12 @@ class Transport:
         """Return the request."""
         return TransportOrderRequest(
             destinations=(
-                Destination(location_name=source, operation=self._operation(source, "pick")),
-                Destination(location_name=destination, operation=self._operation(destination, "drop")),
+                Destination(location_name=source, operation=self._operation_at(source, "pick")),
+                Destination(location_name=destination, operation=self._operation_at(destination, "drop")),
             )
         )
 
-    def _operation(self, location: str, action: str) -> str:
+    def _operation_at(self, location: str, action: str) -> str:
         """Return the location's operation that maps to this action, otherwise its first operation."""
         if location in self._plant.points_by_name:
             return "MOVE"
@@ -178,13 +180,13 @@ def _from_the_first(
     timed: Sequence[tuple[str | float, TransportOrderRequest]],
 ) -> tuple[Order, ...]:
     """Sort orders; times of day count from the first order."""
-    read = sorted(((_seconds(at), number) for number, (at, _) in enumerate(timed)))
+    read = sorted(((_seconds_of(at), number) for number, (at, _) in enumerate(timed)))
     dated = any(isinstance(at, str) and not _is_number(at) for at, _ in timed)
     first = read[0][0] if read and dated else 0.0
     return tuple(Order(at - first, timed[number][1]) for at, number in read)
 
 
-def _seconds(at: str | float) -> float:
+def _seconds_of(at: str | float) -> float:
     if isinstance(at, str) and not _is_number(at):
         return in_utc(datetime.fromisoformat(at)).timestamp()
     return float(at)

@@ -45,31 +45,31 @@ class _View:
         """Draw all paths; those with waiting robots last, on top."""
         for drawn in sorted(self._plant.paths, key=lambda each: waiting[each.name]):
             name, value = drawn.name, waiting[drawn.name]
-            (x1, y1), (x2, y2) = self._place(drawn.source), self._place(drawn.destination)
+            (x1, y1), (x2, y2) = self._place_of(drawn.source), self._place_of(drawn.destination)
             tooltip = f"<title>{escape(name)}: {value:.1f}</title>"
             ends = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"'
-            yield f"<line {ends} {_pen(value, most)}>{tooltip}</line>"
+            yield f"<line {ends} {_pen_for(value, most)}>{tooltip}</line>"
 
     def points(self, waiting: Mapping[str, float], most: float) -> Iterator[str]:
         """Draw stations and points at which robots wait."""
         for location in self._plant.locations:
             for link in location.links:
-                x, y = self._place(link.point)
+                x, y = self._place_of(link.point)
                 yield (
                     f'<rect x="{x - 5:.1f}" y="{y - 5:.1f}" width="10" height="10" fill="none" '
                     f'stroke="#1864ab"><title>{escape(location.name)}</title></rect>'
                 )
         for point in self._plant.points:
             if value := waiting[point.name]:
-                x, y = self._place(point.name)
+                x, y = self._place_of(point.name)
                 share = value / most
                 tooltip = f"<title>{escape(point.name)}: {value:.1f}</title>"
                 yield (
-                    f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{3 + 7 * share:.1f}" fill="{_colour(share)}">'
+                    f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{3 + 7 * share:.1f}" fill="{_colour_for(share)}">'
                     f"{tooltip}</circle>"
                 )
 
-    def _place(self, point: str) -> tuple[float, float]:
+    def _place_of(self, point: str) -> tuple[float, float]:
         found = self._plant.point(point)
         return (
             MARGIN_PX + (found.x_mm - self._left) * self._scale,
@@ -77,13 +77,13 @@ class _View:
         )
 
 
-def _pen(value: float, most: float) -> str:
+def _pen_for(value: float, most: float) -> str:
     if not value:
         return 'stroke="#ced4da" stroke-width="2"'
     share = value / most
-    return f'stroke="{_colour(share)}" stroke-width="{3 + 7 * share:.1f}" stroke-linecap="round"'
+    return f'stroke="{_colour_for(share)}" stroke-width="{3 + 7 * share:.1f}" stroke-linecap="round"'
 
 
-def _colour(share: float) -> str:
+def _colour_for(share: float) -> str:
     mixed = (round(cool + (hot - cool) * share) for cool, hot in zip(COOL, HOT, strict=True))
     return "#" + "".join(f"{each:02x}" for each in mixed)

@@ -123,7 +123,7 @@ class Observer:
         while True:
             await asyncio.sleep(EACH)
             for robot in site.robots:
-                self._look(robot)
+                self._look_at(robot)
                 start = before[robot.vehicle.name]
                 self.moved[robot.vehicle.name] = {
                     loaded: metres - start[loaded] for loaded, metres in robot.driven.items()
@@ -152,13 +152,13 @@ class Observer:
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Ignore vehicles: robots are observed directly."""
 
-    def _look(self, robot: SimulatedRobot) -> None:
+    def _look_at(self, robot: SimulatedRobot) -> None:
         state = self._site.fleet.view(robot.key).state
         if state is None:
             return
         robot.loaded = bool(state.loads)
         order = self._orders.get(robot.vehicle.name)
-        doing = self._doing(robot, order)
+        doing = self._activity_of(robot, order)
         self.found.seconds[doing] += EACH
         if doing is not Doing.WAITS or order is None:
             return
@@ -167,7 +167,7 @@ class Observer:
         self.found.places[ahead or state.last_node_id or robot.start.name] += EACH
 
     @staticmethod
-    def _doing(robot: SimulatedRobot, order: TransportOrderStatus | None) -> Doing:
+    def _activity_of(robot: SimulatedRobot, order: TransportOrderStatus | None) -> Doing:
         if robot.driver.moving:
             return Doing.DRIVES_LOADED if robot.loaded else Doing.DRIVES_EMPTY
         if order is None:

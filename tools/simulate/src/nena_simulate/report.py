@@ -100,30 +100,32 @@ class Report:
 
     def to_markdown(self) -> str:
         """Return tables in Markdown."""
-        parts = [f"# {self._title}", _markdown(self._rows())]
+        parts = [f"# {self._title_of}", _markdown_table(self._rows_of())]
         for figure in self.figures:
             parts.append(f"## Waiting with {figure.robots} robots, robot minutes per hour")
-            parts.append(_markdown([("why", "minutes"), *_first(figure.waiting_by_cause, CAUSES)]))
-            parts.append(_markdown([("where", "minutes"), *_first(figure.waiting_by_place, PLACES)]))
+            parts.append(_markdown_table([("why", "minutes"), *_first_rows(figure.waiting_by_cause, CAUSES)]))
+            parts.append(
+                _markdown_table([("where", "minutes"), *_first_rows(figure.waiting_by_place, PLACES)])
+            )
         return "\n\n".join(parts) + "\n"
 
     def to_text(self) -> str:
         """Return tables for a terminal."""
-        parts = [self._title, _text(self._rows())]
+        parts = [self._title_of, _text_table(self._rows_of())]
         for figure in self.figures:
             parts.append(f"Waiting with {figure.robots} robots, robot minutes per hour:")
-            parts.append(_text(_first(figure.waiting_by_cause, CAUSES)))
-            parts.append(_text(_first(figure.waiting_by_place, PLACES)))
+            parts.append(_text_table(_first_rows(figure.waiting_by_cause, CAUSES)))
+            parts.append(_text_table(_first_rows(figure.waiting_by_place, PLACES)))
         return "\n\n".join(filter(None, parts)) + "\n"
 
     @property
-    def _title(self) -> str:
+    def _title_of(self) -> str:
         seeds = (
             f"seed {self.seed}" if self.parts == 1 else f"seeds {self.seed} to {self.seed + self.parts - 1}"
         )
         return f"{self.plant}, {seeds}"
 
-    def _rows(self) -> list[tuple[str, ...]]:
+    def _rows_of(self) -> list[tuple[str, ...]]:
         """Return a table with a column for each fleet size."""
         shown: list[tuple[str, Callable[[Figures], Any]]] = [
             ("robots", lambda one: one.robots),
@@ -141,18 +143,18 @@ class Report:
         return [(name, *(str(show(figure)) for figure in self.figures)) for name, show in shown]
 
 
-def _first(values: Mapping[str, float], count: int) -> list[tuple[str, ...]]:
+def _first_rows(values: Mapping[str, float], count: int) -> list[tuple[str, ...]]:
     shown = list(values.items())[:count]
     return [(name, f"{value:.1f}") for name, value in shown]
 
 
-def _markdown(rows: Sequence[Sequence[str]]) -> str:
+def _markdown_table(rows: Sequence[Sequence[str]]) -> str:
     head, *rest = rows
     lines = [head, ["---", *["---:"] * (len(head) - 1)], *rest]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def _text(rows: Sequence[Sequence[str]]) -> str:
+def _text_table(rows: Sequence[Sequence[str]]) -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))] if rows else []
     return "\n".join(
         "  ".join(

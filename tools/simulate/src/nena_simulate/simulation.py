@@ -26,10 +26,10 @@ def simulate(case: Case) -> Figures:
 
 def observe(case: Case) -> Observed:
     """Run a case in this process, and return what was observed."""
-    return run(lambda clock: _observed(case, clock))
+    return run(lambda clock: _simulate_case(case, clock))
 
 
-async def _observed(case: Case, clock: VirtualClock) -> Observed:
+async def _simulate_case(case: Case, clock: VirtualClock) -> Observed:
     site = Site(case, clock)
     observer = Observer(site)
     await site.run(case.warm_up + case.hours * HOUR, observer.watch)
@@ -49,7 +49,7 @@ def simulate_all(cases: Sequence[Case], *, jobs: int, parts: int = 1) -> list[Fi
     with (
         _sets_in_one_order(),
         ProcessPoolExecutor(
-            jobs, mp_context=get_context("spawn"), initializer=_prepare, max_tasks_per_child=1
+            jobs, mp_context=get_context("spawn"), initializer=_prepare_process, max_tasks_per_child=1
         ) as pool,
     ):
         found = iter(list(pool.map(observe, split)))
@@ -69,5 +69,5 @@ def _sets_in_one_order() -> Iterator[None]:
             os.environ[HASH_SEED] = before
 
 
-def _prepare() -> None:
+def _prepare_process() -> None:
     log.configure(LogSettings(level="error"))

@@ -109,7 +109,7 @@ class VolatileStore(Store):
             then()
             return
         if not self._then:
-            asyncio.get_running_loop().call_later(self._seconds, self._committed)
+            asyncio.get_running_loop().call_later(self._seconds, self._after_commit)
         self._then.append(then)
 
     async def unfinished(self) -> Unfinished:
@@ -120,7 +120,7 @@ class VolatileStore(Store):
         """Return nothing."""
         return {}
 
-    def _committed(self) -> None:
+    def _after_commit(self) -> None:
         waiting, self._then = self._then, []
         for each in waiting:
             each()
@@ -178,7 +178,7 @@ class SimulatedRobot:
         def make_driver(put: Callable[[Event], None], _: Pose | None) -> LoopbackDriver:
             def emit(event: Event) -> None:
                 if isinstance(event, PoseReport):
-                    self._count(event.pose)
+                    self._count_distance(event.pose)
                 put(event)
 
             self.driver = LoopbackDriver(
@@ -205,7 +205,7 @@ class SimulatedRobot:
         await asyncio.sleep(seconds)
         self.driver.set_navigation(available=True, reason="")
 
-    def _count(self, pose: Pose) -> None:
+    def _count_distance(self, pose: Pose) -> None:
         if self._last is not None:
             self.driven[self.loaded] += hypot(pose.x - self._last.x, pose.y - self._last.y)
         self._last = pose
@@ -217,10 +217,10 @@ class Site:
     def __init__(self, case: Case, clock: Clock) -> None:
         self.case = case
         self._clock = clock
-        self._random = _lot(case.seed)
+        self._random = _random_for(case.seed)
         plant, places = staffed(case, self._random)
         self.plant = plant
-        broker = Broker(Conditions(loss=case.disturbances.loss), _lot(self._random.random()))
+        broker = Broker(Conditions(loss=case.disturbances.loss), _random_for(self._random.random()))
         settings = OrderServiceSettings(plant=Path("-"), **case.settings)
         self.engine = make_engine(settings, plant, VolatileStore(COMMIT_SECONDS), clock)
         self._mqtt = Link(broker)
@@ -271,27 +271,27 @@ class Site:
 
     async def _give_orders(self) -> None:
         """Create orders like hosts."""
-        draw, begin = _lot(self._random.random()), self._clock.monotonic()
+        draw, begin = _random_for(self._random.random()), self._clock.monotonic()
         demand = self.case.demand
         if demand.backlog:
             await self._keep_waiting(demand.waiting(self.plant, draw))
         for order in demand.timed(self.plant, draw):
             await asyncio.sleep(begin + order.at - self._clock.monotonic())
-            self._create(order.request)
+            self._create_order(order.request)
 
     async def _keep_waiting(self, requests: Iterator[TransportOrderRequest]) -> None:
         while True:
             waiting = len(self.engine.state.orders.dispatchable())
             for request in islice(requests, max(0, self.case.demand.backlog - waiting)):
-                self._create(request)
+                self._create_order(request)
             await asyncio.sleep(LOOK)
 
-    def _create(self, request: TransportOrderRequest) -> None:
+    def _create_order(self, request: TransportOrderRequest) -> None:
         number = self.engine.state.orders.last_number + 1
         self.engine.create(request, f"TOrder-{number:06d}")
 
 
-def _lot(seed: float) -> Random:
+def _random_for(seed: float) -> Random:
     return Random(seed)  # noqa: S311 - it makes examples, no keys
 
 
@@ -301,22 +301,22 @@ def staffed(case: Case, random: Random) -> tuple[PlantModel, list[Point]]:
     Robots use the plant's frame; the frames of their maps in the model are ignored.
     """
     plant = case.plant
-    vehicles = [_own(vehicle, case.speed) for vehicle in plant.vehicles[: case.robots]]
+    vehicles = [_with_own_speed(vehicle, case.speed) for vehicle in plant.vehicles[: case.robots]]
     pattern = vehicles[-1] if vehicles else Vehicle(name="Robot")
     taken = {vehicle.name for vehicle in plant.vehicles}
     names = (name for number in range(1, 10**6) if (name := f"Robot-{number:02d}") not in taken)
     for name in islice(names, case.robots - len(vehicles)):
         properties = {**pattern.properties, keys.VDA5050_SERIAL_NUMBER: name}
         more = pattern.model_copy(update={"name": name, "properties": properties})
-        vehicles.append(_own(more, case.speed))
+        vehicles.append(_with_own_speed(more, case.speed))
     own = {key: value for key, value in plant.properties.items() if not key.startswith(keys.MAP_TRANSFORM)}
     return (
         plant.model_copy(update={"vehicles": tuple(vehicles), "properties": own}),
-        _places(case, random),
+        _start_points(case, random),
     )
 
 
-def _own(vehicle: Vehicle, speed: float) -> Vehicle:
+def _with_own_speed(vehicle: Vehicle, speed: float) -> Vehicle:
     """Return the vehicle with the robot's speed, and with the simulation's map unless the model names one."""
     more = {keys.VDA5050_MAP_ID: vehicle.map_id or MAP_ID, keys.VDA5050_VERSION: "2.1.0"}
     speed_mm_s = round(speed * MM_PER_M)
@@ -327,10 +327,10 @@ def _own(vehicle: Vehicle, speed: float) -> Vehicle:
 
 def check(case: Case) -> None:
     """Raise ValueError if the plant has fewer free points than robots."""
-    _places(case, _lot(case.seed))
+    _start_points(case, _random_for(case.seed))
 
 
-def _places(case: Case, random: Random) -> list[Point]:
+def _start_points(case: Case, random: Random) -> list[Point]:
     plant = case.plant
     named = [plant.point(start) for start in case.starts]
     served = {link.point for name in stations(plant) for link in plant.location(name).links}

@@ -43,7 +43,7 @@ class Broker:
         self._hearers.clear()
         for message in self._retained.values():
             if link.wants(message.topic):
-                self._send(link, message, retained=True)
+                self._send_message(link, message, retained=True)
 
     def leave(self, link: Link) -> None:
         """Deliver nothing to ``link`` any more."""
@@ -63,22 +63,22 @@ class Broker:
                 link for link in self._links if link.wants(message.topic)
             )
         for hearer in hearers:
-            self._send(hearer, message, retained=False)
+            self._send_message(hearer, message, retained=False)
 
-    def _send(self, link: Link, message: Outbound, *, retained: bool) -> None:
+    def _send_message(self, link: Link, message: Outbound, *, retained: bool) -> None:
         loop = asyncio.get_running_loop()
         inbound = Inbound(message.topic, message.payload, retained, message.qos)
         if not self._under_way:
-            loop.call_later(self._conditions.delay, self._deliver)
+            loop.call_later(self._conditions.delay, self._deliver_messages)
         self._under_way.append((loop.time() + self._conditions.delay, lambda: link.receive(inbound)))
 
-    def _deliver(self) -> None:
+    def _deliver_messages(self) -> None:
         """Deliver the messages that have arrived; all have the same delay, so the oldest arrives first."""
         loop = asyncio.get_running_loop()
         while self._under_way and self._under_way[0][0] <= loop.time() + 1e-9:
             self._under_way.popleft()[1]()
         if self._under_way:
-            loop.call_at(self._under_way[0][0], self._deliver)
+            loop.call_at(self._under_way[0][0], self._deliver_messages)
 
 
 class Link:

@@ -83,11 +83,11 @@ class Hall:
 
 def make_hall(serial_numbers: tuple[str, ...]) -> Hall:
     """Return a hall with these vehicles, each at a parking position of its own."""
-    sketch = _Sketch(_aisles(len(serial_numbers)))
+    sketch = _Sketch(_number_of_aisles(len(serial_numbers)))
     sketch.draw_roads()
     sketch.draw_aisles()
     sketch.draw_stations()
-    sketch.draw_edge(chargers=_chargers(len(serial_numbers)))
+    sketch.draw_edge(chargers=_number_of_chargers(len(serial_numbers)))
     plant = PlantModel(
         name="Demo hall",
         points=tuple(sketch.points),
@@ -98,24 +98,24 @@ def make_hall(serial_numbers: tuple[str, ...]) -> Hall:
             LocationType(name="Door", allowed_peripheral_operations=("open", "close")),
         ),
         locations=tuple(sketch.locations),
-        vehicles=tuple(_vehicle(number) for number in serial_numbers),
+        vehicles=tuple(_make_vehicle(number) for number in serial_numbers),
     )
     return Hall(plant, tuple(sketch.parking[: len(serial_numbers)]), tuple(sketch.sections))
 
 
-def _chargers(robots: int) -> int:
+def _number_of_chargers(robots: int) -> int:
     return max(2, robots // ROBOTS_PER_CHARGER)
 
 
-def _aisles(robots: int) -> int:
+def _number_of_aisles(robots: int) -> int:
     """Return the number of aisles in the fewest sections that have a parking position for each robot."""
     aisles = SECTION
-    while 2 * (2 * aisles - 1) - _chargers(robots) < robots:
+    while 2 * (2 * aisles - 1) - _number_of_chargers(robots) < robots:
         aisles += SECTION
     return aisles
 
 
-def _vehicle(serial_number: str) -> Vehicle:
+def _make_vehicle(serial_number: str) -> Vehicle:
     return Vehicle(
         name=serial_number,
         bounding_box=VEHICLE_BOX,
@@ -148,17 +148,19 @@ class _Sketch:
     def draw_roads(self) -> None:
         """Draw three roads with a point every 3 m; each second one is on an aisle."""
         for road, y, forward in (("South", 0, True), ("Middle", HEIGHT // 2, True), ("North", HEIGHT, False)):
-            names = [self._point(f"{road} {n + 1}", n * AISLE_SPACING // 2, y) for n in self._along()]
-            self._line(names if forward else names[::-1])
+            names = [
+                self._add_point(f"{road} {n + 1}", n * AISLE_SPACING // 2, y) for n in self._along_road()
+            ]
+            self._draw_line(names if forward else names[::-1])
 
     def draw_aisles(self) -> None:
         """Draw the aisles: the first leads down, the second up, and so on."""
         for aisle in range(self.aisles):
             x, crossing = aisle * AISLE_SPACING, 2 * aisle + 1
-            below = self._point(f"Aisle {aisle + 1} south", x, HEIGHT // 4)
-            above = self._point(f"Aisle {aisle + 1} north", x, HEIGHT * 3 // 4)
+            below = self._add_point(f"Aisle {aisle + 1} south", x, HEIGHT // 4)
+            above = self._add_point(f"Aisle {aisle + 1} north", x, HEIGHT * 3 // 4)
             upwards = [f"South {crossing}", below, f"Middle {crossing}", above, f"North {crossing}"]
-            self._line(upwards if aisle % 2 else upwards[::-1])
+            self._draw_line(upwards if aisle % 2 else upwards[::-1])
 
     def draw_stations(self) -> None:
         """Draw the stations: on both sides of a section's first and last aisle, on one side of the others."""
@@ -166,32 +168,32 @@ class _Sketch:
             section = Section()
             self.sections.append(section)
             last = first + SECTION - 1
-            self._stations("Goods in", first, section.goods_in, both_sides=True)
+            self._draw_aisle_stations("Goods in", first, section.goods_in, both_sides=True)
             for aisle in range(first + 1, last):
-                self._stations("Storage", aisle, section.storage, both_sides=False)
-            self._stations("Goods out", last, section.goods_out, both_sides=True)
+                self._draw_aisle_stations("Storage", aisle, section.storage, both_sides=False)
+            self._draw_aisle_stations("Goods out", last, section.goods_out, both_sides=True)
 
-    def _stations(self, kind: str, aisle: int, names: list[str], *, both_sides: bool) -> None:
+    def _draw_aisle_stations(self, kind: str, aisle: int, names: list[str], *, both_sides: bool) -> None:
         """Draw the stations of an aisle, and add their names."""
         for half, y in (("south", HEIGHT // 4), ("north", HEIGHT * 3 // 4)):
             for side in (SPUR, -SPUR) if both_sides else (SPUR,):
                 number = sum(location.name.startswith(kind) for location in self.locations) + 1
                 x = aisle * AISLE_SPACING + side
-                stand = self._spur(f"{kind} {number} stand", x, y, f"Aisle {aisle + 1} {half}")
-                self._locate(f"{kind} {number}", "Transfer station", stand)
+                stand = self._draw_spur(f"{kind} {number} stand", x, y, f"Aisle {aisle + 1} {half}")
+                self._add_location(f"{kind} {number}", "Transfer station", stand)
                 names.append(f"{kind} {number}")
 
     def draw_edge(self, *, chargers: int) -> None:
         """Draw parking positions along the north and south roads, and chargers at the end of the latter."""
         for road, y in (("North", HEIGHT + SPUR), ("South", -SPUR)):
-            for n in self._along():
+            for n in self._along_road():
                 x, mouth = n * AISLE_SPACING // 2, f"{road} {n + 1}"
                 if road == "South" and n >= 2 * self.aisles - 1 - chargers:
                     number = n - (2 * self.aisles - 1 - chargers) + 1
-                    stand = self._spur(f"Charger {number} stand", x, y, mouth)
-                    self._locate(f"Charger {number}", "Charger", stand)
+                    stand = self._draw_spur(f"Charger {number} stand", x, y, mouth)
+                    self._add_location(f"Charger {number}", "Charger", stand)
                 else:
-                    self._spur(f"Parking {len(self.parking) + 1}", x, y, mouth, PointType.PARK_POSITION)
+                    self._draw_spur(f"Parking {len(self.parking) + 1}", x, y, mouth, PointType.PARK_POSITION)
                     self.parking.append(Place(x, y, pi / 2 if y < 0 else -pi / 2))
         self.locations.append(
             Location(name=GATE, type="Door", x_mm=self._gate * 3000 - 1500, y_mm=HEIGHT * 500)
@@ -202,29 +204,31 @@ class _Sketch:
         """The number of the point of the middle road before the gate, at the middle aisle."""
         return 2 * (self.aisles // 2) - 1
 
-    def _along(self) -> range:
+    def _along_road(self) -> range:
         return range(2 * self.aisles - 1)
 
-    def _point(self, name: str, x: int, y: int, kind: PointType = PointType.HALT_POSITION) -> str:
+    def _add_point(self, name: str, x: int, y: int, kind: PointType = PointType.HALT_POSITION) -> str:
         """Add a point at a position in m."""
         self.points.append(
             Point(name=name, x_mm=x * 1000, y_mm=y * 1000, type=kind, max_vehicle_bounding_box=POINT_BOX)
         )
         return name
 
-    def _line(self, names: list[str]) -> None:
+    def _draw_line(self, names: list[str]) -> None:
         for source, destination in pairwise(names):
-            self._path(source, destination, SPEED_MM_S)
+            self._add_path(source, destination, SPEED_MM_S)
 
-    def _spur(self, name: str, x: int, y: int, mouth: str, kind: PointType = PointType.HALT_POSITION) -> str:
+    def _draw_spur(
+        self, name: str, x: int, y: int, mouth: str, kind: PointType = PointType.HALT_POSITION
+    ) -> str:
         """Add a point beside a road, with a path there and back."""
-        self._point(name, x, y, kind)
-        self._path(mouth, name, SPUR_SPEED_MM_S)
-        self._path(name, mouth, SPUR_SPEED_MM_S)
+        self._add_point(name, x, y, kind)
+        self._add_path(mouth, name, SPUR_SPEED_MM_S)
+        self._add_path(name, mouth, SPUR_SPEED_MM_S)
         return name
 
-    def _path(self, source: str, destination: str, speed: int) -> None:
-        one, other = (self._position(each) for each in (source, destination))
+    def _add_path(self, source: str, destination: str, speed: int) -> None:
+        one, other = (self._position_of(each) for each in (source, destination))
         self.paths.append(
             Path(
                 name=f"{source} --- {destination}",
@@ -233,28 +237,28 @@ class _Sketch:
                 length_mm=abs(one[0] - other[0]) + abs(one[1] - other[1]),
                 max_velocity_mm_s=speed,
                 max_reverse_velocity_mm_s=0,
-                peripheral_operations=self._operations(source, destination),
+                peripheral_operations=self._door_operations(source, destination),
             )
         )
 
-    def _operations(self, source: str, destination: str) -> tuple[PeripheralOperation, ...]:
+    def _door_operations(self, source: str, destination: str) -> tuple[PeripheralOperation, ...]:
         """Return the door's operations: opened before the path through it, closed behind the next one."""
         gate = self._gate
         if (source, destination) == (f"Middle {gate}", f"Middle {gate + 1}"):
-            return (_operation("open", ExecutionTrigger.AFTER_ALLOCATION, required=True),)
+            return (_door_operation("open", ExecutionTrigger.AFTER_ALLOCATION, required=True),)
         if (source, destination) == (f"Middle {gate + 1}", f"Middle {gate + 2}"):
-            return (_operation("close", ExecutionTrigger.AFTER_MOVEMENT, required=False),)
+            return (_door_operation("close", ExecutionTrigger.AFTER_MOVEMENT, required=False),)
         return ()
 
-    def _position(self, name: str) -> tuple[int, int]:
+    def _position_of(self, name: str) -> tuple[int, int]:
         return next((point.x_mm, point.y_mm) for point in reversed(self.points) if point.name == name)
 
-    def _locate(self, name: str, kind: str, stand: str) -> None:
-        x, y = self._position(stand)
+    def _add_location(self, name: str, kind: str, stand: str) -> None:
+        x, y = self._position_of(stand)
         self.locations.append(Location(name=name, type=kind, x_mm=x, y_mm=y, links=(Link(point=stand),)))
 
 
-def _operation(name: str, trigger: ExecutionTrigger, *, required: bool) -> PeripheralOperation:
+def _door_operation(name: str, trigger: ExecutionTrigger, *, required: bool) -> PeripheralOperation:
     return PeripheralOperation(
         name=name, location=GATE, execution_trigger=trigger, completion_required=required
     )

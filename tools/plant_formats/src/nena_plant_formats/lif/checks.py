@@ -58,12 +58,12 @@ _RECORDS: Final[tuple[type[PlantRecord], ...]] = (
 )
 
 
-def _names(records: Iterable[type[PlantRecord]]) -> frozenset[str]:
+def _field_names(records: Iterable[type[PlantRecord]]) -> frozenset[str]:
     return frozenset(field.alias or "" for record in records for field in record.model_fields.values())
 
 
-FIELDS_1_0: Final = _names(_RECORDS) - FIELDS_OF_2_0
-FIELDS_2_0: Final = _names(mobile_robots.RECORDS)
+FIELDS_1_0: Final = _field_names(_RECORDS) - FIELDS_OF_2_0
+FIELDS_2_0: Final = _field_names(mobile_robots.RECORDS)
 _HEADINGS: Final = ("theta", "vehicleOrientation", "mobileRobotOrientations")
 
 
@@ -88,9 +88,9 @@ def repair(
     Adds missing stations, converts `required` of actions to requirementType, and converts all headings from
     degrees if one is beyond 2 pi. `known` are the names of the version's fields.
     """
-    objects = tuple(_objects(raw))
+    objects = tuple(_all_objects(raw))
     found = Counter(_repair_each(objects, known))
-    headings = [spot for each in objects for spot in _headings(each)]
+    headings = [spot for each in objects for spot in _headings_of(each)]
     if any(abs(heading) > 2 * pi for _, _, heading in headings):
         found["HEADINGS_IN_DEGREES", "headings beyond 2 pi: all headings in the file are read as degrees"] = 1
         for place, key, heading in headings:
@@ -121,7 +121,7 @@ def warning(code: str, text: str) -> PlantProblem:
     return PlantProblem(code, ObjectKind.MODEL, "", text)
 
 
-def _objects(raw: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401 - whatever the JSON holds
+def _all_objects(raw: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401 - whatever the JSON holds
     waiting = [raw]
     while waiting:
         value = waiting.pop()
@@ -132,7 +132,7 @@ def _objects(raw: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401 - whatever t
             waiting.extend(value)
 
 
-def _headings(each: dict[str, Any]) -> Iterator[tuple[Any, Any, float]]:
+def _headings_of(each: dict[str, Any]) -> Iterator[tuple[Any, Any, float]]:
     """Yield the headings of an object with their places, including numbers written as text."""
     for key in _HEADINGS:
         value: Any = each.get(key)
@@ -155,19 +155,19 @@ def errors(file: LifFile) -> Iterator[PlantProblem]:
     nodes = [node for layout in file.layouts for node in layout.nodes]
     edges = [edge for layout in file.layouts for edge in layout.edges]
     stations = [station for layout in file.layouts for station in layout.stations]
-    yield from _duplicates(ObjectKind.POINT, (node.node_id for node in nodes))
-    yield from _duplicates(ObjectKind.PATH, (edge.edge_id for edge in edges))
-    yield from _duplicates(ObjectKind.LOCATION, (station.station_id for station in stations))
+    yield from _check_duplicates(ObjectKind.POINT, (node.node_id for node in nodes))
+    yield from _check_duplicates(ObjectKind.PATH, (edge.edge_id for edge in edges))
+    yield from _check_duplicates(ObjectKind.LOCATION, (station.station_id for station in stations))
     known = {node.node_id for node in nodes}
     yield from _dangling_references(known, edges, stations)
     yield from _without_vehicle_type(nodes, edges)
     for node in nodes:
-        yield from _contradictions(ObjectKind.POINT, node.node_id, node.vehicle_type_node_properties)
+        yield from _check_contradictions(ObjectKind.POINT, node.node_id, node.vehicle_type_node_properties)
     for edge in edges:
-        yield from _contradictions(ObjectKind.PATH, edge.edge_id, edge.vehicle_type_edge_properties)
+        yield from _check_contradictions(ObjectKind.PATH, edge.edge_id, edge.vehicle_type_edge_properties)
 
 
-def _contradictions(
+def _check_contradictions(
     kind: ObjectKind, name: str, uses: Iterable[VehicleTypeAtPoint | VehicleTypeOnPath]
 ) -> Iterator[PlantProblem]:
     """Yield actions that are both required and forbidden."""
@@ -272,7 +272,7 @@ def _unsupported_on_edge(uses: list[VehicleTypeOnPath]) -> Iterator[str]:
         yield from _of_load(use.load_restriction)
 
 
-def _duplicates(kind: ObjectKind, ids: Iterable[str]) -> Iterator[PlantProblem]:
+def _check_duplicates(kind: ObjectKind, ids: Iterable[str]) -> Iterator[PlantProblem]:
     for name, times in Counter(ids).items():
         if times > 1:
             yield PlantProblem("DUPLICATE_NAME", kind, name, f"{times} objects have this id")
@@ -284,14 +284,14 @@ def _dangling_references(
     for edge in edges:
         for end in (edge.start_node_id, edge.end_node_id):
             if end not in known:
-                yield _dangling(ObjectKind.PATH, edge.edge_id, end)
+                yield _dangling_reference(ObjectKind.PATH, edge.edge_id, end)
     for station in stations:
         for node in station.interaction_node_ids:
             if node not in known:
-                yield _dangling(ObjectKind.LOCATION, station.station_id, node)
+                yield _dangling_reference(ObjectKind.LOCATION, station.station_id, node)
 
 
-def _dangling(kind: ObjectKind, name: str, node: str) -> PlantProblem:
+def _dangling_reference(kind: ObjectKind, name: str, node: str) -> PlantProblem:
     return PlantProblem("UNKNOWN_REFERENCE", kind, name, f"refers to unknown node {node!r}")
 
 
@@ -309,11 +309,11 @@ def _of_nodes(layout: Layout) -> Iterator[PlantProblem]:
     for node in layout.nodes:
         uses = node.vehicle_type_node_properties
         texts = [
-            *_repeated(use.vehicle_type_id for use in uses),
-            *(text for use in uses for text in _heading(use.theta)),
-            *(text for use in uses for text in _bounds(use.allowed_deviation_xy)),
-            *(text for use in uses for text in _load(use.load_restriction)),
-            *(text for use in uses for text in _actions(use.actions)),
+            *_check_repeated_types(use.vehicle_type_id for use in uses),
+            *(text for use in uses for text in _check_heading(use.theta)),
+            *(text for use in uses for text in _check_bounds(use.allowed_deviation_xy)),
+            *(text for use in uses for text in _check_load(use.load_restriction)),
+            *(text for use in uses for text in _check_actions(use.actions)),
             *([] if node.map_id else ["the node has no mapId"]),
         ]
         yield from (PlantProblem("NOT_LIF", ObjectKind.POINT, node.node_id, text) for text in texts)
@@ -323,12 +323,12 @@ def _of_edge(edge: LifEdge, own_nodes: set[str], nodes: dict[str, LifNode]) -> I
     uses = edge.vehicle_type_edge_properties
     ends = (nodes[edge.start_node_id], nodes[edge.end_node_id])
     texts = [
-        *_repeated(use.vehicle_type_id for use in uses),
+        *_check_repeated_types(use.vehicle_type_id for use in uses),
         *_closed_ends(edge, ends),
-        *(text for use in uses for each in use.orientations for text in _heading(each)),
-        *(text for use in uses for text in _actions(use.actions)),
-        *(text for use in uses for text in _load(use.load_restriction)),
-        *(text for use in uses if use.trajectory for text in _trajectory(use.trajectory, ends)),
+        *(text for use in uses for each in use.orientations for text in _check_heading(each)),
+        *(text for use in uses for text in _check_actions(use.actions)),
+        *(text for use in uses for text in _check_load(use.load_restriction)),
+        *(text for use in uses if use.trajectory for text in _check_trajectory(use.trajectory, ends)),
     ]
     if any(use.trajectory and use.line_guidance for use in uses):
         texts.append("it has a trajectory and a physicalLineGuidedProperty; the trajectory's length is used")
@@ -337,7 +337,7 @@ def _of_edge(edge: LifEdge, own_nodes: set[str], nodes: dict[str, LifNode]) -> I
     yield from (PlantProblem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text) for text in texts)
 
 
-def _repeated(types: Iterable[str]) -> Iterator[str]:
+def _check_repeated_types(types: Iterable[str]) -> Iterator[str]:
     for name, times in Counter(types).items():
         if times > 1:
             yield f"vehicle type {name!r} occurs {times} times; the first one is used"
@@ -351,7 +351,7 @@ def _closed_ends(edge: LifEdge, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
                 yield f"vehicle type {use.vehicle_type_id!r} is not allowed on its node {node.node_id!r}"
 
 
-def _heading(heading: float | None) -> Iterator[str]:
+def _check_heading(heading: float | None) -> Iterator[str]:
     if heading is not None and abs(heading) > pi + _HEADING_MARGIN:
         yield f"heading {heading} is not between -pi and pi"
 
@@ -359,7 +359,7 @@ def _heading(heading: float | None) -> Iterator[str]:
 _ELLIPSE_MARGIN: Final = 1e-6
 
 
-def _bounds(bounds: DeviationBounds | None) -> Iterator[str]:
+def _check_bounds(bounds: DeviationBounds | None) -> Iterator[str]:
     """Yield bounds that no ellipse satisfies, or that are out of range."""
     if bounds is None:
         return
@@ -374,18 +374,18 @@ def _bounds(bounds: DeviationBounds | None) -> Iterator[str]:
         yield f"allowedDeviationXY has the rotation {bounds.theta}, which is not between -pi/2 and pi/2"
 
 
-def _actions(actions: tuple[TypeAction, ...]) -> Iterator[str]:
+def _check_actions(actions: tuple[TypeAction, ...]) -> Iterator[str]:
     for action in actions:
         if action.requirement_type is None:
             yield f"action {action.action_type!r} has no requirementType"
 
 
-def _load(restriction: LoadRestriction | None) -> Iterator[str]:
+def _check_load(restriction: LoadRestriction | None) -> Iterator[str]:
     if restriction and restriction.load_set_names and not restriction.loaded:
         yield "it lists load sets, but forbids loads"
 
 
-def _trajectory(trajectory: PathTrajectory, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
+def _check_trajectory(trajectory: PathTrajectory, ends: tuple[LifNode, LifNode]) -> Iterator[str]:
     if fault := curve.fault(trajectory):
         yield f"the trajectory {fault}; it is ignored"
         return

@@ -123,17 +123,19 @@ def _of_paths(model: PlantModel) -> Iterator[tuple[str, int]]:
         sum(_has_length(model, path) for path in paths),
     )
     direct = ConnectionType.DIRECT
-    drawn = (path for path in paths if not _trajectories(path) and path.layout.connection_type is not direct)
+    drawn = (
+        path for path in paths if not _has_trajectories(path) and path.layout.connection_type is not direct
+    )
     yield "drawn shapes of paths, which become straight", sum(1 for _ in drawn)
 
 
 def _has_length(model: PlantModel, path: Path) -> bool:
     a, b = model.point(path.source), model.point(path.destination)
     distance = hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm)
-    return not _trajectories(path) and abs(max(distance, 1.0) - path.length_mm) > _SAME_LENGTH_MM
+    return not _has_trajectories(path) and abs(max(distance, 1.0) - path.length_mm) > _SAME_LENGTH_MM
 
 
-def _trajectories(path: Path) -> bool:
+def _has_trajectories(path: Path) -> bool:
     return any(use.trajectory for use in path.vehicle_types)
 
 

@@ -224,7 +224,7 @@ _USE: Final[_Renamed] = {
 """Names of 2.0 fields in the objects of `document`; all others are unchanged."""
 
 
-def _given(record: PlantRecord, renamed: _Renamed, *without: str) -> dict[str, Any]:
+def _set_fields(record: PlantRecord, renamed: _Renamed, *without: str) -> dict[str, Any]:
     """Return the fields set in a record, with their names in the other version."""
     return {
         renamed.get(name, name): getattr(record, name)
@@ -237,13 +237,15 @@ def to_layouts(file: OriginsFile) -> LifFile:
     """Convert a 2.0.0 file to the objects of `document`, with one entry per mobile robot type."""
     return LifFile(
         meta_information=MetaInformation(
-            **_given(file.meta_information, {"lif_id": "project_identification"})
+            **_set_fields(file.meta_information, {"lif_id": "project_identification"})
         ),
-        layouts=tuple(_layout(origin, layout) for origin in file.origins for layout in origin.layouts),
+        layouts=tuple(
+            _convert_layout(origin, layout) for origin in file.origins for layout in origin.layouts
+        ),
         manufacturers={
             type_id(each): each.manufacturer
             for each in robot_types(file)
-            if _split(type_id(each), {}) != (each.manufacturer, each.series_name)
+            if _split_vehicle_type(type_id(each), {}) != (each.manufacturer, each.series_name)
         },
     )
 
@@ -264,7 +266,7 @@ def type_id(robot_type: MobileRobotType) -> str:
     return ".".join(filter(None, (robot_type.manufacturer, robot_type.series_name)))
 
 
-def _split(vehicle_type: str, manufacturers: Mapping[str, str]) -> tuple[str, str]:
+def _split_vehicle_type(vehicle_type: str, manufacturers: Mapping[str, str]) -> tuple[str, str]:
     """Return manufacturer and series; the manufacturer is empty if the vehicle type contains none."""
     manufacturer = manufacturers.get(vehicle_type)
     if manufacturer is None or not vehicle_type.startswith(manufacturer):
@@ -272,36 +274,36 @@ def _split(vehicle_type: str, manufacturers: Mapping[str, str]) -> tuple[str, st
     return manufacturer, vehicle_type.removeprefix(manufacturer).removeprefix("." if manufacturer else "")
 
 
-def _layout(origin: Origin, layout: OriginLayout) -> Layout:
+def _convert_layout(origin: Origin, layout: OriginLayout) -> Layout:
     return Layout(
-        **_given(layout, _LAYOUT, "nodes", "edges", "stations"),
+        **_set_fields(layout, _LAYOUT, "nodes", "edges", "stations"),
         origin_id=origin.origin_id,
         origin_descriptor=origin.origin_descriptor,
-        nodes=tuple(map(_node, layout.nodes)),
-        edges=tuple(map(_edge, layout.edges)),
-        stations=tuple(Station(**_given(station, _STATION)) for station in layout.stations),
+        nodes=tuple(map(_convert_node, layout.nodes)),
+        edges=tuple(map(_convert_edge, layout.edges)),
+        stations=tuple(Station(**_set_fields(station, _STATION)) for station in layout.stations),
     )
 
 
-def _node(node: OriginNode) -> LifNode:
+def _convert_node(node: OriginNode) -> LifNode:
     uses = tuple(_at_point(each) for each in node.mobile_robot_type_node_properties)
     return LifNode(
-        **_given(node, _NODE, "mobile_robot_type_node_properties"),
+        **_set_fields(node, _NODE, "mobile_robot_type_node_properties"),
         vehicle_type_node_properties=tuple(use for each in uses for use in each),
     )
 
 
 def _at_point(at_node: MobileRobotTypeNodeProperty) -> Iterator[VehicleTypeAtPoint]:
-    common = _given(at_node, {}, "mobile_robot_types", "required_actions", "feasible_actions")
-    common["actions"] = tuple(_actions(at_node))
+    common = _set_fields(at_node, {}, "mobile_robot_types", "required_actions", "feasible_actions")
+    common["actions"] = tuple(_convert_actions(at_node))
     for each in at_node.mobile_robot_types:
         yield VehicleTypeAtPoint(**{**common, "vehicle_type_id": type_id(each)})
 
 
-def _edge(edge: OriginEdge) -> LifEdge:
+def _convert_edge(edge: OriginEdge) -> LifEdge:
     uses = tuple(_on_path(each) for each in edge.mobile_robot_type_edge_properties)
     return LifEdge(
-        **_given(edge, _EDGE, "mobile_robot_type_edge_properties"),
+        **_set_fields(edge, _EDGE, "mobile_robot_type_edge_properties"),
         vehicle_type_edge_properties=tuple(use for each in uses for use in each),
     )
 
@@ -314,28 +316,28 @@ def _on_path(on_edge: MobileRobotTypeEdgeProperty) -> Iterator[VehicleTypeOnPath
         "required_actions",
         "feasible_actions",
     )
-    common = _given(on_edge, _USE, *other_form)
+    common = _set_fields(on_edge, _USE, *other_form)
     if "reach_orientation_before_entering" in on_edge.model_fields_set:
         common["rotation_allowed"] = not on_edge.reach_orientation_before_entering
     if on_edge.mobile_robot_orientations:
         common["vehicle_orientation"], *others = on_edge.mobile_robot_orientations
         common["other_orientations"] = tuple(others)
-    common["actions"] = tuple(_actions(on_edge))
+    common["actions"] = tuple(_convert_actions(on_edge))
     for each in on_edge.mobile_robot_types:
         yield VehicleTypeOnPath(**{**common, "vehicle_type_id": type_id(each)})
 
 
-def _actions(use: MobileRobotTypeNodeProperty | MobileRobotTypeEdgeProperty) -> Iterator[TypeAction]:
+def _convert_actions(use: MobileRobotTypeNodeProperty | MobileRobotTypeEdgeProperty) -> Iterator[TypeAction]:
     required, feasible = RequirementType.REQUIRED, RequirementType.CONDITIONAL
     for actions, requirement in ((use.required_actions, required), (use.feasible_actions, feasible)):
         for action in actions:
-            given = _given(action, _ACTION, "action_parameters")
+            given = _set_fields(action, _ACTION, "action_parameters")
             if "action_parameters" in action.model_fields_set:
-                given["action_parameters"] = tuple(map(_parameter, action.action_parameters))
+                given["action_parameters"] = tuple(map(_convert_parameter, action.action_parameters))
             yield TypeAction(**given, requirement_type=requirement)
 
 
-def _parameter(parameter: RobotActionParameter) -> TypeActionParameter:
+def _convert_parameter(parameter: RobotActionParameter) -> TypeActionParameter:
     value = parameter.value
     if isinstance(value, str):
         return TypeActionParameter(key=parameter.key, value=value)
@@ -366,27 +368,31 @@ def from_layouts(file: LifFile) -> OriginsFile:
     )
 
 
-def _back(renamed: _Renamed) -> _Renamed:
+def _inverse_names(renamed: _Renamed) -> _Renamed:
     return {there: here for here, there in renamed.items()}
 
 
 def _of_origin(layout: Layout, manufacturers: Mapping[str, str]) -> OriginLayout:
     made = OriginLayout(
-        **_given(layout, _back(_LAYOUT), "origin_id", "origin_descriptor", "nodes", "edges", "stations"),
+        **_set_fields(
+            layout, _inverse_names(_LAYOUT), "origin_id", "origin_descriptor", "nodes", "edges", "stations"
+        ),
         nodes=tuple(_node_of_2_0(node, manufacturers) for node in layout.nodes),
         edges=tuple(_edge_of_2_0(edge, manufacturers) for edge in layout.edges),
     )
     if not layout.stations:
         return made
-    stations = tuple(OriginStation(**_given(station, _back(_STATION))) for station in layout.stations)
+    stations = tuple(
+        OriginStation(**_set_fields(station, _inverse_names(_STATION))) for station in layout.stations
+    )
     return made.model_copy(update={"stations": stations})
 
 
 def _node_of_2_0(node: LifNode, manufacturers: Mapping[str, str]) -> OriginNode:
-    common = _given(node, _back(_NODE), "node_name", "vehicle_type_node_properties")
+    common = _set_fields(node, _inverse_names(_NODE), "node_name", "vehicle_type_node_properties")
     common["node_descriptor"] = ": ".join(filter(None, (node.node_name, node.node_description))) or None
     uses = ((use.vehicle_type_id, _node_property(use)) for use in node.vehicle_type_node_properties)
-    merged = ((_types(ids, manufacturers), given) for ids, given in _merged(uses))
+    merged = ((_mobile_robot_types(ids, manufacturers), given) for ids, given in _group_equal(uses))
     return OriginNode(
         **common,
         mobile_robot_type_node_properties=tuple(
@@ -397,16 +403,16 @@ def _node_of_2_0(node: LifNode, manufacturers: Mapping[str, str]) -> OriginNode:
 
 def _edge_of_2_0(edge: LifEdge, manufacturers: Mapping[str, str]) -> OriginEdge:
     uses = ((use.vehicle_type_id, _edge_property(use)) for use in edge.vehicle_type_edge_properties)
-    merged = ((_types(ids, manufacturers), given) for ids, given in _merged(uses))
+    merged = ((_mobile_robot_types(ids, manufacturers), given) for ids, given in _group_equal(uses))
     return OriginEdge(
-        **_given(edge, _back(_EDGE), "vehicle_type_edge_properties"),
+        **_set_fields(edge, _inverse_names(_EDGE), "vehicle_type_edge_properties"),
         mobile_robot_type_edge_properties=tuple(
             MobileRobotTypeEdgeProperty(mobile_robot_types=types, **given) for types, given in merged
         ),
     )
 
 
-def _merged(uses: Iterable[tuple[str, dict[str, Any]]]) -> list[tuple[list[str], dict[str, Any]]]:
+def _group_equal(uses: Iterable[tuple[str, dict[str, Any]]]) -> list[tuple[list[str], dict[str, Any]]]:
     """Group vehicle types by equal properties; return the types and properties of each group."""
     merged: list[tuple[list[str], dict[str, Any]]] = []
     for vehicle_type, given in uses:
@@ -418,13 +424,13 @@ def _merged(uses: Iterable[tuple[str, dict[str, Any]]]) -> list[tuple[list[str],
     return merged
 
 
-def _types(ids: Iterable[str], manufacturers: Mapping[str, str]) -> tuple[MobileRobotType, ...]:
-    split = (_split(each, manufacturers) for each in ids)
+def _mobile_robot_types(ids: Iterable[str], manufacturers: Mapping[str, str]) -> tuple[MobileRobotType, ...]:
+    split = (_split_vehicle_type(each, manufacturers) for each in ids)
     return tuple(MobileRobotType(manufacturer=maker, series_name=series) for maker, series in split)
 
 
 def _node_property(use: VehicleTypeAtPoint) -> dict[str, Any]:
-    given = _given(use, {}, "vehicle_type_id", "actions")
+    given = _set_fields(use, {}, "vehicle_type_id", "actions")
     return without_none({**given, **_actions_of_2_0(use.actions)})
 
 
@@ -436,7 +442,7 @@ def _edge_property(use: VehicleTypeOnPath) -> dict[str, Any]:
         "rotation_allowed",
         "actions",
     )
-    given = _given(use, _back(_USE), *other_form)
+    given = _set_fields(use, _inverse_names(_USE), *other_form)
     if use.rotation_allowed is not None:
         given["reach_orientation_before_entering"] = not use.rotation_allowed
     if use.orientations:
@@ -448,7 +454,7 @@ def _actions_of_2_0(actions: Iterable[TypeAction]) -> dict[str, tuple[RobotActio
     by_kind: defaultdict[str, tuple[RobotAction, ...]] = defaultdict(tuple)
     for action in actions:
         required = action.requirement_type is RequirementType.REQUIRED
-        given = _given(action, _back(_ACTION), "requirement_type", "action_parameters")
+        given = _set_fields(action, _inverse_names(_ACTION), "requirement_type", "action_parameters")
         if action.action_parameters:
             given["action_parameters"] = tuple(
                 RobotActionParameter(key=parameter.key, value=json_value(parameter))

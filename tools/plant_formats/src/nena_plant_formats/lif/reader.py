@@ -66,7 +66,7 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
     all problems if the file is not LIF, has another version, exceeds a limit or is inconsistent.
     """
     raw = parse_json(data, limits)
-    file, findings = _file(data, raw)
+    file, findings = _read_layouts(data, raw)
     if problems := tuple(checks.errors(file)):
         raise PlantModelError(problems)
     findings = (*findings, *checks.deviations(file))
@@ -82,21 +82,21 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS)
     return ImportReport(model, (*findings, *others))
 
 
-def _file(data: bytes, raw: Any) -> tuple[LifFile, tuple[PlantProblem, ...]]:  # noqa: ANN401 - whatever the JSON holds
+def _read_layouts(data: bytes, raw: Any) -> tuple[LifFile, tuple[PlantProblem, ...]]:  # noqa: ANN401 - whatever the JSON holds
     """Return the file and its deviations from the format of its version."""
-    if _version(raw) is LifVersion.V1_0:
+    if _version_of(raw) is LifVersion.V1_0:
         findings = (*_format_deviations(data, LifFile), *repair(raw, checks.FIELDS_1_0))
-        return _validated(raw, LifFile), findings
+        return _validate_form(raw, LifFile), findings
     form = mobile_robots.OriginsFile
     findings = (*_format_deviations(data, form), *repair(raw, checks.FIELDS_2_0))
-    file = _validated(raw, form)
+    file = _validate_form(raw, form)
     return mobile_robots.to_layouts(file), (*findings, *checks.origin_findings(file))
 
 
 _MAJOR_VERSION: Final = re.compile(r"([12])(\.\d+)*", re.ASCII)
 
 
-def _version(raw: Any) -> LifVersion:  # noqa: ANN401 - whatever the JSON holds
+def _version_of(raw: Any) -> LifVersion:  # noqa: ANN401 - whatever the JSON holds
     """Return the version of a file from lifVersion, or from its structure if that is missing."""
     content = raw if isinstance(raw, dict) else {}
     meta = content.get("metaInformation")
@@ -117,7 +117,7 @@ _SHOWN: Final = 40
 F = TypeVar("F", LifFile, mobile_robots.OriginsFile)
 
 
-def _validated(raw: Any, form: type[F]) -> F:  # noqa: ANN401 - whatever the JSON holds
+def _validate_form(raw: Any, form: type[F]) -> F:  # noqa: ANN401 - whatever the JSON holds
     try:
         return form.model_validate(raw)
     except ValidationError as error:
@@ -168,23 +168,23 @@ class StationMaker:
     def location(self, station: Station, layer_id: int) -> Location:
         """Return the location of a station."""
         points = [self._points[node] for node in dict.fromkeys(station.interaction_node_ids)]
-        operations = tuple(sorted({each for point in points for each in _operations(point)}))
+        operations = tuple(sorted({each for point in points for each in _operations_at(point)}))
         x_mm, y_mm = _position_mm(station.station_position, points)
         return Location(
             name=self._names.allocate(ObjectKind.LOCATION, station.station_id, "station"),
-            type=self._type(operations).name,
+            type=self._location_type(operations).name,
             x_mm=x_mm,
             y_mm=y_mm,
             # A link without operations would allow all of the type's.
             links=tuple(
-                Link(point=point.name, allowed_operations=_operations(point) or (NO_OPERATION,))
+                Link(point=point.name, allowed_operations=_operations_at(point) or (NO_OPERATION,))
                 for point in points
             ),
-            properties=_properties(station),
+            properties=_station_properties(station),
             layout=LocationLayout(layer_id=layer_id),
         )
 
-    def _type(self, operations: tuple[str, ...]) -> LocationType:
+    def _location_type(self, operations: tuple[str, ...]) -> LocationType:
         if operations not in self._types:
             wanted = ", ".join(("Station", *operations))
             name = self._names.allocate(ObjectKind.LOCATION_TYPE, wanted, "type")
@@ -192,7 +192,7 @@ class StationMaker:
         return self._types[operations]
 
 
-def _operations(point: Point) -> tuple[str, ...]:
+def _operations_at(point: Point) -> tuple[str, ...]:
     """Return the operations that at least one vehicle type can perform at a point."""
     actions = (
         action.action_type
@@ -214,7 +214,7 @@ def _position_mm(position: StationPosition | None, points: Sequence[Point]) -> t
     )
 
 
-def _properties(station: Station) -> dict[str, str]:
+def _station_properties(station: Station) -> dict[str, str]:
     position = station.station_position
     height = station.station_height
     values = {
@@ -244,12 +244,12 @@ def to_plant(file: LifFile, names: Names) -> PlantModel:
     """Convert a file to a plant model. Node IDs become point names, because robots use them."""
     meta = file.meta_information
     points = {
-        node.node_id: _point(node, layer)
+        node.node_id: _read_point(node, layer)
         for layer, layout in enumerate(file.layouts)
         for node in layout.nodes
     }
     paths = [
-        _path(edge, layer, points, names)
+        _read_path(edge, layer, points, names)
         for layer, layout in enumerate(file.layouts)
         for edge in layout.edges
     ]
@@ -274,7 +274,7 @@ def to_plant(file: LifFile, names: Names) -> PlantModel:
     )
 
 
-def _point(node: LifNode, layer: int) -> Point:
+def _read_point(node: LifNode, layer: int) -> Point:
     types = _first_of_each(node.vehicle_type_node_properties)
     headings = {use.theta for use in types}
     theta = headings.pop() if len(headings) == 1 else None
@@ -296,7 +296,7 @@ def _point(node: LifNode, layer: int) -> Point:
     )
 
 
-def _path(edge: LifEdge, layer: int, points: dict[str, Point], names: Names) -> Path:
+def _read_path(edge: LifEdge, layer: int, points: dict[str, Point], names: Names) -> Path:
     types = tuple(map(_with_usable_trajectory, _first_of_each(edge.vehicle_type_edge_properties)))
     trajectory = next((use.trajectory for use in types if use.trajectory), None)
     a, b = points[edge.start_node_id], points[edge.end_node_id]

@@ -108,28 +108,30 @@ def _as_1_0(part: Any) -> Any:  # noqa: ANN401 - a value of JSON
 def from_plant(model: PlantModel, options: ExportOptions) -> LifFile:
     """Convert a plant model to a file: with the layouts of its imported LIF file, else with one layout."""
     numbers = _layout_numbers(model)
-    actions = _actions(model)
+    actions = _actions_by_point(model)
     nodes, edges, stations = defaultdict(list), defaultdict(list), defaultdict(list)
     home = {point.name: point.layout.layer_id for point in model.points}
     for point in model.points:
-        nodes[_among(numbers, home[point.name])].append(_node(point, actions[point.name], options))
+        nodes[_number_among(numbers, home[point.name])].append(
+            _write_node(point, actions[point.name], options)
+        )
     edge_ids = distinct_ids({edge.id: _kept_id(edge) for edge in model.edges()})
     for edge in model.edges():
-        edges[_among(numbers, home[edge.source])].append(_edge(edge, edge_ids[edge.id], options))
+        edges[_number_among(numbers, home[edge.source])].append(_write_edge(edge, edge_ids[edge.id], options))
     linked = tuple(location for location in model.locations if location.links)
     station_ids = distinct_ids({each.name: each.properties.get(keys.LIF_ID) for each in linked})
     for location in linked:
-        station = _station(location, station_ids[location.name])
-        stations[_among(numbers, location.layout.layer_id)].append(station)
+        station = _write_station(location, station_ids[location.name])
+        stations[_number_among(numbers, location.layout.layer_id)].append(station)
     return LifFile(
         meta_information=MetaInformation(
             project_identification=model.name,
             creator=_CREATOR,
-            export_timestamp=_timestamp(options.at),
+            export_timestamp=_timestamp_of(options.at),
             lif_version=LifVersion.V1_0,
         ),
         layouts=tuple(
-            _layout(model, number, nodes[number], edges[number], stations[number]) for number in numbers
+            _write_layout(model, number, nodes[number], edges[number], stations[number]) for number in numbers
         ),
         manufacturers={
             key.removeprefix(keys.LIF_MANUFACTURER): value
@@ -139,7 +141,7 @@ def from_plant(model: PlantModel, options: ExportOptions) -> LifFile:
     )
 
 
-def _timestamp(at: datetime) -> str:
+def _timestamp_of(at: datetime) -> str:
     return at.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
@@ -161,11 +163,11 @@ def _layout_numbers(model: PlantModel) -> tuple[int, ...]:
     return tuple(number for number in layers if f"{keys.LIF_LAYOUT}.{number}.id" in properties) or (0,)
 
 
-def _among(numbers: Sequence[int], number: int) -> int:
+def _number_among(numbers: Sequence[int], number: int) -> int:
     return number if number in numbers else numbers[0]
 
 
-def _layout(
+def _write_layout(
     model: PlantModel, number: int, nodes: list[LifNode], edges: list[LifEdge], stations: list[Station]
 ) -> Layout:
     def kept(what: str) -> str | None:
@@ -185,18 +187,18 @@ def _layout(
     )
 
 
-def _actions(model: PlantModel) -> defaultdict[str, tuple[TypeAction, ...]]:
+def _actions_by_point(model: PlantModel) -> defaultdict[str, tuple[TypeAction, ...]]:
     """Return the operations that locations allow at each point, as optional actions."""
     found: defaultdict[str, tuple[TypeAction, ...]] = defaultdict(tuple)
     for location in model.locations:
         for link in location.links:
             known = {action.action_type for action in found[link.point]}
             types = dict.fromkeys(map(action_of, model.link_operations(location, link)))
-            found[link.point] += tuple(_action(each) for each in types if each not in known)
+            found[link.point] += tuple(_write_action(each) for each in types if each not in known)
     return found
 
 
-def _action(action_type: str) -> TypeAction:
+def _write_action(action_type: str) -> TypeAction:
     return TypeAction(
         action_type=action_type,
         blocking_type=PlantBlockingType.HARD,
@@ -204,7 +206,7 @@ def _action(action_type: str) -> TypeAction:
     )
 
 
-def _node(point: Point, actions: tuple[TypeAction, ...], options: ExportOptions) -> LifNode:
+def _write_node(point: Point, actions: tuple[TypeAction, ...], options: ExportOptions) -> LifNode:
     made = (
         VehicleTypeAtPoint(vehicle_type_id=each, theta=point.heading_rad, actions=actions)
         for each in options.vehicle_types
@@ -223,7 +225,7 @@ def _kept_id(edge: DirectedEdge) -> str | None:
     return edge.path.properties.get(keys.LIF_ID) if edge.is_forward else None
 
 
-def _edge(edge: DirectedEdge, edge_id: str, options: ExportOptions) -> LifEdge:
+def _write_edge(edge: DirectedEdge, edge_id: str, options: ExportOptions) -> LifEdge:
     own = edge.path.properties
     return LifEdge(
         edge_id=edge_id,
@@ -231,11 +233,11 @@ def _edge(edge: DirectedEdge, edge_id: str, options: ExportOptions) -> LifEdge:
         edge_description=own.get(keys.LIF_DESCRIPTION),
         start_node_id=edge.source,
         end_node_id=edge.destination,
-        vehicle_type_edge_properties=tuple(_uses(edge, options.vehicle_types)),
+        vehicle_type_edge_properties=tuple(_vehicle_type_rules(edge, options.vehicle_types)),
     )
 
 
-def _uses(edge: DirectedEdge, vehicle_types: Iterable[str]) -> Iterator[VehicleTypeOnPath]:
+def _vehicle_type_rules(edge: DirectedEdge, vehicle_types: Iterable[str]) -> Iterator[VehicleTypeOnPath]:
     """Yield the rule of each vehicle type; vehicles drive backward edges in reverse."""
     rules = edge.path.vehicle_types
     if rules and edge.is_forward:
@@ -251,7 +253,7 @@ def _uses(edge: DirectedEdge, vehicle_types: Iterable[str]) -> Iterator[VehicleT
         )
 
 
-def _station(location: Location, station_id: str) -> Station:
+def _write_station(location: Location, station_id: str) -> Station:
     properties = location.properties
     imported = keys.LIF_ID in properties
     return Station(
@@ -260,12 +262,12 @@ def _station(location: Location, station_id: str) -> Station:
         station_name=properties.get(keys.LIF_NAME, None if imported else location.name),
         station_type=properties.get(keys.LIF_STATION_TYPE),
         station_description=properties.get(keys.LIF_DESCRIPTION),
-        station_height=_height(properties.get(keys.LIF_STATION_HEIGHT, "")),
+        station_height=_height_of(properties.get(keys.LIF_STATION_HEIGHT, "")),
         station_position=_station_position(location, imported=imported),
     )
 
 
-def _height(text: str) -> float | None:
+def _height_of(text: str) -> float | None:
     """Return the height in a property, m; None if it is not a valid height."""
     try:
         return _HEIGHT.validate_python(text)

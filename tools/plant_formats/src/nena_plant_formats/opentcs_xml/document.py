@@ -231,14 +231,14 @@ class XmlObject:
 
     def text(self, attribute: str, default: str | None = None) -> str:
         """Return the attribute unchanged."""
-        value = self._value(attribute)
+        value = self._read_value(attribute)
         if value is None and default is None:
-            self._missing(attribute)
+            self._report_missing(attribute)
         return value or default or ""
 
     def optional_text(self, attribute: str) -> str | None:
         """Return the attribute, or None if it is missing or empty."""
-        return self._value(attribute) or None
+        return self._read_value(attribute) or None
 
     def integer(
         self,
@@ -250,48 +250,48 @@ class XmlObject:
     ) -> int:
         """Return a whole number within the bounds."""
         fallback = minimum or 0 if default is None else default
-        value = self._value(attribute)
+        value = self._read_value(attribute)
         if value is None:
             if default is None:
-                self._missing(attribute)
+                self._report_missing(attribute)
             return fallback
         if INTEGER.fullmatch(value.strip()) is None:
-            return self._bad(attribute, "a whole number", fallback)
+            return self._report_bad(attribute, "a whole number", fallback)
         number = int(value)
         if (minimum is not None and number < minimum) or (maximum is not None and number > maximum):
             wanted = f"at least {minimum}" if maximum is None else f"between {minimum} and {maximum}"
-            return self._bad(attribute, wanted, fallback)
+            return self._report_bad(attribute, wanted, fallback)
         return number
 
     def scale(self, attribute: str, default: float) -> float:
         """Return a number above 0 and up to MAX_SCALE, which keeps products finite."""
-        value = self._value(attribute)
+        value = self._read_value(attribute)
         if value is None:
             return default
-        number = _float(value)
+        number = _parse_float(value)
         if number is None or not 0 < number <= MAX_SCALE:
-            return self._bad(attribute, f"a number above 0 and up to {MAX_SCALE}", default)
+            return self._report_bad(attribute, f"a number above 0 and up to {MAX_SCALE}", default)
         return number
 
     def angle(self, attribute: str) -> float | None:
         """Return an angle in degrees; None if missing or `NaN`."""
-        value = self._value(attribute)
+        value = self._read_value(attribute)
         if value is None:
             return None
-        number = _float(value, nan=True)
+        number = _parse_float(value, nan=True)
         if number is None:
-            return self._bad(attribute, "an angle in degrees or NaN", None)
+            return self._report_bad(attribute, "an angle in degrees or NaN", None)
         return None if isnan(number) else number
 
     def boolean(self, attribute: str, default: bool | None = None) -> bool:  # noqa: FBT001 - it is the value
         """Return a boolean, written `true` or `false` (or 1, 0)."""
-        value = self._value(attribute)
+        value = self._read_value(attribute)
         if value is None:
             if default is None:
-                self._missing(attribute)
+                self._report_missing(attribute)
             return bool(default)
         if value not in _BOOLEANS:
-            return self._bad(attribute, "'true' or 'false'", fallback=False)
+            return self._report_bad(attribute, "'true' or 'false'", fallback=False)
         return _BOOLEANS[value]
 
     def choice(
@@ -304,10 +304,10 @@ class XmlObject:
     ) -> E:
         """Return an enumeration value; `renamed` maps values of formats up to 0.0.4."""
         fallback = next(iter(choices)) if default is None else default
-        value = self._value(attribute)
+        value = self._read_value(attribute)
         if value is None:
             if default is None:
-                self._missing(attribute)
+                self._report_missing(attribute)
             return fallback
         if value in renamed and self.findings.version <= FormatVersion.V0_0_4:
             self.warn("VALUE_REPLACED", f"{attribute} {value} of older formats is read as {renamed[value]}")
@@ -315,11 +315,11 @@ class XmlObject:
         try:
             return choices(value)
         except ValueError:
-            return self._bad(attribute, f"one of {', '.join(choices)}", fallback)
+            return self._report_bad(attribute, f"one of {', '.join(choices)}", fallback)
 
     def color(self, attribute: str) -> str | None:
         """Return a colour `#RRGGBB`; drop anything else with a warning."""
-        value = self._value(attribute)
+        value = self._read_value(attribute)
         if value is None or COLOR.fullmatch(value):
             return value
         self.warn("DRAWING_DROPPED", f"{attribute} {value!r} is not a #RRGGBB colour; the default is used")
@@ -368,14 +368,14 @@ class XmlObject:
         """Report a warning about this object."""
         self.findings.warn(code, self.kind, self.name, text)
 
-    def _value(self, attribute: str) -> str | None:
+    def _read_value(self, attribute: str) -> str | None:
         self._read.add(attribute)
         return self._element.get(attribute)
 
-    def _missing(self, attribute: str) -> None:
+    def _report_missing(self, attribute: str) -> None:
         self.error("MISSING_ATTRIBUTE", f"element {self._element.tag!r} needs attribute {attribute!r}")
 
-    def _bad(self, attribute: str, wanted: str, fallback: T) -> T:
+    def _report_bad(self, attribute: str, wanted: str, fallback: T) -> T:
         written = self._element.get(attribute)
         self.error(
             "BAD_VALUE", f"{attribute} of element {self._element.tag!r} is {written!r}; it must be {wanted}"
@@ -383,7 +383,7 @@ class XmlObject:
         return fallback
 
 
-def _float(text: str, *, nan: bool = False) -> float | None:
+def _parse_float(text: str, *, nan: bool = False) -> float | None:
     try:
         number = float(text)
     except ValueError:

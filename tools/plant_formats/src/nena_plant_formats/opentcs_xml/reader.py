@@ -120,26 +120,26 @@ def read_drawing(layouts: Iterator[XmlObject]) -> Drawing:
     drawing: Drawing | None = None
     for layout in layouts:
         if drawing is None:
-            drawing = _drawing(layout)
+            drawing = _read_drawing(layout)
         else:
             layout.warn("DRAWING_DROPPED", "only the first visual layout is used")
     return drawing or Drawing()
 
 
-def _drawing(layout: XmlObject) -> Drawing:
+def _read_drawing(layout: XmlObject) -> Drawing:
     elements = dict(_layout_elements(layout)) if layout.findings.version.has_layout_elements else {}
     visual_layout = VisualLayout(
         name=layout.text("name"),
         scale_x_mm_per_px=layout.scale("scaleX", 50.0),
         scale_y_mm_per_px=layout.scale("scaleY", 50.0),
-        layers=tuple(_layer(child) for child in layout.children("layer")),
+        layers=tuple(_read_layer(child) for child in layout.children("layer")),
         layer_groups=tuple(_layer_group(child) for child in layout.children("layerGroup")),
         properties=layout.properties(),
     )
     return Drawing(visual_layout, elements)
 
 
-def _layer(child: XmlObject) -> Layer:
+def _read_layer(child: XmlObject) -> Layer:
     return Layer(
         id=child.integer("id"),
         ordinal=child.integer("ordinal"),
@@ -169,7 +169,7 @@ def _drawn_by_child(child: XmlObject, tag: str) -> Drawn:
         case "pointLayout" | "locationLayout":
             return Drawn(
                 position_mm=_position_mm(child),
-                label=_label(child),
+                label=_read_label(child),
                 representation=child.optional_text("locationRepresentation"),
             )
         case _:
@@ -185,7 +185,7 @@ def _position_mm(child: XmlObject) -> tuple[int, int] | None:
     return child.integer(x), child.integer(y)
 
 
-def _label(child: XmlObject) -> LabelLayout:
+def _read_label(child: XmlObject) -> LabelLayout:
     old = child.findings.is_old
     x, y = ("xLabelOffset", "yLabelOffset") if old else ("labelOffsetX", "labelOffsetY")
     return LabelLayout(
@@ -207,7 +207,7 @@ def _layout_elements(layout: XmlObject) -> Iterator[tuple[str, Drawn]]:
 
 
 def _drawn_by_properties(values: Mapping[str, str], layer_id: int) -> Drawn:
-    position = tuple(_integer(values[key]) for key in ("POSITION_X", "POSITION_Y") if key in values)
+    position = tuple(_parse_integer(values[key]) for key in ("POSITION_X", "POSITION_Y") if key in values)
     color = values.get("ROUTE_COLOR") or values.get("COLOR")
     if color is not None and COLOR.fullmatch(color) is None:
         msg = f"{color!r} is not a #RRGGBB colour"
@@ -215,23 +215,23 @@ def _drawn_by_properties(values: Mapping[str, str], layer_id: int) -> Drawn:
     return Drawn(
         position_mm=(position[0], position[1]) if len(position) == len("xy") else None,
         label=LabelLayout(
-            label_offset_x_px=_integer(values.get("LABEL_OFFSET_X", "-10")),
-            label_offset_y_px=_integer(values.get("LABEL_OFFSET_Y", "-20")),
+            label_offset_x_px=_parse_integer(values.get("LABEL_OFFSET_X", "-10")),
+            label_offset_y_px=_parse_integer(values.get("LABEL_OFFSET_Y", "-20")),
             layer_id=layer_id,
         ),
         connection_type=ConnectionType(values.get("CONN_TYPE", "DIRECT")),
-        control_points_px=_pixels(values.get("CONTROL_POINTS", "")),
+        control_points_px=_parse_pixels(values.get("CONTROL_POINTS", "")),
         color=color,
     )
 
 
-def _pixels(text: str) -> tuple[tuple[int, int], ...]:
+def _parse_pixels(text: str) -> tuple[tuple[int, int], ...]:
     """Parse `x,y;x,y`; raises ValueError."""
     pairs = (pair.split(",") for pair in text.split(";") if pair.strip())
-    return tuple((_integer(x), _integer(y)) for x, y in pairs)
+    return tuple((_parse_integer(x), _parse_integer(y)) for x, y in pairs)
 
 
-def _integer(text: str) -> int:
+def _parse_integer(text: str) -> int:
     if INTEGER.fullmatch(text.strip()) is None:
         msg = f"{text!r} is not a whole number"
         raise ValueError(msg)
@@ -299,7 +299,7 @@ class TrackReader:
     """Read points, then paths: the drawing of a path depends on its end points."""
 
     def __init__(self, drawing: Drawing) -> None:
-        self._drawing = drawing
+        self._read_drawing = drawing
         self._positions_mm: dict[str, tuple[int, int]] = {}
         self._outgoing: dict[str, set[str]] = {}
         self.displaced: set[str] = set()
@@ -307,7 +307,7 @@ class TrackReader:
 
     def point(self, obj: XmlObject) -> Point:
         """Read a point."""
-        drawn = self._drawing.of(obj, "pointLayout")
+        drawn = self._read_drawing.of(obj, "pointLayout")
         x_mm, y_mm, z_mm = position_mm(obj)
         self._positions_mm[obj.name] = (x_mm, y_mm)
         self._outgoing[obj.name] = {child.text("name") for child in obj.children("outgoingPath")}
@@ -322,7 +322,7 @@ class TrackReader:
             orientation_deg=obj.angle("vehicleOrientationAngle"),
             type=obj.choice("type", PointType, obj.if_old(PointType.HALT_POSITION), renamed=_OLD_POINT_TYPES),
             max_vehicle_bounding_box=bounding_box(obj, "maxVehicleBoundingBox"),
-            envelopes=_envelopes(obj),
+            envelopes=_read_envelopes(obj),
             properties=obj.properties(),
             layout=drawn.label,
         )
@@ -330,7 +330,7 @@ class TrackReader:
     def path(self, obj: XmlObject) -> Path:
         """Read a path, after its points."""
         source, destination = obj.text("sourcePoint"), obj.text("destinationPoint")
-        drawn = self._drawing.of(obj, "pathLayout")
+        drawn = self._read_drawing.of(obj, "pathLayout")
         return Path(
             name=obj.name or "?",
             source=source,
@@ -342,12 +342,12 @@ class TrackReader:
             peripheral_operations=tuple(
                 _peripheral_operation(child) for child in obj.children("peripheralOperation")
             ),
-            envelopes=_envelopes(obj),
+            envelopes=_read_envelopes(obj),
             properties=obj.properties(),
             layout=path_layout(
                 obj,
                 drawn,
-                self._drawing.visual_layout,
+                self._read_drawing.visual_layout,
                 same_frame=self.displaced.isdisjoint((source, destination)),
             ),
         )
@@ -408,7 +408,7 @@ def given_speeds(obj: XmlObject, **attributes: str) -> dict[str, Any]:
     return speeds
 
 
-def _envelopes(obj: XmlObject) -> tuple[Envelope, ...]:
+def _read_envelopes(obj: XmlObject) -> tuple[Envelope, ...]:
     return tuple(
         Envelope(
             key=child.text("key"),
@@ -436,8 +436,8 @@ def read_location_type(obj: XmlObject, drawing: Drawing) -> LocationType:
     """Read a location type."""
     return LocationType(
         name=obj.name or "?",
-        allowed_operations=_names(obj, "allowedOperation"),
-        allowed_peripheral_operations=_names(obj, "allowedPeripheralOperation"),
+        allowed_operations=_read_names(obj, "allowedOperation"),
+        allowed_peripheral_operations=_read_names(obj, "allowedPeripheralOperation"),
         properties=obj.properties(),
         representation=drawing.of(obj, "locationTypeLayout").representation,
     )
@@ -454,7 +454,7 @@ def read_location(obj: XmlObject, drawing: Drawing, *, same_frame: bool) -> Loca
         y_mm=y_mm,
         z_mm=z_mm,
         locked=obj.boolean("locked", obj.if_old(value=False)),
-        links=tuple(_link(child) for child in obj.children("link")),
+        links=tuple(_read_link(child) for child in obj.children("link")),
         properties=obj.properties(),
         layout=LocationLayout(
             **dict(drawn.label),
@@ -470,17 +470,17 @@ def read_block(obj: XmlObject, drawing: Drawing) -> Block:
     return Block(
         name=obj.name or "?",
         type=obj.choice("type", BlockType, BlockType.SINGLE_VEHICLE_ONLY if optional_type else None),
-        members=_names(obj, "member"),
+        members=_read_names(obj, "member"),
         properties=obj.properties(),
         color=drawing.of(obj, "blockLayout").color,
     )
 
 
-def _link(child: XmlObject) -> Link:
-    return Link(point=child.text("point"), allowed_operations=_names(child, "allowedOperation"))
+def _read_link(child: XmlObject) -> Link:
+    return Link(point=child.text("point"), allowed_operations=_read_names(child, "allowedOperation"))
 
 
-def _names(obj: XmlObject, tag: str) -> tuple[str, ...]:
+def _read_names(obj: XmlObject, tag: str) -> tuple[str, ...]:
     return tuple(child.text("name") for child in obj.children(tag))
 
 
@@ -502,7 +502,7 @@ def read_vehicle(obj: XmlObject, drawing: Drawing) -> Vehicle:
     return Vehicle(
         name=obj.name or "?",
         bounding_box=_bounding_box(obj),
-        energy_thresholds=_thresholds(obj),
+        energy_thresholds=_read_thresholds(obj),
         **given_speeds(obj, max_velocity_mm_s="maxVelocity", max_reverse_velocity_mm_s="maxReverseVelocity"),
         envelope_key=obj.optional_text("envelopeKey"),
         properties=obj.properties(),
@@ -517,11 +517,11 @@ def _bounding_box(obj: XmlObject) -> BoundingBox:
     return bounding_box(obj, "boundingBox")
 
 
-def _thresholds(obj: XmlObject) -> EnergyThresholds:
-    critical = _level(obj, "energyLevelCritical", 30)
-    good = _level(obj, "energyLevelGood", 90)
-    sufficient = _level(obj, "energyLevelSufficientlyRecharged", 30)
-    full = _level(obj, "energyLevelFullyRecharged", 90)
+def _read_thresholds(obj: XmlObject) -> EnergyThresholds:
+    critical = _read_energy_level(obj, "energyLevelCritical", 30)
+    good = _read_energy_level(obj, "energyLevelGood", 90)
+    sufficient = _read_energy_level(obj, "energyLevelSufficientlyRecharged", 30)
+    full = _read_energy_level(obj, "energyLevelFullyRecharged", 90)
     critical, good = _in_order(obj, "critical", critical, "good", good)
     sufficient, full = _in_order(obj, "sufficiently recharged", sufficient, "fully recharged", full)
     return EnergyThresholds(
@@ -529,7 +529,7 @@ def _thresholds(obj: XmlObject) -> EnergyThresholds:
     )
 
 
-def _level(obj: XmlObject, attribute: str, default: int) -> int:
+def _read_energy_level(obj: XmlObject, attribute: str, default: int) -> int:
     if obj.findings.is_old and not obj.has(attribute):
         obj.warn("DEFAULTED", f"{attribute} is missing; {default} % is used")
     return obj.integer(attribute, obj.if_old(default), minimum=0, maximum=100)

@@ -27,11 +27,11 @@ Value = str | bool | float | None
 
 def add(parent: Element, tag: str, **attributes: Value) -> Element:
     """Add an element; attributes that are None are omitted."""
-    written = {name: _text(value) for name, value in attributes.items() if value is not None}
+    written = {name: _text_of(value) for name, value in attributes.items() if value is not None}
     return SubElement(parent, tag, written)
 
 
-def _text(value: str | bool | float) -> str:  # noqa: FBT001 - one of the values
+def _text_of(value: str | bool | float) -> str:  # noqa: FBT001 - one of the values
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
@@ -235,10 +235,10 @@ def write(model: PlantModel) -> ExportReport:
     """
     root = Element("model", version=VERSION, name=model.name)
     _add_objects(root, model)
-    layers = tuple(_layers(model))
+    layers = tuple(_all_layers(model))
     add_visual_layout(root, model.visual_layout, layers, _layer_groups(model, layers))
     add_properties(root, model.properties)
-    if problems := tuple(_unwritable(root)):
+    if problems := tuple(_find_unwritable(root)):
         raise PlantModelError(problems)
     indent(root, "    ")
     data: bytes = tostring(root, encoding="UTF-8", xml_declaration=True)
@@ -263,7 +263,7 @@ def _add_objects(root: Element, model: PlantModel) -> None:
         add_block(root, block)
 
 
-def _layers(model: PlantModel) -> Iterator[Layer]:
+def _all_layers(model: PlantModel) -> Iterator[Layer]:
     """Yield the layers, including those that are used but not defined; openTCS requires at least one."""
     layers = model.visual_layout.layers
     yield from layers
@@ -303,7 +303,7 @@ def _export_warnings(model: PlantModel) -> Iterator[PlantProblem]:
             yield PlantProblem("NOT_EXPORTED", ObjectKind.LOCATION, location.name, text)
 
 
-def _unwritable(root: Element) -> Iterator[PlantProblem]:
+def _find_unwritable(root: Element) -> Iterator[PlantProblem]:
     """Yield a problem for each attribute that XML cannot represent."""
     for element in root.iter():
         for attribute, value in element.items():
