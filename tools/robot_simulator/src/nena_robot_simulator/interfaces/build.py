@@ -106,7 +106,7 @@ class _Generators:
             "idl_tuples": self._idl,
             "target_dependencies": [],
             "ros_interface_files": [],
-            "include_paths": [f"{dependency}:{self._share / dependency}" for dependency in DEPENDENCIES],
+            "include_paths": [f"{each}:{self._share / each}" for each in DEPENDENCIES],
         }
         if generator != "rosidl_generator_type_description":
             arguments["type_description_tuples"] = [
@@ -183,7 +183,7 @@ def build(sources: Sources, folder: Path) -> None:
             for generator in _KINDS
             if generator.startswith("rosidl_typesupport")
         ]
-        libraries = [other.result() for other in others]
+        libraries = [each.result() for each in others]
     _compile(sources, "rosidl_generator_py", folder, (base, *libraries))
 
 
