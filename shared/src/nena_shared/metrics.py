@@ -16,7 +16,6 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.metrics_core import Metric as Family
 from prometheus_client.registry import Collector
 
-from nena_shared.black_box.counts import RecordingCounts
 from nena_shared.certificates import Certificates
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
@@ -193,28 +192,5 @@ def certificate_metrics(certificates: Callable[[S], Certificates]) -> tuple[Metr
             "Time from the start to the end of validity of these certificates.",
             lambda s: {name: each.lifetime for name, each in certificates(s).validity().items()},
             "certificate",
-        ),
-    )
-
-
-def recording_metrics(counts: Callable[[S], RecordingCounts | None]) -> tuple[Metric[S], ...]:
-    """Return the metrics of recordings; ``counts`` returns None for a program that makes none."""
-    return (
-        counter(
-            "nena_recordings_total",
-            "Recordings and log reports: `written`, `not_written` because the disk failed, `sent` to the "
-            "status aggregator, `refused` by it. Absent without a black box and upload.",
-            lambda s: found.outcomes if (found := counts(s)) else None,
-            "outcome",
-        ),
-        counter(
-            "nena_recordings_sent_bytes_total",
-            "Size of the recordings that were sent.",
-            lambda s: found.sent_bytes if (found := counts(s)) else None,
-        ),
-        gauge(
-            "nena_recordings_waiting",
-            "Recordings that wait for their transfer to the status aggregator.",
-            lambda s: found.waiting if (found := counts(s)) else None,
         ),
     )

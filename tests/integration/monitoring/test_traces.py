@@ -11,7 +11,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from nena_shared.tracing import order_span_id, trace_id_of, vda_order_span_id
+from nena_shared.extensions.tracing import order_span_id, trace_id_of, vda_order_span_id
 from support.broker import Broker
 from support.collector import Collector, Received, collecting
 from support.order_service_fleet import Fleet, listening, order_in, vehicle_idle

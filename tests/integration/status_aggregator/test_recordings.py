@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
-from nena_shared.black_box.transfer import CHUNK_SIZE
+from nena_shared.extensions.black_box.transfer import CHUNK_SIZE
 from nena_shared.settings import LogSettings
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, MqttPeer

@@ -7,9 +7,9 @@ import pytest
 
 from nena_order_service.app import has_begun, serve
 from nena_order_service.settings import OrderServiceSettings, StoreSettings
+from nena_shared.extensions.tracing import TracingSettings
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, TaskFailedError
-from nena_shared.tracing import TracingSettings
 from support.forgetful import cancel_again_at_once, forgetful
 from support.waiting import PATIENCE
 
@@ -108,7 +108,7 @@ async def test_a_standby_without_the_extra_for_traces_ends_at_its_start(
     settings: OrderServiceSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A program that noticed it only at a takeover would leave the fleet without an order service."""
-    monkeypatch.setitem(sys.modules, "nena_shared.tracing.export", None)
+    monkeypatch.setitem(sys.modules, "nena_shared.extensions.tracing.export", None)
     stop = asyncio.Event()
     stop.set()
     standby = settings.model_copy(

@@ -15,9 +15,9 @@ from nena_order_service.service import CHANGING, ServiceRunner, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
+from nena_shared.extensions.tracing import TracingSettings
 from nena_shared.plant import Path, PlantModel
 from nena_shared.tasks import Supervisor
-from nena_shared.tracing import TracingSettings
 from support.order_service import request
 from support.pausing import time_passes
 

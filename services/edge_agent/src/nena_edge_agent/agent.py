@@ -40,6 +40,7 @@ from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, Visualizat
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_edge_agent.tracing import RobotTracer
 from nena_shared.clock import Clock, ClockSkew, iso
+from nena_shared.extensions.tracing import Export
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
@@ -47,7 +48,6 @@ from nena_shared.mqtt import BrokerLink, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor, report_failure
-from nena_shared.tracing import Export
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import Map, State

@@ -16,9 +16,11 @@ from typing import Any, Final
 from nena_edge_agent.agent import AgentSnapshot, RobotAgent
 from nena_edge_agent.driver.port import DriveFailure, SessionState
 from nena_edge_agent.settings import MetricsSettings
-from nena_shared.black_box.counts import RecordingCounts
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock
+from nena_shared.extensions.black_box.counts import RecordingCounts
+from nena_shared.extensions.black_box.metrics import recording_metrics
+from nena_shared.extensions.tracing import SPANS_HELP, Exporting
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.metrics import (
@@ -29,11 +31,9 @@ from nena_shared.metrics import (
     certificate_metrics,
     counter,
     gauge,
-    recording_metrics,
 )
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
-from nena_shared.tracing import SPANS_HELP, Exporting
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.topics import RobotKey
 

@@ -31,16 +31,16 @@ from nena_edge_agent.nav2.offers import LOAD_MAP, NO_OFFERS, interface, nav2_off
 from nena_edge_agent.nav2_maps import map_store
 from nena_edge_agent.recorder import RobotRecorder, make_recorder
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.black_box.counts import RecordingCounts
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
+from nena_shared.extensions.black_box.counts import RecordingCounts
+from nena_shared.extensions.tracing import Export, Exporting, closing, open_export
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.program import run
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, forever
-from nena_shared.tracing import Export, Exporting, closing, open_export
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import codec_for, topics_for
 

@@ -10,10 +10,10 @@ from nena_edge_agent.actions.builtin import Send
 from nena_edge_agent.black_box.box import RecordedLink, RobotBlackBox
 from nena_edge_agent.journal import Journal
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.black_box.box import outgoing_of
-from nena_shared.black_box.counts import RecordingCounts
-from nena_shared.black_box.uploader import Uploader
 from nena_shared.clock import Clock
+from nena_shared.extensions.black_box.box import outgoing_of
+from nena_shared.extensions.black_box.counts import RecordingCounts
+from nena_shared.extensions.black_box.uploader import Uploader
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import LinkHooks, MqttLink
 from nena_shared.settings import MqttSettings

@@ -15,10 +15,10 @@ from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
 from nena_edge_agent.power import PowerSettings
 from nena_edge_agent.protocol.capabilities import TOLERABLE, DriveStrategy, ExternalGoals, LinkLossPolicy
-from nena_shared.black_box.settings import OutgoingSettings
+from nena_shared.extensions.black_box.settings import OutgoingSettings
+from nena_shared.extensions.tracing import TracingSettings
 from nena_shared.plant.geometry import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
-from nena_shared.tracing import TracingSettings
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
 
 

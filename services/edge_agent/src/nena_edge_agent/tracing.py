@@ -11,7 +11,7 @@ from nena_edge_agent.protocol import events
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.clock import Clock
-from nena_shared.tracing import (
+from nena_shared.extensions.tracing import (
     EVENTS_LIMIT,
     AttributeValue,
     Export,

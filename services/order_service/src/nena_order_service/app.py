@@ -18,12 +18,12 @@ from nena_order_service.store.leadership import Leadership, begin_epoch, store_i
 from nena_order_service.store.schema import is_shared, open_database
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
+from nena_shared.extensions.tracing import Exporting, closing, open_export
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor, end
-from nena_shared.tracing import Exporting, closing, open_export
 
 log = get_logger(__name__)
 

@@ -50,9 +50,10 @@ from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
-from nena_shared.black_box.box import BlackBox
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
+from nena_shared.extensions.black_box.box import BlackBox
+from nena_shared.extensions.tracing import Exporting
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
@@ -62,7 +63,6 @@ from nena_shared.mqtt import BrokerLink, LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, end, forever
-from nena_shared.tracing import Exporting
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 
 log = get_logger(__name__)

@@ -10,7 +10,8 @@ from pydantic import AfterValidator, Field, HttpUrl, SecretStr
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.routing.graph import CostKey
-from nena_shared.black_box.settings import OutgoingSettings, RingSettings
+from nena_shared.extensions.black_box.settings import OutgoingSettings, RingSettings
+from nena_shared.extensions.tracing import TracingSettings
 from nena_shared.fleet_api.transport_order import (
     FailureMeasure,
     FailurePolicy,
@@ -18,7 +19,6 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
 )
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
-from nena_shared.tracing import TracingSettings
 from nena_shared.web.settings import HttpSettings
 
 DISTRIBUTION: Final = "nena-order-service"

@@ -15,10 +15,10 @@ from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure
 from nena_edge_agent.journal import record_of
 from nena_edge_agent.protocol.events import ActionReport, Event, SafetyReport
 from nena_shared import log
-from nena_shared.black_box import box as module
-from nena_shared.black_box.box import Outgoing
-from nena_shared.black_box.folder import OutgoingFolder
 from nena_shared.clock import SystemClock
+from nena_shared.extensions.black_box import box as module
+from nena_shared.extensions.black_box.box import Outgoing
+from nena_shared.extensions.black_box.folder import OutgoingFolder
 from nena_shared.settings import ConfigurationError, LogSettings
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel

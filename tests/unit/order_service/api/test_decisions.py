@@ -16,8 +16,8 @@ from nena_order_service.fleet import outputs
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.settings import OrderServiceSettings
-from nena_shared.black_box.box import BlackBox
-from nena_shared.black_box.mcap_file import encoded
+from nena_shared.extensions.black_box.box import BlackBox
+from nena_shared.extensions.black_box.mcap_file import encoded
 from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.action import Action, BlockingType

@@ -22,7 +22,7 @@ from nena_order_service.fleet.outputs import (
 )
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_shared.tracing import Span, TraceContext, order_span_id, trace_id_of, vda_order_span_id
+from nena_shared.extensions.tracing import Span, TraceContext, order_span_id, trace_id_of, vda_order_span_id
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.clocks import ManualClock
 from support.order_service import NOW, assigned_order, dispatchable_order

@@ -19,9 +19,9 @@ from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.errors import error_key
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.protocol.robot_state import RobotState
-from nena_shared.black_box.box import BlackBox, Outgoing, Source
-from nena_shared.black_box.ring import Channel
 from nena_shared.clock import Clock
+from nena_shared.extensions.black_box.box import BlackBox, Outgoing, Source
+from nena_shared.extensions.black_box.ring import Channel
 from nena_shared.mqtt import Handler, Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import Action, ActionStatus

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from nena_shared.black_box.settings import RingSettings
+from nena_shared.extensions.black_box.settings import RingSettings
 from nena_shared.settings import SettingsGroup
 
 RosTypeName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*$")]

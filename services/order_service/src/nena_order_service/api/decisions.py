@@ -12,10 +12,10 @@ from nena_order_service.errors import NoBlackBoxError, RecordingNotWrittenError
 from nena_order_service.fleet import outputs
 from nena_order_service.orders.transport_order import EventCode
 from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
-from nena_shared.black_box.box import BlackBox, Source, outgoing_of
-from nena_shared.black_box.counts import RecordingCounts
-from nena_shared.black_box.ring import Channel
 from nena_shared.clock import Clock
+from nena_shared.extensions.black_box.box import BlackBox, Source, outgoing_of
+from nena_shared.extensions.black_box.counts import RecordingCounts
+from nena_shared.extensions.black_box.ring import Channel
 from nena_shared.fleet_api.recordings import RecordingAnswer
 from nena_shared.fleet_api.topics import ORDER_SERVICE, FleetTopics
 from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderState, TransportOrderStatus
@@ -48,7 +48,7 @@ RELEASED: Final = attrgetter("released")
 ORDER_FAILED: Final = "order-failed"
 EMERGENCY_STOP: Final = "emergency-stop"
 STOP: Final = "stop"
-"""Reasons of recordings, besides :data:`nena_shared.black_box.box.REQUEST`."""
+"""Reasons of recordings, besides :data:`nena_shared.extensions.black_box.box.REQUEST`."""
 
 
 def make_black_box(settings: OrderServiceSettings, clock: Clock) -> BlackBox | None:

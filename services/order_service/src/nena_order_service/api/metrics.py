@@ -23,6 +23,8 @@ from nena_order_service.peripherals.devices import Verdict
 from nena_order_service.settings import DISTRIBUTION
 from nena_order_service.store.store import Store
 from nena_shared.certificates import Certificates
+from nena_shared.extensions.black_box.metrics import recording_metrics
+from nena_shared.extensions.tracing import SPANS_HELP, Exporting
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleState
@@ -36,10 +38,8 @@ from nena_shared.metrics import (
     gauge,
     histogram,
     link_metrics,
-    recording_metrics,
 )
 from nena_shared.mqtt import MqttLink
-from nena_shared.tracing import SPANS_HELP, Exporting
 
 
 class Running(Protocol):

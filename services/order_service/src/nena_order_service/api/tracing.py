@@ -14,9 +14,7 @@ from typing import Final, ParamSpec
 from nena_order_service.fleet import outputs
 from nena_order_service.orders.transport_order import EventCode, TransportOrder
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderState, TransportOrderStatus
-from nena_shared.log import get_logger
-from nena_shared.tracing import (
+from nena_shared.extensions.tracing import (
     EVENTS_LIMIT,
     AttributeValue,
     Export,
@@ -30,6 +28,8 @@ from nena_shared.tracing import (
     trace_id_of,
     vda_order_span_id,
 )
+from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderState, TransportOrderStatus
+from nena_shared.log import get_logger
 from nena_shared.vda5050.topics import RobotKey, Topic
 
 log = get_logger(__name__)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.black_box.transfer import Answer, ChunkHeader, Verdict
-from nena_shared.black_box.transfer import Chunk as Part
+from nena_shared.extensions.black_box.transfer import Answer, ChunkHeader, Verdict
+from nena_shared.extensions.black_box.transfer import Chunk as Part
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import Inbound, Outbound
 from nena_shared.vda5050.topics import RobotKey

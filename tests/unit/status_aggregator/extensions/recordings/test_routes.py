@@ -9,7 +9,7 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from nena_shared.black_box.transfer import Transfer
+from nena_shared.extensions.black_box.transfer import Transfer
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.api import problems
 from nena_status_aggregator.extensions.recordings.routes import make_router

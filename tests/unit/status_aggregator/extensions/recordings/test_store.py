@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from nena_shared.black_box.transfer import Answer, Transfer, Verdict
+from nena_shared.extensions.black_box.transfer import Answer, Transfer, Verdict
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.extensions.recordings.store import RecordingStore, StoreLimits
 

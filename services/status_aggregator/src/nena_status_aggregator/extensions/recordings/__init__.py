@@ -9,7 +9,7 @@ from typing import ClassVar
 from fastapi import APIRouter
 from pydantic import Field
 
-from nena_shared.black_box.settings import LARGEST_FILE
+from nena_shared.extensions.black_box.settings import LARGEST_FILE
 from nena_shared.metrics import Section, counter
 from nena_shared.settings import SettingsGroup
 from nena_status_aggregator.extension import Core, Extension

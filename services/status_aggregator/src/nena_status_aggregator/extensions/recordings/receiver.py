@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Final
 
-from nena_shared.black_box.transfer import BadChunkError, Verdict, read_chunk
+from nena_shared.extensions.black_box.transfer import BadChunkError, Verdict, read_chunk
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, Outbound
 from nena_shared.vda5050.topics import RobotKey

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote, unquote
 
-from nena_shared.black_box.folder import FILE_NAME, UNFINISHED, StoredFile, excess, files_in
-from nena_shared.black_box.transfer import Answer, Chunk, Verdict
+from nena_shared.extensions.black_box.folder import FILE_NAME, UNFINISHED, StoredFile, excess, files_in
+from nena_shared.extensions.black_box.transfer import Answer, Chunk, Verdict
 from nena_shared.vda5050.topics import RobotKey
 
 SEPARATOR: Final = "."

@@ -15,8 +15,8 @@ from typing import Final
 from mcap.writer import CompressionType, Writer
 from pydantic import BaseModel
 
-from nena_shared.black_box.ring import Channel, Entry
 from nena_shared.clock import in_utc
+from nena_shared.extensions.black_box.ring import Channel, Entry
 
 LOG_TOPIC: Final = "/nena/log"
 LOG_SCHEMA: Final = "foxglove.Log"

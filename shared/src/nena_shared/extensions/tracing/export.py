@@ -27,9 +27,9 @@ from opentelemetry.sdk.trace.export import SpanExporter, SpanExportResult
 from opentelemetry.sdk.trace.id_generator import IdGenerator
 from opentelemetry.sdk.trace.sampling import TraceIdRatioBased
 
+from nena_shared.extensions.tracing import Span, TracingSettings
 from nena_shared.log import get_logger
 from nena_shared.settings import ConfigurationError
-from nena_shared.tracing import Span, TracingSettings
 
 log = get_logger(__name__)
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from nena_shared.black_box.mcap_file import Recording, write_mcap
-from nena_shared.black_box.ring import Channel, Entry
+from nena_shared.extensions.black_box.mcap_file import Recording, write_mcap
+from nena_shared.extensions.black_box.ring import Channel, Entry
 from nena_shared.log import in_plain_text
 
 UTC_NOW = datetime(2026, 1, 1, 12, 0, 0, tzinfo=UTC)

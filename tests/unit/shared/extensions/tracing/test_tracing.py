@@ -5,8 +5,7 @@ import sys
 
 import pytest
 
-from nena_shared.settings import ConfigurationError
-from nena_shared.tracing import (
+from nena_shared.extensions.tracing import (
     TraceContext,
     TracingSettings,
     open_export,
@@ -15,6 +14,7 @@ from nena_shared.tracing import (
     trace_id_of,
     vda_order_span_id,
 )
+from nena_shared.settings import ConfigurationError
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_a_callers_context_without_a_trace_is_none() -> None:
 def test_without_an_endpoint_nothing_is_loaded() -> None:
     program = (
         "import sys\n"
-        "from nena_shared.tracing import TracingSettings, open_export\n"
+        "from nena_shared.extensions.tracing import TracingSettings, open_export\n"
         "assert open_export(TracingSettings(), 'nena-edge-agent') is None\n"
         "sys.stdout.write(' '.join(each for each in sys.modules if each.startswith('opentelemetry')))"
     )
@@ -56,7 +56,7 @@ def test_without_an_endpoint_nothing_is_loaded() -> None:
 
 
 def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "nena_shared.tracing.export", None)
+    monkeypatch.setitem(sys.modules, "nena_shared.extensions.tracing.export", None)
     settings = TracingSettings.model_validate({"endpoint": "http://127.0.0.1:4318/v1/traces"})
     with pytest.raises(ConfigurationError, match=r"install the extra nena-edge-agent\[tracing\]"):
         open_export(settings, "nena-edge-agent")

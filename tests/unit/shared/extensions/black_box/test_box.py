@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.black_box.box import BlackBox, Outgoing, Source, outgoing_of
-from nena_shared.black_box.folder import OutgoingFolder
-from nena_shared.black_box.settings import OutgoingSettings, RingSettings
+from nena_shared.extensions.black_box.box import BlackBox, Outgoing, Source, outgoing_of
+from nena_shared.extensions.black_box.folder import OutgoingFolder
+from nena_shared.extensions.black_box.settings import OutgoingSettings, RingSettings
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import end

@@ -14,10 +14,10 @@ from opentelemetry.sdk.trace.export import SpanExporter, SpanExportResult
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 from structlog.testing import capture_logs
 
+from nena_shared.extensions.tracing import Span, SpanEvent, TraceContext, TracingSettings
+from nena_shared.extensions.tracing import export as export_module
+from nena_shared.extensions.tracing.export import SpanExport
 from nena_shared.settings import ConfigurationError
-from nena_shared.tracing import Span, SpanEvent, TraceContext, TracingSettings
-from nena_shared.tracing import export as export_module
-from nena_shared.tracing.export import SpanExport
 from support.waiting import PATIENCE, until
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)

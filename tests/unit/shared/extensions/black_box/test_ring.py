@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.black_box.ring import DOCUMENT_SIZE, ENTRY_OVERHEAD, Channel, Ring
+from nena_shared.extensions.black_box.ring import DOCUMENT_SIZE, ENTRY_OVERHEAD, Channel, Ring
 
 STATE = Channel("uagv/v2/ACME/1/state")
 

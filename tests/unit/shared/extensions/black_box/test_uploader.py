@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.black_box import uploader as module
-from nena_shared.black_box.counts import RecordingCounts
-from nena_shared.black_box.folder import OutgoingFolder
-from nena_shared.black_box.transfer import CHUNK_SIZE, Answer, Chunk, Verdict, read_chunk
-from nena_shared.black_box.uploader import Uploader, UploadTopics
+from nena_shared.extensions.black_box import uploader as module
+from nena_shared.extensions.black_box.counts import RecordingCounts
+from nena_shared.extensions.black_box.folder import OutgoingFolder
+from nena_shared.extensions.black_box.transfer import CHUNK_SIZE, Answer, Chunk, Verdict, read_chunk
+from nena_shared.extensions.black_box.uploader import Uploader, UploadTopics
 from nena_shared.mqtt import Handler, Inbound, LinkState, Outbound
 from support.waiting import until
 

@@ -10,9 +10,9 @@ from typing import Final, Protocol
 
 from pydantic import ValidationError
 
-from nena_shared.black_box.counts import RecordingCounts
-from nena_shared.black_box.folder import OutgoingFolder
-from nena_shared.black_box.transfer import CHUNK_SIZE, Answer, Transfer, Verdict
+from nena_shared.extensions.black_box.counts import RecordingCounts
+from nena_shared.extensions.black_box.folder import OutgoingFolder
+from nena_shared.extensions.black_box.transfer import CHUNK_SIZE, Answer, Transfer, Verdict
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Handler, Inbound, LinkState, Outbound
 from nena_shared.tasks import set_within

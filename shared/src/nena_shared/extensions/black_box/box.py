@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from nena_shared.black_box.counts import RecordingCounts
-from nena_shared.black_box.folder import OutgoingFolder, name_of
-from nena_shared.black_box.ring import Ring
-from nena_shared.black_box.settings import OutgoingSettings, RingSettings
-from nena_shared.black_box.uploader import Uploader, UploadTopics
 from nena_shared.clock import Clock, iso
+from nena_shared.extensions.black_box.counts import RecordingCounts
+from nena_shared.extensions.black_box.folder import OutgoingFolder, name_of
+from nena_shared.extensions.black_box.ring import Ring
+from nena_shared.extensions.black_box.settings import OutgoingSettings, RingSettings
+from nena_shared.extensions.black_box.uploader import Uploader, UploadTopics
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger, recent_lines
 from nena_shared.settings import ConfigurationError
@@ -153,7 +153,7 @@ class BlackBox:
             return await self._write_now(reason)
 
     async def _write_now(self, reason: str) -> str:
-        from nena_shared.black_box.mcap_file import Recording, write_mcap  # noqa: PLC0415 - an extra
+        from nena_shared.extensions.black_box.mcap_file import Recording, write_mcap  # noqa: PLC0415 - an extra
 
         now, utc = self._clock.monotonic(), self._clock.now()
         since, source = iso(utc - timedelta(seconds=self._settings.seconds)), self._source

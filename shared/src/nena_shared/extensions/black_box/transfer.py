@@ -15,8 +15,8 @@ from typing import Final
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from nena_shared.black_box.folder import FILE_NAME
-from nena_shared.black_box.settings import LARGEST_FILE
+from nena_shared.extensions.black_box.folder import FILE_NAME
+from nena_shared.extensions.black_box.settings import LARGEST_FILE
 
 CHUNK_SIZE: Final = 32 * 1024
 """Size of the file's part in a chunk, bytes: small, so that states are not delayed on a slow connection."""

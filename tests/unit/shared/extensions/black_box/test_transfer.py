@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.black_box.transfer import (
+from nena_shared.extensions.black_box.transfer import (
     LARGEST_CHUNK,
     Answer,
     BadChunkError,

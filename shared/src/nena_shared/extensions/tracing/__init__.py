@@ -1,7 +1,7 @@
 """Traces of orders: the IDs that both sides derive from a VDA 5050 orderId, spans, and their settings.
 
-Spans are plain data of ended work. :mod:`nena_shared.tracing.export`, which needs the extra ``tracing``, is
-imported only if ``tracing.endpoint`` is set.
+Spans are plain data of ended work. :mod:`~nena_shared.extensions.tracing.export`, which needs the extra
+``tracing``, is imported only if ``tracing.endpoint`` is set.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def open_export(settings: TracingSettings, distribution: str) -> Exporting | Non
     if settings.endpoint is None:
         return None
     try:
-        from nena_shared.tracing.export import SpanExport  # noqa: PLC0415 - an extra
+        from nena_shared.extensions.tracing.export import SpanExport  # noqa: PLC0415 - an extra
     except ImportError as error:
         problem = f"tracing.endpoint: {error}; install the extra {distribution}[tracing]"
         raise ConfigurationError([problem]) from error

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.black_box.folder import FILE_NAME, OutgoingFolder, name_of
+from nena_shared.extensions.black_box.folder import FILE_NAME, OutgoingFolder, name_of
 
 
 def add(folder: OutgoingFolder, number: int, size: int = 10) -> str:
