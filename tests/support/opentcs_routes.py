@@ -1,6 +1,6 @@
 """The routes of openTCS's web API, version 1, as its documentation has them, and what NeNa answers.
 
-``tests/unit/order_service/api/opentcs/test_routes.py`` tries each row; docs/opentcs-web-api.md shows them.
+``tests/unit/order_service/extensions/opentcs/test_routes.py`` tries each row; docs/opentcs-web-api.md shows them.
 """
 
 from __future__ import annotations

@@ -8,8 +8,8 @@ import threading
 import pytest
 
 from nena_demo.plants import sample_plant_path
-from nena_order_service.api.opentcs_plant import EditPlant
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
+from nena_order_service.extensions.opentcs.plant import EditPlant
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import CHANGING, ServiceRunner, build
 from nena_order_service.settings import OrderServiceSettings

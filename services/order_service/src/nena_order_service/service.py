@@ -16,7 +16,6 @@ from fastapi import FastAPI
 from pydantic import BaseModel, ConfigDict, ValidationError
 from starlette.types import ASGIApp
 
-from nena_order_service.api import opentcs
 from nena_order_service.api.asyncapi import document
 from nena_order_service.api.audit import Trail, record_current, recorder
 from nena_order_service.api.audit_states import ObjectStates
@@ -25,8 +24,6 @@ from nena_order_service.api.events import EventStream
 from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.metrics import SECTIONS, Monitored
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
-from nena_order_service.api.opentcs_events import ChangeLog
-from nena_order_service.api.opentcs_plant import EditPlant
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.peripheral_link import PeripheralLink
 from nena_order_service.api.plant import ChangePlant
@@ -40,6 +37,9 @@ from nena_order_service.engine.plant_change import conflicts
 from nena_order_service.engine.schedules import Schedules
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
+from nena_order_service.extensions.opentcs import app as opentcs
+from nena_order_service.extensions.opentcs.events import ChangeLog
+from nena_order_service.extensions.opentcs.plant import EditPlant
 from nena_order_service.fleet.link import FleetLink, HeaderIds, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.orders.vda_orders import OrderPlanner

@@ -6,6 +6,7 @@ import asyncio
 from collections import Counter
 from collections.abc import Callable
 from http import HTTPStatus
+from typing import Final
 
 from fastapi import FastAPI, Request, Response
 from starlette.datastructures import Headers
@@ -13,7 +14,6 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_order_service.api import problems
 from nena_order_service.api.metrics import Waiting, standing_by
-from nena_order_service.api.opentcs import accept_access_key
 from nena_order_service.api.operation_routes import READING
 from nena_order_service.api.rest import ALIVE, rule_of
 from nena_shared.fleet_api.requests import Readiness
@@ -29,6 +29,18 @@ DETAIL = (
     "Requests of web pages (with Origin) may not change anything while no login is required. Use the control "
     "panel, or set http.users and send a token."
 )
+
+
+OPENTCS_KEY: Final = "x-api-access-key"
+"""Header in which hosts of openTCS send their key."""
+
+
+def accept_access_key(scope: Scope) -> None:
+    """Take openTCS's access key of a request for this program's token."""
+    headers = Headers(scope=scope)
+    key = headers.get(OPENTCS_KEY)
+    if key and "authorization" not in headers:
+        scope["headers"] = [*scope["headers"], (b"authorization", f"Bearer {key}".encode("latin-1"))]
 
 
 def changes_for_page(scope: Scope) -> bool:

@@ -90,8 +90,6 @@ class Operation(Generic[A]):
     """Field of the MQTT command with the request; empty: the request's fields are those of the command."""
     max_body: int | None = None
     """Maximum size of the body, bytes; None: ``max_body`` of the settings."""
-    opentcs: tuple[str, ...] = ()
-    """Equivalent routes of openTCS's web API, as ``METHOD path`` below ``opentcs_prefix``."""
 
     @property
     def tag(self) -> str:

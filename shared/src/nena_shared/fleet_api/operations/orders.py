@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from nena_shared.fleet_api import requests, transport_order
-from nena_shared.fleet_api.operations.operation import MADE_BEFORE, ORDER_BATCH, ORDERS, VEHICLES, Operation
+from nena_shared.fleet_api.operations.operation import MADE_BEFORE, ORDER_BATCH, ORDERS, Operation
 from nena_shared.fleet_api.refusals import Refusal
 
 BATCH_BYTES: Final = 1_000_000
@@ -30,7 +30,6 @@ CREATE_ORDER = Operation(
     versioned=True,
     creates=ORDERS,
     also=MADE_BEFORE,
-    opentcs=(f"POST {ORDERS}/{{name}}",),
     refusals=(
         *NEW_ORDER_REFUSALS,
         Refusal.NAME_TAKEN,
@@ -58,7 +57,6 @@ LIST_ORDERS = Operation(
     ORDERS,
     requests.TransportOrderPage,
     request=requests.TransportOrdersQuery,
-    opentcs=(f"GET {ORDERS}",),
     refusals=(Refusal.NOT_SAVED,),
 )
 
@@ -69,7 +67,6 @@ SHOW_ORDER = Operation(
     f"{ORDERS}/{{name}}",
     transport_order.TransportOrderStatus,
     versioned=True,
-    opentcs=(f"GET {ORDERS}/{{name}}",),
     refusals=_STORED,
 )
 
@@ -107,10 +104,6 @@ WITHDRAW = Operation(
     versioned=True,
     subject="transport_order",
     result="transport_order",
-    opentcs=(
-        f"POST {ORDERS}/{{name}}/withdrawal",
-        f"POST {VEHICLES}/{{name}}/withdrawal",
-    ),
     refusals=_CHANGE,
 )
 

@@ -95,7 +95,6 @@ LOCK_PATH = Operation(
     request=PathLockRequest,
     subject="path",
     result="path",
-    opentcs=(f"PUT {PATHS}/{{name:path}}/locked",),
     refusals=(Refusal.UNKNOWN_PATH, Refusal.NOT_SAVED),
 )
 

@@ -17,7 +17,6 @@ CREATE_SEQUENCE = Operation(
     creates=SEQUENCES,
     also=MADE_BEFORE,
     result="order_sequence",
-    opentcs=(f"POST {SEQUENCES}/{{name}}",),
     refusals=(Refusal.UNKNOWN_VEHICLE, Refusal.NAME_TAKEN, Refusal.KEY_REUSED, Refusal.NOT_SAVED),
 )
 
@@ -29,7 +28,6 @@ LIST_SEQUENCES = Operation(
     requests.OrderSequencePage,
     request=requests.OrderSequencesQuery,
     result="order_sequences",
-    opentcs=(f"GET {SEQUENCES}",),
     refusals=(Refusal.NOT_SAVED,),
 )
 
@@ -42,7 +40,6 @@ SHOW_SEQUENCE = Operation(
     versioned=True,
     subject="order_sequence",
     result="order_sequence",
-    opentcs=(f"GET {SEQUENCES}/{{name}}",),
     refusals=(Refusal.UNKNOWN_SEQUENCE, Refusal.NOT_SAVED),
 )
 
@@ -55,6 +52,5 @@ COMPLETE_SEQUENCE = Operation(
     versioned=True,
     subject="order_sequence",
     result="order_sequence",
-    opentcs=(f"PUT {SEQUENCES}/{{name}}/complete",),
     refusals=(Refusal.UNKNOWN_SEQUENCE, Refusal.VERSION_CHANGED, Refusal.NOT_SAVED),
 )

@@ -20,7 +20,6 @@ LIST_VEHICLES = Operation(
     VEHICLES,
     requests.VehicleList,
     request=requests.VehiclesQuery,
-    opentcs=(f"GET {VEHICLES}",),
     refusals=(Refusal.UNKNOWN_VEHICLE,),
 )
 
@@ -30,7 +29,6 @@ SHOW_VEHICLE = Operation(
     "GET",
     f"{VEHICLES}/{{name}}",
     VehicleStatus,
-    opentcs=(f"GET {VEHICLES}/{{name}}",),
     refusals=(Refusal.UNKNOWN_VEHICLE,),
 )
 
@@ -44,7 +42,6 @@ INTEGRATION_LEVEL = Operation(
     subject="vehicle",
     result="vehicle",
     refusals=_CHANGE,
-    opentcs=(f"PUT {VEHICLES}/{{name}}/integrationLevel",),
 )
 
 ORDER_TYPES = Operation(
@@ -56,10 +53,6 @@ ORDER_TYPES = Operation(
     request=requests.OrderTypesRequest,
     subject="vehicle",
     result="vehicle",
-    opentcs=(
-        f"PUT {VEHICLES}/{{name}}/acceptableOrderTypes",
-        f"PUT {VEHICLES}/{{name}}/allowedOrderTypes",
-    ),
     refusals=_CHANGE,
 )
 
@@ -86,7 +79,6 @@ INSTANT_ACTION = Operation(
     also={HTTPStatus.ACCEPTED: "It is still running."},
     subject="vehicle",
     result="instant_action",
-    opentcs=(f"PUT {VEHICLES}/{{name}}/paused",),
     refusals=(
         Refusal.UNKNOWN_VEHICLE,
         Refusal.NOT_REACHED,
@@ -104,6 +96,5 @@ REROUTE = Operation(
     request=requests.ReroutingRequest,
     subject="vehicle",
     result="rerouting",
-    opentcs=(f"POST {VEHICLES}/{{name}}/rerouteRequest",),
     refusals=(*_CHANGE, Refusal.NOT_REROUTABLE, Refusal.NOT_REACHED),
 )

@@ -9,10 +9,10 @@ from pydantic import Field
 from starlette.exceptions import HTTPException
 
 from nena_order_service.api.hosts import HostServices
-from nena_order_service.api.opentcs_answers import Body, NotPossibleError, done
-from nena_order_service.api.opentcs_events import peripheral_job
 from nena_order_service.api.peripherals import PeripheralOperations
 from nena_order_service.engine.engine import Engine
+from nena_order_service.extensions.opentcs.answers import Body, NotPossibleError
+from nena_order_service.extensions.opentcs.events import peripheral_job
 from nena_order_service.orders.transport_order import sortable_id
 from nena_shared.fleet_api.peripherals import PeripheralJobRequest, PeripheralJobsQuery
 
@@ -54,9 +54,8 @@ def _add_jobs(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
 
     @app.post("/v1/peripheralJobs/dispatcher/trigger", response_class=Response)
     @app.post("/v1/peripherals/dispatcher/trigger", response_class=Response)
-    async def trigger() -> Response:
+    async def trigger() -> None:
         engine.look()
-        return done()
 
     @app.get("/v1/peripheralJobs/{name}")
     async def show_job(name: str) -> dict[str, Any]:
@@ -73,10 +72,9 @@ def _add_jobs(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
         return peripheral_job(await peripherals.create(asked))
 
     @app.post("/v1/peripheralJobs/{name}/withdrawal", response_class=Response)
-    async def withdraw_job(name: str) -> Response:
+    async def withdraw_job(name: str) -> None:
         if not peripherals.job(name).state.final:
             await peripherals.withdraw(name, "by a host")
-        return done()
 
 
 def _add_devices(app: FastAPI, peripherals: PeripheralOperations, engine: Engine) -> None:
@@ -86,24 +84,22 @@ def _add_devices(app: FastAPI, peripherals: PeripheralOperations, engine: Engine
         return engine.peripherals.operations(name) is not None
 
     @app.post("/v1/peripherals/{name:path}/withdrawal", response_class=Response)
-    async def withdraw(name: str) -> Response:
+    async def withdraw(name: str) -> None:
         if has_device(name) and (job := peripherals.device(name).job):
             await peripherals.withdraw(job.name, "by a host")
-        return done()
 
     @app.get("/v1/peripherals/{name:path}/commAdapter/attachmentInformation")
     async def attachment(name: str) -> dict[str, Any]:
         return {"locationReference": name, "attachedCommAdapter": DRIVER if has_device(name) else ""}
 
     @app.put("/v1/peripherals/{name:path}/commAdapter/attachment", response_class=Response)
-    async def attach(name: str, new_value: Annotated[str, Query(alias="newValue")]) -> Response:
+    async def attach(name: str, new_value: Annotated[str, Query(alias="newValue")]) -> None:
         if not has_device(name) or new_value != DRIVER:
             text = f"Unknown peripheral driver class name: {new_value}"
             raise NotPossibleError(text)
-        return done()
 
     @app.put("/v1/peripherals/{name:path}/commAdapter/enabled", response_class=Response)
-    async def enable(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
+    async def enable(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
         if has_device(name) != new_value:
             text = (
                 f"Location {name!r} has no peripheral driver."
@@ -111,7 +107,6 @@ def _add_devices(app: FastAPI, peripherals: PeripheralOperations, engine: Engine
                 else f"The peripheral driver of location {name!r} is always enabled."
             )
             raise NotPossibleError(text)
-        return done()
 
 
 def add_routes(app: FastAPI, hosts: HostServices, engine: Engine) -> None:

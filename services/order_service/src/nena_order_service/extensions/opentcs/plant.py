@@ -7,7 +7,6 @@ becomes the XML document of the same content, whose reader checks it.
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import Awaitable, Callable, Mapping
 from http import HTTPStatus
 from operator import attrgetter
@@ -19,9 +18,9 @@ from fastapi import FastAPI, Query, Response
 from pydantic import JsonValue
 from starlette.exceptions import HTTPException
 
-from nena_order_service.api.opentcs_answers import Body, done
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.errors import InvalidPlantError, UnknownVehicleError
+from nena_order_service.extensions.opentcs.answers import Body
 from nena_order_service.plant_file import read_plant
 from nena_plant_formats.opentcs_xml.writer import VERSION, add
 from nena_shared.plant import EnergyThresholds, ObjectKind, PlantModel, PlantModelError, PlantProblem
@@ -203,7 +202,7 @@ WITH_PROPERTIES: Final = frozenset(
 
 def plant_json(model: PlantModel) -> Json:
     """Return a plant model in the form of ``GET /plantModel``, without the rules of LIF."""
-    shown, layout = _json_of("model", model), model.visual_layout
+    shown, layout = json_of("model", model), model.visual_layout
     for point, body in zip(model.points, shown["points"], strict=True):
         body["layout"]["position"] = {"x": point.x_mm, "y": point.y_mm}
     for location, body in zip(model.locations, shown["locations"], strict=True):
@@ -218,7 +217,8 @@ def plant_json(model: PlantModel) -> Json:
     return shown
 
 
-def _json_of(tag: str, shown: Any) -> Json:  # noqa: ANN401 - an object of the plant model
+def json_of(tag: str, shown: Any) -> Json:  # noqa: ANN401 - an object of the plant model
+    """Return an object of the plant model, by the tag of its XML element."""
     body: Json = {}
     for value in VALUES[tag]:
         *way, key = value.json.split(".")
@@ -230,10 +230,10 @@ def _json_of(tag: str, shown: Any) -> Json:  # noqa: ANN401 - an object of the p
     for part in PARTS.get(tag, ()):
         content = getattr(shown, part.model) if part.model else shown
         if part.kind is dict:
-            body[part.json] = _json_of(part.tag, content)
+            body[part.json] = json_of(part.tag, content)
         else:
             body[part.json] = (
-                [*content] if part.kind is str else [_json_of(part.tag, each) for each in content]
+                [*content] if part.kind is str else [json_of(part.tag, each) for each in content]
             )
     if tag in WITH_PROPERTIES:
         body["properties"] = [{"name": key, "value": value} for key, value in shown.properties.items()]
@@ -329,54 +329,50 @@ def add_routes(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: 
     """Add the routes that show the plant model and change its locations and vehicles."""
     _add_vehicle_data(app, plant, change_plant)
 
-    @app.get("/v1/plantModel")
-    async def show() -> Response:
-        return Response(json.dumps(plant_json(plant)), media_type="application/json")
+    @app.get("/v1/plantModel", response_model=None)
+    async def show() -> Json:
+        return plant_json(plant)
 
     @app.put("/v1/plantModel", response_class=Response)
-    async def replace(body: Annotated[JsonValue, RequestBody()]) -> Response:
+    async def replace(body: Annotated[JsonValue, RequestBody()]) -> None:
         try:
             report = await asyncio.to_thread(lambda: read_plant(plant_xml(body), strict=False))
         except PlantModelError as error:
             raise InvalidPlantError([str(each) for each in error.problems]) from error
         await change_plant(report.model)
-        return done()
 
     @app.post("/v1/plantModel/topologyUpdateRequest", response_class=Response)
-    async def update(body: TopologyUpdate | None = None) -> Response:
+    async def update(body: TopologyUpdate | None = None) -> None:
         """Do nothing: locks affect routes at once."""
         for name in body.paths if body else ():
             locks.get(name)
-        return done()
 
     @app.put("/v1/locations/{name:path}/locked", response_class=Response)
-    async def lock_location(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
+    async def lock_location(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
         if name not in plant.locations_by_name:
             raise HTTPException(HTTPStatus.NOT_FOUND, f"Could not find location {name!r}.")
         await change_plant(lambda present: _changed(present, "locations", name, locked=new_value))
-        return done()
 
 
 def _add_vehicle_data(app: FastAPI, plant: PlantModel, change_plant: ChangePlant) -> None:
-    async def change_vehicle(name: str, **fields: object) -> Response:
+    async def change_vehicle(name: str, **fields: object) -> None:
         if name not in plant.vehicles_by_name:
             raise UnknownVehicleError(name)
         await change_plant(lambda present: _changed(present, "vehicles", name, **fields))
-        return done()
 
     @app.put("/v1/vehicles/{name}/energyLevelThresholdSet", response_class=Response)
-    async def set_thresholds(name: str, body: Thresholds) -> Response:
+    async def set_thresholds(name: str, body: Thresholds) -> None:
         levels = EnergyThresholds(
             critical=body.energy_level_critical,
             good=body.energy_level_good,
             sufficiently_recharged=body.energy_level_sufficiently_recharged,
             fully_recharged=body.energy_level_fully_recharged,
         )
-        return await change_vehicle(name, energy_thresholds=levels)
+        await change_vehicle(name, energy_thresholds=levels)
 
     @app.put("/v1/vehicles/{name}/envelopeKey", response_class=Response)
-    async def set_envelope(name: str, key: Annotated[str | None, Query(alias="newValue")] = None) -> Response:
-        return await change_vehicle(name, envelope_key=key)
+    async def set_envelope(name: str, key: Annotated[str | None, Query(alias="newValue")] = None) -> None:
+        await change_vehicle(name, envelope_key=key)
 
 
 def _changed(plant: PlantModel, kind: str, name: str, **fields: object) -> PlantModel:

@@ -10,13 +10,16 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from itertools import pairwise
+from math import degrees
 from typing import Annotated, Any, Final, NamedTuple
 
 from fastapi import FastAPI, Query, Request
 from fastapi.responses import StreamingResponse
 
-from nena_order_service.api.opentcs_answers import NotPossibleError, angle_of
 from nena_order_service.errors import TooManyClientsError
+from nena_order_service.extensions.opentcs.answers import NotPossibleError
+from nena_order_service.extensions.opentcs.orders import LAST_MOMENT, OrderSequenceState, TransportOrderState
+from nena_order_service.extensions.opentcs.plant import json_of
 from nena_shared.clock import Clock, iso
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus
 from nena_shared.fleet_api.transport_order import (
@@ -42,9 +45,6 @@ CLIENTS: Final = 100
 """Maximum number of clients that poll or follow the stream at the same time."""
 
 _COLOR: Final = re.compile("#[0-9A-Fa-f]{6}")
-
-LAST_MOMENT: Final = "9999-12-31T23:59:59.000Z"
-"""openTCS's value for a time that has not been reached, as closely as it can be written."""
 
 
 class EventTopic(StrEnum):
@@ -208,15 +208,14 @@ def _message(number: int, change: _Change) -> Json:
     head = {"sequenceNumber": number, "creationTimeStamp": iso(change.at)}
     now = change.now
     if isinstance(now, VehicleStatus) and change.times:
-        position = now.precise_position
         return {
             "type": "Vehicle",
             **head,
             "vehicleName": now.name,
             "transportOrderName": now.transport_order,
             "position": now.current_position,
-            "precisePosition": _triple(now),
-            "vehicleOrientationAngle": angle_of(position),
+            "precisePosition": position_of(now),
+            "vehicleOrientationAngle": angle_of(now),
             "paused": False,
             "state": now.state.value,
             "stateTimestamp": iso(change.times.state),
@@ -227,46 +226,41 @@ def _message(number: int, change: _Change) -> Json:
         }
     if isinstance(now, PeripheralJobStatus):
         return {"type": "PeripheralJob", **head, "name": now.name, **_job(now)}
-    order = TransportOrderStatus.model_validate(now)
+    order = TransportOrderState.model_validate(now).model_dump(mode="json", by_alias=True)
     return {
         "type": "TransportOrder",
         **head,
-        "orderName": order.name,
-        "processingVehicleName": order.processing_vehicle,
-        "orderState": order.state.value,
-        "destinations": [
-            {
-                "locationName": each.destination.location_name or "",
-                "operation": each.destination.operation,
-                "state": each.state.value,
-                "properties": [{"key": p.key, "value": p.text} for p in each.destination.properties],
-            }
-            for each in order.drive_orders
-        ],
-        "properties": [{"key": each.key, "value": each.value} for each in order.properties],
+        "orderName": order["name"],
+        "processingVehicleName": order["processingVehicle"],
+        "orderState": order["state"],
+        "destinations": order["destinations"],
+        "properties": order["properties"],
     }
 
 
+def position_of(status: VehicleStatus) -> Json | None:
+    """Return the position of a vehicle in whole mm; None if it is unknown."""
+    position = status.precise_position
+    return position and {"x": round(position.x * MM_PER_M), "y": round(position.y * MM_PER_M), "z": 0}
+
+
+def angle_of(status: VehicleStatus) -> float | str:
+    """Return the heading of a vehicle, degrees; ``NaN`` if it is unknown."""
+    position = status.precise_position
+    return round(degrees(position.theta), 3) if position else "NaN"
+
+
 def _vehicle(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
-    box, levels, position = model.bounding_box, model.energy_thresholds, status.precise_position
-    color = model.color or ""
+    shown = json_of("vehicle", model)
+    color = shown["layout"]["routeColor"] if model.color else ""
     red, green, blue = bytes.fromhex(color[1:] if _COLOR.fullmatch(color) else "000000")
+    levels = ("Critical", "Good", "FullyRecharged", "SufficientlyRecharged")
     return {
         "name": status.name,
         "properties": dict(model.properties),
         "history": {"entries": []},
-        "boundingBox": {
-            "length": box.length_mm,
-            "width": box.width_mm,
-            "height": box.height_mm,
-            "referenceOffset": {"x": box.reference_offset_x_mm, "y": box.reference_offset_y_mm},
-        },
-        "energyLevelThresholdSet": {
-            "energyLevelCritical": levels.critical,
-            "energyLevelGood": levels.good,
-            "energyLevelFullyRecharged": levels.fully_recharged,
-            "energyLevelSufficientlyRecharged": levels.sufficiently_recharged,
-        },
+        "boundingBox": shown["boundingBox"],
+        "energyLevelThresholdSet": {f"energyLevel{each}": shown[f"energyLevel{each}"] for each in levels},
         "energyLevel": round(status.energy_level or 0),
         "maxVelocity": model.max_velocity_mm_s,
         "maxReverseVelocity": model.max_reverse_velocity_mm_s,
@@ -284,41 +278,22 @@ def _vehicle(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
         "claimedResources": [],
         "allocatedResources": [],
         "currentPosition": status.current_position,
-        "pose": {
-            "position": _triple(status),
-            "orientationAngle": angle_of(position),
-        },
+        "pose": {"position": position_of(status), "orientationAngle": angle_of(status)},
         "envelopeKey": model.envelope_key,
         "layout": {"routeColor": {"red": red, "green": green, "blue": blue}},
     }
 
 
-def _triple(status: VehicleStatus) -> Json | None:
-    position = status.precise_position
-    if position is None:
-        return None
-    return {"x": round(position.x * MM_PER_M), "y": round(position.y * MM_PER_M), "z": 0}
-
-
 def _order(order: TransportOrderStatus) -> Json:
+    shown = TransportOrderState.model_validate(order).model_dump(mode="json", by_alias=True)
     return {
-        "name": order.name,
+        **{name: value for name, value in shown.items() if name not in ("category", "destinations")},
         "properties": _map(order.properties),
         "history": _history(order.history),
-        "type": order.type,
-        "dependencies": list(order.dependencies),
         "driveOrders": [_drive_order(order.name, *each) for each in enumerate(order.drive_orders)],
-        "peripheralReservationToken": order.peripheral_reservation_token,
         "currentDriveOrderIndex": order.current_drive_order_index,
         "currentRouteStepIndex": -1,
-        "state": order.state.value,
-        "creationTime": iso(order.created),
-        "deadline": iso(order.deadline) if order.deadline else LAST_MOMENT,
-        "finishedTime": iso(order.finished) if order.finished else LAST_MOMENT,
-        "intendedVehicle": order.intended_vehicle,
-        "processingVehicle": order.processing_vehicle,
-        "wrappingSequence": order.wrapping_sequence,
-        "dispensable": order.dispensable,
+        "finishedTime": shown["finishedTime"] or LAST_MOMENT,
     }
 
 
@@ -376,21 +351,9 @@ def peripheral_job(job: PeripheralJobStatus) -> Json:
 
 
 def _sequence(sequence: OrderSequenceStatus) -> Json:
-    return {
-        "name": sequence.name,
-        "properties": _map(sequence.properties),
-        "history": _history(sequence.history),
-        "type": sequence.order_types[0],
-        "orders": list(sequence.orders),
-        "finishedIndex": sequence.finished_index,
-        "complete": sequence.complete,
-        "finished": sequence.finished,
-        "failureFatal": sequence.failure_fatal,
-        "intendedVehicle": sequence.intended_vehicle,
-        "processingVehicle": sequence.processing_vehicle,
-        "creationTime": iso(sequence.created),
-        "finishedTime": iso(sequence.finished_time) if sequence.finished_time else LAST_MOMENT,
-    }
+    shown = OrderSequenceState.model_validate(sequence).model_dump(mode="json", by_alias=True)
+    del shown["orderTypes"]
+    return {**shown, "properties": _map(sequence.properties), "history": _history(sequence.history)}
 
 
 def _map(properties: tuple[Property, ...]) -> dict[str, str]:

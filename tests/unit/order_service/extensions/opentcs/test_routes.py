@@ -9,9 +9,9 @@ import httpx
 import pytest
 
 from golden.outside import opentcs, order_service
-from nena_order_service.api.opentcs_events import CLIENTS, ChangeLog, _vehicle
-from nena_order_service.api.opentcs_plant import plant_json, plant_xml
 from nena_order_service.api.rest import role_needed
+from nena_order_service.extensions.opentcs.events import CLIENTS, ChangeLog, _vehicle
+from nena_order_service.extensions.opentcs.plant import plant_json, plant_xml
 from nena_order_service.service import OrderService
 from nena_plant_formats.files import read
 from nena_shared.clock import SystemClock

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from nena_demo.plants import sample_plant_path
-from nena_order_service.api.opentcs import accept_access_key
+from nena_order_service.api.server import accept_access_key
 from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
 

@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from nena_order_service.api.opentcs_audit import BODY_LIMIT
+from nena_order_service.extensions.opentcs.audit import BODY_LIMIT
 from nena_order_service.service import OrderService
 from support.opentcs_routes import FOR_ROBOT
 from support.waiting import awaited

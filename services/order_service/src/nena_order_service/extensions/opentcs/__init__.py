@@ -1,0 +1,1 @@
+"""openTCS's web API, for hosts that were written for openTCS."""
