@@ -81,19 +81,16 @@ class SpanExport:
     def __init__(
         self, settings: TracingSettings, service: str, version: str, exporter: SpanExporter | None = None
     ) -> None:
-        """``exporter`` replaces the one to ``tracing.endpoint``, for tests.
+        """Prepare the export; its thread starts with the first span.
+
+        ``exporter`` replaces the one to ``tracing.endpoint``, for tests.
 
         Raises:
             ConfigurationError: ``tracing.ca`` cannot be read or is not PEM.
         """
         if settings.ca:
             _check_ca(settings.ca)
-        logging.getLogger("opentelemetry").setLevel(logging.CRITICAL)
         self._reason = _Reason()
-        attempts = logging.getLogger("opentelemetry.exporter")
-        attempts.setLevel(logging.WARNING)
-        attempts.propagate = False  # each failed attempt is logged
-        attempts.addHandler(self._reason)
         self._exporter = exporter or OTLPSpanExporter(
             endpoint=str(settings.endpoint),
             certificate_file=str(settings.ca) if settings.ca else None,
@@ -113,8 +110,7 @@ class SpanExport:
         self._waiting: deque[Span] = deque()
         self._wake, self._closed = threading.Event(), threading.Event()
         self._works = True
-        self._thread = threading.Thread(target=self._run, name="span export", daemon=True)
-        self._thread.start()
+        self._thread: threading.Thread | None = None
 
     def __call__(self, span: Span) -> None:
         """Add a span to the queue; drop it if the queue is full."""
@@ -123,6 +119,8 @@ class SpanExport:
             return
         self._waiting.append(span)
         self._wake.set()
+        if self._thread is None:
+            self._thread = self._start()
 
     @property
     def outcomes(self) -> Mapping[str, int]:
@@ -133,8 +131,20 @@ class SpanExport:
         """Export the waiting spans, for at most :data:`CLOSE_TIMEOUT`."""
         self._closed.set()
         self._wake.set()
-        await asyncio.to_thread(self._thread.join, CLOSE_TIMEOUT)
+        if self._thread:
+            await asyncio.to_thread(self._thread.join, CLOSE_TIMEOUT)
         self._exporter.shutdown()
+
+    def _start(self) -> threading.Thread:
+        """Start the thread; from now on, failed attempts of the SDK are not logged one by one."""
+        logging.getLogger("opentelemetry").setLevel(logging.CRITICAL)
+        attempts = logging.getLogger("opentelemetry.exporter")
+        attempts.setLevel(logging.WARNING)
+        attempts.propagate = False
+        attempts.addHandler(self._reason)
+        thread = threading.Thread(target=self._run, name="span export", daemon=True)
+        thread.start()
+        return thread
 
     def _run(self) -> None:
         while not self._closed.is_set():
