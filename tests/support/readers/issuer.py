@@ -6,9 +6,9 @@ import asyncio
 import json
 from contextlib import suppress
 
-from nena_shared.web.oidc.issuer import BoundedHttp, KeySet, metadata_of, metadata_url
-from nena_shared.web.oidc.tokens import TokenHeader, header_of, verified
-from nena_shared.web.oidc.users import IssuerUnavailableError, TokenRefusedError
+from nena_shared.extensions.oidc.issuer import BoundedHttp, KeySet, metadata_of, metadata_url
+from nena_shared.extensions.oidc.tokens import TokenHeader, header_of, verified
+from nena_shared.web.issued_tokens import IssuerUnavailableError, TokenRefusedError
 from nena_shared.web.settings import OidcSettings
 from support.damage import damaged_text
 from support.oidc_issuer import AUDIENCE, DISCOVERY, KEYS, OidcIssuer, ec_key, oidc_issuer, rsa_key

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
+from importlib.metadata import entry_points
 from math import ceil
-from typing import TYPE_CHECKING
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -18,14 +18,18 @@ from nena_shared.fleet_api.base import Role
 from nena_shared.log import get_logger
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, OidcUser, TokenRefusedError
+from nena_shared.web.issued_tokens import (
+    GROUP,
+    AccessTokens,
+    IssuerUnavailableError,
+    NoRoleError,
+    OidcUser,
+    TokenRefusedError,
+)
 from nena_shared.web.problem import refusal
 from nena_shared.web.server_sent_events import while_allowed
-from nena_shared.web.settings import HttpSettings
+from nena_shared.web.settings import HttpSettings, OidcSettings
 from nena_shared.web.users import User, UsersFile, users_of
-
-if TYPE_CHECKING:
-    from nena_shared.web.oidc.issuer import AccessTokens
 
 
 def access_tokens_of(settings: HttpSettings) -> AccessTokens | None:
@@ -38,11 +42,11 @@ def access_tokens_of(settings: HttpSettings) -> AccessTokens | None:
     if settings.oidc is None:
         return None
     try:
-        from nena_shared.web.oidc.issuer import AccessTokens, Issuer  # noqa: PLC0415 - an extra
-    except ImportError as error:
+        make_reader: Callable[[OidcSettings], AccessTokens] = entry_points(group=GROUP)["oidc"].load()
+    except (ImportError, KeyError) as error:
         problem = f"http.oidc.issuer: {error}; install this service with its extra: pip install SERVICE[oidc]"
         raise ConfigurationError([problem]) from error
-    return AccessTokens(Issuer(settings.oidc))
+    return make_reader(settings.oidc)
 
 
 log = get_logger(__name__)

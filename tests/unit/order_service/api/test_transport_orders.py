@@ -17,7 +17,7 @@ from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.requests import BY_LIMIT, TransportOrderPage
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.web.access import KnownUser
-from nena_shared.web.oidc.users import OidcUser
+from nena_shared.web.issued_tokens import OidcUser
 from nena_shared.web.users import User, hash_of
 from support.problems import problem
 

@@ -16,6 +16,7 @@ from starlette.routing import Route
 from structlog.testing import capture_logs
 
 from nena_shared.clock import SystemClock
+from nena_shared.extensions.oidc.issuer import LOOKS_AT_ONCE, AccessTokens
 from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.access import (
@@ -25,7 +26,6 @@ from nena_shared.web.access import (
     access_tokens_of,
     protect,
 )
-from nena_shared.web.oidc.issuer import LOOKS_AT_ONCE, AccessTokens
 from nena_shared.web.settings import HttpSettings, OidcSettings
 from nena_shared.web.users import User, UsersFile, hash_of, write_users
 from support.clocks import ManualClock
@@ -338,7 +338,7 @@ def test_it_is_off_until_an_issuer_is_named() -> None:
 
 
 def test_missing_libraries_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [each for each in sys.modules if each.startswith("nena_shared.web.oidc.")]:
+    for name in [each for each in sys.modules if each.startswith("nena_shared.extensions.oidc.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "jwt", None)
 

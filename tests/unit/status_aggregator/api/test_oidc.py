@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
+from nena_shared.extensions.oidc.issuer import AccessTokens
 from nena_shared.web.access import access_tokens_of
-from nena_shared.web.oidc.issuer import AccessTokens
 from nena_status_aggregator.api.oidc import Attempt, SignIn, SignInError, sign_in_of
 from nena_status_aggregator.settings import AggregatorHttpSettings, PanelOidcSettings
 from support.oidc_issuer import AUDIENCE, CLIENT, DISCOVERY, TOKEN, OidcIssuer

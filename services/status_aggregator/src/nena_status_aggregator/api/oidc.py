@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from hmac import compare_digest
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 from urllib.parse import quote, urlencode, urlsplit
 
 from fastapi import APIRouter, Request, Response
@@ -23,7 +23,7 @@ from typing_extensions import TypedDict
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.rate_limit import RateLimit
-from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, OidcUser, TokenRefusedError
+from nena_shared.web.issued_tokens import IssuerUnavailableError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.settings import protected_url
 from nena_status_aggregator.api.problem_types import Rejection
 from nena_status_aggregator.api.problems import ProblemError
@@ -31,7 +31,7 @@ from nena_status_aggregator.api.session import SIGN_IN, TOKEN_LIMIT, keep
 from nena_status_aggregator.settings import PanelOidcSettings
 
 if TYPE_CHECKING:
-    from nena_shared.web.oidc.issuer import AccessTokens, Metadata
+    from nena_shared.extensions.oidc.issuer import AccessTokens, Metadata
 
 
 log = get_logger(__name__)
@@ -197,7 +197,7 @@ class SignIn:
         return None
 
 
-def sign_in_of(tokens: AccessTokens | None) -> SignIn | None:
+def sign_in_of(tokens: Any) -> SignIn | None:  # noqa: ANN401 - AccessTokens; loaded by access control
     """Return the sign-in if the settings define a client, else None.
 
     Raises:

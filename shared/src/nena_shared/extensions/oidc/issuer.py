@@ -16,12 +16,13 @@ from jwt.exceptions import PyJWTError
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from nena_shared.clock import Clock, SystemClock
+from nena_shared.extensions.oidc.tokens import TokenHeader, header_of, verified
+from nena_shared.extensions.oidc.users import user_of
 from nena_shared.findings import in_words, shortened
 from nena_shared.log import get_logger
 from nena_shared.rate_limit import RateLimit
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.oidc.tokens import TokenHeader, header_of, verified
-from nena_shared.web.oidc.users import IssuerUnavailableError, OidcUser, TokenRefusedError, user_of
+from nena_shared.web.issued_tokens import IssuerUnavailableError, OidcUser, TokenRefusedError
 from nena_shared.web.settings import OidcSettings, ProtectedUrl
 
 ANSWER_LIMIT = 512 * 1024
@@ -362,3 +363,12 @@ class AccessTokens:
         header = header_of(token, settings.algorithms)
         key = await self.issuer.key(header)
         return verified(token, key, header, issuer=settings.issuer, audience=audience, leeway=settings.leeway)
+
+
+def make_reader(settings: OidcSettings) -> AccessTokens:
+    """Return what reads the tokens of an issuer.
+
+    Raises:
+        ConfigurationError: the CA file for the issuer is unusable.
+    """
+    return AccessTokens(Issuer(settings))

@@ -11,9 +11,7 @@ from typing import Any
 import pytest
 from structlog.testing import capture_logs
 
-from nena_shared.fleet_api.base import Role
-from nena_shared.settings import ConfigurationError
-from nena_shared.web.oidc.issuer import (
+from nena_shared.extensions.oidc.issuer import (
     ANSWER_LIMIT,
     FRESH,
     KEPT,
@@ -26,8 +24,10 @@ from nena_shared.web.oidc.issuer import (
     metadata_of,
     metadata_url,
 )
-from nena_shared.web.oidc.tokens import TokenHeader
-from nena_shared.web.oidc.users import IssuerUnavailableError, NoRoleError, TokenRefusedError
+from nena_shared.extensions.oidc.tokens import TokenHeader
+from nena_shared.fleet_api.base import Role
+from nena_shared.settings import ConfigurationError
+from nena_shared.web.issued_tokens import IssuerUnavailableError, NoRoleError, TokenRefusedError
 from nena_shared.web.settings import OidcSettings
 from support.broker import free_port
 from support.clocks import ManualClock

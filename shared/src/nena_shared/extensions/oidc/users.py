@@ -1,50 +1,19 @@
-"""OIDC users: user and role from the claims of a token, and reasons to reject it."""
+"""OIDC users: user and role from the claims of a token."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from nena_shared.fleet_api.base import Role
+from nena_shared.web.issued_tokens import NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.settings import OidcSettings
-
-
-class TokenRefusedError(Exception):
-    """The token is invalid; the message is the reason, e.g. "it has expired"."""
-
-
-class NoRoleError(Exception):
-    """The token is valid, but its user has no role; the message explains what to do."""
-
-
-class IssuerUnavailableError(Exception):
-    """The issuer is unavailable, so its tokens cannot be checked; the message explains why."""
-
 
 NAME_LIMIT = 64
 
-
 SUBJECT_LIMIT = 255
 """Maximum length of a subject, characters (OpenID Connect Core 1.0, section 2)."""
-
-
-@dataclass(frozen=True, slots=True)
-class OidcUser:
-    """A user authenticated by the issuer."""
-
-    name: str
-    role: Role
-    subject: str
-    """The issuer's ID of the user; never reused."""
-    expires: datetime
-    """Expiry of the token and its sessions, including leeway."""
-
-    @property
-    def known_as(self) -> str:
-        """Unique identity; differs from those of NeNa's own users, even if the names are equal."""
-        return f"{self.name} (subject {self.subject})"
 
 
 def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:

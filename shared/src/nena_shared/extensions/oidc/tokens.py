@@ -10,9 +10,7 @@ import jwt
 from jwt import PyJWK
 from jwt import exceptions as flaws
 
-from nena_shared.web.oidc.users import (
-    TokenRefusedError,
-)
+from nena_shared.web.issued_tokens import TokenRefusedError
 
 LENGTH_LIMIT = 16_384
 """Characters."""

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nena_shared.extensions.oidc.users import user_of, values_of
 from nena_shared.fleet_api.base import Role
-from nena_shared.web.oidc.users import NoRoleError, TokenRefusedError, user_of, values_of
+from nena_shared.web.issued_tokens import NoRoleError, TokenRefusedError
 from nena_shared.web.settings import OidcSettings
 
 END = 1_790_000_000

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.web.oidc.issuer import KeySet
-from nena_shared.web.oidc.tokens import LENGTH_LIMIT, header_of, verified
-from nena_shared.web.oidc.users import TokenRefusedError
+from nena_shared.extensions.oidc.issuer import KeySet
+from nena_shared.extensions.oidc.tokens import LENGTH_LIMIT, header_of, verified
+from nena_shared.web.issued_tokens import TokenRefusedError
 from support.oidc_issuer import (
     AUDIENCE,
     SigningKey,
