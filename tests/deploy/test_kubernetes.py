@@ -14,12 +14,13 @@ import kubernetes_validate  # type: ignore[import-untyped]  # it has no types
 import pytest
 import yaml  # type: ignore[import-untyped]  # its stubs would be one more dependency
 
+from nena_order_service import extension as order_service
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.fleet_api.base import Role
 from nena_shared.settings import ServiceSettings, load, settings_with
 from nena_shared.web.settings import check_exposure
+from nena_status_aggregator import extension as aggregator
 from nena_status_aggregator.api.session import make_rule
-from nena_status_aggregator.extension import installed
 from nena_status_aggregator.settings import AggregatorSettings, Share
 
 ROOT = Path(__file__).parents[2]
@@ -28,8 +29,8 @@ GUIDE = (ROOT / "docs" / "kubernetes.md").read_text()
 RELEASES = ("1.31", "1.37")
 """The oldest that the manifests are for, and the newest whose schemas there are."""
 PROGRAMS: dict[str, type[ServiceSettings]] = {
-    "order-service": OrderServiceSettings,
-    "status-aggregator": settings_with(AggregatorSettings, installed()),
+    "order-service": settings_with(OrderServiceSettings, order_service.installed()),
+    "status-aggregator": settings_with(AggregatorSettings, aggregator.installed()),
 }
 NAME = "app.kubernetes.io/name"
 INDEX = "apps.kubernetes.io/pod-index"

@@ -10,19 +10,20 @@ import pytest
 from pydantic import BaseModel
 
 from nena_edge_agent.settings import EdgeAgentSettings
+from nena_order_service import extension as order_service
 from nena_order_service.settings import OrderServiceSettings
 from nena_robot_simulator.settings import SimulatorSettings
 from nena_shared.program import HEARTBEAT_FILE
 from nena_shared.settings import settings_with
-from nena_status_aggregator.extension import installed
+from nena_status_aggregator import extension as aggregator
 from nena_status_aggregator.settings import AggregatorSettings
 
 ROOT = Path(__file__).parents[2]
 MODELS: dict[str, type[BaseModel]] = {
     "edge_agent": EdgeAgentSettings,
-    "order_service": OrderServiceSettings,
+    "order_service": settings_with(OrderServiceSettings, order_service.installed()),
     "robot_simulator": SimulatorSettings,
-    "status_aggregator": settings_with(AggregatorSettings, installed()),
+    "status_aggregator": settings_with(AggregatorSettings, aggregator.installed()),
 }
 NO_SETTING = {HEARTBEAT_FILE, "NENA_VERSION"}
 

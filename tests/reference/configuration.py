@@ -14,10 +14,11 @@ from pydantic import BaseModel, SecretStr
 from pydantic.fields import FieldInfo
 
 from nena_edge_agent.settings import EdgeAgentSettings
+from nena_order_service import extension as order_service
 from nena_order_service.settings import OrderServiceSettings
 from nena_robot_simulator.settings import SimulatorSettings
 from nena_shared.settings import ProgramSettings, SettingsGroup, settings_with
-from nena_status_aggregator.extension import installed
+from nena_status_aggregator import extension as aggregator
 from nena_status_aggregator.settings import AggregatorSettings
 from support.markdown import row
 
@@ -25,8 +26,8 @@ _HERE: Final = Path(__file__).parent
 DOCUMENT: Final = _HERE.parents[1] / "docs" / "configuration.md"
 
 PROGRAMS: Final[dict[str, type[ProgramSettings]]] = {
-    "nena-order-service": OrderServiceSettings,
-    "nena-status-aggregator": settings_with(AggregatorSettings, installed()),
+    "nena-order-service": settings_with(OrderServiceSettings, order_service.installed()),
+    "nena-status-aggregator": settings_with(AggregatorSettings, aggregator.installed()),
     "nena-edge-agent": EdgeAgentSettings,
     "nena-robot-simulator": SimulatorSettings,
 }

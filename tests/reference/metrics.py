@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from nena_edge_agent import metrics as edge_agent
+from nena_order_service import extension as order_service_extension
 from nena_order_service.api import metrics as order_service
 from nena_shared.metrics import Metric, Section
-from nena_status_aggregator.extension import installed
+from nena_status_aggregator import extension as aggregator_extension
 from nena_status_aggregator.metrics import exposition, robot_series
 from support.markdown import row
 
@@ -17,11 +18,14 @@ _HERE: Final = Path(__file__).parent
 DOCUMENT: Final = _HERE.parents[1] / "docs" / "metrics.md"
 
 PROGRAMS: Final[dict[str, tuple[Section[Any], ...]]] = {
-    "Order service": order_service.SECTIONS,
+    "Order service": (
+        *order_service.SECTIONS,
+        *(each.section for each in order_service_extension.installed().values() if each.section),
+    ),
     "Edge agent": edge_agent.SECTIONS,
     "Status aggregator": (
         *exposition.SECTIONS,
-        *(each.section for each in installed().values() if each.section),
+        *(each.section for each in aggregator_extension.installed().values() if each.section),
         Section("Single robots", tuple(robot_series.documented())),
     ),
 }

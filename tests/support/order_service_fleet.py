@@ -16,7 +16,9 @@ import httpx
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.app import serve
+from nena_order_service.extension import installed
 from nena_order_service.settings import OrderServiceSettings
+from nena_shared.settings import settings_with
 from support.broker import BrokerAddress, MqttPeer, free_port
 from support.executions import executions
 from support.programs import OrderServiceProgram, Program
@@ -113,7 +115,7 @@ class Fleet:
         ``speed_limits``: whether robots get the speeds of the plant, at which they drive for a minute; it has
         no effect if ``engine`` sets it.
         """
-        made = OrderServiceSettings.model_validate(
+        made = settings_with(OrderServiceSettings, installed()).model_validate(
             {
                 "plant": sample_plant_path(),
                 "store": {"url": self.store_url},

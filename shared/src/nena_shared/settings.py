@@ -73,10 +73,14 @@ class NoSettings(SettingsGroup):
     """The settings of an extension that has none."""
 
 
+class TopLevelSettings(BaseModel):
+    """Settings of an extension beside those of its service, instead of in a group."""
+
+
 class HasSettings(Protocol):
     """A class of extensions."""
 
-    Settings: ClassVar[type[SettingsGroup]]
+    Settings: ClassVar[type[BaseModel]]
 
 
 def secret_in(file: Path, setting: str) -> str:
@@ -216,16 +220,24 @@ class ShowVersion(argparse.Action):
 
 
 def settings_with(model: type[S], extensions: Mapping[str, type[HasSettings]]) -> type[S]:
-    """Return the settings model of a service with a group for each of its extensions."""
-    groups: dict[str, Any] = {
-        name: (
-            extension.Settings,
-            Field(default_factory=extension.Settings, description=str(extension.Settings.__doc__)),
-        )
-        for name, extension in extensions.items()
-        if extension.Settings is not NoSettings
-    }
-    return cast("type[S]", create_model(model.__name__, __base__=model, __doc__=model.__doc__, **groups))
+    """Return the settings model of a service with those of its extensions, mostly a group for each."""
+    bases: list[type[BaseModel]] = [model]
+    groups: dict[str, Any] = {}
+    for name, extension in extensions.items():
+        group = extension.Settings
+        if issubclass(group, TopLevelSettings):
+            bases.append(group)
+        elif group is not NoSettings:
+            groups[name] = (group, Field(default_factory=group, description=str(group.__doc__)))
+    made = create_model(model.__name__, __base__=tuple(bases), __doc__=model.__doc__, **groups)
+    return cast("type[S]", made)
+
+
+def settings_of(settings: ProgramSettings, name: str, extension: type[HasSettings]) -> BaseModel:
+    """Return the settings of an extension; its defaults if those of the program have none of it."""
+    if isinstance(settings, extension.Settings):
+        return settings
+    return getattr(settings, name, None) or extension.Settings()
 
 
 def load(model: type[S], argv: Sequence[str], *, program: str, description: str) -> S:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import json
-import re
 import sys
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,22 +14,13 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.program import StartError
 from nena_status_aggregator.__main__ import main
 from nena_status_aggregator.extension import GROUP, installed
-from support.broker import Broker, MqttPeer, free_port
+from support.broker import Broker, MqttPeer
+from support.extension_packages import chat_room, install, install_example
 from support.fleet_examples import order_status
-from support.guides import DOCS
 from support.served_aggregator import serving
 from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.broker
-
-
-def install(folder: Path, name: str, code: str, entry: str) -> None:
-    """Install a module with an entry point for the aggregator, as pip would."""
-    (folder / f"{name}.py").write_text(code, encoding="utf-8")
-    information = folder / f"{name}-1.0.dist-info"
-    information.mkdir()
-    (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (information / "entry_points.txt").write_text(f"[{GROUP}]\n{entry}\n")
 
 
 @pytest.fixture
@@ -45,41 +33,15 @@ def packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     sys.modules.pop("acme_chat", None)
 
 
-def example(language: str) -> str:
-    """Return the first block of a language on the page."""
-    found = re.search(rf"```{language}\n(.*?)```", (DOCS / "extensions.md").read_text("utf-8"), re.DOTALL)
-    assert found
-    return found[1]
-
-
-@pytest.fixture
-async def chat() -> AsyncIterator[tuple[str, asyncio.Queue[Any]]]:
-    """Yield the URL of a chat room, and what is posted to it."""
-    posted: asyncio.Queue[Any] = asyncio.Queue(10)
-
-    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        head = await reader.readuntil(b"\r\n\r\n")
-        length = re.search(rb"content-length: (\d+)", head.lower())
-        assert length
-        posted.put_nowait(json.loads(await reader.readexactly(int(length[1]))))
-        writer.write(b"HTTP/1.1 204 No Content\r\nConnection: close\r\n\r\n")
-        await writer.drain()
-        writer.close()
-
-    port = free_port()
-    async with await asyncio.start_server(answer, "127.0.0.1", port):
-        yield f"http://127.0.0.1:{port}/", posted
-
-
 async def test_the_example_tells_of_a_failed_order(
-    broker: Broker, interface_name: str, packages: Path, chat: tuple[str, asyncio.Queue[Any]]
+    broker: Broker, interface_name: str, packages: Path
 ) -> None:
-    url, posted = chat
-    entry = example("toml").splitlines()[-1].replace('"', "")
-    install(packages, "acme_chat", example("python"), entry)
-    async with serving(
-        broker, interface_name, chat=installed()["chat"].Settings.model_validate({"url": url})
-    ) as served:
+    install_example(packages, GROUP)
+    settings = installed()["chat"].Settings
+    async with (
+        chat_room() as (url, posted),
+        serving(broker, interface_name, chat=settings.model_validate({"url": url})) as served,
+    ):
         with MqttPeer(broker) as peer:
             topic = served.fleet.order_status("TO-1")
             failed = order_status(
@@ -101,7 +63,7 @@ class Broken(Extension):
     def on_event(self, event):
         raise ValueError
 """
-    install(packages, "acme_broken", code, "broken = acme_broken:Broken")
+    install(packages, "acme_broken", code, group=GROUP, entry="broken = acme_broken:Broken")
     async with serving(broker, interface_name) as served:
         with MqttPeer(broker) as peer:
             peer.publish(
@@ -116,7 +78,7 @@ class Broken(Extension):
 def test_an_extension_that_cannot_be_loaded_ends_the_program_with_the_reason(
     packages: Path, capsys: pytest.CaptureFixture[str], code: str, why: str
 ) -> None:
-    install(packages, "acme_chat", code, "chat = acme_chat:Chat")
+    install(packages, "acme_chat", code, group=GROUP, entry="chat = acme_chat:Chat")
     with pytest.raises(StartError, match="chat"):
         installed()
     assert main([]) == 1

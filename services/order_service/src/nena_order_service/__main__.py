@@ -7,6 +7,7 @@ import sys
 import uvloop
 
 from nena_order_service.app import serve
+from nena_order_service.extension import installed
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.program import run
 
@@ -19,6 +20,7 @@ def main() -> int:
         program="nena-order-service",
         description="Execute transport orders from REST and MQTT on VDA 5050 robots.",
         loop_factory=uvloop.new_event_loop,
+        extensions=installed,
     )
 
 

@@ -22,7 +22,7 @@ from nena_order_service.api.audit_states import ObjectStates
 from nena_order_service.api.decisions import DecisionRecorder, RecordingRequests
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.hosts import HostServices
-from nena_order_service.api.metrics import SECTIONS, Monitored
+from nena_order_service.api.metrics import Monitored, exposition
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.peripheral_link import PeripheralLink
@@ -30,7 +30,6 @@ from nena_order_service.api.plant import ChangePlant
 from nena_order_service.api.rest import Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
 from nena_order_service.api.tracing import OrderTracer
-from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.plant_change import conflicts
@@ -40,6 +39,7 @@ from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreN
 from nena_order_service.extensions.opentcs import app as opentcs
 from nena_order_service.extensions.opentcs.events import ChangeLog
 from nena_order_service.extensions.opentcs.plant import EditPlant
+from nena_order_service.extension import Core, Extension, Listeners, installed
 from nena_order_service.fleet.link import FleetLink, HeaderIds, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.orders.vda_orders import OrderPlanner
@@ -58,10 +58,9 @@ from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
-from nena_shared.metrics import Exposition
 from nena_shared.mqtt import BrokerLink, LinkHooks, MqttLink, Term, always
 from nena_shared.plant import PlantModel
-from nena_shared.settings import ConfigurationError
+from nena_shared.settings import ConfigurationError, settings_of
 from nena_shared.tasks import Supervisor, end, forever
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 
@@ -91,6 +90,7 @@ class OrderService:
     stream: EventStream
     changes: ChangeLog
     hosts: HostServices
+    extensions: Mapping[str, Extension]
     loop_lag: LoopLag
     black_box: BlackBox | None = None
     elected: asyncio.Event | None = None
@@ -102,13 +102,19 @@ class OrderService:
         return self.engine.store
 
     async def begin(
-        self, start: Callable[..., asyncio.Task[None]], absent: Collection[RobotKey] = ()
+        self,
+        start: Callable[..., asyncio.Task[None]],
+        absent: Collection[RobotKey] = (),
+        previous: Mapping[str, Extension] = MappingProxyType({}),
     ) -> None:
         """Restore the store's content, then start all parts; ``start`` starts their tasks.
 
         ``absent``: robots that need not be waited for, see :meth:`Engine.absent`.
+        ``previous``: the extensions of the order service that this one replaces.
         """
         await self.hosts.load()
+        for name, extension in self.extensions.items():
+            await extension.begin(previous.get(name))
         await asyncio.to_thread(self.engine.prepare)
         await self.engine.start(self.fleet, absent)
         start("mqtt", self._once_elected(self.mqtt.run))
@@ -122,12 +128,9 @@ class OrderService:
         start("retained sweep", self.sweep.run(), vital=False)
         if self.black_box:
             self._start_black_box(self.black_box, start)
-        for each in self.hosts.webhooks.hooks:
-            start(
-                f"web hook {each.settings.name}",
-                self._once_elected(partial(self.hosts.webhooks.run, each)),
-                vital=False,
-            )
+        for extension in self.extensions.values():
+            for name, work in extension.tasks().items():
+                start(name, self._once_elected(partial(forever, name, work)), vital=False)
 
     def _start_black_box(self, box: BlackBox, start: Callable[..., asyncio.Task[None]]) -> None:
         start("black box", forever("black box", box.run), vital=False)
@@ -144,6 +147,8 @@ class OrderService:
         """Close the event streams."""
         self.stream.close()
         self.changes.close()
+        for extension in self.extensions.values():
+            extension.close_streams()
 
     async def end(self) -> None:
         """Close streams, and end publishing and all open requests."""
@@ -151,6 +156,8 @@ class OrderService:
         self.publisher.close()
         self.heartbeat.end(self.mqtt)
         await self.mqtt_api.close()
+        for extension in self.extensions.values():
+            await extension.end()
 
 
 def build(
@@ -183,27 +190,50 @@ def build(
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream, changes, lag = EventStream(engine, settings.events), ChangeLog(plant, clock), LoopLag(clock)
-    _listen(engine, publisher, stream, changes, hosts.webhooks)
+    change = change_plant or _no_change(plant)
+    core = Core(clock, store, engine, fleet, hosts, mqtt, topics, change)
+    extensions = {name: made(settings_of(settings, name, made), core) for name, made in installed().items()}
+    listeners = Listeners(list(extensions.values()))
+    engine.unit_of_work.listeners += [publisher, stream, changes, listeners]
+    engine.unit_of_work.peripheral_listeners += [publisher, changes, listeners]
+    fleet.listeners.append(listeners)
     _follow(engine, fleet, traces, black_box)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
-    operations = HostOperations(hosts.trail, hosts.handlers())
+    added = (handler for extension in extensions.values() for handler in extension.handlers())
+    operations = HostOperations(hosts.trail, chain(hosts.handlers(), added))
     api = MqttApi(mqtt, topics, operations, MqttLimits(settings.hosts, clock), max_body=settings.max_body)
     ends = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
     parts = Monitored(engine, fleet, mqtt, api, stream, lag, answers, hosts, certificates=ends, traces=traces)
-    prefix, change = settings.opentcs_prefix, change_plant or _no_change(plant)
+    prefix = settings.opentcs_prefix
+    mounted = {prefix: opentcs.make_app(hosts, engine, changes, change)} if prefix else {}
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
         asyncapi=cache(lambda: json.dumps(document(topics)).encode()),
         readiness=lambda: readiness(mqtt, store, lag.longest, failed=engine.unit_of_work.failed.is_set()),
         max_body=settings.max_body,
-        metrics=Exposition(parts, SECTIONS).text,
-        mounted={prefix: opentcs.make_app(hosts, engine, changes, change)} if prefix else {},
+        metrics=exposition(parts, extensions.values()),
+        routers=[router for extension in extensions.values() for router in extension.routers()],
+        mounted=dict(chain(mounted.items(), *(each.apps().items() for each in extensions.values()))),
     )
     app = make_app(operations, stream, service)
-    made = OrderService(engine, fleet, publisher, beat, sweep, mqtt, app, api, stream, changes, hosts, lag)
-    made.elected, made.black_box = elected, black_box
-    return made
+    return OrderService(
+        engine=engine,
+        fleet=fleet,
+        publisher=publisher,
+        heartbeat=beat,
+        sweep=sweep,
+        mqtt=mqtt,
+        app=app,
+        mqtt_api=api,
+        stream=stream,
+        changes=changes,
+        hosts=hosts,
+        extensions=extensions,
+        loop_lag=lag,
+        black_box=black_box,
+        elected=elected,
+    )
 
 
 def _make_heartbeat(engine: Engine, topics: FleetTopics, *, epoch: int) -> Heartbeat:
@@ -214,19 +244,6 @@ def _make_heartbeat(engine: Engine, topics: FleetTopics, *, epoch: int) -> Heart
     )
     stops.changed = heartbeat.hurry
     return heartbeat
-
-
-def _listen(
-    engine: Engine,
-    publisher: StatusPublisher,
-    stream: EventStream,
-    changes: ChangeLog,
-    webhooks: Webhooks,
-) -> None:
-    engine.unit_of_work.listeners += [publisher, stream, changes]
-    if webhooks.hooks:
-        engine.unit_of_work.listeners.append(webhooks)
-    engine.unit_of_work.peripheral_listeners += [publisher, changes]
 
 
 def _follow(engine: Engine, fleet: FleetLink, traces: Exporting | None, box: BlackBox | None) -> None:
@@ -268,14 +285,12 @@ def _make_host_services(
     states = ObjectStates(engine, zones, schedules)
     engine.unit_of_work.record = record_current
     trail = Trail(engine.store, engine.clock, states, kept_days=settings.audit.kept_days)
-    webhooks = Webhooks.of(settings.webhooks, engine.store, engine.clock)
     return HostServices(
         engine,
         zones=zones,
         schedules=schedules,
         trail=trail,
         recordings=RecordingRequests(black_box),
-        webhooks=webhooks,
     )
 
 
@@ -498,15 +513,20 @@ class ServiceRunner:
         service.changes.count = old.changes.count
         self.service = service
         try:
-            await self._begin(service, absent)
+            await self._begin(service, absent, old.extensions)
         except StoreNotReadyError as error:
             # Not an answer to a host: no engine is active any more, so the program must exit.
             message = "the order service cannot continue from its store: it is unavailable"
             raise RuntimeError(message) from error
         self.show(service.app)
 
-    async def _begin(self, service: OrderService, absent: Collection[RobotKey] = ()) -> None:
-        await service.begin(self._start, absent)
+    async def _begin(
+        self,
+        service: OrderService,
+        absent: Collection[RobotKey] = (),
+        previous: Mapping[str, Extension] = MappingProxyType({}),
+    ) -> None:
+        await service.begin(self._start, absent, previous)
         self._start("restart", self._request_restart(service.engine.unit_of_work.failed), vital=False)
 
     async def _request_restart(self, failed: asyncio.Event) -> None:

@@ -16,7 +16,6 @@ from nena_shared.fleet_api.transport_order import (
     FailureMeasure,
     FailurePolicy,
     FailureStep,
-    TransportOrderState,
 )
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.web.settings import HttpSettings
@@ -99,25 +98,6 @@ class EventSettings(SettingsGroup):
     clients: int = Field(100, ge=1, description="Maximum number of event stream clients.")
 
 
-class WebhookSettings(SettingsGroup):
-    """A web hook: a URL that receives changed orders."""
-
-    name: str = Field(
-        pattern=r"^[A-Za-z0-9_.-]{1,100}$", description="Name; what the receiver has is stored under it."
-    )
-    url: HttpUrl = Field(description="URL that receives the messages by POST.")
-    secret_file: Path = Field(
-        description="File with the key of the signatures: `whsec_` and 24 to 64 bytes in base64."
-    )
-    ca: Path | None = Field(None, description="CA bundle (PEM) for the receiver. Unset: the system CA store.")
-    states: tuple[TransportOrderState, ...] = Field(
-        (), description="Send only orders in these states. Empty: every change of an order."
-    )
-    retry_hours: float = Field(
-        24.0, gt=0, le=720, description="Time after which an undeliverable message is given up, hours."
-    )
-
-
 class HostSettings(SettingsGroup):
     """Limits of hosts over MQTT."""
 
@@ -151,9 +131,6 @@ class OrderServiceSettings(ServiceSettings):
     )
     topic_prefix: TopicPrefix = Field(
         "nena/v1", description="MQTT topic prefix for hosts; use one per fleet."
-    )
-    webhooks: tuple[WebhookSettings, ...] = Field(
-        (), max_length=20, description="Web hooks (docs/order-service.md)."
     )
     hosts: HostSettings = Field(default_factory=HostSettings, description="Limits of hosts over MQTT.")
     tracing: TracingSettings = Field(

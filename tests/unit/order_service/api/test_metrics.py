@@ -16,6 +16,7 @@ from nena_order_service.api import metrics
 from nena_order_service.api.metrics import SECTIONS, _answers
 from nena_order_service.api.rest import role_needed, rule_of
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
+from nena_order_service.extension import installed
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.service import OrderService
 from nena_shared.fleet_api.base import Role
@@ -44,7 +45,8 @@ async def test_every_metric_of_the_tables_is_shown(client: httpx.AsyncClient) ->
     types = {
         line.split()[2]: line.split()[3] for line in text.splitlines() if line.startswith("# TYPE nena_")
     }
-    assert types == {each.name: each.kind.value for section in SECTIONS for each in section.metrics}
+    sections = [*SECTIONS, *(each.section for each in installed().values() if each.section)]
+    assert types == {metric.name: metric.kind.value for section in sections for metric in section.metrics}
 
 
 async def test_orders_are_counted_by_state_and_by_what_they_wait_for(client: httpx.AsyncClient) -> None:

@@ -15,7 +15,6 @@ from nena_order_service.api.schedules import schedule_handlers
 from nena_order_service.api.sequences import SequenceOperations
 from nena_order_service.api.stops import StopOperations
 from nena_order_service.api.vehicles import VehicleOperations
-from nena_order_service.api.webhooks import Webhooks
 from nena_order_service.api.zone_sets import zone_set_handlers
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
@@ -23,7 +22,6 @@ from nena_order_service.engine.schedules import Schedules
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_shared.fleet_api.operations import fleet as table
 from nena_shared.fleet_api.requests import FleetSummary
-from nena_shared.fleet_api.webhooks import WebhookList
 
 
 class HostServices:
@@ -37,14 +35,12 @@ class HostServices:
         schedules: Schedules,
         trail: Trail,
         recordings: RecordingRequests,
-        webhooks: Webhooks,
     ) -> None:
         self._engine = engine
         self.zones = zones
         self.schedules = schedules
         self.trail = trail
         self.recordings = recordings
-        self.webhooks = webhooks
         self.locks = PathLocks(engine)
         self.orders = OrderOperations(engine)
         self.sequences = SequenceOperations(engine)
@@ -72,7 +68,6 @@ class HostServices:
         yield from self.peripherals.handlers()
         yield Handler(table.SUMMARISE, self._summary)
         yield Handler(table.SHOW_TRAFFIC_PLAN, self._engine.traffic_plan)
-        yield Handler(table.LIST_WEBHOOKS, lambda: WebhookList(webhooks=self.webhooks.statuses))
         yield Handler(table.LIST_AUDIT, lambda request: self.trail.page(wanted=request))
         yield Handler(table.FETCH_RECORDING, self.recordings.fetch)
 

@@ -6,12 +6,12 @@ To add one: count it where it happens, read it here, and run ``make reference``.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from importlib.metadata import version
 from time import time
-from typing import Final, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.hosts import HostServices
@@ -54,6 +54,12 @@ class Running(Protocol):
     def store_ready(self) -> bool:
         """Whether the store can be written."""
         ...
+
+
+class HasSection(Protocol):
+    """A part of the order service with metrics of its own."""
+
+    section: ClassVar[Section[Any] | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -346,23 +352,6 @@ MESSAGES: Final[Section[Monitored]] = Section(
         ),
         *link_metrics("nena_mqtt_", lambda s: s.mqtt.state),
         *certificate_metrics(lambda s: s.certificates),
-        counter(
-            "nena_order_service_webhook_messages_total",
-            "Messages of web hooks: `delivered`, or given up (`dropped`).",
-            lambda s: {
-                (each.settings.name, result): count
-                for each in s.hosts.webhooks.hooks
-                for result, count in (("delivered", each.delivered), ("dropped", each.dropped))
-            },
-            "webhook",
-            "result",
-        ),
-        gauge(
-            "nena_order_service_webhook_retrying",
-            "1 while the receiver of a web hook does not accept a message.",
-            lambda s: {each.settings.name: each.failing for each in s.hosts.webhooks.hooks},
-            "webhook",
-        ),
         gauge("nena_event_clients", "Clients of the event stream.", lambda s: s.stream.clients),
         counter(
             "nena_order_service_event_overflows_total",
@@ -473,3 +462,10 @@ SECTIONS: Final = (PROGRAM, ORDERS, ROBOTS, PERIPHERALS, MESSAGES, WORK)
 def standing_by(role: Waiting) -> bytes:
     """Return the metrics of an order service that is not active."""
     return Exposition(role, (PROGRAM,)).text()
+
+
+def exposition(service: Monitored, extensions: Iterable[HasSection]) -> Callable[[], bytes]:
+    """Return a function that writes all metrics: of the order service, of its extensions, of the process."""
+    parts = [Exposition(service, SECTIONS)]
+    parts += [Exposition(each, (each.section,), process=False) for each in extensions if each.section]
+    return lambda: b"".join(part.text() for part in parts)

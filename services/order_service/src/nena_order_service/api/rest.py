@@ -6,7 +6,7 @@ Outside the table are the plant model (a file), the event stream, probes, and th
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncGenerator, Callable, Mapping
+from collections.abc import AsyncGenerator, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from http import HTTPStatus
@@ -39,6 +39,7 @@ from nena_shared.fleet_api.operations import (
 )
 from nena_shared.fleet_api.refusals import PROBLEMS, Refusal
 from nena_shared.fleet_api.requests import Readiness
+from nena_shared.settings import ConfigurationError
 from nena_shared.web.access import RoleNeeded
 from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import describe_problems
@@ -94,6 +95,8 @@ class Service:
     """Maximum size of a request body, bytes."""
     metrics: Callable[[], bytes]
     """Returns the metrics in the Prometheus text format."""
+    routers: Sequence[APIRouter]
+    """Routes of extensions."""
     mounted: Mapping[str, ASGIApp]
     """Other applications by the paths under which they are mounted."""
 
@@ -116,8 +119,10 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     }
     app.add_middleware(BodyLimit, limit=service.max_body, larger=larger)
     problems.install(app)
-    for each in OPERATIONS:
+    for each in in_order(operations):
         add_operation(app, operations, each)
+    for router in service.routers:
+        app.include_router(router)
     app.include_router(
         audit_csv(operations.trail),
         dependencies=[known_query(*FILTERS)],
@@ -132,6 +137,22 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
     describe_problems(app)
     describe_login(app)
     return app
+
+
+def in_order(operations: HostOperations) -> Iterator[Operation[Any]]:
+    """Yield the operations with a handler: those of the table, then other ones of extensions.
+
+    Raises:
+        ConfigurationError: only administrators may use another one; :func:`role_needed` knows only the table.
+
+    """
+    yield from (each for each in OPERATIONS if each.name in operations.handlers)
+    for handler in operations.handlers.values():
+        if handler.operation in OPERATIONS:
+            continue
+        if handler.operation.admin:
+            raise ConfigurationError([f"the operation {handler.operation.name} must not set admin"])
+        yield handler.operation
 
 
 @lru_cache(ROLES_KEPT)

@@ -1,1 +1,1 @@
-"""Extensions of the order service, each in a folder of its own; see docs/extensions.md."""
+"""Parts of the order service that its core does not import; see docs/extensions.md."""

@@ -94,7 +94,7 @@ class Operation(Generic[A]):
     @property
     def tag(self) -> str:
         """Tag in the OpenAPI document."""
-        return TAGS[self.prefix.rstrip("/")]
+        return TAGS.get(self.prefix.rstrip("/"), self.prefix.split("/")[2])
 
     @property
     def prefix(self) -> str:

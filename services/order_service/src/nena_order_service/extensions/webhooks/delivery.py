@@ -1,9 +1,8 @@
-"""Web hooks: send changed orders to URLs of hosts, by the scheme of Standard Webhooks (1.0).
+"""Deliver changed orders to URLs of hosts, by the scheme of Standard Webhooks (1.0).
 
 A web hook stores the number of the last change that its receiver has, like a client of the event stream. It
 reads what changed since then from the store: nothing queues in memory, a restart or takeover continues where
 the last one ended, and an order that changed several times meanwhile is sent once, in its present state.
-Each web hook has its own task, so an unreachable receiver does not delay the others.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ import hmac
 import json
 import ssl
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import datetime, timedelta
 from typing import Any, Final, Protocol, Self
 from urllib.parse import urlsplit
 
 from nena_order_service.errors import StoreNotReadyError
-from nena_order_service.settings import WebhookSettings
+from nena_order_service.extensions.webhooks.settings import WebhookSettings
 from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from nena_shared.clock import Clock
@@ -141,7 +140,7 @@ class Webhook:
         self._changed.set()
 
     async def run(self, receiver: Receiver) -> None:
-        """Deliver until cancelled, or until the receiver is gone."""
+        """Deliver until cancelled; once the receiver is gone, do nothing."""
         began = False
         async with receiver:
             while self._state is not WebhookState.DISABLED:
@@ -158,6 +157,7 @@ class Webhook:
                     pause = PAUSES[-1]
                 await self._wait(pause)
         log.warning("web hook disabled: its receiver is gone; restart to use it again", **self._names)
+        await asyncio.Event().wait()
 
     async def _begin(self) -> None:
         """Continue where the last run ended; a new web hook begins with the present."""
@@ -327,41 +327,3 @@ class HttpReceiver:
         except (self._httpx.HTTPError, self._httpx.InvalidURL) as error:
             message = f"{type(error).__name__}: {error}"
             raise ConnectionError(message) from error
-
-
-class Webhooks:
-    """All web hooks; listens to the engine."""
-
-    def __init__(self, hooks: Sequence[tuple[Webhook, Receiver]]) -> None:
-        self.hooks = tuple(hook for hook, _ in hooks)
-        self._receivers = {hook.settings.name: receiver for hook, receiver in hooks}
-
-    @classmethod
-    def of(cls, settings: Sequence[WebhookSettings], store: Store, clock: Clock) -> Webhooks:
-        """Create them; raises ConfigurationError if a secret, a CA or the HTTP library is missing."""
-        names = [each.name for each in settings]
-        if len(set(names)) < len(names):
-            raise ConfigurationError([f"webhooks: use each name once: {', '.join(sorted(names))}"])
-        return cls(
-            [(Webhook(each, read_secret(each), store, clock), HttpReceiver(each)) for each in settings]
-        )
-
-    async def run(self, hook: Webhook) -> None:
-        """Run one of them."""
-        await hook.run(self._receivers[hook.settings.name])
-
-    @property
-    def statuses(self) -> tuple[WebhookStatus, ...]:
-        """All web hooks as hosts see them."""
-        return tuple(each.status for each in self.hooks)
-
-    def order_changed(self, _: TransportOrderStatus) -> None:
-        """Wake all web hooks."""
-        for each in self.hooks:
-            each.wake()
-
-    def sequence_changed(self, _: object) -> None:
-        """Order sequences are not sent."""
-
-    def vehicle_changed(self, _: object) -> None:
-        """Vehicles are not sent."""

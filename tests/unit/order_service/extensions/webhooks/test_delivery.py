@@ -16,11 +16,11 @@ from typing import Any, Self
 import httpx
 import pytest
 
-from nena_order_service.api import webhooks
-from nena_order_service.api.webhooks import Webhook, Webhooks, id_of, read_secret, signed
 from nena_order_service.errors import StoreNotReadyError
+from nena_order_service.extensions.webhooks import Webhooks, delivery
+from nena_order_service.extensions.webhooks.delivery import Webhook, id_of, read_secret, signed
+from nena_order_service.extensions.webhooks.settings import WebhookSettings
 from nena_order_service.service import OrderService
-from nena_order_service.settings import WebhookSettings
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.webhooks import WebhookState
@@ -75,18 +75,20 @@ Listen = Callable[..., Any]
 @pytest.fixture
 def listen(service: OrderService, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Listen:
     """Return a function that runs a web hook until its block ends."""
-    monkeypatch.setattr(webhooks, "PAUSES", (0.01,))
+    monkeypatch.setattr(delivery, "PAUSES", (0.01,))
 
     @asynccontextmanager
     async def run(receiver: Receiver, **fields: Any) -> AsyncIterator[Webhook]:
         settings = hook_settings(tmp_path, **fields)
         hook = Webhook(settings, KEY, service.store, SystemClock())
-        service.engine.unit_of_work.listeners.append(Webhooks([(hook, receiver)]))
+        webhooks = service.extensions["webhooks"]
+        assert isinstance(webhooks, Webhooks)
+        webhooks.hooks[hook] = receiver
         task = asyncio.create_task(hook.run(receiver))
         await until(lambda: hook._stored >= 0)
         yield hook
         await end(task)
-        service.engine.unit_of_work.listeners.pop()
+        del webhooks.hooks[hook]
 
     return run
 
@@ -207,6 +209,6 @@ async def test_only_the_chosen_states_are_sent(listen: Listen, client: httpx.Asy
 
 
 async def test_the_list_hides_what_is_secret_in_a_url(listen: Listen, client: httpx.AsyncClient) -> None:
-    async with listen(Receiver()) as hook:
-        assert hook.status.url == "http://host/hook"
-        assert (await client.get("/v1/webhooks")).json() == {"webhooks": []}
+    async with listen(Receiver()):
+        (shown,) = (await client.get("/v1/webhooks")).json()["webhooks"]
+        assert shown["url"] == "http://host/hook"
