@@ -33,7 +33,6 @@ from nena_order_service.api.tracing import OrderTracer
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.plant_change import conflicts
-from nena_order_service.engine.schedules import Schedules
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.extensions.opentcs import app as opentcs
@@ -90,6 +89,7 @@ class OrderService:
     stream: EventStream
     changes: ChangeLog
     hosts: HostServices
+    operations: HostOperations
     extensions: Mapping[str, Extension]
     loop_lag: LoopLag
     black_box: BlackBox | None = None
@@ -123,7 +123,6 @@ class OrderService:
         start("loop lag", self.loop_lag.run())
         start("heartbeat", self.heartbeat.run(self.mqtt))
         start("zone sets", self.hosts.zones.run())
-        start("schedules", self._once_elected(self.hosts.schedules.run))
         start("audit trail", self.hosts.trail.run(), vital=False)
         start("retained sweep", self.sweep.run(), vital=False)
         if self.black_box:
@@ -229,6 +228,7 @@ def build(
         stream=stream,
         changes=changes,
         hosts=hosts,
+        operations=operations,
         extensions=extensions,
         loop_lag=lag,
         black_box=black_box,
@@ -281,14 +281,13 @@ def make_fleet(
 def _make_host_services(
     settings: OrderServiceSettings, engine: Engine, fleet: FleetLink, black_box: BlackBox | None
 ) -> HostServices:
-    zones, schedules = ZoneSets(engine, fleet.send_zone_set), Schedules(engine)
-    states = ObjectStates(engine, zones, schedules)
+    zones = ZoneSets(engine, fleet.send_zone_set)
+    states = ObjectStates(engine, zones)
     engine.unit_of_work.record = record_current
     trail = Trail(engine.store, engine.clock, states, kept_days=settings.audit.kept_days)
     return HostServices(
         engine,
         zones=zones,
-        schedules=schedules,
         trail=trail,
         recordings=RecordingRequests(black_box),
     )

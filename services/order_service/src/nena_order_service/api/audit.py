@@ -20,7 +20,7 @@ from typing import Any, Final
 from pydantic import BaseModel
 from starlette.requests import HTTPConnection
 
-from nena_order_service.api.audit_states import ObjectStates, created_in
+from nena_order_service.api.audit_states import DescribeObject, ObjectStates, created_in
 from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.errors import RefusedError, StoreNotReadyError
 from nena_order_service.store.audit import AuditRow
@@ -80,6 +80,8 @@ class ChangingRequest:
     """Whether each created object gets a row, besides the one of the request."""
     joins: bool = True
     """Whether the row is committed with the request's change; otherwise when the request ends."""
+    state: DescribeObject | None = None
+    """Describes the object, if it is of a kind that the core does not have."""
 
 
 _CURRENT: ContextVar[OpenRequest | None] = ContextVar("audited request", default=None)
@@ -107,7 +109,7 @@ class OpenRequest:
         """State of the object after the request, as JSON; empty: described when the row is written."""
         self._trail = trail
         self._asked = asked
-        self._before = trail.states.of(asked.kind, asked.name)
+        self._before = self._state_of(asked.kind, asked.name)
         self._is_recorded = self._is_over = False
 
     def committing(self, changes: Changes) -> None:
@@ -117,7 +119,7 @@ class OpenRequest:
         created = created_in(changes, self._asked.creates) if self._asked.creates else ""
         if self._asked.creates_many:
             if created:
-                after = self._trail.states.of(self._asked.creates, created, changes)
+                after = self._state_of(self._asked.creates, created, changes)
                 changes.audit.append(self._row(AuditResult.DONE, name=created, after=after, body=str))
         elif not self._is_recorded:
             self._is_recorded = True
@@ -131,15 +133,18 @@ class OpenRequest:
         if result is not AuditResult.DONE:
             self._trail.add(self._row(result, name=self.name, reason=reason))
         elif not self._is_recorded:
-            after = self.after or self._trail.states.of(self._asked.kind, self.name)
+            after = self.after or self._state_of(self._asked.kind, self.name)
             if self._asked.creates == self._asked.kind and not self._asked.creates_many:
                 self._before = after  # it was created before, by the same request
             self._trail.add(self._row(result, name=self.name, after=after))
 
+    def _state_of(self, kind: str, name: str, changes: Changes | None = None) -> str:
+        return self._trail.states.of(kind, name, changes, self._asked.state)
+
     def _row_of(self, created: str, changes: Changes) -> AuditRow:
-        states, asked = self._trail.states, self._asked
+        asked = self._asked
         name = created if created and asked.creates == asked.kind else self.name
-        after = self.after or states.of(asked.kind, name, changes)
+        after = self.after or self._state_of(asked.kind, name, changes)
         if created and asked.creates != asked.kind:  # such as the order of a dispatched vehicle
             after = json.dumps({asked.creates: created}, ensure_ascii=False)
         return self._row(AuditResult.DONE, name=name, after=after)

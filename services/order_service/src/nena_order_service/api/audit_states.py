@@ -8,31 +8,29 @@ from contextlib import suppress
 from typing import Any
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.engine.schedules import SCHEDULE, Schedules
 from nena_order_service.engine.state import PERIPHERAL_JOB
 from nena_order_service.engine.stops import STOP
 from nena_order_service.engine.zone_sets import KIND as ZONE_SET
 from nena_order_service.engine.zone_sets import Wanted, ZoneSets
-from nena_order_service.errors import UnknownScheduleError, UnknownStopError, UnknownZoneSetError
-from nena_order_service.orders.schedule import Schedule
+from nena_order_service.errors import UnknownStopError, UnknownZoneSetError
 from nena_order_service.store.database import Changes
-from nena_shared.fleet_api.schedules import ScheduleDefinition
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)
 
 State = dict[str, Any]
+DescribeObject = Callable[[str, Changes], State | None]
+"""Describes an object by its name in a few words, with changes that are not committed yet."""
 
 
 class ObjectStates:
     """Describes objects in memory; ``changes`` are those of a request, which are not committed yet."""
 
-    def __init__(self, engine: Engine, zones: ZoneSets, schedules: Schedules) -> None:
+    def __init__(self, engine: Engine, zones: ZoneSets) -> None:
         self._engine = engine
         self._zones = zones
-        self._schedules = schedules
         self._state = engine.state
-        self._kinds: dict[str, Callable[[str, Changes], State | None]] = {
+        self._kinds: dict[str, DescribeObject] = {
             "transportOrder": self._order,
             "orderSequence": self._sequence,
             "vehicle": self._vehicle,
@@ -40,13 +38,14 @@ class ObjectStates:
             "stop": self._stop,
             "peripheralJob": self._job,
             "zoneSet": self._zone_set,
-            "schedule": self._schedule,
             "plantModel": self._plant_model,
         }
 
-    def of(self, kind: str, name: str, changes: Changes | None = None) -> str:
-        """Return the state of an object as JSON; empty if it is unknown."""
-        describe = self._kinds.get(kind)
+    def of(
+        self, kind: str, name: str, changes: Changes | None = None, describe: DescribeObject | None = None
+    ) -> str:
+        """Return the state of an object as JSON, by ``describe`` if given; empty if it is unknown."""
+        describe = describe or self._kinds.get(kind)
         try:
             found = describe(name, changes or Changes()) if describe else None
         except Exception:  # an object that cannot be described must not hold up the change
@@ -99,25 +98,11 @@ class ObjectStates:
             return {"enabled": known.enabled, "deleted": known.deleted}
         return None
 
-    def _schedule(self, name: str, changes: Changes) -> State | None:
-        if (SCHEDULE, name) in changes.documents:
-            document = changes.documents[SCHEDULE, name]
-            if document is None:
-                return {"deleted": True}
-            return _of_schedule(Schedule.model_validate_json(document).definition)
-        with suppress(UnknownScheduleError):
-            return _of_schedule(self._schedules.get(name))
-        return None
-
     def _plant_model(self, _name: str, changes: Changes) -> State | None:
         plant = self._engine.plant
         return (
             None if changes else {"name": plant.name, "points": len(plant.points), "paths": len(plant.paths)}
         )
-
-
-def _of_schedule(definition: ScheduleDefinition) -> State:
-    return {"cron": definition.cron, "timeZone": definition.time_zone, "enabled": definition.enabled}
 
 
 def created_in(changes: Changes, kind: str) -> str:

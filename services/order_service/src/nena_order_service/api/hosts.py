@@ -11,14 +11,12 @@ from nena_order_service.api.operations import Handler
 from nena_order_service.api.orders import OrderOperations
 from nena_order_service.api.peripherals import PeripheralOperations
 from nena_order_service.api.plant import PlantOperations
-from nena_order_service.api.schedules import schedule_handlers
 from nena_order_service.api.sequences import SequenceOperations
 from nena_order_service.api.stops import StopOperations
 from nena_order_service.api.vehicles import VehicleOperations
 from nena_order_service.api.zone_sets import zone_set_handlers
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.path_locks import PathLocks
-from nena_order_service.engine.schedules import Schedules
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_shared.fleet_api.operations import fleet as table
 from nena_shared.fleet_api.requests import FleetSummary
@@ -32,13 +30,11 @@ class HostServices:
         engine: Engine,
         *,
         zones: ZoneSets,
-        schedules: Schedules,
         trail: Trail,
         recordings: RecordingRequests,
     ) -> None:
         self._engine = engine
         self.zones = zones
-        self.schedules = schedules
         self.trail = trail
         self.recordings = recordings
         self.locks = PathLocks(engine)
@@ -54,13 +50,11 @@ class HostServices:
         await self._engine.load_stops()
         await self.locks.load()
         await self.zones.load()
-        await self.schedules.load()
 
     def handlers(self) -> Iterator[Handler]:
         """Yield what executes each operation."""
         yield from self.orders.handlers()
         yield from self.sequences.handlers()
-        yield from schedule_handlers(self.schedules)
         yield from self.vehicles.handlers()
         yield from self.plant.handlers()
         yield from zone_set_handlers(self.zones)

@@ -179,12 +179,6 @@ ORDERS: Final[Section[Monitored]] = Section(
             lambda s: s.engine.state.orders.statistics.late,
         ),
         counter(
-            "nena_order_service_schedule_runs_total",
-            "Runs of schedules: `created` an order, or `skipped` (missed in an outage, or refused).",
-            lambda s: s.hosts.schedules.outcomes,
-            "outcome",
-        ),
-        counter(
             "nena_order_service_order_events_total",
             "Entries of the orders' histories, by their event codes: what was retried, rerouted, held.",
             lambda s: s.engine.state.orders.statistics.events,

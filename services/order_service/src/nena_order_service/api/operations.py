@@ -18,6 +18,7 @@ from pydantic import BaseModel
 
 from nena_order_service.api.audit import (
     ChangingRequest,
+    DescribeObject,
     OpenRequest,
     Origin,
     Trail,
@@ -110,6 +111,8 @@ class Handler:
     """An example of the request's body."""
     answer: Any = None
     """An example of the answer, where its fields need no long history to be understood."""
+    state: DescribeObject | None = None
+    """Describes the object for the audit trail; None: of a kind that the core has, or of no kind."""
 
 
 class HostOperations:
@@ -127,7 +130,7 @@ class HostOperations:
         values = {name: getattr(call, name) for name in self._needs[operation.name]}
         reads = operation.method == "GET"
         recording: AbstractContextManager[OpenRequest | None] = (
-            nullcontext() if reads else self.trail.recorded(_changing_request(operation, call))
+            nullcontext() if reads else self.trail.recorded(self._changing_request(operation, call))
         )
         with recording as recorded:
             answer = self.handlers[operation.name].execute(**values)
@@ -138,6 +141,22 @@ class HostOperations:
                 recorded.name = recorded.name or getattr(reply.body, "name", "")
                 recorded.after = _outcome(reply.body)
             return reply
+
+    def _changing_request(self, operation: Operation[Any], call: Call[Any]) -> ChangingRequest:
+        """Return what the audit trail records of a request."""
+        is_batch = operation is CREATE_ORDERS
+        creates = operation.creates or (operation.path if is_batch or operation is STOP else "")
+        return ChangingRequest(
+            origin=call.origin,
+            operation=operation.name,
+            kind=kind_of(operation.path),
+            name=call.request.zone_set_id if operation is PUT_ZONE_SET else call.name,
+            body=_size_of_batch(call.request) if is_batch else body_of_model(call.request),
+            creates=kind_of(creates) if creates else "",
+            creates_many=is_batch,
+            joins=operation is not INSTANT_ACTION,
+            state=self.handlers[operation.name].state,
+        )
 
 
 def page_of(objects: Iterable[N], limit: int | None) -> tuple[tuple[N, ...], str | None]:
@@ -160,22 +179,6 @@ def _reply(operation: Operation[Any], answer: Any) -> Reply:  # noqa: ANN401 - s
         body, new = answer
         return Reply(body, created(new=new))
     return Reply(answer, created(new=bool(operation.creates)))
-
-
-def _changing_request(operation: Operation[Any], call: Call[Any]) -> ChangingRequest:
-    """Return what the audit trail records of a request."""
-    is_batch = operation is CREATE_ORDERS
-    creates = operation.creates or (operation.path if is_batch or operation is STOP else "")
-    return ChangingRequest(
-        origin=call.origin,
-        operation=operation.name,
-        kind=kind_of(operation.path),
-        name=call.request.zone_set_id if operation is PUT_ZONE_SET else call.name,
-        body=_size_of_batch(call.request) if is_batch else body_of_model(call.request),
-        creates=kind_of(creates) if creates else "",
-        creates_many=is_batch,
-        joins=operation is not INSTANT_ACTION,
-    )
 
 
 def _size_of_batch(batch: TransportOrderBatch) -> Callable[[], str]:

@@ -13,20 +13,28 @@ from contextvars import Context
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 from cronsim import CronSimError
 from pydantic import ValidationError
 
 from nena_order_service.engine.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, TooManySchedulesError, UnknownScheduleError
-from nena_order_service.orders.schedule import LOOK_BACK, ON_TIME, DueRuns, Schedule, check_schedule, due
+from nena_order_service.extensions.schedules.schedule import (
+    LOOK_BACK,
+    ON_TIME,
+    DueRuns,
+    Schedule,
+    check_schedule,
+    due,
+)
 from nena_order_service.orders.validation import InvalidRequestError, check_request, set_operations
+from nena_order_service.store.database import Changes
 from nena_shared.fleet_api.reasons import Reason, ReasonCode, explained, reason_of
 from nena_shared.fleet_api.schedules import ScheduleRequest, ScheduleRun, ScheduleStatus
 from nena_shared.fleet_api.transport_order import OrderTemplate, TransportOrderRequest
 from nena_shared.log import get_logger
-from nena_shared.tasks import forever, set_within
+from nena_shared.tasks import set_within
 
 R = ReasonCode
 
@@ -157,11 +165,17 @@ class Schedules:
         await self._engine.unit_of_work.wait_committed()
         return deleted.status
 
-    async def run(self) -> None:
-        """Create the orders that are due, until cancelled."""
-        await forever("schedules", self._run_when_due)
+    def state(self, name: str, changes: Changes) -> dict[str, Any] | None:
+        """Return a schedule in a few words, with ``changes`` that are not committed yet; None: unknown."""
+        if (SCHEDULE, name) in changes.documents and name not in self._known:
+            return {"deleted": True}
+        if name not in self._known:
+            return None
+        definition = self._known[name].schedule.definition
+        return {"cron": definition.cron, "timeZone": definition.time_zone, "enabled": definition.enabled}
 
-    async def _run_when_due(self) -> None:
+    async def run_when_due(self) -> None:
+        """Wait until orders are due, and create them."""
         now = self._engine.clock.now()
         waits = [each for plan in self._known.values() if (each := plan.due_in(now)) is not None]
         if not waits:

@@ -11,8 +11,8 @@ import httpx
 import pytest
 
 from nena_order_service.api.mqtt import COMMANDS
-from nena_order_service.engine import schedules as engine_schedules
-from nena_order_service.engine.schedules import Schedules
+from nena_order_service.extensions.schedules import ScheduledOrders, schedules
+from nena_order_service.extensions.schedules.schedules import Schedules
 from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
@@ -51,8 +51,14 @@ async def orders(client: httpx.AsyncClient) -> list[str]:
     return [each["name"] for each in reversed(found)]
 
 
+def schedules_of(service: OrderService) -> Schedules:
+    extension = service.extensions["schedules"]
+    assert isinstance(extension, ScheduledOrders)
+    return extension.schedules
+
+
 async def run_due(service: OrderService) -> None:
-    await service.hosts.schedules.run_due()
+    await schedules_of(service).run_due()
     await service.engine.unit_of_work.wait_committed()
 
 
@@ -168,7 +174,8 @@ async def test_restart_continues_after_the_last_run(
     again = build(settings, service.engine.plant, service.store)
     again.engine.clock = clock
     await again.hosts.load()
-    assert json.loads(again.hosts.schedules.get("milk-run").model_dump_json(by_alias=True)) == before
+    await schedules_of(again).load()
+    assert json.loads(schedules_of(again).get("milk-run").model_dump_json(by_alias=True)) == before
     await again.engine.start(again.fleet)
     clock.advance(DAY)
     await run_due(again)
@@ -235,11 +242,11 @@ async def test_order_that_no_longer_fits_the_plant_is_reported(
 async def test_due_run_waits_for_the_store(
     client: httpx.AsyncClient, service: OrderService, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine_schedules, "LOOK_INTERVAL", 0.0)
+    monkeypatch.setattr(schedules, "LOOK_INTERVAL", 0.0)
     await put(client)
     clock.advance(16 * HOUR)
     service.store.problem = "disk full"
-    await service.hosts.schedules.run_due()
+    await schedules_of(service).run_due()
     refused = await client.put(MILK_RUN, json={**BODY, "cron": "0 7 * * *"})
     assert refused.status_code == 503
     service.store.problem = ""
@@ -251,7 +258,7 @@ async def test_due_run_waits_for_the_store(
 async def test_schedule_that_fails_is_retried_and_holds_up_no_other(
     client: httpx.AsyncClient, service: OrderService, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine_schedules, "LOOK_INTERVAL", 0.0)
+    monkeypatch.setattr(schedules, "LOOK_INTERVAL", 0.0)
     await put(client)
     await put(client, "/v1/schedules/other")
     create = service.engine.create_with
@@ -294,7 +301,7 @@ async def test_invalid_schedule_is_refused(
 async def test_number_of_schedules_is_limited(
     client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine_schedules, "SCHEDULES_LIMIT", 1)
+    monkeypatch.setattr(schedules, "SCHEDULES_LIMIT", 1)
     await put(client)
     await put(client, status=200, cron="0 7 * * *")
     answer = await client.put("/v1/schedules/second", json=BODY)
@@ -319,10 +326,10 @@ async def test_changes_are_in_the_audit_trail(client: httpx.AsyncClient) -> None
 
 async def test_mqtt_command_is_the_same_definition(service: OrderService, clock: ManualClock) -> None:
     command = COMMANDS["putSchedule"].model_validate({"schedule": "S", "requestId": "1", **BODY})
-    schedules: Schedules = service.hosts.schedules
-    assert (await schedules.put("S", command))[1]  # type: ignore[arg-type] # made by create_model
+    put_schedule = schedules_of(service).put
+    assert (await put_schedule("S", command))[1]  # type: ignore[arg-type] # made by create_model
     clock.advance(DAY)
-    status, new = await schedules.put("S", command)  # type: ignore[arg-type]
+    status, new = await put_schedule("S", command)  # type: ignore[arg-type]
     assert (new, status.next_runs[0]) == (False, datetime(2026, 3, 29, 4, tzinfo=UTC)), "it is still due"
 
 
@@ -350,11 +357,11 @@ async def test_task_waits_until_a_schedule_is_due(
         clock.advance(seconds)
         return False
 
-    monkeypatch.setattr(engine_schedules, "set_within", wait)
+    monkeypatch.setattr(schedules, "set_within", wait)
     await put(client)
     clock.advance(16 * HOUR - 1.25)
     for _ in range(2):
-        await service.hosts.schedules._run_when_due()
+        await schedules_of(service).run_when_due()
     assert waits == [1.0, pytest.approx(0.25)]
     await service.engine.unit_of_work.wait_committed()
     assert (await client.get(MILK_RUN)).json()["createdOrders"] == 1

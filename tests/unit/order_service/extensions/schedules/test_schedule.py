@@ -12,7 +12,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from nena_order_service.errors import InvalidScheduleError
-from nena_order_service.orders.schedule import (
+from nena_order_service.extensions.schedules.schedule import (
     LOOK_BACK,
     ON_TIME,
     DueRuns,
