@@ -55,6 +55,8 @@ class MemoryStore(Store):
         self.found = Unfinished((), {}, 0)
         self._waiting: list[Callable[[], None]] = []
         self._orders: dict[int, object] = {}
+        self._order_of: dict[str, int] = {}
+        self._relocations: dict[str, str] = {}
         self.kept: dict[tuple[str, str], str] = {}
         """Documents by kind and name."""
 
@@ -67,11 +69,20 @@ class MemoryStore(Store):
             self.kept.pop(each, None)
             if document is not None:
                 self.kept[each] = document
-        sent = {**self.found.sent_orders, **{n: each and each() for n, each in changes.sent_orders.items()}}
+        drives = dict(self.found.drives)
+        for robot, drive in changes.drives.items():
+            drives.pop(self._order_of.pop(robot, -1), None)
+            self._relocations.pop(robot, None)
+            if drive and drive.order_number is not None:
+                self._order_of[robot] = drive.order_number
+                drives[drive.order_number] = drive.document()
+            elif drive:
+                self._relocations[robot] = drive.document()
         self.found = Unfinished(
             tuple(order for order in orders.values() if not order.state.final),
-            {number: document for number, document in sent.items() if document is not None},
+            drives,
             max(orders, default=0),
+            tuple(self._relocations.values()),
             {**self.found.vehicles, **{robot: each() for robot, each in changes.vehicles.items()}},
             sequences=tuple(each for each in sequences.values() if not each.status.finished),
             last_sequence=max(sequences, default=0),

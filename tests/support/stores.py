@@ -16,7 +16,7 @@ from nena_order_service.store.database import Changes
 from nena_order_service.store.schema import is_shared, make_engine, open_database
 
 STORES = Path(__file__).parents[1] / "fixtures" / "stores"
-OLDEST_STORE = STORES / "revision_0007.sql"
+OLDEST_STORE = STORES / "revision_0008.sql"
 """Orders of a first release that was killed during work, in the tables of November 2026."""
 
 

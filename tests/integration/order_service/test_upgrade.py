@@ -11,9 +11,10 @@ import pytest
 
 from nena_order_service.fleet.link import Outgoing
 from nena_order_service.fleet.outputs import PublishOrder
-from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import SystemClock
 from nena_shared.program import EXIT_FAILED
+from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.v2_1 import CODEC
 from support.broker import MqttPeer
 from support.keepers import Keeper
@@ -62,13 +63,13 @@ def assert_kept(before: Any, now: Any) -> None:
 
 async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
     """Send the robot what the first release had noted to send, as if it had been killed after that."""
-    (noted,) = in_first_store("SELECT document FROM missions")
-    noted["vda_order"] = noted.pop("mission")
-    noted["vda_order"]["orderId"] = noted["vda_order"].pop("missionId")
-    record = SentOrder.model_validate_json(json.dumps(noted))
+    (noted,) = in_first_store("SELECT document FROM sent_orders")
+    vda_order = VdaOrder.model_validate_json(json.dumps(noted["vda_order"]))
     topic = f"{fleet.interface}/v2/NeNa/robot-01"
     await wire.wait_for(f"{topic}/state")
-    _, message = Outgoing(SystemClock()).message(PublishOrder(record.robot, record.vda_order), "2.1.0")
+    _, message = Outgoing(SystemClock()).message(
+        PublishOrder(RobotKey("NeNa", "robot-01"), vda_order), "2.1.0"
+    )
     wire.publish(f"{topic}/order", CODEC.encode(message))
     await wire.wait_for(f"{topic}/state", lambda state: b'"orderId":"running-4-0"' in state.payload)
 

@@ -257,7 +257,7 @@ async def test_restart_with_another_plant_fails_impossible_running_orders(
 
 async def test_restart_before_the_vda_order_was_sent_sends_it(engine: Engine, store: MemoryStore) -> None:
     order = engine.create(request("B"), "T")
-    store.found.sent_orders.clear()
+    store.found.drives.clear()
     fleet = ScriptedFleet({"V1": "A"}, mute={"V1"})
     again = await make_engine(PLANT, store, fleet)
     assert (fleet.sent, now(again, order).state) == ([], S.BEING_PROCESSED)
@@ -274,7 +274,7 @@ async def test_restart_with_a_vda_order_that_cannot_be_read_fails_the_order(
     engine: Engine, store: MemoryStore
 ) -> None:
     order = engine.create(request("B"), "T")
-    store.found.sent_orders[order.number] = "{}"
+    store.found.drives[order.number] = "{}"
     again = await make_engine(PLANT, store, ScriptedFleet({"V1": "A"}))
     assert now(again, order).state is S.FAILED
     assert "unreadable" in now(again, order).reason
@@ -283,7 +283,7 @@ async def test_restart_with_a_vda_order_that_cannot_be_read_fails_the_order(
 async def test_restart_ends_what_was_withdrawn_before_it_was_sent(engine: Engine, store: MemoryStore) -> None:
     order = engine.create(request("B"), "T")
     engine.withdraw(order.number, "not needed")
-    store.found.sent_orders.clear()
+    store.found.drives.clear()
     again = await make_engine(PLANT, store, ScriptedFleet({"V1": "A"}))
     assert now(again, order).state is S.FAILED
 

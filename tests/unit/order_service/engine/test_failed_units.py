@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.engine.engine import Engine
-from nena_order_service.engine.state import FleetState, SentOrders, VehicleRecords
+from nena_order_service.engine.state import Drives, FleetState, VehicleRecords
 from nena_order_service.fleet.outputs import NodePassed, RobotChanged, VdaOrderFinished
 from nena_order_service.store.database import Changes
 from nena_shared.fleet_api.transport_order import (
@@ -49,8 +49,8 @@ class Fault:
     def install(self, monkeypatch: pytest.MonkeyPatch) -> None:
         for owner, name in (
             (Changes, "put_order"),
-            (SentOrders, "put"),
-            (SentOrders, "end"),
+            (Drives, "put"),
+            (Drives, "end"),
             (VehicleRecords, "change"),
             (FleetState, "after_commit"),
             (FleetState, "vehicle_changed"),
@@ -155,7 +155,7 @@ async def test_an_exception_at_any_change_of_an_order_leaves_no_half_of_it(
         failed_at.update(failed)
         assert len(failed) == (not done), number
         assert not store.found.orders, f"the order has not ended after a failure at change {number}"
-        assert not store.found.sent_orders
+        assert not store.found.drives
         assert not fleet.missions
         has_been_sent = {order_id for _, order_id in sent(fleet)} | {each[1] for each in fleet.adopted}
         assert has_been_sent == {"T-0", "T-1"}, number

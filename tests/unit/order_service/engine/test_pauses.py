@@ -22,7 +22,7 @@ async def restarted(**places: str) -> tuple[Engine, ScriptedFleet]:
     store = MemoryStore()
     engine = await make_engine(PLANT, store, ScriptedFleet({"V1": "A"}))
     engine.create(request("B"), "T")
-    store.found.sent_orders.clear()
+    store.found.drives.clear()
     fleet = ScriptedFleet(places)
     return await make_engine(PLANT, store, fleet), fleet
 

@@ -320,7 +320,7 @@ async def test_dependents_of_a_lost_order_fail_with_it() -> None:
     await before(store)
     engine = await make_engine(PLANT, store, ScriptedFleet({}))
     engine.create(request("D", dependencies=["T-1"]), "T-2")
-    store.found = replace(store.found, sent_orders={1: "spoilt"})
+    store.found = replace(store.found, drives={1: "spoilt"})
 
     again = await make_engine(PLANT, store, ScriptedFleet({}))
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from nena_order_service.engine import state as state_module
 from nena_order_service.engine.state import FleetState
 from nena_order_service.engine.unit_of_work import UnitOfWork
+from nena_order_service.orders.drive import Drive, DriveState
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.vda_orders import SentOrder
-from nena_order_service.store.database import Changes
+from nena_order_service.store.database import Changes, DriveRow
 from nena_order_service.traffic.resources import ResourceSet
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceRequest,
@@ -99,56 +99,79 @@ def test_queue_has_waiting_orders_by_urgency(numbers: list[int], priorities: lis
 ROBOT = key("V-1")
 
 
-def test_a_robot_works_for_its_order_before_between_and_after_vda_orders() -> None:
+def sent_drive(order: TransportOrder) -> Drive:
+    drive = Drive.to_current_destination(order, ROBOT)
+    return drive.granted(make_vda_order(drive.order_id, "A", "B"), ()).changed(state=DriveState.SENT)
+
+
+def test_a_robot_works_for_its_order_before_between_and_after_drives() -> None:
     state = make_state()
-    book = state.sent_orders
+    drives = state.drives
     order = assigned_order("A", "B")
-    record = SentOrder.of(ROBOT, make_vda_order("m", "A", "B"), 0)
-    book.assign(order, ROBOT)
-    assert (book.order_number(ROBOT), book.of_order(order)) == (1, None)
+    drives.assign(order, ROBOT)
+    assert (drives.order_number(ROBOT), drives.of_order(order)) == (1, None)
 
-    book.put(record)
-    assert (book.find("m"), book.of_order(order), book.of_robot(ROBOT)) == (record, record, record)
-    assert take(state)[0].sent_orders == {1: record.document}
+    drive = sent_drive(order)
+    drives.put(drive)
+    assert (drives.with_id(ROBOT, drive.order_id), drives.of_order(order)) == (drive, drive)
+    assert take(state)[0].drives == {str(ROBOT): DriveRow(1, drive.document)}
 
-    book.end(record)
-    assert (book.find("m"), book.order_number(ROBOT)) == (None, 1)
-    assert take(state)[0].sent_orders == {1: None}
+    drives.end(drive)
+    assert (drives.with_id(ROBOT, drive.order_id), drives.order_number(ROBOT)) == (None, 1)
+    assert take(state)[0].drives == {str(ROBOT): None}
 
-    assert book.release(order) == ROBOT
-    assert book.order_number(ROBOT) is None
-    assert book.release(order) is None
+    assert drives.release(order) == ROBOT
+    assert drives.order_number(ROBOT) is None
+    assert drives.release(order) is None
 
 
-def test_an_ended_order_drops_its_vda_order() -> None:
+def test_nothing_of_a_drive_is_stored_before_it_is_sent() -> None:
     state = make_state()
-    book = state.sent_orders
+    drives = state.drives
+    order = assigned_order("A", "B")
+    drives.assign(order, ROBOT)
+    requested = Drive.to_current_destination(order, ROBOT)
+    drives.put(requested)
+    assert (drives.requested, drives.granted, drives.sent) == ({ROBOT: requested}, {}, {})
+    granted = requested.granted(make_vda_order(requested.order_id, "A", "B"), ())
+    drives.put(granted)
+    assert (drives.requested, drives.granted, drives.sent) == ({}, {ROBOT: granted}, {})
+    assert not take(state)[0].drives
+
+
+def test_an_ended_order_drops_its_drive() -> None:
+    state = make_state()
+    drives = state.drives
     order = assigned_order("A")
-    book.assign(order, ROBOT)
-    book.put(SentOrder.of(ROBOT, make_vda_order("m", "A", "B"), 0))
+    drives.assign(order, ROBOT)
+    drives.put(sent_drive(order))
     take(state)
 
-    book.release(order)
+    drives.release(order)
 
-    assert list(book) == []
-    assert take(state)[0].sent_orders == {1: None}
+    assert not drives.sent
+    assert take(state)[0].drives == {str(ROBOT): None}
 
 
-def test_an_evasion_is_not_a_vda_order_of_the_transport_order() -> None:
+def test_a_relocation_is_not_a_drive_of_the_order_that_waits_for_it() -> None:
     state = make_state()
-    vehicles, book = state.vehicles, state.sent_orders
+    drives = state.drives
     order = assigned_order("A")
-    evasion = SentOrder.of(ROBOT, make_vda_order("e", "A", "B"), None)
-    book.assign(order, ROBOT)
-    book.put(evasion)
+    drives.assign(order, ROBOT)
+    requested = Drive.to_current_destination(order, ROBOT)
+    drives.put(requested)
+    relocation = Drive.making_room(ROBOT, make_vda_order("e", "A", "B"), ())
+    drives.put(relocation)
+    assert (drives.unsent_of_order(ROBOT), drives.granted) == (requested, {ROBOT: relocation})
 
-    assert (book.of_order(order), book.of_robot(ROBOT)) == (None, evasion)
-    assert vehicles.of(ROBOT).evasion == evasion
-    book.release(order)
-    assert book.find("e") == evasion
-    book.end(evasion)
-    assert vehicles.of(ROBOT).evasion is None
-    assert take(state)[0].sent_orders == {}
+    relocation = relocation.changed(state=DriveState.SENT)
+    drives.put(relocation)
+    assert (drives.of_order(order), drives.sent) == (None, {ROBOT: relocation})
+    assert take(state)[0].drives == {str(ROBOT): DriveRow(None, relocation.document)}
+    drives.release(order)
+    assert drives.with_id(ROBOT, "e") == relocation
+    drives.end(relocation)
+    assert take(state)[0].drives == {str(ROBOT): None}
 
 
 class Ear:

@@ -14,6 +14,7 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.database import (
     Changes,
+    DriveRow,
     OrderFilter,
     SequenceFilter,
     read_changes,
@@ -172,30 +173,31 @@ def test_merged_changes_write_what_the_single_ones_would(url: str) -> None:
     assert read_order(engine, name=first.name) == third
 
 
-def test_unfinished_are_orders_and_missions_that_a_restart_takes_up(url: str) -> None:
+def test_unfinished_are_orders_and_drives_that_a_restart_takes_up(url: str) -> None:
     engine = open_database(url)
     waiting = dispatchable_order(number=1)
     running = assigned_order(number=2)
     ended = assigned_order(number=7).finished(NOW)
     made = changes((waiting, None), (running, None), (ended, None))
-    made.sent_orders[2] = lambda: "sent for 2"
+    made.drives["NeNa/V1"] = DriveRow(2, lambda: "sent for 2")
+    made.drives["NeNa/V2"] = DriveRow(None, lambda: "makes room")
     write(engine, made)
     found = read_unfinished(engine)
     assert found.orders == (waiting, running)
-    assert found.sent_orders == {2: "sent for 2"}
+    assert (found.drives, found.relocations) == ({2: "sent for 2"}, ("makes room",))
     assert found.last_number == 7
 
 
-def test_stored_vda_order_is_replaced_and_deleted(url: str) -> None:
+def test_stored_drive_is_replaced_and_deleted(url: str) -> None:
     engine = open_database(url)
     made = changes((assigned_order(number=2), None))
-    made.sent_orders[2] = lambda: "first"
+    made.drives["NeNa/V1"] = DriveRow(2, lambda: "first")
     write(engine, made)
-    for document, expected in ((lambda: "second", {2: "second"}), (None, {})):
+    for drive, expected in ((DriveRow(2, lambda: "second"), {2: "second"}), (None, {})):
         later = Changes()
-        later.sent_orders[2] = document
+        later.drives["NeNa/V1"] = drive
         write(engine, later)
-        assert read_unfinished(engine).sent_orders == expected
+        assert read_unfinished(engine).drives == expected
 
 
 def test_pages_are_newest_first_and_continue_after_the_cursor(url: str) -> None:
@@ -318,7 +320,7 @@ def test_locks_of_paths_are_replaced_and_read_again(url: str) -> None:
 def test_nothing_is_nothing_and_anything_is_something() -> None:
     assert not Changes()
     for change in (
-        Changes(sent_orders={1: None}),
+        Changes(drives={"r": None}),
         Changes(vehicles={"r": lambda: "{}"}),
         Changes(path_locks={"p": False}),
         Changes(documents={("zoneSet", "z"): None}),
@@ -356,8 +358,8 @@ def test_later_changes_replace_earlier_ones() -> None:
     one = stored.deferred("no vehicle", NOW)
     two = one.deferred("no way", NOW)
     changes, later = (
-        Changes(sent_orders={1: lambda: "sent"}, path_locks={"p": True}),
-        Changes(sent_orders={1: None}),
+        Changes(drives={"r": DriveRow(1, lambda: "sent")}, path_locks={"p": True}),
+        Changes(drives={"r": None}),
     )
     changes.put_order(one, stored)
     later.put_order(two, one)
@@ -367,7 +369,7 @@ def test_later_changes_replace_earlier_ones() -> None:
     (change,) = changes.orders.values()
     assert (change.order, change.new) == (two, False)
     assert change.unchanged_history <= len(stored.status.history)
-    assert (changes.sent_orders, changes.path_locks) == ({1: None}, {"p": True})
+    assert (changes.drives, changes.path_locks) == ({"r": None}, {"p": True})
 
 
 def test_each_orders_change_has_a_number_of_its_own() -> None:

@@ -11,8 +11,7 @@ import pytest
 from sqlalchemy import Connection, MetaData, inspect, text
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
-from nena_order_service.engine.state import VehicleRecord
-from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.orders.drive import Drive
 from nena_order_service.store import schema
 from nena_order_service.store.database import (
     OrderFilter,
@@ -131,7 +130,7 @@ def test_an_upgraded_store_has_the_tables_of_a_new_one(url: str) -> None:
     older_store(url)
     with open_database(url).connect() as connection:
         assert described(connection) == new
-        assert not inspect(connection).has_table("missions")
+        assert not inspect(connection).has_table("sent_orders")
 
 
 @pytest.mark.parametrize("release", [pytest.param(each, id=each.stem) for each in sorted(STORES.iterdir())])
@@ -147,8 +146,8 @@ def test_upgrading_the_store_of_each_release_keeps_its_content(url: str, release
     }
     found = read_unfinished(engine)
     assert [order.name for order in found.orders] == ["running-4", "waiting-5"]
-    (sent,) = map(SentOrder.model_validate_json, found.sent_orders.values())
-    assert (sent.vda_order.order_id, set(found.sent_orders)) == ("running-4-0", {4})
+    (sent,) = map(Drive.model_validate_json, found.drives.values())
+    assert (sent.order_id, sent.order_number, set(found.drives)) == ("running-4-0", 4, {4})
     done = read_order(engine, idempotency_key="key-done-1")
     assert done is not None
     assert [entry.event_code for entry in done.status.history][-1] == "nena:finalStateReached"
@@ -157,18 +156,16 @@ def test_upgrading_the_store_of_each_release_keeps_its_content(url: str, release
     assert [number for number, _ in read_changes(engine, 3, 10)] == [4, 5]
 
 
-@pytest.mark.parametrize("order_id", ["missionId", "mission_id"])
-def test_an_upgrade_keeps_what_makes_room_for_others(url: str, order_id: str) -> None:
+def test_an_upgrade_keeps_what_makes_room_for_others(url: str) -> None:
     older_store(url)
-    vda_order = {order_id: "evasion-1", "nodes": [], "edges": []}
+    vda_order = {"orderId": "evasion-1", "nodes": [], "edges": []}
     robot = {"manufacturer": "NeNa", "serial_number": "V1"}
-    evasion = {**robot, "drive_order_index": None, "accepted": True, "mission": vda_order}
+    evasion = {**robot, "drive_order_index": None, "accepted": True, "vda_order": vda_order}
     document = json.dumps({**robot, "evasion": evasion})
     with make_engine(url).begin() as connection:
         connection.execute(schema.vehicles.insert().values(robot="NeNa/V1", document=document))
-    record = VehicleRecord.model_validate_json(read_unfinished(open_database(url)).vehicles["NeNa/V1"])
-    assert record.evasion is not None
-    assert (record.evasion.vda_order.order_id, record.evasion.accepted) == ("evasion-1", True)
+    (relocation,) = map(Drive.model_validate_json, read_unfinished(open_database(url)).relocations)
+    assert (relocation.order_id, relocation.accepted, relocation.relocation) == ("evasion-1", True, True)
 
 
 def test_migrating_again_changes_nothing(url: str) -> None:
@@ -182,9 +179,9 @@ def test_migrating_again_changes_nothing(url: str) -> None:
 def test_a_failed_migration_leaves_the_store_unchanged(sqlite_url: str) -> None:
     older_store(sqlite_url)
     with sqlite3.connect(sqlite_url.removeprefix("sqlite:///")) as store:
-        store.execute("CREATE TABLE sent_orders (other INTEGER)")
+        store.execute("CREATE TABLE drives (other INTEGER)")
         before = list(store.iterdump())
-    with pytest.raises(StoreError, match="sent_orders already exists"):
+    with pytest.raises(StoreError, match="drives already exists"):
         open_database(sqlite_url)
     with sqlite3.connect(sqlite_url.removeprefix("sqlite:///")) as store:
         assert list(store.iterdump()) == before

@@ -171,7 +171,7 @@ class VehicleOperations:
         sent_unread = action_type == START_PAUSE and may_hear
         if link not in (LinkStatus.ONLINE, LinkStatus.HIBERNATING) and not sent_unread:
             raise VehicleNotReachedError(vehicle.name, f"it is {link}")
-        has_order = self._engine.state.sent_orders.of_robot(vehicle.key) or self._engine.works(vehicle)
+        has_order = self._engine.state.drives.sent.get(vehicle.key) or self._engine.works(vehicle)
         if action_type in LEAVES and has_order:
             raise VehicleBusyError(vehicle.name, self._engine.status(vehicle).transport_order or "")
         if action_type == START_PAUSE:

@@ -17,8 +17,8 @@ from nena_order_service.fleet.outputs import FleetOutput, VdaOrderFailed
 from nena_order_service.fleet.position import NotLocatedError, Standing, TooFarError
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import unique_id
+from nena_order_service.orders.drive import Drive, DriveState
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.traffic.forecast import UNKNOWN_SPEED_MM_S
@@ -215,7 +215,7 @@ class Mobility:
             return True
         if self._traffic.route_of(name):
             return False  # it is under way and will continue
-        works = self._context.state.sent_orders.order_number(vehicle.key) is not None
+        works = self._context.state.drives.order_number(vehicle.key) is not None
         return not works and not self.movable(name)
 
     def misplaced(self, vehicle: FleetVehicle) -> str:
@@ -246,14 +246,6 @@ class Mobility:
             if vehicle and (view := self._context.view(vehicle)).link is LinkStatus.UNREADABLE:
                 why = Reason(R.WAITS_FOR_UNREADABLE, why, view.availability.reason, vehicle=vehicle.name)
         return Reason(R.IT, why) if why else ""
-
-
-@dataclass(frozen=True, slots=True)
-class _Wanted:
-    """An order whose current drive order is not sent yet; its robot may retry ``retriable`` actions."""
-
-    order: TransportOrder
-    retriable: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,7 +293,7 @@ class Driving:
         self.mobility = Mobility(context, positions, pauses)
         self._context = context
         self._state = context.state
-        self._sent = context.state.sent_orders
+        self._drives = context.state.drives
         self._traffic = context.traffic
         self.positions = positions
         self._pauses = pauses
@@ -310,12 +302,8 @@ class Driving:
         self._gate = gate
         self._peripherals = peripherals
         self._stops = stops
-        self._wanted: dict[str, _Wanted] = {}
-        """Orders whose current drive order is not sent yet, by vehicle."""
-        self._unsent: dict[str, SentOrder] = {}
-        """Granted VDA 5050 orders without any allocated step, by vehicle."""
-        self._reported: dict[str, str] = {}
-        """The last reported wait reasons, by vehicle."""
+        self._wait_reasons: dict[str, str] = {}
+        """For what vehicles waited at the last call of :meth:`let_drive`, by name."""
 
     def want(
         self,
@@ -333,104 +321,105 @@ class Driving:
         """
         self.positions.see(vehicle)
         route_request = self._planner.route_request(order, vehicle, way.legs[0])
-        self._wanted[vehicle.name] = _Wanted(order, retriable)
+        self._drives.put(Drive.to_current_destination(order, vehicle.key, retriable=retriable))
         self._traffic.request_route(route_request, first=first)
         self._state.drive_due = True
 
     def abandon(self, vehicle: FleetVehicle) -> None:
         """Drop a vehicle's request for its order; an order already sent to the robot is not affected."""
-        self._wanted.pop(vehicle.name, None)
+        self._drives.requested.pop(vehicle.key, None)
         self._traffic.drop(vehicle.name)
-        if self._unsent.pop(vehicle.name, None):
+        if self._drives.granted.pop(vehicle.key, None):
             self._traffic.revoke(vehicle.name)
 
-    def cancel(self, record: SentOrder) -> None:
+    def cancel(self, drive: Drive) -> None:
         """Send cancelOrder to a robot after the commit."""
-        self._shorten(record)
-        granted = record.way[: record.allocated]  # what a restart restores for it
-        self._sent.put(record.model_copy(update={"cancelled": True, "way": granted}))
-        self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(record.robot))
+        self._shorten(drive)
+        granted = drive.way[: drive.allocated]  # what a restart restores for it
+        self._drives.put(drive.changed(cancelled=True, way=granted))
+        self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(drive.robot))
 
-    def instruct(self, record: SentOrder, action: Action) -> None:
+    def instruct(self, drive: Drive, action: Action) -> None:
         """Send a robot an instant action for its VDA order after the commit."""
-        self._state.after_commit(lambda: self._context.fleet.instant_action(record.robot, action))
+        self._state.after_commit(lambda: self._context.fleet.instant_action(drive.robot, action))
 
-    def end_early(self, record: SentOrder, *, partial: bool) -> None:
+    def end_early(self, drive: Drive, *, partial: bool) -> None:
         """End a VDA order at the end of its base; ``partial`` if its transport order continues from there."""
-        self._shorten(record)
-        shorter = record.ending_early(partial=partial)
-        if shorter is not record:
+        self._shorten(drive)
+        shorter = drive.ending_early(partial=partial)
+        if shorter is not drive:
             self.send_on(shorter)
 
     def drop_relocation(self, order_id: str) -> None:
         """Give up making room with a VDA order, because a peripheral device on its route has failed."""
-        if record := self._sent.find(order_id):
-            self.end_early(record, partial=False)
-            return
-        for name in [each for each, record in self._unsent.items() if record.vda_order.order_id == order_id]:
-            del self._unsent[name]
-            self._traffic.revoke(name)
-            self.mobility.relocation_failed(self._vehicle(name))
+        for drive in [each for each in self._drives.with_routes() if each.order_id == order_id]:
+            if drive.is_sent:
+                self.end_early(drive, partial=False)
+                return
+            vehicle = self._registry.discover(drive.robot)
+            self._drives.drop(drive)
+            self._traffic.revoke(vehicle.name)
+            self.mobility.relocation_failed(vehicle)
             self._state.drive_due = True
 
-    def reconsider(self, is_unsuitable: Callable[[SentOrder], bool]) -> None:
+    def reconsider(self, is_unsuitable: Callable[[Drive], bool]) -> None:
         """Request routes again for those unsent VDA orders for which ``is_unsuitable`` returns True."""
-        for name in [each for each, record in self._unsent.items() if is_unsuitable(record)]:
-            self._request_again(name)
+        for drive in filter(is_unsuitable, tuple(self._drives.granted.values())):
+            self._request_again(drive)
 
-    def resume(self, vehicle: FleetVehicle, record: SentOrder) -> None:
+    def resume(self, vehicle: FleetVehicle, drive: Drive) -> None:
         """Restore a VDA order after a restart: its robot holds everything that it was granted."""
-        self._traffic.resume(vehicle.name, record.way, record.allocated)
+        self._traffic.resume(vehicle.name, drive.way, drive.allocated)
 
-    def passed(self, order_id: str, sequence_id: int) -> None:
+    def passed(self, robot: RobotKey, order_id: str, sequence_id: int) -> None:
         """Free the resources behind a robot that has passed a node."""
-        record = self._sent.find(order_id)
-        if record and (vehicle := self._under_way(record)):
+        drive = self._drives.with_id(robot, order_id)
+        if drive and (vehicle := self._under_way(drive)):
             self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
-            self._peripherals.moved(vehicle, record, sequence_id // 2)
+            self._peripherals.moved(vehicle, drive, sequence_id // 2)
 
-    def base_wanted(self, order_id: str) -> None:
+    def base_wanted(self, robot: RobotKey, order_id: str) -> None:
         """Extend the base of a robot that requests it (newBaseRequest), if traffic control grants more."""
-        record = self._sent.find(order_id)
-        if record and self._may_release and (vehicle := self._under_way(record)):
+        drive = self._drives.with_id(robot, order_id)
+        if drive and self._may_release and (vehicle := self._under_way(drive)):
             self._go_on(vehicle, more=self._context.settings.release_ahead or 1)
 
-    def ahead_of(self, record: SentOrder) -> tuple[str, ...]:
+    def ahead_of(self, drive: Drive) -> tuple[str, ...]:
         """Return the next path and point on a robot's route; empty at its end."""
-        vehicle = self._under_way(record)
+        vehicle = self._under_way(drive)
         route = self._traffic.route_of(vehicle.name) if vehicle else None
-        return record.ahead(route.reached) if route else ()
+        return drive.ahead(route.reached) if route else ()
 
-    def finished(self, record: SentOrder) -> None:
+    def finished(self, drive: Drive) -> None:
         """End a finished VDA order: its robot is at rest at the end of the route."""
-        vehicle = self._registry.discover(record.robot)
-        self._peripherals.moved(vehicle, record, len(record.way), finished=True)
-        self._sent.end(record)
+        vehicle = self._registry.discover(drive.robot)
+        self._peripherals.moved(vehicle, drive, len(drive.way), finished=True)
+        self._drives.end(drive)
         if self._traffic.route_of(vehicle.name):
             self._traffic.finished(vehicle.name)
             self.positions.note(vehicle)
             self._rest(vehicle)
 
-    def failed_behind(self, record: SentOrder) -> PeripheralJob | None:
+    def failed_behind(self, drive: Drive) -> PeripheralJob | None:
         """Return a required job after a movement that has failed; None if there is none."""
-        return self._peripherals.failed_behind(record)
+        return self._peripherals.failed_behind(drive)
 
-    def broken_off(self, record: SentOrder, event: object) -> None:
+    def broken_off(self, drive: Drive, event: object) -> None:
         """End a VDA order early: its robot keeps what it holds until it is seen standing.
 
         Its earlier states count only if it was known to have the VDA order.
         """
-        self._sent.end(record)
-        vehicle = self._registry.discover(record.robot)
-        if record.evasion:
+        self._drives.end(drive)
+        vehicle = self._registry.discover(drive.robot)
+        if drive.relocation:
             self.mobility.relocation_failed(vehicle)
         if self._traffic.route_of(vehicle.name):
-            self._break_off(vehicle, doubt=isinstance(event, VdaOrderFailed) and not record.accepted)
+            self._break_off(vehicle, doubt=isinstance(event, VdaOrderFailed) and not drive.accepted)
 
     def take_out(self, vehicle: FleetVehicle) -> None:
         """Drop all requests and orders of a vehicle."""
-        self._wanted.pop(vehicle.name, None)
-        self._unsent.pop(vehicle.name, None)
+        self._drives.requested.pop(vehicle.key, None)
+        self._drives.granted.pop(vehicle.key, None)
         self._traffic.drop(vehicle.name)
 
     def robot_changed(self, vehicle: FleetVehicle) -> None:
@@ -448,49 +437,51 @@ class Driving:
         self._state.drive_due = False
         if self._may_release:
             under_way = [name for name, _ in self._traffic.extending()]
-            gated = self._peripherals.waiting
-            for name in dict.fromkeys([*under_way, *filter(self._traffic.route_of, (*self._unsent, *gated))]):
+            granted = (self._registry.discover(robot).name for robot in self._drives.granted)
+            at_start = filter(self._traffic.route_of, (*granted, *self._peripherals.waiting))
+            for name in dict.fromkeys([*under_way, *at_start]):
                 self._go_on(self._vehicle(name))
             self._reconsider()
             movable, lost = cache(self._movable), cache(self.mobility.lost)
-            for granted in self._traffic.decide(
+            for decision in self._traffic.decide(
                 lambda name: not self._traffic.route_of(name) and movable(name), lost
             ):
-                if isinstance(granted, MoreClaimed):
-                    self._go_on(self._vehicle(granted.vehicle))
-                elif isinstance(granted, EarlyEnd):
-                    self._end_way_here(granted.vehicle)
+                if isinstance(decision, MoreClaimed):
+                    self._go_on(self._vehicle(decision.vehicle))
+                elif isinstance(decision, EarlyEnd):
+                    self._end_way_here(decision.vehicle)
                 else:
-                    yield from self._begin(granted)
+                    yield from self._begin(decision)
             self._replan()
             self._look_after_peripherals()
-        gated = self._peripherals.waiting
-        for name in self._traffic.waiting | self._wanted.keys() | self._reported.keys() | gated.keys():
+        unsent = {self._registry.discover(robot).name for robot in self._drives.unsent}
+        due = unsent.union(self._peripherals.waiting)
+        for name in self._traffic.waiting.union(due, self._wait_reasons):
             vehicle = self._vehicle(name)
-            known = name in self._wanted or name in gated
-            why = self.note(vehicle) if known else self.mobility.why_it_waits(name)
-            if why != self._reported.pop(name, ""):
+            reason = self.note(vehicle) if name in due else self.mobility.why_it_waits(name)
+            if reason != self._wait_reasons.pop(name, ""):
                 yield vehicle
-            if why:
-                self._reported[name] = why
+            if reason:
+                self._wait_reasons[name] = reason
 
     def _look_after_peripherals(self) -> None:
         """Withdraw jobs that no route needs, and send devices the next ones."""
         for name in [each for each in self._peripherals.waiting if not self._traffic.route_of(each)]:
             del self._peripherals.waiting[name]
         self._peripherals.note_users()
-        self._peripherals.withdraw_needless({each.vda_order.order_id: each for each in self._unsent.values()})
+        self._peripherals.withdraw_needless()
         self._peripherals.dispatch()
 
     def _reconsider(self) -> None:
         """Request routes again where another vehicle has stopped on a granted one."""
-        for name in filter(self._traffic.is_blocked, tuple(self._unsent)):
-            self._request_again(name)
+        self.reconsider(lambda drive: self._traffic.is_blocked(self._registry.discover(drive.robot).name))
 
-    def _request_again(self, name: str) -> None:
-        """Withdraw a route that was not sent yet, and request it again."""
-        del self._unsent[name]
-        self._traffic.revoke(name, again=True)
+    def _request_again(self, drive: Drive) -> None:
+        """Withdraw a route of which nothing was sent, and request it again; a relocation is dropped."""
+        self._drives.drop(drive)
+        if not drive.relocation:
+            self._drives.put(drive.requested_again())
+        self._traffic.revoke(self._registry.discover(drive.robot).name, again=True)
         self._state.drive_due = True
 
     def _replan(self) -> None:
@@ -504,17 +495,18 @@ class Driving:
 
     def _end_way_here(self, name: str) -> None:
         """End the route of a waiting vehicle at the end of its base, so that it requests a new one."""
-        record = self._sent.of_robot(self._vehicle(name).key)
-        if name in self._unsent:
-            self._request_again(name)
-        elif record and not record.cancelled and not record.all_released:
+        robot = self._vehicle(name).key
+        drive = self._drives.sent.get(robot)
+        if granted := self._drives.granted.get(robot):
+            self._request_again(granted)
+        elif drive and not drive.cancelled and not drive.all_released:
             log.info("vehicle rerouted", vehicle=name, reason=self._traffic.why_waiting(name))
-            self.end_early(record, partial=True)
+            self.end_early(drive, partial=True)
 
     def note(self, vehicle: FleetVehicle) -> str:
         """Return what a vehicle waits for with its order; empty if it does not wait."""
-        record = self._sent.of_robot(vehicle.key)
-        if record and record.evasion:
+        drive = self._drives.sent.get(vehicle.key)
+        if drive and drive.relocation:
             return Reason(R.MAKES_ROOM_FIRST)
         if reason := self._gate.reason or self._stops.why(vehicle):
             return reason
@@ -522,9 +514,9 @@ class Driving:
             return self._pauses.why(vehicle)
         if device := self._peripherals.note(vehicle.name):
             return device
-        if vehicle.name in self._wanted:
+        if self._drives.unsent_of_order(vehicle.key):
             return self.mobility.why_it_stays(vehicle)
-        waits_for_base = record is not None and not record.all_released
+        waits_for_base = drive is not None and not drive.all_released
         misplaced = self.mobility.misplaced(vehicle) if waits_for_base else ""
         return misplaced or self.mobility.why_it_waits(vehicle.name)
 
@@ -560,12 +552,12 @@ class Driving:
         return vehicle
 
     def _movable(self, name: str) -> bool:
-        return self.mobility.movable(name, wants=name in self._wanted)
+        return self.mobility.movable(name, wants=self._vehicle(name).key in self._drives.requested)
 
     def _begin(self, granted: RouteGrant | Relocation | RouteRejection) -> Iterator[Stuck]:
         vehicle = self._vehicle(granted.vehicle)
         if isinstance(granted, RouteRejection):
-            self._wanted.pop(vehicle.name, None)
+            self._drives.requested.pop(vehicle.key, None)
             yield Stuck(vehicle, reason_of(granted.error))
             return
         try:
@@ -578,7 +570,7 @@ class Driving:
             self._state.drive_due = False  # until a new state or the next check
             return
         try:
-            self._unsent[vehicle.name] = self._record(granted, vehicle, standing)
+            self._drives.put(self._granted(granted, vehicle, standing))
         except ValueError as error:
             self._traffic.revoke(vehicle.name)
             yield Stuck(vehicle, Reason(R.CANNOT_BUILD, str(error)))
@@ -588,41 +580,38 @@ class Driving:
     def _stands_as_known(self, vehicle: FleetVehicle, standing: Standing) -> bool:
         return self._traffic.stands(vehicle.name, standing.point, on_point=standing.on_point)
 
-    def _record(
-        self, granted: RouteGrant | Relocation, vehicle: FleetVehicle, standing: Standing
-    ) -> SentOrder:
+    def _granted(self, granted: RouteGrant | Relocation, vehicle: FleetVehicle, standing: Standing) -> Drive:
+        """Return the drive along a route that traffic control has granted just now."""
         allocated = self._traffic.route_of(vehicle.name)
         assert allocated, "granted just now"  # noqa: S101 - for the type
         if isinstance(granted, Relocation):
             vda_order = self._planner.relocation(vehicle, standing, granted.route)
             log.info("vehicle makes room", vehicle=vehicle.name, goal=granted.route.destination)
-            return SentOrder.of(vehicle.key, vda_order, None, allocated.way)
-        wanted = self._wanted[vehicle.name]
+            return Drive.making_room(vehicle.key, vda_order, allocated.way)
+        drive, order = self._drives.requested[vehicle.key], self._state.order_of(vehicle.key)
+        assert order, "its drive is requested"  # noqa: S101 - for the type
         vda_order = self._planner.vda_order(
-            wanted.order, vehicle, standing, granted.route, retriable=wanted.retriable
+            order, vehicle, standing, granted.route, retriable=drive.retriable
         )
-        return SentOrder.of(vehicle.key, vda_order, wanted.order.index, allocated.way)
+        return drive.granted(vda_order, allocated.way)
 
     def _go_on(self, vehicle: FleetVehicle, *, more: int = 0) -> None:
         """Allocate what the robot needs, or ``more`` nodes, and send the order or its update."""
         name = vehicle.name
-        unsent = self._unsent.get(name)
+        granted, sent = self._drives.granted.get(vehicle.key), self._drives.sent.get(vehicle.key)
         gate: Gate = CLOSED
         if not (self._stops.why(vehicle) or self.mobility.misplaced(vehicle)):
-            gate = self._peripherals.gate(vehicle, unsent or self._sent.of_robot(vehicle.key))
+            gate = self._peripherals.gate(vehicle, granted or sent)
         further = self._allocate(vehicle, more, gate)
         route = self._traffic.route_of(name)
         assert route, "requested by the caller"  # noqa: S101 - for the type
-        if unsent and (route.released or (not route.way and _is_open(gate))):
-            del self._unsent[name]
-            record = unsent.released(route)
-            if not record.evasion:
-                del self._wanted[name]
-            self._sent.put(record)
+        if granted and (route.released or (not route.way and _is_open(gate))):
+            drive = granted.released(route).changed(state=DriveState.SENT)
+            self._drives.put(drive)
             self._state.vehicle_changed(name)
-            self._state.after_commit(partial(self._start, record))
-        elif further and not unsent and (known := self._sent.of_robot(vehicle.key)):
-            self.send_on(known.released(route).updated())
+            self._state.after_commit(partial(self._start, drive))
+        elif further and sent and not granted:
+            self.send_on(sent.released(route).updated())
 
     def _allocate(self, vehicle: FleetVehicle, more: int, gate: Gate) -> bool:
         """Allocate as far ahead as the settings require; ``more``: at least this many additional nodes."""
@@ -634,28 +623,28 @@ class Driving:
         way_mm = _way_mm(vehicle, self._context.view(vehicle).factsheet, settings.release_seconds)
         return self._traffic.allocate(name, ahead, way_mm, gate)
 
-    def send_on(self, record: SentOrder) -> None:
+    def send_on(self, drive: Drive) -> None:
         """Send a robot the update of its VDA order after the commit."""
-        self._sent.put(record)
+        self._drives.put(drive)
         self._state.after_commit(
-            lambda: self._context.fleet.extend_vda_order(record.robot, record.as_released())
+            lambda: self._context.fleet.extend_vda_order(drive.robot, drive.as_released())
         )
 
-    def _shorten(self, record: SentOrder) -> None:
-        if vehicle := self._under_way(record):
+    def _shorten(self, drive: Drive) -> None:
+        if vehicle := self._under_way(drive):
             self._traffic.shorten(vehicle.name)
             self._state.drive_due = True
 
-    def _start(self, record: SentOrder) -> FleetOutput | None:
+    def _start(self, drive: Drive) -> FleetOutput | None:
         try:
-            self._context.fleet.start_vda_order(record.robot, record.as_released())
+            self._context.fleet.start_vda_order(drive.robot, drive.as_released())
         except RobotBusyError as error:
-            name = record.vda_order.order_id
-            return VdaOrderFailed(record.robot, name, str(error), kind=FailureKind.REFUSED)
+            name = drive.order_id
+            return VdaOrderFailed(drive.robot, name, str(error), kind=FailureKind.REFUSED)
         return None
 
-    def _under_way(self, record: SentOrder) -> FleetVehicle | None:
-        vehicle = self._registry.of(record.robot)
+    def _under_way(self, drive: Drive) -> FleetVehicle | None:
+        vehicle = self._registry.of(drive.robot)
         return vehicle if vehicle and self._traffic.route_of(vehicle.name) else None
 
     def _break_off(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:

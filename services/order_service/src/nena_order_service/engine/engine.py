@@ -154,9 +154,9 @@ class Engine:
         recovery = Recovery(self.context, self._driving, self._gate)
         with self.change():
             self.peripherals.restore(jobs)
-            recovery.restore_vehicles(absent)
+            recovery.restore_vehicles(absent, found.relocations)
             self.state.sequences.rebind(recovery.present_name)
-            self._life_cycle.restore(found.orders, found.sent_orders, recovery)
+            self._life_cycle.restore(found.orders, found.drives, recovery)
             self._rerouting.reroute_off_locked_paths()
         await self.unit_of_work.committed()
         log.info("orders loaded", unfinished=len(found.orders), last_number=found.last_number)
@@ -328,7 +328,7 @@ class Engine:
         """
         with self.change():
             if not level.holds_resources:
-                sent = self.state.sent_orders.of_robot(vehicle.key)
+                sent = self.state.drives.sent.get(vehicle.key)
                 reason = Reason(R.LEVEL_SET, vehicle=vehicle.name, level=level.value)
                 self._life_cycle.give_up(vehicle.key, reason)
                 self._driving.take_out(vehicle)
@@ -429,7 +429,7 @@ class Engine:
 
     def works(self, vehicle: FleetVehicle) -> bool:
         """Return whether a vehicle is executing an order."""
-        return self.state.sent_orders.order_number(vehicle.key) is not None
+        return self.state.drives.order_number(vehicle.key) is not None
 
     def status(self, vehicle: FleetVehicle) -> VehicleStatus:
         """Return the status of a vehicle."""
@@ -477,9 +477,9 @@ class Engine:
                 self._life_cycle.on_order_event(event)
                 self._life_cycle.update_reason(self.registry.discover(event.robot))
             case outputs.NodePassed():
-                self._driving.passed(event.order_id, event.sequence_id)
+                self._driving.passed(event.robot, event.order_id, event.sequence_id)
             case outputs.BaseWanted():
-                self._driving.base_wanted(event.order_id)
+                self._driving.base_wanted(event.robot, event.order_id)
             case _:
                 pass
 

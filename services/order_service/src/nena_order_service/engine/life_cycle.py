@@ -25,9 +25,9 @@ from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders import deadlines
 from nena_order_service.orders.automatic import automatic_name
 from nena_order_service.orders.deadlines import DueTimes
+from nena_order_service.orders.drive import Drive, DriveState
 from nena_order_service.orders.transport_order import EventCode, TransportOrder, why_withdrawn
 from nena_order_service.orders.validation import InvalidRequestError, check_order
-from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.routing.graph import NoRouteError
 from nena_order_service.routing.router import RoutePlan
@@ -83,7 +83,7 @@ class LifeCycle:
         self._context = context
         self._state = context.state
         self._orders = context.state.orders
-        self._sent = context.state.sent_orders
+        self._drives = context.state.drives
         self._clock = context.clock
         self._registry = context.registry
         self._driving = driving
@@ -150,15 +150,15 @@ class LifeCycle:
         if not again:
             order = order.withdrawn(reason, self._clock.now())
             self._orders.put(order)
-        sent = self._sent.of_order(order)
+        drive = self._drives.of_order(order)
         if order.state.final:
             return
-        if sent is None:
+        if drive is None:
             self._end_withdrawn_unsent(order)
-        elif immediate and not sent.cancelled:
-            self._driving.cancel(sent)
+        elif immediate and not drive.cancelled:
+            self._driving.cancel(drive)
         elif not immediate and not again:
-            self._driving.end_early(sent, partial=False)
+            self._driving.end_early(drive, partial=False)
 
     def hold(self, order: TransportOrder, by: str, reason: str, *, immediate: bool) -> None:
         """Hold an order until it is resumed; it keeps its vehicle.
@@ -177,17 +177,17 @@ class LifeCycle:
         self._state.dispatch_due = True
 
     def _stop_for_hold(self, order: TransportOrder, *, immediate: bool) -> None:
-        vehicle, sent = self._registry.named(order.vehicle), self._sent.of_order(order)
+        vehicle, drive = self._registry.named(order.vehicle), self._drives.of_order(order)
         assert vehicle, "the vehicle of an order is in the registry"  # noqa: S101 - for the type
-        if sent is None:
+        if drive is None:
             self._driving.abandon(vehicle)
             self._pauses.begin(vehicle, order)
         elif order.is_operating:
             return
-        elif immediate and not sent.cancelled:
-            self._driving.cancel(sent)
+        elif immediate and not drive.cancelled:
+            self._driving.cancel(drive)
         elif not immediate:
-            self._driving.end_early(sent, partial=True)
+            self._driving.end_early(drive, partial=True)
 
     def resume(self, order: TransportOrder, by: str, reason: str) -> None:
         """Resume a held order from the position of its vehicle; do nothing if it is not held."""
@@ -283,7 +283,7 @@ class LifeCycle:
         order = dispatched.assignment.order.assigned(vehicle.name, routes, why, self._clock.now())
         log.info("order assigned", order=order.name, vehicle=vehicle.name, why=why)
         self._watch(order)
-        self._sent.assign(order, vehicle.key)
+        self._drives.assign(order, vehicle.key)
         self._sequences.bind(order, vehicle.name)
         self._drive(order, vehicle, way)
 
@@ -364,25 +364,25 @@ class LifeCycle:
 
     def on_order_event(self, event: OrderEvent) -> None:
         """Handle an event of a VDA 5050 order."""
-        sent = self._sent.find(event.order_id)
-        if sent is None:
+        drive = self._drives.with_id(event.robot, event.order_id)
+        if drive is None:
             log.warning("event for an unknown VDA 5050 order", robot=str(event.robot), order=event.order_id)
             return
-        ahead = self._driving.ahead_of(sent)
+        ahead = self._driving.ahead_of(drive)
         if isinstance(event, outputs.VdaOrderAccepted):
-            self._sent.put(sent.model_copy(update={"accepted": True}))
+            self._drives.put(drive.changed(state=DriveState.ACCEPTED))
         elif isinstance(event, outputs.VdaOrderFinished):
-            self._driving.finished(sent)
+            self._driving.finished(drive)
         elif isinstance(event, outputs.VdaOrderFailed | outputs.VdaOrderCancelled):
-            self._driving.broken_off(sent, event)
-        vehicle = self._registry.discover(sent.robot)
+            self._driving.broken_off(drive, event)
+        vehicle = self._registry.discover(drive.robot)
         self._state.vehicle_changed(vehicle.name)
-        if sent.evasion:
-            self._on_evasion(vehicle, event)
+        if drive.relocation:
+            self._on_relocation(vehicle, event)
         else:
-            self._on_drive_order(sent, event, ahead)
+            self._on_drive_order(drive, event, ahead)
 
-    def _on_evasion(self, vehicle: FleetVehicle, event: OrderEvent) -> None:
+    def _on_relocation(self, vehicle: FleetVehicle, event: OrderEvent) -> None:
         if isinstance(event, outputs.VdaOrderFinished):
             self._failing_vehicles.drove(vehicle)
         if isinstance(event, outputs.VdaOrderFailed):
@@ -390,45 +390,45 @@ class LifeCycle:
         if isinstance(event, outputs.VdaOrderFinished | outputs.VdaOrderFailed | outputs.VdaOrderCancelled):
             self._state.dispatch_due = True
 
-    def _on_drive_order(self, sent: SentOrder, event: OrderEvent, ahead: tuple[str, ...]) -> None:
-        order = self._state.order_of(sent.robot)
+    def _on_drive_order(self, drive: Drive, event: OrderEvent, ahead: tuple[str, ...]) -> None:
+        order = self._state.order_of(drive.robot)
         assert order, "a robot with a drive order works on its transport order"  # noqa: S101 - for the type
-        assert sent.drive_order_index is not None, "evasions have none"  # noqa: S101 - for the type
+        assert drive.drive_order_index is not None, "only relocations have none"  # noqa: S101 - for the type
         match event:
             case outputs.VdaOrderAccepted():
                 pass
             case outputs.OperationStarted():
-                if not sent.partial:  # otherwise it is a required action at a premature end
-                    self._orders.put(order.operating(sent.drive_order_index, self._clock.now()))
+                if not drive.partial:  # otherwise it is a required action at a premature end
+                    self._orders.put(order.operating(drive.drive_order_index, self._clock.now()))
             case outputs.VdaOrderFinished():
-                self._drive_order_finished(order, sent)
+                self._drive_order_finished(order, drive)
             case outputs.VdaOrderFailed():
                 words = with_details(event.reason, event.details)
                 self._drive_order_failed(order, OrderFailure(event.kind, words, ahead))
             case outputs.VdaOrderCancelled():
-                self._drive_order_cancelled(order, sent)
+                self._drive_order_cancelled(order, drive)
 
-    def _drive_order_finished(self, order: TransportOrder, sent: SentOrder) -> None:
+    def _drive_order_finished(self, order: TransportOrder, drive: Drive) -> None:
         now, index = self._clock.now(), order.status.current_drive_order_index
         if order.state is S.WITHDRAWN:
             self._end(order.failed(_withdrawn(order, Reason(R.BASE_FINISHED)), now))
             return
-        job = self._driving.failed_behind(sent)
+        job = self._driving.failed_behind(drive)
         failure = _failure_of(job) if job else None
-        if sent.partial:  # otherwise the robot has finished everything, in spite of a cancel
-            failure = sent.given_up or failure
-        order = order if sent.partial else order.drive_order_finished(index, now)
-        if not sent.partial and len(sent.vda_order.nodes) > 1:
-            vehicle = self._registry.discover(sent.robot)
+        if drive.partial:  # otherwise the robot has finished everything, in spite of a cancel
+            failure = drive.given_up or failure
+        order = order if drive.partial else order.drive_order_finished(index, now)
+        if not drive.partial and len(drive.vda_order.nodes) > 1:
+            vehicle = self._registry.discover(drive.robot)
             self._failing_vehicles.drove(vehicle, order.status.drive_orders[index].destination)
         last = order.current.state is DriveOrderState.FINISHED
         if failure and (last or not order.held):
             self._fail(order, failure)
-        elif last and not failure and not self._pauses.awaits_device(sent.robot):
+        elif last and not failure and not self._pauses.awaits_device(drive.robot):
             self._end(order.finished(now))
         else:
             order = order.failed_while_held(failure.words) if failure else order
-            self._continue(order, again=sent.partial)
+            self._continue(order, again=drive.partial)
 
     def _drive_order_failed(self, order: TransportOrder, failure: OrderFailure) -> None:
         if order.state is S.WITHDRAWN:
@@ -438,13 +438,13 @@ class LifeCycle:
         else:
             self._fail(order, failure)
 
-    def _drive_order_cancelled(self, order: TransportOrder, sent: SentOrder) -> None:
+    def _drive_order_cancelled(self, order: TransportOrder, drive: Drive) -> None:
         """End a withdrawn order; pause a held one, or continue it if it was resumed meanwhile."""
         if order.state is S.WITHDRAWN:
             self._end(order.failed(_withdrawn(order, Reason(R.RELEASED)), self._clock.now()))
-        elif sent.given_up and not order.held:
-            self._fail(order, sent.given_up)
-        elif order.is_operating and not sent.given_up:
+        elif drive.given_up and not order.held:
+            self._fail(order, drive.given_up)
+        elif order.is_operating and not drive.given_up:
             self._drive_order_failed(order, OrderFailure(FailureKind.UNCLEAR, BEGUN_MEANWHILE))
         else:
             self._continue(order, again=True)
@@ -511,21 +511,21 @@ class LifeCycle:
         vehicle = self._registry.named(order.vehicle)
         if order.state is not S.BEING_PROCESSED or vehicle is None:
             return
-        failure, sent = _failure_of(job), self._sent.of_order(order)
+        failure, drive = _failure_of(job), self._drives.of_order(order)
         if order.held and order.current.state is not DriveOrderState.FINISHED:
             if job.after_movement:
                 self._orders.put(order.failed_while_held(failure.words))
-        elif sent is None:
+        elif drive is None:
             self._driving.abandon(vehicle)
             self._fail(order, failure)
-        elif not sent.cancelled and not sent.all_released:
-            self._driving.end_early(self._give_up(sent, failure), partial=True)
+        elif not drive.cancelled and not drive.all_released:
+            self._driving.end_early(self._give_up(drive, failure), partial=True)
 
-    def _give_up(self, sent: SentOrder, failure: OrderFailure) -> SentOrder:
+    def _give_up(self, drive: Drive, failure: OrderFailure) -> Drive:
         """Note for which failure a VDA 5050 order ends early."""
-        sent = sent.model_copy(update={"given_up": failure})
-        self._sent.put(sent)
-        return sent
+        drive = drive.changed(given_up=failure)
+        self._drives.put(drive)
+        return drive
 
     # Retriable actions (VDA 5050 3.0, sections 6.2.3 and 6.6.9)
 
@@ -535,14 +535,14 @@ class LifeCycle:
         ``retry`` if the failure policy retries at once, otherwise ``skipRetry``: the VDA 5050 order then
         fails, as with robots without retries, and the policy continues.
         """
-        sent, order = self._sent.find(event.order_id), self._state.order_of(event.robot)
-        if sent is None or sent.cancelled or sent.evasion or order is None:
+        drive, order = self._drives.with_id(event.robot, event.order_id), self._state.order_of(event.robot)
+        if drive is None or drive.cancelled or drive.relocation or order is None:
             return
         words = with_details(event.reason, event.details)
         action = retry_or_skip(unique_id(), event.action_id, retry=self._retries_action(order, words))
         self._answers[action.action_id] = event.order_id, words
         log.info("action has failed", vda_order=event.order_id, answer=action.action_type, reason=words)
-        self._driving.instruct(sent, action)
+        self._driving.instruct(drive, action)
 
     def _retries_action(self, order: TransportOrder, words: str) -> bool:
         if order.held or order.state is not S.BEING_PROCESSED:
@@ -556,14 +556,14 @@ class LifeCycle:
     def on_instant_action(self, event: outputs.InstantActionEnded) -> None:
         """Cancel the VDA 5050 order of a robot that did not execute ``retry`` or ``skipRetry``."""
         order_id, words = self._answers.pop(event.action.action_id, ("", ""))
-        sent = self._sent.find(order_id)
-        if sent and not sent.cancelled and event.status is not ActionStatus.FINISHED:
+        drive = self._drives.with_id(event.robot, order_id)
+        if drive and not drive.cancelled and event.status is not ActionStatus.FINISHED:
             log.warning(
                 "robot rejected the answer about its failed action", vda_order=order_id, reason=event.reason
             )
             known = event.status is ActionStatus.FAILED  # otherwise it may be retrying right now
             kind = FailureKind.ACTION if known else FailureKind.UNCLEAR
-            self._driving.cancel(self._give_up(sent, OrderFailure(kind, words)))
+            self._driving.cancel(self._give_up(drive, OrderFailure(kind, words)))
 
     # The end
 
@@ -586,7 +586,7 @@ class LifeCycle:
     def _release(self, order: TransportOrder) -> None:
         """Release an order from its vehicle."""
         self._orders.put(order)
-        robot = self._sent.release(order)
+        robot = self._drives.release(order)
         if robot is not None:
             vehicle = self._registry.discover(robot)
             self._pauses.end(vehicle.name)
@@ -634,12 +634,12 @@ class LifeCycle:
             self._end_withdrawn_unsent(order)
         elif vehicle is None:
             self._end(order.failed(_gone(order), self._clock.now()))
-        elif self._sent.order_number(vehicle.key) is not None:
+        elif self._drives.order_number(vehicle.key) is not None:
             why = Reason(R.VEHICLE_REPLACED, vehicle=vehicle.name)
             self._end(order.failed(why, self._clock.now()))
         else:
             self._orders.put(order)
-            self._sent.assign(order, vehicle.key)
+            self._drives.assign(order, vehicle.key)
             self._pauses.begin(vehicle, order)
 
     def _restore_waiting(self, order: TransportOrder) -> None:

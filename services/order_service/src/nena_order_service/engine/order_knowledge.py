@@ -138,7 +138,7 @@ class OrderKnowledge:
 
     def visits(self) -> Mapping[str | None, int]:
         """Return the number of outstanding visits to each location or point, for assigned orders."""
-        assigned = map(self._state.orders.get, self._state.sent_orders.assigned)
+        assigned = map(self._state.orders.get, self._state.drives.assigned)
         return Counter(stop.location_name for order in assigned for stop in stops_of(order))
 
     def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:

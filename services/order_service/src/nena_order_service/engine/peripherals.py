@@ -13,8 +13,8 @@ from typing import Protocol
 
 from nena_order_service.engine.context import Context
 from nena_order_service.fleet.vda_order import order_id
+from nena_order_service.orders.drive import Drive
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
-from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.peripherals.devices import Devices, Verdict
 from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.peripherals.needs import (
@@ -106,38 +106,36 @@ class Peripherals:
 
     # Vehicles on their routes
 
-    def gate(self, vehicle: FleetVehicle, record: SentOrder | None) -> Gate:
+    def gate(self, vehicle: FleetVehicle, drive: Drive | None) -> Gate:
         """Return how far a VDA order may be allocated and released; request its jobs that are due."""
         self.waiting.pop(vehicle.name, None)
-        needs = self._needs(record)
-        earlier = self.behind(vehicle, record)
-        if record is None or not (needs or earlier):
+        needs = self._needs(drive)
+        earlier = self.behind(vehicle, drive)
+        if drive is None or not (needs or earlier):
             return OPEN
         for operation in needs.at_once():
             if self.requested(operation) is None:
-                self.require(operation, vehicle, record)
-        return _RouteGate(self, vehicle, record, needs, earlier)
+                self.require(operation, vehicle, drive)
+        return _RouteGate(self, vehicle, drive, needs, earlier)
 
-    def moved(
-        self, vehicle: FleetVehicle, record: SentOrder, reached: int, *, finished: bool = False
-    ) -> None:
+    def moved(self, vehicle: FleetVehicle, drive: Drive, reached: int, *, finished: bool = False) -> None:
         """Request the AFTER_MOVEMENT jobs of the first ``reached`` paths.
 
         ``finished``: also those of the destination.
         """
-        for each in self._needs(record).operations:
+        for each in self._needs(drive).operations:
             if each.trigger is T.AFTER_MOVEMENT:
                 due = finished if each.key.step == DESTINATION else each.step < reached
                 if due and self._jobs.at(each.key) is None:
-                    self.require(each, vehicle, record)
+                    self.require(each, vehicle, drive)
                     self._state.drive_due = True
 
-    def require(self, operation: NeededOperation, vehicle: FleetVehicle, record: SentOrder) -> PeripheralJob:
+    def require(self, operation: NeededOperation, vehicle: FleetVehicle, drive: Drive) -> PeripheralJob:
         """Return the job that an operation of a route waits for; create it unless there is a valid one."""
         job = self._jobs.at(operation.key)
-        if job and (valid := self._valid(job, last_step=len(record.way) - 1)):
+        if job and (valid := self._valid(job, last_step=len(drive.way) - 1)):
             return valid
-        order = None if record.evasion else self._state.order_of(record.robot)
+        order = None if drive.relocation else self._state.order_of(drive.robot)
         status = PeripheralJobStatus(
             name=f"{JOB_PREFIX}-{sortable_id()}",
             state=PeripheralJobState.TO_BE_PROCESSED,
@@ -202,18 +200,21 @@ class Peripherals:
         job = self._jobs.named(self.waiting.get(vehicle, ""))
         return job.status.location if job else None
 
-    def withdraw_needless(self, unsent: Mapping[str, SentOrder]) -> None:
-        """Withdraw the jobs that no route needs any more; ``unsent`` are routes by orderId, not sent yet."""
+    def withdraw_needless(self) -> None:
+        """Withdraw the jobs that no route needs any more."""
+        if not self._jobs.any_known:
+            return
+        drives = {each.order_id: each for each in self._state.drives.with_routes()}
         for job in self._jobs.unfinished():
-            if job.key and not job.after_movement and not self._is_needed(job, unsent):
+            if job.key and not job.after_movement and not self._is_needed(job, drives):
                 self._withdraw(job, NO_LONGER_NEEDED)
-        self._jobs.forget_ended(lambda job: self._is_needed(job, unsent))
+        self._jobs.forget_ended(lambda job: self._is_needed(job, drives))
 
-    def failed_behind(self, record: SentOrder) -> PeripheralJob | None:
+    def failed_behind(self, drive: Drive) -> PeripheralJob | None:
         """Return a required job after a movement of a VDA order that has failed; None if there is none."""
         required = (
             self.requested(each)
-            for each in self._needs(record).operations
+            for each in self._needs(drive).operations
             if each.required and each.trigger is T.AFTER_MOVEMENT
         )
         return next((job for job in required if job and job.over and not job.done), None)
@@ -495,10 +496,10 @@ class Peripherals:
             self._traffic.holders(each) - {vehicle.name} for each in resources if each in self._operations
         )
 
-    def behind(self, vehicle: FleetVehicle, record: SentOrder | None = None) -> list[PeripheralJob]:
+    def behind(self, vehicle: FleetVehicle, drive: Drive | None = None) -> list[PeripheralJob]:
         """Return the jobs after earlier movements for which a vehicle has to wait before it drives again.
 
-        ``record`` is the VDA order on which it drives.
+        ``drive`` is the one that it is on.
         """
         return [
             job
@@ -506,25 +507,24 @@ class Peripherals:
             if job.after_movement
             and job.status.completion_required
             and job.status.related_vehicle == vehicle.name
-            and (record is None or job.order_id != record.vda_order.order_id)
+            and (drive is None or job.order_id != drive.order_id)
         ]
 
-    def _needs(self, record: SentOrder | None) -> RouteNeeds:
-        if record is None or not self._operations:
+    def _needs(self, drive: Drive | None) -> RouteNeeds:
+        if drive is None or not self._operations:
             return NOTHING
         destination: tuple[StepOperation, ...] = ()
-        order = self._state.order_of(record.robot)
-        if order and record.drive_order_index is not None and not record.partial:
-            drive_order = order.status.drive_orders[record.drive_order_index]
+        order = self._state.order_of(drive.robot)
+        if order and drive.drive_order_index is not None and not drive.partial:
+            drive_order = order.status.drive_orders[drive.drive_order_index]
             destination = drive_order.destination.peripheral_operations
-        vda_order = record.vda_order
+        vda_order = drive.vda_order
         edges = [each.edge_id for each in vda_order.edges]
-        return self._finder.of(vda_order.order_id, edges, destination, last=len(record.way) - 1)
+        return self._finder.of(vda_order.order_id, edges, destination, last=len(drive.way) - 1)
 
-    def _is_needed(self, job: PeripheralJob, unsent: Mapping[str, SentOrder]) -> bool:
-        record = unsent.get(job.order_id) or self._state.sent_orders.find(job.order_id)
-        if record:
-            return not record.cancelled and job.key in self._needs(record).keys
+    def _is_needed(self, job: PeripheralJob, drives: Mapping[str, Drive]) -> bool:
+        if drive := drives.get(job.order_id):
+            return not drive.cancelled and job.key in self._needs(drive).keys
         order = self._state.orders.named(job.status.related_transport_order or "")
         if order is None or order.state is not TransportOrderState.BEING_PROCESSED or order.held:
             return False
@@ -538,13 +538,13 @@ class _RouteGate:
         self,
         peripherals: Peripherals,
         vehicle: FleetVehicle,
-        record: SentOrder,
+        drive: Drive,
         needs: RouteNeeds,
         earlier: Iterable[PeripheralJob],
     ) -> None:
         self._peripherals = peripherals
         self._vehicle = vehicle
-        self._record = record
+        self._drive = drive
         self._needs = needs
         self._earlier = tuple(earlier)
 
@@ -558,7 +558,7 @@ class _RouteGate:
             self._wait(job)
         if self._earlier or not all(map(self._is_behind, self._needs.before(index))):
             return False
-        way = self._record.way
+        way = self._drive.way
         if way and self._peripherals.hold_back(self._vehicle, way[index].uses):
             return True
         return self._all_done(self._needs.at(index, T.IMMEDIATE, T.BEFORE_ALLOCATION))
@@ -571,7 +571,7 @@ class _RouteGate:
         """Request the jobs of operations; return whether those are done that the vehicle waits for."""
         done = True
         for each in operations:
-            job = self._peripherals.require(each, self._vehicle, self._record)
+            job = self._peripherals.require(each, self._vehicle, self._drive)
             if each.required and not job.done:
                 done = False
                 self._wait(job)

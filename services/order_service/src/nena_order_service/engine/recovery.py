@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 from pydantic import ValidationError
 
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.driving import Driving, RestartGate
 from nena_order_service.engine.positions import box_of
+from nena_order_service.orders.drive import Drive
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.log import get_logger
+from nena_shared.vda5050.malformed import problems_of
 from nena_shared.vda5050.topics import RobotKey
+
+log = get_logger(__name__)
 
 
 class LostOrderError(Exception):
@@ -33,8 +37,8 @@ class Recovery:
         self._driving = driving
         self._gate = gate
 
-    def restore_vehicles(self, absent: Collection[RobotKey]) -> None:
-        """Restore the resources that stored vehicles held, and continue their evasions.
+    def restore_vehicles(self, absent: Collection[RobotKey], relocations: Iterable[str]) -> None:
+        """Restore the resources that stored vehicles held, and continue the ``relocations`` (documents).
 
         Nothing waits for the first states of the ``absent``.
         """
@@ -49,9 +53,12 @@ class Recovery:
             held = [each for each in record.held if each.point in self._plant.points_by_name]
             if held and record.integration_level.holds_resources:
                 self._traffic.restore(vehicle.name, held, box_of(vehicle).length_mm, beside=record.beside)
-            if record.evasion:
-                self._resume(record.evasion)
             self._vehicles.change(vehicle.key)
+        for document in relocations:
+            try:
+                self._resume(Drive.model_validate_json(document))
+            except ValidationError as error:
+                log.warning("stored drive is unreadable", problems=problems_of(error))
 
     def present_vehicle(self, name: str) -> FleetVehicle | None:
         """Return the current vehicle of the robot that had this name; None if it can no longer take orders.
@@ -74,27 +81,27 @@ class Recovery:
     def restore_order(self, order: TransportOrder, document: str) -> FleetVehicle:
         """Restore an order's VDA order; return the vehicle of its robot. Raises LostOrderError."""
         try:
-            record = SentOrder.model_validate_json(document)
+            drive = Drive.model_validate_json(document)
         except ValidationError as error:
             raise LostOrderError from error
-        self._state.sent_orders.assign(order, record.robot)
-        return self._resume(record)
+        self._state.drives.assign(order, drive.robot)
+        return self._resume(drive)
 
-    def _resume(self, record: SentOrder) -> FleetVehicle:
-        self._state.sent_orders.load(record)
-        vehicle = self._registry.discover(record.robot)
+    def _resume(self, drive: Drive) -> FleetVehicle:
+        self._state.drives.load(drive)
+        vehicle = self._registry.discover(drive.robot)
         if vehicle.name not in self._traffic:
-            start = record.vda_order.nodes[0].node_id
+            start = drive.vda_order.nodes[0].node_id
             under = self._traffic.resources.at(start) if start in self._plant.points_by_name else NOWHERE
             self._traffic.restore(vehicle.name, [under], box_of(vehicle).length_mm)
-        self._driving.resume(vehicle, record)
+        self._driving.resume(vehicle, drive)
         self._state.after_commit(
             lambda: self._context.fleet.adopt_vda_order(
-                record.robot, record.as_released(), accepted=record.accepted, update_id=record.update_id
+                drive.robot, drive.as_released(), accepted=drive.accepted, update_id=drive.update_id
             )
         )
-        if record.cancelled:
-            self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(record.robot))
+        if drive.cancelled:
+            self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(drive.robot))
         return vehicle
 
 

@@ -15,8 +15,8 @@ from nena_order_service.fleet.feasibility import fitted, order_problem
 from nena_order_service.fleet.position import Standing
 from nena_order_service.fleet.robot import Abilities, LinkStatus
 from nena_order_service.fleet.vda_order import VdaOrder, with_other_horizon
+from nena_order_service.orders.drive import Drive
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing.graph import NoRouteError, Route
 from nena_order_service.routing.router import Leg
 from nena_order_service.traffic.scheduler import Refusal, WaitReason
@@ -53,7 +53,7 @@ class _UnderWay:
     """A driving vehicle whose VDA order still has a horizon."""
 
     vehicle: FleetVehicle
-    record: SentOrder
+    drive: Drive
     order: TransportOrder
     base_end: str
 
@@ -72,7 +72,7 @@ class Rerouting:
         self._traffic = context.traffic
         self._state = context.state
         self._orders = context.state.orders
-        self._sent = context.state.sent_orders
+        self._drives = context.state.drives
         self._driving = driving
         self._planner = context.planner
         self._finder = context.finder
@@ -95,40 +95,40 @@ class Rerouting:
 
         """
         order = self._order(vehicle)
-        record = self._sent.of_order(order)
-        if record is None:
+        drive = self._drives.of_order(order)
+        if drive is None:
             return Rerouted(ReroutingOutcome.UNCHANGED, CHOSEN_LATER)
-        if record.cancelled:
+        if drive.cancelled:
             return Rerouted(ReroutingOutcome.STOPPING, "it is already stopping")
         if kind is ReroutingType.FORCED:
-            return self._force(vehicle, order, record)
-        return self._replan(vehicle, order, record, Reason(R.BY_REQUEST))
+            return self._force(vehicle, order, drive)
+        return self._replan(vehicle, order, drive, Reason(R.BY_REQUEST))
 
     def reroute_off_locked_paths(self) -> None:
         """Reroute vehicles from paths that are now locked; without another route, they stop before them.
 
         Those that have not started request their routes again.
         """
-        self._driving.reconsider(lambda record: self._any_locked(record.vda_order.edges))
-        for record in tuple(self._sent):
-            if record.cancelled or not self._leads_over_lock(record):
+        self._driving.reconsider(lambda drive: self._any_locked(drive.vda_order.edges))
+        for drive in tuple(self._drives.sent.values()):
+            if drive.cancelled or not self._leads_over_lock(drive):
                 continue
-            vehicle = self._registry.discover(record.robot)
+            vehicle = self._registry.discover(drive.robot)
             try:
-                self._reroute_off(vehicle, record)
+                self._reroute_off(vehicle, drive)
             except ValueError:  # a failure for one vehicle must not let others drive over the path
                 log.exception("cannot reroute a vehicle around a locked path", vehicle=vehicle.name)
-                self._driving.end_early(record, partial=True)
+                self._driving.end_early(drive, partial=True)
 
-    def _reroute_off(self, vehicle: FleetVehicle, record: SentOrder) -> None:
-        order = None if record.evasion else self._orders.get(self._number(vehicle))
+    def _reroute_off(self, vehicle: FleetVehicle, drive: Drive) -> None:
+        order = None if drive.relocation else self._orders.get(self._number(vehicle))
         if order is None or order.state is not TransportOrderState.BEING_PROCESSED:
-            self._driving.end_early(record, partial=False)
+            self._driving.end_early(drive, partial=False)
             return
-        done = self._replan(vehicle, order, record, Reason(R.PATH_WAS_LOCKED))
+        done = self._replan(vehicle, order, drive, Reason(R.PATH_WAS_LOCKED))
         if done.outcome is ReroutingOutcome.UNCHANGED:
             log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=done.reason)
-            self._driving.end_early(record, partial=True)
+            self._driving.end_early(drive, partial=True)
 
     def kept_waiting(self) -> Sequence[str]:
         """Return vehicles that have waited since the last call; if there are many, some of them in turn."""
@@ -147,12 +147,12 @@ class Rerouting:
         The robot must be able to drive it, and must have made progress since it was last rerouted like this.
         """
         vehicle = self._registry.named(name)
-        record = self._sent.of_robot(vehicle.key) if vehicle else None
+        drive = self._drives.sent.get(vehicle.key) if vehicle else None
         current = self._traffic.route_of(name)
-        if not vehicle or not record or record.cancelled or record.evasion or not current:
+        if not vehicle or not drive or drive.cancelled or drive.relocation or not current:
             return
         order = self._orders.get(self._number(vehicle))
-        base_end = record.vda_order.nodes[current.allocated].node_id
+        base_end = drive.vda_order.nodes[current.allocated].node_id
         if (
             order.state is not TransportOrderState.BEING_PROCESSED
             or current.all_allocated
@@ -160,24 +160,24 @@ class Rerouting:
             or base_end not in self._plant.points_by_name
         ):
             return
-        if self._last_rerouted.get(name) == (record.vda_order.order_id, current.reached):
+        if self._last_rerouted.get(name) == (drive.order_id, current.reached):
             return
         route = self._traffic.route_around(name, order.resources_to_avoid, self._stays)
-        under_way = _UnderWay(vehicle, record.released(current), order, base_end)
+        under_way = _UnderWay(vehicle, drive.released(current), order, base_end)
         if route is None or self._is_current(under_way, route):
             return
         if not self._problem(under_way, route) and not self._claim_route(under_way, route):
-            self._last_rerouted[name] = record.vda_order.order_id, current.reached
+            self._last_rerouted[name] = drive.order_id, current.reached
             self._send(under_way, route, Reason(R.LESS_TRAFFIC))
 
     def _stays(self, name: str) -> bool:
         """Return whether a vehicle at rest may stay for long: it has no order, or cannot continue it."""
         vehicle = self._registry.named(name)
-        works = vehicle is not None and self._sent.order_number(vehicle.key) is not None
+        works = vehicle is not None and self._drives.order_number(vehicle.key) is not None
         return not works or self._driving.mobility.lost(name)
 
     def _order(self, vehicle: FleetVehicle) -> TransportOrder:
-        number = self._sent.order_number(vehicle.key)
+        number = self._drives.order_number(vehicle.key)
         if number is None:
             raise NotReroutableError(vehicle.name, "it has no transport order")
         order = self._orders.get(number)
@@ -186,30 +186,30 @@ class Rerouting:
         return order
 
     def _number(self, vehicle: FleetVehicle) -> int:
-        number = self._sent.order_number(vehicle.key)
+        number = self._drives.order_number(vehicle.key)
         assert number is not None, "a robot with an order's VDA order works on the order"  # noqa: S101 - for the type
         return number
 
-    def _force(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder) -> Rerouted:
+    def _force(self, vehicle: FleetVehicle, order: TransportOrder, drive: Drive) -> Rerouted:
         if order.is_operating:
             raise NotReroutableError(vehicle.name, "it is executing its operation at the destination")
         link = self._view(vehicle).link
         if link is not LinkStatus.ONLINE:
             raise VehicleNotReachedError(vehicle.name, f"it is {link}")
-        self._driving.cancel(record)
+        self._driving.cancel(drive)
         why = Reason(R.FORCED)
         self._orders.put(order.rerouted(None, why, self._clock.now()))
         return Rerouted(ReroutingOutcome.STOPPING, why)
 
-    def _replan(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder, why: str) -> Rerouted:
+    def _replan(self, vehicle: FleetVehicle, order: TransportOrder, drive: Drive, why: str) -> Rerouted:
         self._traffic.give_back(vehicle.name)
         current = self._traffic.route_of(vehicle.name)
-        if current is None or record.all_released or current.all_allocated:
+        if current is None or drive.all_released or current.all_allocated:
             return Rerouted(ReroutingOutcome.UNCHANGED, NOTHING_AHEAD)
-        base_end = record.vda_order.nodes[current.allocated].node_id
+        base_end = drive.vda_order.nodes[current.allocated].node_id
         if base_end not in self._plant.points_by_name:
             return Rerouted(ReroutingOutcome.UNCHANGED, Reason(R.OFF_PATHS))
-        under_way = _UnderWay(vehicle, record.released(current), order, base_end)
+        under_way = _UnderWay(vehicle, drive.released(current), order, base_end)
         try:
             route, reason = self._claim(under_way)
         except (NoRouteError, UnknownObjectError) as error:  # the plant may have lost a place
@@ -256,7 +256,7 @@ class Rerouting:
 
     def _is_current(self, under_way: _UnderWay, route: Route) -> bool:
         """Return whether the vehicle already drives this route, or the route is empty."""
-        rest = under_way.record.vda_order.edges[under_way.record.allocated :]
+        rest = under_way.drive.vda_order.edges[under_way.drive.allocated :]
         return not route.steps or [edge.edge_id for edge in rest] == [step.edge_id for step in route.steps]
 
     def _occupied(self, refusal: Refusal) -> frozenset[str]:
@@ -275,27 +275,27 @@ class Rerouting:
 
     def _with_route(self, under_way: _UnderWay, route: Route) -> VdaOrder:
         """Return the VDA order with this route from the end of its base (section 6.1.2)."""
-        record, standing = under_way.record, Standing(under_way.base_end, on_point=True, pose=None)
-        retriable = any(each.retriable for each in record.vda_order.actions)
+        drive, standing = under_way.drive, Standing(under_way.base_end, on_point=True, pose=None)
+        retriable = any(each.retriable for each in drive.vda_order.actions)
         tail = self._planner.vda_order(
             under_way.order, under_way.vehicle, standing, route, retriable=retriable
         )
-        return with_other_horizon(record.vda_order, record.allocated, tail)
+        return with_other_horizon(drive.vda_order, drive.allocated, tail)
 
     def _send(self, under_way: _UnderWay, route: Route, why: str) -> None:
-        vehicle, record = under_way.vehicle, under_way.record
+        vehicle, drive = under_way.vehicle, under_way.drive
         vda_order = self._with_route(under_way, route)
         current = self._traffic.route_of(vehicle.name)
         assert current, "requested by the caller"  # noqa: S101 - for the type
-        self._driving.send_on(record.updated(vda_order=vda_order, way=current.way))
+        self._driving.send_on(drive.updated(vda_order=vda_order, way=current.way))
         self._state.drive_due = True
         points = tuple(n.node_id for n in vda_order.nodes if n.node_id in self._plant.points_by_name)
         self._orders.put(under_way.order.rerouted(points, why, self._clock.now()))
         log.info("vehicle rerouted", vehicle=vehicle.name, reason=why, route=route.points)
 
-    def _leads_over_lock(self, record: SentOrder) -> bool:
+    def _leads_over_lock(self, drive: Drive) -> bool:
         """Return whether the horizon of a VDA order leads over a locked path."""
-        return not record.all_released and self._any_locked(record.vda_order.edges[record.allocated :])
+        return not drive.all_released and self._any_locked(drive.vda_order.edges[drive.allocated :])
 
     def _any_locked(self, edges: Iterable[Edge]) -> bool:
         return any(self._finder.is_locked(each.edge_id.removesuffix(BACKWARD_SUFFIX)) for each in edges)

@@ -11,17 +11,18 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 
 from pydantic import ValidationError
 
 from nena_order_service.dispatching.candidates import WaitingOrders
 from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded
+from nena_order_service.orders.drive import Drive, DriveState
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.statistics import OrderStatistics
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.peripherals.jobs import JobKey, PeripheralJob
-from nena_order_service.store.database import Changes
+from nena_order_service.store.database import Changes, DriveRow
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.fleet_api.reasons import OptionalReason
@@ -306,8 +307,6 @@ class VehicleRecord(FrozenModel):
     """The resources that it held when its current drive began, oldest first."""
     beside: tuple[ResourceSet, ...] | None = None
     """Resources that it may also occupy since it broke off its route or was moved; None: it did not."""
-    evasion: SentOrder | None = None
-    """The VDA 5050 order with which it makes room for others."""
 
     @property
     def robot(self) -> RobotKey:
@@ -368,24 +367,23 @@ class VehicleRecords:
             self._pending.stored.vehicles[str(robot)] = partial(record.model_dump_json, by_alias=True)
 
 
-class SentOrders:
-    """The transport order that each robot executes, and the VDA 5050 order that it was sent.
+class Drives:
+    """The transport order that each robot executes, and the drives of each robot.
 
-    A robot executes at most one transport order, and has at most one VDA 5050 order: that of the transport
-    order's current drive order, or one with which it makes room for others.
+    A robot executes at most one transport order. At most one of its drives has a route: that of the transport
+    order's current drive order, or a relocation. An order's drive may request a route during a relocation.
     """
 
-    def __init__(self, pending: PendingChanges, vehicles: VehicleRecords) -> None:
+    def __init__(self, pending: PendingChanges) -> None:
+        self.requested: dict[RobotKey, Drive] = {}
+        """The drives that request a route."""
+        self.granted: dict[RobotKey, Drive] = {}
+        """The drives with a route of which nothing is released yet."""
+        self.sent: dict[RobotKey, Drive] = {}
+        """The drives whose VDA orders the robots have, or are about to receive."""
         self._pending = pending
-        self._vehicles = vehicles
-        self._sent: dict[RobotKey, SentOrder] = {}
-        self._by_id: dict[str, RobotKey] = {}
         self._order_of: dict[RobotKey, int] = {}
         self._robot_of: dict[int, RobotKey] = {}
-
-    def __iter__(self) -> Iterator[SentOrder]:
-        """Yield all active VDA 5050 orders."""
-        return iter(tuple(self._sent.values()))
 
     def assign(self, order: TransportOrder, robot: RobotKey) -> None:
         """Assign an order to a robot until :meth:`release`."""
@@ -398,47 +396,62 @@ class SentOrders:
         if robot is None:
             return None
         del self._order_of[robot]
-        sent = self._sent.get(robot)
-        if sent and not sent.evasion:
-            self._forget(sent)
-            self._pending.stored.sent_orders[order.number] = None
+        drive = self.sent.get(robot)
+        if drive and not drive.relocation:
+            self.end(drive)
         return robot
 
-    def load(self, sent: SentOrder) -> None:
-        """Add a sent order as stored; its transport order is already assigned."""
-        self._sent[sent.robot] = sent
-        self._by_id[sent.vda_order.order_id] = sent.robot
+    def load(self, drive: Drive) -> None:
+        """Add a sent drive as stored; its transport order is already assigned."""
+        self.sent[drive.robot] = drive
 
-    def put(self, sent: SentOrder) -> None:
-        """Add a new sent order, or the new version of one."""
-        self.load(sent)
-        if sent.evasion:
-            self._vehicles.change(sent.robot, evasion=sent)
+    def put(self, drive: Drive) -> None:
+        """Add a new drive, or the new version of one; it is stored once it is sent."""
+        self.drop(drive)
+        if drive.is_sent:
+            self.sent[drive.robot] = drive
+            self._pending.stored.drives[str(drive.robot)] = DriveRow(drive.order_number, drive.document)
+        elif drive.state is DriveState.GRANTED:
+            self.granted[drive.robot] = drive
         else:
-            self._pending.stored.sent_orders[self._order_of[sent.robot]] = sent.document
+            self.requested[drive.robot] = drive
 
-    def end(self, sent: SentOrder) -> None:
-        """Remove a sent order that has ended; the robot keeps its transport order, if any."""
-        self._forget(sent)
-        if sent.evasion:
-            self._vehicles.change(sent.robot, evasion=None)
-        else:
-            self._pending.stored.sent_orders[self._order_of[sent.robot]] = None
+    def drop(self, drive: Drive) -> None:
+        """Remove a drive of which nothing was sent."""
+        for drives in (self.requested, self.granted):
+            known = drives.get(drive.robot)
+            if known and known.order_id == drive.order_id:
+                del drives[drive.robot]
 
-    def find(self, order_id: str) -> SentOrder | None:
-        """Return a sent order by its VDA 5050 orderId; None if it is unknown."""
-        robot = self._by_id.get(order_id)
-        return None if robot is None else self._sent[robot]
+    def end(self, drive: Drive) -> None:
+        """Remove a sent drive that has ended; the robot keeps its transport order, if any."""
+        del self.sent[drive.robot]
+        self._pending.stored.drives[str(drive.robot)] = None
 
-    def of_robot(self, robot: RobotKey) -> SentOrder | None:
-        """Return the sent order of a robot; None if it has none."""
-        return self._sent.get(robot)
+    def with_id(self, robot: RobotKey, order_id: str) -> Drive | None:
+        """Return the robot's sent drive with this orderId; None if it has another one or none."""
+        drive = self.sent.get(robot)
+        return drive if drive and drive.order_id == order_id else None
 
-    def of_order(self, order: TransportOrder) -> SentOrder | None:
-        """Return the sent order of a transport order; None if nothing was sent for it."""
+    def of_order(self, order: TransportOrder) -> Drive | None:
+        """Return the sent drive of a transport order; None if nothing was sent for it."""
         robot = self._robot_of.get(order.number)
-        sent = None if robot is None else self._sent.get(robot)
-        return None if sent is None or sent.evasion else sent
+        drive = None if robot is None else self.sent.get(robot)
+        return None if drive is None or drive.relocation else drive
+
+    def with_routes(self) -> Iterator[Drive]:
+        """Yield the drives that have a route, sent or not."""
+        return chain(self.sent.values(), self.granted.values())
+
+    @property
+    def unsent(self) -> set[RobotKey]:
+        """The robots whose drives request a route, or wait until something of it is released."""
+        return {*self.requested, *self.granted}
+
+    def unsent_of_order(self, robot: RobotKey) -> Drive | None:
+        """Return the drive of a robot's order if nothing of it was sent; None otherwise."""
+        granted = self.granted.get(robot)
+        return granted if granted and not granted.relocation else self.requested.get(robot)
 
     def order_number(self, robot: RobotKey) -> int | None:
         """Return the number of the transport order that a robot executes; None if it has none."""
@@ -448,10 +461,6 @@ class SentOrders:
     def assigned(self) -> Iterable[int]:
         """The numbers of the transport orders that robots execute."""
         return self._robot_of
-
-    def _forget(self, sent: SentOrder) -> None:
-        del self._sent[sent.robot]
-        del self._by_id[sent.vda_order.order_id]
 
 
 PERIPHERAL_JOB = "peripheralJob"
@@ -509,6 +518,11 @@ class PeripheralJobs:
         """Return the current job for an operation of a route; None if there is none yet."""
         name = self._by_key.get(key)
         return None if name is None else self._jobs[name]
+
+    @property
+    def any_known(self) -> bool:
+        """Whether any job is in memory."""
+        return bool(self._jobs)
 
     def unfinished(self) -> tuple[PeripheralJob, ...]:
         """Return the current jobs that have not ended, the oldest first."""
@@ -585,7 +599,7 @@ class FleetState:
         self.orders = Orders(self.pending)
         self.sequences = OrderSequences(self.pending)
         self.vehicles = VehicleRecords(self.pending, registry)
-        self.sent_orders = SentOrders(self.pending, self.vehicles)
+        self.drives = Drives(self.pending)
         self.peripheral_jobs = PeripheralJobs(self.pending)
         self.instant_actions = PendingInstantActions()
         self.pauses: dict[str, int] = {}
@@ -610,5 +624,5 @@ class FleetState:
 
     def order_of(self, robot: RobotKey) -> TransportOrder | None:
         """Return the current transport order of a robot."""
-        number = self.sent_orders.order_number(robot)
+        number = self.drives.order_number(robot)
         return None if number is None else self.orders.get(number)

@@ -197,7 +197,7 @@ class StatusReporter:
         return self._essentials(vehicle, self._context.view(vehicle))
 
     def _essentials(self, vehicle: FleetVehicle, view: RobotView) -> Essentials:
-        order = self._state.orders.visible(self._state.sent_orders.order_number(vehicle.key))
+        order = self._state.orders.visible(self._state.drives.order_number(vehicle.key))
         order = order if order and order.vehicle == vehicle.name else None
         return essentials(
             vehicle,
@@ -208,9 +208,7 @@ class StatusReporter:
             transport_order=order.name if order else None,
             order_sequence=self._sequences.bound_to(vehicle.name),
             reason=order.reason if order else self._idle_reason(vehicle),
-            wait=self._driving.wait(vehicle)
-            if order or self._state.sent_orders.of_robot(vehicle.key)
-            else None,
+            wait=self._driving.wait(vehicle) if order or self._state.drives.sent.get(vehicle.key) else None,
             stop=self._stops.vehicle_stop(vehicle),
         )
 

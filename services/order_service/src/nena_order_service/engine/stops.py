@@ -371,7 +371,7 @@ class Stops:
         here = _place_on(area.map_id, vehicle, view)
         if here is None:
             return False
-        order = self._state.order_of(vehicle.key) if self._state.sent_orders.of_robot(vehicle.key) else None
+        order = self._state.order_of(vehicle.key) if self._state.drives.sent.get(vehicle.key) else None
         goal = order.current.destination.coordinate if order else None
         return area.crosses(here, (goal.x, goal.y) if goal else here)
 

@@ -65,7 +65,7 @@ class TrafficPlans:
         )
 
     def _order(self, vehicle: FleetVehicle) -> str | None:
-        number = self._context.state.sent_orders.order_number(vehicle.key)
+        number = self._context.state.drives.order_number(vehicle.key)
         return None if number is None else self._context.state.orders.get(number).name
 
     def _drive(self, vehicle: FleetVehicle, horizon: float) -> Drive:

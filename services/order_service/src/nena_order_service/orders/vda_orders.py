@@ -1,13 +1,11 @@
-"""VDA 5050 orders: built from drive orders or to make room, and the stored ones."""
+"""VDA 5050 orders: built from drive orders, or to make room for others."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import cached_property
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
-from nena_order_service.fleet.failures import OrderFailure
 from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.type_rules import TypeRules
@@ -19,122 +17,20 @@ from nena_order_service.fleet.vda_order import (
     VdaOrder,
     build_vda_order,
     order_id,
-    released_to,
     unique_id,
     unlimited,
 )
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing.graph import NoRouteError, Route, RoutingProfile
 from nena_order_service.routing.router import Leg, RouteFinder, RoutePlan
-from nena_order_service.traffic.resources import ResourceSet
-from nena_order_service.traffic.route_search import AllocatedRoute, RouteRequest
+from nena_order_service.traffic.route_search import RouteRequest
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.reasons import Reason, ReasonCode
-from nena_shared.frozen_model import FrozenModel
-from nena_shared.plant import BACKWARD_SUFFIX, DirectedEdge, PlantModel, UnknownObjectError
+from nena_shared.plant import DirectedEdge, PlantModel, UnknownObjectError
 from nena_shared.plant.track import MM_PER_M
 from nena_shared.vda5050.action import LOAD_HANDLING_DEVICE
-from nena_shared.vda5050.topics import RobotKey
 
 R = ReasonCode
-
-
-class SentOrder(FrozenModel):
-    """A VDA order, its robot, and whether the robot is known to have it.
-
-    ``vda_order`` is the whole plan. ``released_to`` is the sequenceId of the last node of its base (None: all
-    of it is base), reached with at most ``update_id`` updates. ``way`` lists the resources that it needs for
-    each node after the first. ``drive_order_index`` is None for an order that only makes room for others.
-    """
-
-    manufacturer: str
-    serial_number: str
-    drive_order_index: int | None
-    accepted: bool
-    vda_order: VdaOrder
-    released_to: int | None = None
-    update_id: int = 0
-    way: tuple[ResourceSet, ...] = ()
-    partial: bool = False
-    """Whether it ends before its destination, and its order is to continue from there."""
-    cancelled: bool = False
-    """Whether cancelOrder is to be sent."""
-    given_up: OrderFailure | None = None
-    """The failure for which it ends early; the failure policy decides once its robot has stopped."""
-
-    @classmethod
-    def of(
-        cls,
-        robot: RobotKey,
-        vda_order: VdaOrder,
-        drive_order_index: int | None,
-        way: tuple[ResourceSet, ...] = (),
-    ) -> Self:
-        """Record a VDA order that is about to be sent."""
-        return cls(
-            manufacturer=robot.manufacturer,
-            serial_number=robot.serial_number,
-            drive_order_index=drive_order_index,
-            accepted=False,
-            vda_order=vda_order,
-            way=way,
-        )
-
-    @property
-    def evasion(self) -> bool:
-        """Whether it only makes room for others, and serves no order."""
-        return self.drive_order_index is None
-
-    @property
-    def allocated(self) -> int:
-        """How many sets of its way are allocated."""
-        return len(self.way) if self.released_to is None else self.released_to // 2
-
-    def ahead(self, reached: int) -> tuple[str, ...]:
-        """Return the path and the point behind the ``reached``-th node; empty at the end."""
-        if reached >= len(self.vda_order.edges):
-            return ()
-        path = self.vda_order.edges[reached].edge_id.removesuffix(BACKWARD_SUFFIX)
-        return path, self.vda_order.nodes[reached + 1].node_id
-
-    def released(self, route: AllocatedRoute) -> Self:
-        """Return the record with what its robot may drive as its base."""
-        end = None if route.all_released else 2 * route.released
-        return self if end == self.released_to else self.model_copy(update={"released_to": end})
-
-    def updated(self, **changes: object) -> Self:
-        """Return the record with changes that are sent as an update."""
-        return self.model_copy(update={**changes, "update_id": self.update_id + 1})
-
-    @cached_property
-    def robot(self) -> RobotKey:
-        """Return the robot that it was sent to."""
-        return RobotKey(self.manufacturer, self.serial_number)
-
-    def as_released(self) -> VdaOrder:
-        """Return the VDA order with its base as far as it is released."""
-        return self.vda_order if self.released_to is None else released_to(self.vda_order, self.released_to)
-
-    @property
-    def all_released(self) -> bool:
-        """Return whether all of it was released to the robot."""
-        return self.released_to is None
-
-    def ending_early(self, *, partial: bool) -> Self:
-        """Return the record with a VDA order that ends with its base; unchanged if it has no horizon."""
-        if self.released_to is None:
-            return self
-        base = self.allocated
-        vda_order = VdaOrder(
-            order_id=self.vda_order.order_id,
-            nodes=self.vda_order.nodes[: base + 1],
-            edges=self.vda_order.edges[:base],
-        )
-        return self.updated(vda_order=vda_order, released_to=None, way=self.way[:base], partial=partial)
-
-    def document(self) -> str:
-        """Return it as JSON for the store; ``model_validate_json`` reads it."""
-        return self.model_dump_json(by_alias=True, exclude_none=True)
 
 
 RELOCATION_PREFIX = "evasion-"

@@ -44,14 +44,22 @@ class OrderChange:
     """Number of this change among the changes of all orders."""
 
 
+@dataclass(frozen=True, slots=True)
+class DriveRow:
+    """A sent drive, and the number of its transport order; None: a relocation."""
+
+    order_number: int | None
+    document: Document
+
+
 @dataclass(slots=True)
 class Changes:
     """Changes to commit together; only the latest of each order counts."""
 
     orders: dict[int, OrderChange] = field(default_factory=dict)
     """Orders by number."""
-    sent_orders: dict[int, Document | None] = field(default_factory=dict)
-    """Documents of sent orders by order number; None: ended."""
+    drives: dict[str, DriveRow | None] = field(default_factory=dict)
+    """Sent drives by robot key; None: ended."""
     vehicles: dict[str, Document] = field(default_factory=dict)
     """Documents of vehicles by robot key."""
     sequences: dict[int, OrderSequence] = field(default_factory=dict)
@@ -66,7 +74,7 @@ class Changes:
     """Rows of the audit trail up to this one are deleted."""
 
     def __bool__(self) -> bool:
-        single = self.orders or self.sent_orders or self.vehicles or self.sequences
+        single = self.orders or self.drives or self.vehicles or self.sequences
         return bool(single or self.path_locks or self.documents or self.audit or self.expired_audit)
 
     def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
@@ -87,7 +95,7 @@ class Changes:
                 unchanged = min(earlier.unchanged_history, change.unchanged_history)
                 change = replace(change, new=earlier.new, unchanged_history=unchanged)  # noqa: PLW2901 - merged
             self.orders[number] = change
-        self.sent_orders.update(later.sent_orders)
+        self.drives.update(later.drives)
         self.vehicles.update(later.vehicles)
         self.sequences.update(later.sequences)
         self.path_locks.update(later.path_locks)
@@ -128,7 +136,7 @@ def _statements(name: str) -> Mapping[str, str]:
         column.name: sa.bindparam(column.name) for column in orders if column.name != "number"
     }
     replaced = (
-        schema.sent_orders,
+        schema.drives,
         schema.vehicles,
         schema.order_sequences,
         schema.path_locks,
@@ -146,7 +154,7 @@ def _statements(name: str) -> Mapping[str, str]:
         "insert audit": sa.insert(schema.audit),
         "delete audit": sa.delete(schema.audit).where(audit_rows.sequence <= sa.bindparam("sequence")),
         **{f"put {table.name}": _put(inserting, table) for table in replaced},
-        **{f"delete {table.name}": _delete(table) for table in (schema.sent_orders, schema.documents)},
+        **{f"delete {table.name}": _delete(table) for table in (schema.drives, schema.documents)},
     }
     return {key: str(text.compile(dialect=dialect)) for key, text in texts.items()}
 
@@ -298,10 +306,12 @@ class Unfinished:
     """Everything that a restart restores."""
 
     orders: tuple[TransportOrder, ...]
-    sent_orders: dict[int, str]
-    """Documents of sent orders by order number."""
+    drives: dict[int, str]
+    """Documents of the sent drives of orders, by order number."""
     last_number: int
     """The highest number of an order; 0 if there is none."""
+    relocations: tuple[str, ...] = ()
+    """Documents of the sent drives that make room for others."""
     vehicles: dict[str, str] = field(default_factory=dict)
     """Documents of vehicles by robot key."""
     last_change: int = 0
@@ -399,11 +409,14 @@ def _write(engine: sa.Engine, changes: Changes, fence: Fence | None, chain: Audi
         if fence and not fence.lets_pass(connection):
             return
         _write_orders(connection, changes.orders.values())
-        sent_orders = (
-            ({"order_number": number}, {"document": document()} if document else None)
-            for number, document in changes.sent_orders.items()
+        drives = (
+            (
+                {"robot": robot},
+                {"order_number": drive.order_number, "document": drive.document()} if drive else None,
+            )
+            for robot, drive in changes.drives.items()
         )
-        _replace(connection, schema.sent_orders, sent_orders)
+        _replace(connection, schema.drives, drives)
         vehicles = (({"robot": robot}, {"document": text()}) for robot, text in changes.vehicles.items())
         _replace(connection, schema.vehicles, vehicles)
         _replace(connection, schema.order_sequences, map(_sequence_row, changes.sequences.values()))
@@ -504,11 +517,12 @@ def _read_unfinished(engine: sa.Engine) -> Unfinished:
             connection.execute(sa.select(sa.func.max(column))).scalar() or 0
             for column in (orders.c.number, orders.c.change_number, sequences.c.number)
         )
-        sent_orders = connection.execute(sa.select(schema.sent_orders))
+        drives = connection.execute(sa.select(schema.drives)).all()
         vehicles = connection.execute(sa.select(schema.vehicles))
         return Unfinished(
             orders=_read_orders(connection, connection.execute(query).all()),
-            sent_orders={row.order_number: row.document for row in sent_orders},
+            drives={row.order_number: row.document for row in drives if row.order_number is not None},
+            relocations=tuple(row.document for row in drives if row.order_number is None),
             last_number=last,
             vehicles={row.robot: row.document for row in vehicles},
             last_change=last_change,

@@ -71,13 +71,14 @@ history = sa.Table(
     sa.Column("document", sa.Text, nullable=False),
 )
 
-sent_orders = sa.Table(
-    "sent_orders",
+drives = sa.Table(
+    "drives",
     metadata,
-    sa.Column("order_number", sa.BigInteger, sa.ForeignKey("transport_orders.number"), primary_key=True),
+    sa.Column("robot", sa.String(400), primary_key=True),
+    sa.Column("order_number", sa.BigInteger, sa.ForeignKey("transport_orders.number")),
     sa.Column("document", sa.Text, nullable=False),
 )
-"""What was last sent to a robot for each order that has not ended."""
+"""The drive that was last sent to each robot, until it has ended; without an order, it makes room."""
 
 order_sequences = sa.Table(
     "order_sequences",
@@ -98,7 +99,7 @@ vehicles = sa.Table(
     sa.Column("robot", sa.String(400), primary_key=True),
     sa.Column("document", sa.Text, nullable=False),
 )
-"""Last known position of each robot, and what it does without an order."""
+"""What is known of each robot before it reports again, such as what it holds."""
 
 path_locks = sa.Table(
     "path_locks",
@@ -155,7 +156,7 @@ leadership = sa.Table(
 LEADERSHIP_ID = 1
 
 
-REVISION = "0008"
+REVISION = "0009"
 """Revision of the tables above; a change of them needs the next one, and a step from this one in STEPS."""
 
 _version = sa.Table(
@@ -200,29 +201,30 @@ def _read_revision(connection: sa.Connection) -> str | None:
     return connection.execute(sa.select(_version.c.version_num)).scalar()
 
 
-def _rename_missions(connection: sa.Connection) -> None:
-    """Upgrade revision 0007, in which a sent order was a mission, in tables as in documents."""
-    sent_orders.create(connection)
-    rows = connection.execute(sa.text("SELECT order_number, document FROM missions"))
-    for number, document in rows.all():
-        sent_order = json.dumps(_renamed(json.loads(document)))
-        connection.execute(sent_orders.insert().values(order_number=number, document=sent_order))
-    connection.execute(sa.text("DROP TABLE missions"))
+def _sent_orders_to_drives(connection: sa.Connection) -> None:
+    """Upgrade revision 0008: drives were sent orders, those that make room were kept with their vehicles."""
+    drives.create(connection)
+    for number, document in connection.execute(
+        sa.text("SELECT order_number, document FROM sent_orders")
+    ).all():
+        _insert_drive(connection, number, json.loads(document))
+    connection.execute(sa.text("DROP TABLE sent_orders"))
     for robot, document in connection.execute(sa.select(vehicles)).all():
         record = json.loads(document)
-        if record.get("evasion"):
-            record["evasion"] = _renamed(record["evasion"])
+        if relocation := record.pop("evasion", None):
+            _insert_drive(connection, None, relocation)
             changed = vehicles.update().where(vehicles.c.robot == robot)
             connection.execute(changed.values(document=json.dumps(record)))
 
 
-def _renamed(sent_order: dict[str, Any]) -> dict[str, Any]:
-    vda_order = sent_order.pop("mission")
-    vda_order["orderId"] = vda_order.pop("missionId", None) or vda_order.pop("mission_id")
-    return {**sent_order, "vda_order": vda_order}
+def _insert_drive(connection: sa.Connection, order_number: int | None, sent_order: dict[str, Any]) -> None:
+    state = "ACCEPTED" if sent_order.pop("accepted") else "SENT"
+    robot = f"{sent_order['manufacturer']}/{sent_order['serial_number']}"
+    document = json.dumps({**sent_order, "order_number": order_number, "state": state})
+    connection.execute(drives.insert().values(robot=robot, order_number=order_number, document=document))
 
 
-STEPS: Final[Mapping[str, Callable[[sa.Connection], None]]] = {"0007": _rename_missions}
+STEPS: Final[Mapping[str, Callable[[sa.Connection], None]]] = {"0008": _sent_orders_to_drives}
 """How tables of older revisions become those above."""
 
 

@@ -1,31 +1,39 @@
-"""What is stored of a VDA order, and how much of it a robot has."""
+"""What is stored of a drive, and how much of it a robot has."""
 
 from __future__ import annotations
 
 import pytest
 
 from nena_order_service.fleet.position import RobotProfile, TooFarError, locate, max_distance_m
-from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.orders.drive import Drive, DriveState
 from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.traffic.route_search import AllocatedRoute
 from nena_shared.plant import PlantModel, Point
 from support.fleet import make_vda_order
 from support.fleet_examples import state
+from support.order_service import assigned_order
 from support.scripted_fleet import key
 
 WAY = tuple(ResourceSet(name, 1000, {name: None}) for name in "BCDE")
-RECORD = SentOrder.of(key("V1"), make_vda_order("m", *"ABCDE"), 0, WAY)
+ORDER = assigned_order("A", "E")
+ROUTE = make_vda_order("V-1-0", *"ABCDE")
+RECORD = Drive.to_current_destination(ORDER, key("V1"), retriable=True).granted(ROUTE, WAY)
 
 
-def base(record: SentOrder) -> list[str]:
+def base(record: Drive) -> list[str]:
     return [node.node_id for node in record.as_released().nodes if node.released]
 
 
-def test_a_sent_order_round_trip_is_unchanged() -> None:
-    record = RECORD.released(AllocatedRoute(WAY, 2, released=2)).updated(cancelled=True)
+def test_a_stored_drive_is_read_unchanged() -> None:
+    record = RECORD.released(AllocatedRoute(WAY, 2, released=2)).updated(state=DriveState.ACCEPTED)
 
-    assert SentOrder.model_validate_json(record.document()) == record
+    assert Drive.model_validate_json(record.document()) == record
     assert (record.update_id, record.allocated, record.robot) == (1, 2, key("V1"))
+
+
+def test_a_drive_whose_route_is_withdrawn_requests_another_one() -> None:
+    assert RECORD.requested_again().granted(ROUTE, WAY) == RECORD
+    assert RECORD.requested_again().state is DriveState.REQUESTED
 
 
 def test_the_base_is_what_is_allocated() -> None:
