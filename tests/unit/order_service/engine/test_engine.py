@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from itertools import count
 from random import Random
@@ -364,20 +364,21 @@ async def _play(steps: list[str], chance: Random) -> None:
 async def test_looking_at_all_vehicles_takes_a_limited_share_of_the_time(
     monkeypatch: pytest.MonkeyPatch, seconds: float, looked_at: list[int]
 ) -> None:
-    """Each part of a check takes so many seconds; what depends on the time alone is checked each time."""
+    """Each check takes so many seconds; what depends on the time alone is checked each time."""
     engine = await make_engine(PLANT, MemoryStore(), ScriptedFleet({"V1": "A", "V2": "C"}))
-    now, looks, look = count(), list[int](), engine._look
+    now, looks, look = count(), list[int](), engine.look
 
-    def looked(vehicles: Sequence[FleetVehicle]) -> Iterator[None]:
+    def looked(vehicles: Collection[FleetVehicle]) -> None:
         looks.append(len(vehicles))
-        return look(vehicles)
+        look(vehicles)
 
     async def passes(_due: asyncio.Event, _pause: float) -> bool:
+        await asyncio.sleep(0)
         return False
 
     monkeypatch.setattr(engine_module, "set_within", passes)
     monkeypatch.setattr(engine_module, "thread_time", lambda: next(now) * seconds)
-    monkeypatch.setattr(engine, "_look", looked)
+    monkeypatch.setattr(engine, "look", looked)
     checks = asyncio.create_task(engine.run())
     await until(lambda: len(looks) >= len(looked_at), what="some checks")
     checks.cancel()

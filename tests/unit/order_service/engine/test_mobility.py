@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from nena_order_service.engine.driving import RELOCATION_PAUSE, Mobility
 from nena_order_service.engine.engine import Engine
+from nena_order_service.orders.drive import Drive
 from nena_shared.plant import PlantModel, Vehicle
-from support.order_service import request
+from support.order_service import assigned_order, request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
@@ -43,7 +44,12 @@ async def test_a_vehicle_that_did_not_make_room_is_left_alone_for_a_while() -> N
     vehicle = engine.registry.named("V1")
     assert vehicle
     mobility.relocation_failed(vehicle)
-    assert (mobility.movable("V1"), mobility.movable("V1", wants=True)) == (False, True)
+    assert not mobility.movable("V1")
+    drive = Drive.to_current_destination(assigned_order("B"), vehicle.key)
+    engine.state.drives.put(drive)
+    assert mobility.movable("V1"), "its order needs it to drive"
+    engine.state.drives.drop(drive)
+    assert not mobility.movable("V1")
     engine.clock.advance(RELOCATION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
     assert mobility.movable("V1")
 

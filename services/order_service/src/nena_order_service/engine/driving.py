@@ -19,7 +19,6 @@ from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.fleet.vda_order import unique_id
 from nena_order_service.orders.drive import Drive, DriveState
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.peripherals.jobs import PeripheralJob
 from nena_order_service.routing.router import RoutePlan
 from nena_order_service.traffic.forecast import UNKNOWN_SPEED_MM_S
 from nena_order_service.traffic.manager import (
@@ -37,7 +36,6 @@ from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import DriveOrderState
 from nena_shared.log import get_logger
 from nena_shared.plant.track import MM_PER_M
-from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey
 
@@ -153,10 +151,6 @@ class Pauses:
         """Return whether a vehicle can continue with its order."""
         return not self._orders.get(self._numbers[vehicle.name]).held and not self.why(vehicle)
 
-    def awaits_device(self, robot: RobotKey) -> bool:
-        """Return whether a robot at rest has to wait for a device behind it."""
-        return bool(self._peripherals.behind(self._context.registry.discover(robot)))
-
     def why(self, vehicle: FleetVehicle) -> str:
         """Return why a vehicle cannot continue; empty if it can, or if its order is on hold."""
         order = self._orders.get(self._numbers[vehicle.name])
@@ -192,11 +186,12 @@ class Mobility:
         """Do not send a vehicle away again for RELOCATION_PAUSE."""
         self._stays_until[vehicle.name] = self._context.clock.monotonic() + RELOCATION_PAUSE
 
-    def movable(self, name: str, *, wants: bool = False) -> bool:
-        """Return whether a vehicle at rest could drive away now; ``wants``: its order needs it to drive."""
+    def movable(self, name: str) -> bool:
+        """Return whether a vehicle at rest could drive away now."""
         vehicle = self._context.registry.named(name)
         if vehicle is None or vehicle.obstacle or name in self._pauses:
             return False
+        wants = vehicle.key in self._context.state.drives.requested
         goes_on = wants or self._positions.is_taken_out(vehicle)  # making room shows whether it drives again
         if self._positions.obstacle(vehicle, working=goes_on):
             return False
@@ -339,10 +334,6 @@ class Driving:
         self._drives.put(drive.changed(cancelled=True, way=granted))
         self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(drive.robot))
 
-    def instruct(self, drive: Drive, action: Action) -> None:
-        """Send a robot an instant action for its VDA order after the commit."""
-        self._state.after_commit(lambda: self._context.fleet.instant_action(drive.robot, action))
-
     def end_early(self, drive: Drive, *, partial: bool) -> None:
         """End a VDA order at the end of its base; ``partial`` if its transport order continues from there."""
         self._shorten(drive)
@@ -366,10 +357,6 @@ class Driving:
         """Request routes again for those unsent VDA orders for which ``is_unsuitable`` returns True."""
         for drive in filter(is_unsuitable, tuple(self._drives.granted.values())):
             self._request_again(drive)
-
-    def resume(self, vehicle: FleetVehicle, drive: Drive) -> None:
-        """Restore a VDA order after a restart: its robot holds everything that it was granted."""
-        self._traffic.resume(vehicle.name, drive.way, drive.allocated)
 
     def passed(self, robot: RobotKey, order_id: str, sequence_id: int) -> None:
         """Free the resources behind a robot that has passed a node."""
@@ -400,10 +387,6 @@ class Driving:
             self.positions.note(vehicle)
             self._rest(vehicle)
 
-    def failed_behind(self, drive: Drive) -> PeripheralJob | None:
-        """Return a required job after a movement that has failed; None if there is none."""
-        return self._peripherals.failed_behind(drive)
-
     def broken_off(self, drive: Drive, event: object) -> None:
         """End a VDA order early: its robot keeps what it holds until it is seen standing.
 
@@ -414,7 +397,9 @@ class Driving:
         if drive.relocation:
             self.mobility.relocation_failed(vehicle)
         if self._traffic.route_of(vehicle.name):
-            self._break_off(vehicle, doubt=isinstance(event, VdaOrderFailed) and not drive.accepted)
+            self._traffic.break_off(vehicle.name)
+            self.positions.note(vehicle)
+            self._rest(vehicle, doubt=isinstance(event, VdaOrderFailed) and not drive.accepted)
 
     def take_out(self, vehicle: FleetVehicle) -> None:
         """Drop all requests and orders of a vehicle."""
@@ -441,8 +426,8 @@ class Driving:
             at_start = filter(self._traffic.route_of, (*granted, *self._peripherals.waiting))
             for name in dict.fromkeys([*under_way, *at_start]):
                 self._go_on(self._vehicle(name))
-            self._reconsider()
-            movable, lost = cache(self._movable), cache(self.mobility.lost)
+            self.reconsider(lambda drive: self._traffic.is_blocked(self._registry.discover(drive.robot).name))
+            movable, lost = cache(self.mobility.movable), cache(self.mobility.lost)
             for decision in self._traffic.decide(
                 lambda name: not self._traffic.route_of(name) and movable(name), lost
             ):
@@ -472,10 +457,6 @@ class Driving:
         self._peripherals.withdraw_needless()
         self._peripherals.dispatch()
 
-    def _reconsider(self) -> None:
-        """Request routes again where another vehicle has stopped on a granted one."""
-        self.reconsider(lambda drive: self._traffic.is_blocked(self._registry.discover(drive.robot).name))
-
     def _request_again(self, drive: Drive) -> None:
         """Withdraw a route of which nothing was sent, and request it again; a relocation is dropped."""
         self._drives.drop(drive)
@@ -490,7 +471,7 @@ class Driving:
         The vehicle with the order is then at rest, too: it requests a new route around those robots, or
         swaps positions with them.
         """
-        for name in tuple(self._traffic.stuck(self._movable, self.mobility.lost)):
+        for name in tuple(self._traffic.stuck(self.mobility.movable, self.mobility.lost)):
             self._end_way_here(name)
 
     def _end_way_here(self, name: str) -> None:
@@ -551,9 +532,6 @@ class Driving:
         assert vehicle, "vehicles never leave the registry"  # noqa: S101 - for the type
         return vehicle
 
-    def _movable(self, name: str) -> bool:
-        return self.mobility.movable(name, wants=self._vehicle(name).key in self._drives.requested)
-
     def _begin(self, granted: RouteGrant | Relocation | RouteRejection) -> Iterator[Stuck]:
         vehicle = self._vehicle(granted.vehicle)
         if isinstance(granted, RouteRejection):
@@ -564,7 +542,9 @@ class Driving:
             standing = self._planner.standing(vehicle, self._context.view(vehicle))
         except NotLocatedError:
             standing = None
-        if standing is None or not self._stands_as_known(vehicle, standing):
+        if standing is None or not self._traffic.stands(
+            vehicle.name, standing.point, on_point=standing.on_point
+        ):
             self._traffic.revoke(vehicle.name, again=True)
             self._rest(vehicle)
             self._state.drive_due = False  # until a new state or the next check
@@ -576,9 +556,6 @@ class Driving:
             yield Stuck(vehicle, Reason(R.CANNOT_BUILD, str(error)))
             return
         self._go_on(vehicle)
-
-    def _stands_as_known(self, vehicle: FleetVehicle, standing: Standing) -> bool:
-        return self._traffic.stands(vehicle.name, standing.point, on_point=standing.on_point)
 
     def _granted(self, granted: RouteGrant | Relocation, vehicle: FleetVehicle, standing: Standing) -> Drive:
         """Return the drive along a route that traffic control has granted just now."""
@@ -646,11 +623,6 @@ class Driving:
     def _under_way(self, drive: Drive) -> FleetVehicle | None:
         vehicle = self._registry.of(drive.robot)
         return vehicle if vehicle and self._traffic.route_of(vehicle.name) else None
-
-    def _break_off(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
-        self._traffic.break_off(vehicle.name)
-        self.positions.note(vehicle)
-        self._rest(vehicle, doubt=doubt)
 
     def _rest(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
         self.positions.forget_sighting(vehicle, doubt=doubt)

@@ -8,7 +8,7 @@ robots have received therefore survives a restart.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import thread_time
@@ -76,9 +76,6 @@ DISPATCH_SHARE = 1 / 6
 LONG_DECISION = 0.005
 """Seconds from which a decision is long."""
 
-LOOKED_AT_ONCE = 25
-"""Number of vehicles checked before other tasks run; each takes about 0.1 ms."""
-
 
 @dataclass(frozen=True, slots=True)
 class Timings:
@@ -112,7 +109,9 @@ class Engine:
         )
         fit = OrderFit(context.state.vehicles, self.sequences)
         self._dispatching = Dispatching(context, self._driving, fit)
-        self._life_cycle = LifeCycle(context, self._driving, self._dispatching, self.sequences, pauses)
+        self._life_cycle = LifeCycle(
+            context, self._driving, self._dispatching, self.sequences, pauses, peripherals=self.peripherals
+        )
         self._idle = IdleVehicles(context, self._dispatching, self._life_cycle)
         self._rerouting = Rerouting(context, self._driving)
         self._plans = TrafficPlans(context, self._driving)
@@ -151,7 +150,7 @@ class Engine:
         self.state.sequences.load(found.sequences, found.last_sequence)
         self.state.vehicles.load(found.vehicles)
         jobs = await self.store.documents(PERIPHERAL_JOB)
-        recovery = Recovery(self.context, self._driving, self._gate)
+        recovery = Recovery(self.context, self._gate)
         with self.change():
             self.peripherals.restore(jobs)
             recovery.restore_vehicles(absent, found.relocations)
@@ -169,18 +168,15 @@ class Engine:
             await set_within(self._look_due, LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
             self._look_due.clear()
             vehicles = [*self.registry] if clock() >= vehicles_due else []
-            took, begin = 0.0, thread_time()
+            begin = thread_time()
             try:
-                for _ in self._look(vehicles):
-                    took += thread_time() - begin
-                    await asyncio.sleep(0)
-                    begin = thread_time()
+                self.look(vehicles)
             except Exception:
                 if not self.unit_of_work.failed.is_set():
                     raise
                 await asyncio.Event().wait()  # another engine is built from the store
             if vehicles:
-                vehicles_due = clock() + took / LOOK_SHARE
+                vehicles_due = clock() + (thread_time() - begin) / LOOK_SHARE
 
     def absent(self) -> frozenset[RobotKey]:
         """Return the robots that were waited for in vain after the start, and have not been heard since."""
@@ -237,42 +233,28 @@ class Engine:
             with self.change():
                 pass  # a change ends with what is due
 
-    def look(self) -> None:
-        """Retry waiting work, and publish vehicles whose status has changed without an event."""
-        for _ in self._look([*self.registry]):
-            pass
-
-    def _look(self, vehicles: Sequence[FleetVehicle]) -> Iterator[None]:
-        """Perform :meth:`look` in parts, so that other tasks can run in between; look at these vehicles."""
-        parts = [
-            vehicles[start : start + LOOKED_AT_ONCE] for start in range(0, len(vehicles), LOOKED_AT_ONCE)
-        ]
-        for part in parts:
-            with self.unit_of_work.begin():
-                for vehicle in part:
-                    self._positions.see(vehicle)
-                    self.stops.look_at(vehicle)
-            yield
+    def look(self, vehicles: Collection[FleetVehicle] | None = None) -> None:
+        """Retry waiting work, and publish those of the vehicles (None: all) that changed without an event."""
+        vehicles = [*self.registry] if vehicles is None else vehicles
+        with self.unit_of_work.begin():
+            for vehicle in vehicles:
+                self._positions.see(vehicle)
+                self.stops.look_at(vehicle)
         for name in self._rerouting.kept_waiting():
             with self.change():
                 self._rerouting.reroute_waiting(name)
-            yield
         with self.change():
             self.state.dispatch_due = self.state.drive_due = True
             self.traffic.recheck()
             self._life_cycle.check_times()
             self.peripherals.check_times()
-        yield
-        for part in parts if self._gate.is_open else ():
+        if self._gate.is_open:
             with self.change():
-                self._idle.attend(part)
-            yield
-        for part in parts:
-            with self.unit_of_work.begin():
-                for vehicle in part:
-                    if not self.unit_of_work.is_published(vehicle.name, self._reporter.essentials(vehicle)):
-                        self.state.vehicle_changed(vehicle.name)
-            yield
+                self._idle.attend(vehicles)
+        with self.unit_of_work.begin():
+            for vehicle in vehicles:
+                if not self.unit_of_work.is_published(vehicle.name, self._reporter.essentials(vehicle)):
+                    self.state.vehicle_changed(vehicle.name)
 
     # Requests of hosts
 

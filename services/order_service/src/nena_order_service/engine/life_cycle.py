@@ -15,6 +15,7 @@ from nena_order_service.engine.dispatching import GIVES_UP, Dispatched, Dispatch
 from nena_order_service.engine.driving import Driving, Pauses, Stuck
 from nena_order_service.engine.failing_vehicles import FailingVehicles
 from nena_order_service.engine.failure_policy import Decision, FailureAssessment, with_others
+from nena_order_service.engine.peripherals import Peripherals
 from nena_order_service.engine.recovery import LostOrderError, Recovery
 from nena_order_service.fleet import outputs
 from nena_order_service.fleet.failures import FailureKind, OrderFailure, with_details
@@ -79,6 +80,8 @@ class LifeCycle:
         dispatching: Dispatching,
         sequences: Sequences,
         pauses: Pauses,
+        *,
+        peripherals: Peripherals,
     ) -> None:
         self._context = context
         self._state = context.state
@@ -90,6 +93,7 @@ class LifeCycle:
         self._dispatching = dispatching
         self._sequences = sequences
         self._pauses = pauses
+        self._peripherals = peripherals
         self._conditions = Conditions(context, sequences)
         self._failures = FailureAssessment(context, dispatching.fit)
         self._failing_vehicles = FailingVehicles(context)
@@ -413,18 +417,18 @@ class LifeCycle:
         if order.state is S.WITHDRAWN:
             self._end(order.failed(_withdrawn(order, Reason(R.BASE_FINISHED)), now))
             return
-        job = self._driving.failed_behind(drive)
+        job = self._peripherals.failed_behind(drive)
         failure = _failure_of(job) if job else None
         if drive.partial:  # otherwise the robot has finished everything, in spite of a cancel
             failure = drive.given_up or failure
         order = order if drive.partial else order.drive_order_finished(index, now)
+        vehicle = self._registry.discover(drive.robot)
         if not drive.partial and len(drive.vda_order.nodes) > 1:
-            vehicle = self._registry.discover(drive.robot)
             self._failing_vehicles.drove(vehicle, order.status.drive_orders[index].destination)
         last = order.current.state is DriveOrderState.FINISHED
         if failure and (last or not order.held):
             self._fail(order, failure)
-        elif last and not failure and not self._pauses.awaits_device(drive.robot):
+        elif last and not failure and not self._peripherals.behind(vehicle):
             self._end(order.finished(now))
         else:
             order = order.failed_while_held(failure.words) if failure else order
@@ -542,7 +546,7 @@ class LifeCycle:
         action = retry_or_skip(unique_id(), event.action_id, retry=self._retries_action(order, words))
         self._answers[action.action_id] = event.order_id, words
         log.info("action has failed", vda_order=event.order_id, answer=action.action_type, reason=words)
-        self._driving.instruct(drive, action)
+        self._state.after_commit(lambda: self._context.fleet.instant_action(event.robot, action))
 
     def _retries_action(self, order: TransportOrder, words: str) -> bool:
         if order.held or order.state is not S.BEING_PROCESSED:

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from pydantic import ValidationError
 
 from nena_order_service.engine.context import Context
-from nena_order_service.engine.driving import Driving, RestartGate
+from nena_order_service.engine.driving import RestartGate
 from nena_order_service.engine.positions import box_of
 from nena_order_service.orders.drive import Drive
 from nena_order_service.orders.transport_order import TransportOrder
@@ -27,14 +27,13 @@ class LostOrderError(Exception):
 class Recovery:
     """Restores what robots hold: their last reported positions, and everything granted since."""
 
-    def __init__(self, context: Context, driving: Driving, gate: RestartGate) -> None:
+    def __init__(self, context: Context, gate: RestartGate) -> None:
         self._context = context
         self._plant = context.plant
         self._traffic = context.traffic
         self._registry = context.registry
         self._state = context.state
         self._vehicles = context.state.vehicles
-        self._driving = driving
         self._gate = gate
 
     def restore_vehicles(self, absent: Collection[RobotKey], relocations: Iterable[str]) -> None:
@@ -94,7 +93,7 @@ class Recovery:
             start = drive.vda_order.nodes[0].node_id
             under = self._traffic.resources.at(start) if start in self._plant.points_by_name else NOWHERE
             self._traffic.restore(vehicle.name, [under], box_of(vehicle).length_mm)
-        self._driving.resume(vehicle, drive)
+        self._traffic.resume(vehicle.name, drive.way, drive.allocated)
         self._state.after_commit(
             lambda: self._context.fleet.adopt_vda_order(
                 drive.robot, drive.as_released(), accepted=drive.accepted, update_id=drive.update_id

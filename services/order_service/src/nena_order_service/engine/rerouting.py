@@ -34,7 +34,7 @@ R = ReasonCode
 
 CHOSEN_LATER = Reason(R.CHOSEN_LATER)
 NOTHING_AHEAD = Reason(R.NOTHING_AHEAD)
-REROUTED_AT_ONCE = 20
+REROUTED_PER_CHECK = 20
 """Maximum number of waiting vehicles rerouted in one check; each route search takes milliseconds."""
 NO_OTHER_WAY = Reason(R.BEST_ROUTE)
 
@@ -137,7 +137,7 @@ class Rerouting:
         self._tried = self._tried.intersection(waiting)
         if self._tried.issuperset(waiting):
             self._tried = frozenset()
-        chosen = [name for name in waiting if name not in self._tried][:REROUTED_AT_ONCE]
+        chosen = [name for name in waiting if name not in self._tried][:REROUTED_PER_CHECK]
         self._tried = self._tried.union(chosen)
         return chosen
 
