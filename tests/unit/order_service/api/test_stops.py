@@ -85,12 +85,12 @@ async def test_stops_and_their_locks_survive_a_restart(
     point = service.engine.plant.points[0]
     area = {"xMin": point.x_m - 1, "yMin": point.y_m - 1, "xMax": point.x_m + 1, "yMax": point.y_m + 1}
     stop = await begin(client, area=area, by="Anna")
-    locked = service.engine.stops.locked_paths
+    locked = service.engine.context.locked_paths.by_stops
     assert locked
 
     again = build(settings, service.engine.plant, service.store)
     await again.hosts.load()
-    assert again.engine.stops.locked_paths == locked
+    assert again.engine.context.locked_paths.by_stops == locked
     assert all(again.hosts.locks.get(each).locked for each in locked)
     assert again.engine.stops.get(stop["name"]).by == "Anna"
 

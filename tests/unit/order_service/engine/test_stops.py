@@ -6,7 +6,6 @@ import pytest
 
 from nena_order_service.engine import stops as stops_module
 from nena_order_service.engine.engine import Engine
-from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.errors import TooManyStopsError, UnknownStopError
 from nena_order_service.fleet.outputs import BrokerLinkChanged, RobotChanged
 from nena_shared.fleet_api.stops import Area, StopRequest
@@ -327,9 +326,9 @@ async def test_area_pauses_the_robots_in_it_and_those_that_may_drive_in() -> Non
     assert engine.stops.statuses()[0].vehicles == 1
     assert "this area is paused by Anna: spill" in reason_of(engine, "V2")
     assert "paused" not in reason_of(engine, "V1")
-    assert set(engine.stops.locked_paths) == {"P-2-0 --- P-3-0", "P-3-0 --- P-2-0"}
+    assert set(engine.context.locked_paths.by_stops) == {"P-2-0 --- P-3-0", "P-3-0 --- P-2-0"}
     engine.end_stop(stop.name, "Anna", "over")
-    assert engine.stops.locked_paths == {}
+    assert engine.context.locked_paths.by_stops == {}
 
 
 async def test_straight_drive_through_a_stopped_area_waits_for_its_end() -> None:
@@ -364,7 +363,6 @@ async def test_robot_that_already_drives_straight_through_an_area_is_paused() ->
 async def test_robot_outside_an_area_stops_before_it() -> None:
     engine, fleet = await engine_at(PLANT, {"V1": "P-0-0"}, release_ahead=1)
     engine.create(request("P-3-0"), "T")
-    PathLocks(engine)
     area = Area(x_min=5.8, x_max=6.2, y_min=-1, y_max=1)
     stop = engine.stop(StopRequest(reason="spill", area=area), "Anna")
     for _ in range(10):
@@ -382,7 +380,6 @@ async def test_robot_outside_an_area_stops_before_it() -> None:
 async def test_robot_under_way_in_an_area_continues_its_order_at_the_end() -> None:
     engine, fleet = await engine_at(PLANT, {"V1": "P-0-0"}, release_ahead=1)
     engine.create(request("P-3-0"), "T")
-    PathLocks(engine)
     area = Area(x_min=1.8, x_max=2.2, y_min=-1, y_max=1)
     stop = engine.stop(StopRequest(reason="spill", area=area), "Anna")
     confirm(fleet, "V1", paused=True)

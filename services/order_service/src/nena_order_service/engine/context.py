@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from pydantic import Field
@@ -12,8 +13,9 @@ from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.peripherals.settings import PeripheralSettings
-from nena_order_service.routing.router import VehicleRoutes
+from nena_order_service.routing.router import RouteFinder, VehicleRoutes
 from nena_order_service.traffic.manager import TrafficManager
+from nena_order_service.traffic.resources import Resources
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import FailurePolicy
@@ -140,6 +142,27 @@ class FleetControl(Protocol):
         ...
 
 
+class LockedPaths:
+    """Paths that hosts have locked or unlocked, and those in areas of stops, which are locked anyway."""
+
+    def __init__(self, finder: RouteFinder, resources: Resources) -> None:
+        """Start with the locks of the plant model."""
+        self.by_hosts: Mapping[str, bool] = {}
+        self.by_stops: Mapping[str, str] = {}
+        """The names of the stops, by path."""
+        self._finder = finder
+        self._resources = resources
+
+    def lock(
+        self, *, by_hosts: Mapping[str, bool] | None = None, by_stops: Mapping[str, str] | None = None
+    ) -> None:
+        """Replace the locks of hosts or stops, before any vehicle is granted more of its route."""
+        self.by_hosts = self.by_hosts if by_hosts is None else by_hosts
+        self.by_stops = self.by_stops if by_stops is None else by_stops
+        self._finder.set_locks(self.by_hosts, self.by_stops)
+        self._resources.set_locks({**self.by_hosts, **dict.fromkeys(self.by_stops, True)})
+
+
 class Context:
     """The state, and everything that the flows need to change it."""
 
@@ -168,6 +191,7 @@ class Context:
             exclusive=settings.traffic,
             peripherals=settings.peripherals.enabled,
         )
+        self.locked_paths = LockedPaths(self.finder, self.traffic.resources)
         self._fleet: FleetControl | None = None
 
     def connect(self, fleet: FleetControl) -> None:

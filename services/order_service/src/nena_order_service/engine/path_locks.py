@@ -19,15 +19,14 @@ class PathLocks:
         """Start with the locks of the plant model."""
         self._engine = engine
         self._plant = engine.plant
-        self._locks: dict[str, bool] = {}
-        engine.stops.lock_paths = self._apply
+        self._locked_paths = engine.context.locked_paths
 
     async def load(self) -> None:
         """Restore the locks from before a restart, for paths that still exist."""
         stored = await self._engine.store.path_locks()
-        self._locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
-        if self._locks:
-            self._apply()
+        locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
+        if locks:
+            self._locked_paths.lock(by_hosts=locks)
 
     def all(self) -> tuple[PathStatus, ...]:
         """Return all paths."""
@@ -52,17 +51,10 @@ class PathLocks:
         return self._status(path)
 
     def _committed(self, name: str, *, locked: bool) -> None:
-        self._locks[name] = locked
         log.info("path locked" if locked else "path unlocked", path=name)
-        self._apply()
+        self._locked_paths.lock(by_hosts={**self._locked_paths.by_hosts, name: locked})
         if not self._engine.unit_of_work.closed:  # otherwise the new engine loads it from the store
             self._engine.plant_changed()
-
-    def _apply(self) -> None:
-        """Apply the locks to routes and traffic."""
-        closed = self._engine.stops.locked_paths
-        self._engine.context.finder.set_locks(self._locks, closed)
-        self._engine.traffic.resources.set_locks({**self._locks, **dict.fromkeys(closed, True)})
 
     def _path(self, name: str) -> Path:
         path = self._plant.paths_by_name.get(name)
@@ -71,12 +63,12 @@ class PathLocks:
         return path
 
     def _status(self, path: Path) -> PathStatus:
-        stop = self._engine.stops.locked_paths.get(path.name)
+        stop = self._locked_paths.by_stops.get(path.name)
         return PathStatus(
             name=path.name,
             source_point=path.source,
             destination_point=path.destination,
-            locked=stop is not None or self._locks.get(path.name, path.locked),
+            locked=stop is not None or self._locked_paths.by_hosts.get(path.name, path.locked),
             locked_in_plant_model=path.locked,
             stop=stop,
         )

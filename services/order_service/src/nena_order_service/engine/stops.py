@@ -126,10 +126,6 @@ class Stops:
     def __init__(self, context: Context) -> None:
         self.changed: Callable[[], None] = lambda: None
         """Called when a stop has begun or ended, after the commit."""
-        self.lock_paths: Callable[[], None] = lambda: None
-        """Applies :attr:`locked_paths`; called before any vehicle is granted more of its route."""
-        self.locked_paths: dict[str, str] = {}
-        """The paths that areas lock, with the names of their stops."""
         self._context = context
         self._state = context.state
         self._clock = context.clock
@@ -209,8 +205,8 @@ class Stops:
         if any(each.area for each in changed):
             paths = self._context.plant.paths_by_name
             areas = self._resources.items()
-            self.locked_paths = {each: name for name, found in areas for each in found if each in paths}
-            self.lock_paths()
+            locked = {each: name for name, found in areas for each in found if each in paths}
+            self._context.locked_paths.lock(by_stops=locked)
 
     # Vehicles
 
