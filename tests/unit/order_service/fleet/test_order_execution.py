@@ -636,7 +636,7 @@ def test_an_action_waits_is_sent_and_is_resent() -> None:
 
     def stands(now: float) -> tuple[VdaOrderPhase, bool, bool]:
         assert not run.quiet
-        return run.phase, run.wants_sending(now), run.sent_again
+        return run.phase, run.is_due(now), run.sent_again
 
     assert stands(0.0) == (VdaOrderPhase.WAITING, True, False)
     assert run.send((), 0.0) == PublishOrder(ROBOT, run.vda_order)
@@ -665,7 +665,7 @@ def test_possibly_sent_orders_are_cancelled_after_a_restart() -> None:
     assert (run.phase, run.ended) == (VdaOrderPhase.CANCELLING, False)
     assert not run.wants_cancel(None), "nothing is known of the robot yet"
     assert run.wants_cancel(state())
-    assert not run.wants_sending(0.0)
+    assert not run.is_due(0.0)
 
 
 def test_an_action_failing_en_route_is_a_drive_failure() -> None:
@@ -749,7 +749,7 @@ def test_any_robot_behaviour_gives_one_end_and_ordered_nodes(
             told += run.on_tick(seen, now)
         elif kind == "cancel":
             told += run.begin_cancel()
-        elif run.wants_sending(now):
+        elif run.is_due(now):
             run.send(seen.errors, now)
     ends = [each for each in told if isinstance(each, VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled)]
     assert len(ends) == run.ended

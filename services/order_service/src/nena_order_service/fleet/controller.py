@@ -325,11 +325,9 @@ class RobotControl:
         self._advance_due = False
         run = self._run
         if run and run.ended:
-            self._ended.append(run.vda_order.order_id)
-            self._run = None
+            self._forget(run)
         elif run:
-            yield from self._send_order(run, now)
-            yield from self._send_update(run, now)
+            yield from self._send_due(run, now)
             if run.wants_cancel(self.robot.state) and self._instant_actions.can_cancel(now):
                 run.cancel = self._instant_actions.cancel(run.vda_order.order_id)
         self._stop_stray(now)
@@ -337,41 +335,28 @@ class RobotControl:
             yield from self._instant_actions.send(now)
         yield from self._report_change(now)
 
-    def _send_order(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
-        if not run.wants_sending(now):
-            return
+    def _send_due(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
+        """Send the VDA order or its update once it is due, not more often than the robot allows.
+
+        A robot that cannot execute the order is sent nothing of it.
+        """
         since = self._last_order_at
-        if since is not None and now - since < self.robot.least_order_interval:
+        if not run.is_due(now) or (since is not None and now - since < self.robot.least_order_interval):
             return
-        state = self.robot.state
-        if state is None or self._obstacle(now):
+        state, abilities = self.robot.state, self.robot.abilities
+        if state is None or self._cannot_get(run, now):
             run.hold()
             return
-        if run.phase is VdaOrderPhase.WAITING:
-            abilities = self.robot.abilities
-            run.vda_order = fitted(run.vda_order, abilities)
-            if abilities and (problem := order_problem(run.vda_order, abilities)):
-                yield from self._refuse(run, problem)
-                return
+        run.fit(lambda vda_order: fitted(vda_order, abilities))
+        first = run.phase is VdaOrderPhase.WAITING
+        if first and abilities and (problem := order_problem(run.vda_order, abilities)):
+            yield run.refuse(Reason(R.UNFIT, problem))
+            self._forget(run)
+            return
         self._last_order_at = now
         yield run.send(state.errors, now)
 
-    def _send_update(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
-        state, since = self.robot.state, self._last_order_at
-        if state is None or not run.wants_update(now):
-            return
-        if since is not None and now - since < self.robot.least_order_interval:
-            return
-        if self._cannot_get(run, now):
-            run.hold()
-            return
-        run.refit(lambda vda_order: fitted(vda_order, self.robot.abilities))
-        self._last_order_at = now
-        yield run.send_update(state.errors, now)
-
-    def _refuse(self, run: OrderExecution, problem: str) -> Iterator[FleetOutput]:
-        """End a VDA order that the robot cannot execute before anything of it is sent."""
-        yield run.refuse(Reason(R.UNFIT, problem))
+    def _forget(self, run: OrderExecution) -> None:
         self._ended.append(run.vda_order.order_id)
         self._run = None
 

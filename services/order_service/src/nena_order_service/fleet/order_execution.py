@@ -97,13 +97,8 @@ class Progress:
         return self.idle and self.at_end and not self.failed and not self.unreported
 
 
-def knows(state: State, vda_order: VdaOrder, update_id: int) -> bool:
-    """Return whether the robot has this VDA order, with exactly the update ``update_id`` (section 6.1.2)."""
-    return state.order_id == vda_order.order_id and state.order_update_id == update_id
-
-
 def read(state: State, vda_order: VdaOrder) -> Progress:
-    """Read the progress from a state that :func:`knows` the VDA order (section 6.6.2).
+    """Read the progress from a state that echoes the VDA order (section 6.6.2).
 
     A node counts as traversed only once it is no longer in nodeStates, because some robots reset
     lastNodeSequenceId late when they accept a new order. A failed action on an edge that the robot has left
@@ -199,9 +194,13 @@ class OrderExecution:
         self._retriable: frozenset[object] = frozenset()
         """IDs of the actions that were reported as retriable."""
 
-    def wants_sending(self, now: float) -> bool:
-        """Return whether the order is due to be sent or resent."""
-        return self.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT) and self._delivery.due(now)
+    def is_due(self, now: float) -> bool:
+        """Return whether the order, or an update of it, is due to be sent or resent."""
+        if self.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
+            return self._delivery.due(now)
+        if self.phase is not VdaOrderPhase.RUNNING or self.ended:
+            return False
+        return self._pending.delivery.due(now) if self._pending else self._plan is not None
 
     def extend(self, plan: VdaOrder) -> None:
         """Change the order to ``plan`` (section 6.1.2).
@@ -216,27 +215,23 @@ class OrderExecution:
         else:
             self._plan = plan
 
-    def refit(self, fit: Callable[[VdaOrder], VdaOrder]) -> None:
-        """Fit an adopted VDA order to the factsheet, as it was when it was sent before the restart."""
-        if self._adopted:
+    def fit(self, fit: Callable[[VdaOrder], VdaOrder]) -> None:
+        """Fit the VDA order to the factsheet before it is sent; it is resent unchanged.
+
+        An adopted one is fitted again before each update, because it was fitted before the restart.
+        """
+        if self.phase is VdaOrderPhase.WAITING or (self._adopted and self.phase is VdaOrderPhase.RUNNING):
             self.vda_order = fit(self.vda_order)
             self._plan = self._plan and fit(self._plan)
 
-    def wants_update(self, now: float) -> bool:
-        """Return whether an update is due to be sent or resent."""
-        if self.phase is not VdaOrderPhase.RUNNING or self.ended:
-            return False
-        return self._pending.delivery.due(now) if self._pending else self._plan is not None
-
-    def send_update(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
-        """Send the update (section 6.1.2); ``errors`` are those that the robot already reports."""
+    def _send_update(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
         if self._pending is None and self._plan is not None:
             plan, self._plan = self._plan, None
             message = update_of(self.vda_order, plan)
             before = frozenset(map(failures.identity, errors))
             delivery = Delivery(self._settings)
             self._pending = PendingUpdate(plan, message, self.update_id + 1, delivery, before)
-        assert self._pending, "asked for when wants_update says so"  # noqa: S101 - for the type
+        assert self._pending, "sent when is_due says so"  # noqa: S101 - for the type
         self._pending.delivery.sent(now)
         return PublishOrder(self._robot, self._pending.message, self._pending.update_id)
 
@@ -252,7 +247,9 @@ class OrderExecution:
         return self.phase is VdaOrderPhase.SENT and self._delivery.sendings > 1
 
     def send(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
-        """Send the order (section 6.1.1); ``errors`` are those that the robot already reports."""
+        """Send the order (section 6.1.1) or its update; the robot reports these errors already."""
+        if self.phase is VdaOrderPhase.RUNNING:
+            return self._send_update(errors, now)
         if self.phase is VdaOrderPhase.WAITING:
             self.phase = VdaOrderPhase.SENT
             self._before = frozenset(map(failures.identity, errors))
@@ -366,7 +363,8 @@ class OrderExecution:
             self.vda_order, self.update_id = held_by(state, self.vda_order), state.order_update_id
 
     def _known_in(self, state: State) -> bool:
-        return knows(state, self.vda_order, self.update_id)
+        """Return whether the robot has this VDA order, with exactly this update (section 6.1.2)."""
+        return state.order_id == self.vda_order.order_id and state.order_update_id == self.update_id
 
     def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Yield events for the progress of the VDA order in a state that echoes it."""
