@@ -254,10 +254,11 @@ class Stuck:
 def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) -> float:
     """Return the distance, mm, that a robot drives in this time at its lowest declared maximum speed."""
     of_robot = factsheet.physical_parameters.maximum_speed * MM_PER_M if factsheet else 0.0
-    given = vehicle.model and "max_velocity_mm_s" in vehicle.model.model_fields_set
-    of_vehicle = vehicle.model.max_velocity_mm_s if vehicle.model and given else 0
-    known = [each for each in (of_robot, of_vehicle) if each > 0]
-    return seconds * min(known, default=UNKNOWN_SPEED_MM_S)
+    # a default of the plant model is not a statement about the vehicle
+    stated = vehicle.model and "max_velocity_mm_s" in vehicle.model.model_fields_set
+    of_vehicle = vehicle.model.max_velocity_mm_s if vehicle.model and stated else 0
+    speeds = [speed for speed in (of_robot, of_vehicle) if speed > 0]
+    return seconds * min(speeds, default=UNKNOWN_SPEED_MM_S)
 
 
 def _is_open(gate: Gate) -> bool:
@@ -300,7 +301,7 @@ class Driving:
         self._wait_reasons: dict[str, str] = {}
         """For what vehicles waited at the last call of :meth:`let_drive`, by name."""
 
-    def want(
+    def request_route(
         self,
         order: TransportOrder,
         vehicle: FleetVehicle,
@@ -320,30 +321,30 @@ class Driving:
         self._traffic.request_route(route_request, first=first)
         self._state.drive_due = True
 
-    def abandon(self, vehicle: FleetVehicle) -> None:
+    def drop_drive(self, vehicle: FleetVehicle) -> None:
         """Drop a vehicle's request for its order; an order already sent to the robot is not affected."""
         self._drives.requested.pop(vehicle.key, None)
         self._traffic.drop(vehicle.name)
         if self._drives.granted.pop(vehicle.key, None):
             self._traffic.revoke(vehicle.name)
 
-    def cancel(self, drive: Drive) -> None:
+    def cancel_drive(self, drive: Drive) -> None:
         """Send cancelOrder to a robot after the commit."""
-        self._shorten(drive)
+        self._shorten_route(drive)
         granted = drive.way[: drive.allocated]  # what a restart restores for it
         self._drives.put(drive.changed(cancelled=True, way=granted))
         self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(drive.robot))
 
     def end_early(self, drive: Drive, *, partial: bool) -> None:
         """End a VDA order at the end of its base; ``partial`` if its transport order continues from there."""
-        self._shorten(drive)
+        self._shorten_route(drive)
         shorter = drive.ending_early(partial=partial)
         if shorter is not drive:
-            self.send_on(shorter)
+            self.send_update(shorter)
 
     def drop_relocation(self, order_id: str) -> None:
         """Give up making room with a VDA order, because a peripheral device on its route has failed."""
-        for drive in [each for each in self._drives.with_routes() if each.order_id == order_id]:
+        for drive in [drive for drive in self._drives.with_routes() if drive.order_id == order_id]:
             if drive.is_sent:
                 self.end_early(drive, partial=False)
                 return
@@ -358,18 +359,18 @@ class Driving:
         for drive in filter(is_unsuitable, tuple(self._drives.granted.values())):
             self._request_again(drive)
 
-    def passed(self, robot: RobotKey, order_id: str, sequence_id: int) -> None:
+    def pass_node(self, robot: RobotKey, order_id: str, sequence_id: int) -> None:
         """Free the resources behind a robot that has passed a node."""
         drive = self._drives.with_id(robot, order_id)
         if drive and (vehicle := self._under_way(drive)):
             self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
             self._peripherals.moved(vehicle, drive, sequence_id // 2)
 
-    def base_wanted(self, robot: RobotKey, order_id: str) -> None:
+    def extend_base(self, robot: RobotKey, order_id: str) -> None:
         """Extend the base of a robot that requests it (newBaseRequest), if traffic control grants more."""
         drive = self._drives.with_id(robot, order_id)
         if drive and self._may_release and (vehicle := self._under_way(drive)):
-            self._go_on(vehicle, more=self._context.settings.release_ahead or 1)
+            self._allocate_and_send(vehicle, more=self._context.settings.release_ahead or 1)
 
     def ahead_of(self, drive: Drive) -> tuple[str, ...]:
         """Return the next path and point on a robot's route; empty at its end."""
@@ -377,7 +378,7 @@ class Driving:
         route = self._traffic.route_of(vehicle.name) if vehicle else None
         return drive.ahead(route.reached) if route else ()
 
-    def finished(self, drive: Drive) -> None:
+    def finish_drive(self, drive: Drive) -> None:
         """End a finished VDA order: its robot is at rest at the end of the route."""
         vehicle = self._registry.discover(drive.robot)
         self._peripherals.moved(vehicle, drive, len(drive.way), finished=True)
@@ -385,9 +386,9 @@ class Driving:
         if self._traffic.route_of(vehicle.name):
             self._traffic.finished(vehicle.name)
             self.positions.note(vehicle)
-            self._rest(vehicle)
+            self._come_to_rest(vehicle)
 
-    def broken_off(self, drive: Drive, event: object) -> None:
+    def break_off(self, drive: Drive, event: object) -> None:
         """End a VDA order early: its robot keeps what it holds until it is seen standing.
 
         Its earlier states count only if it was known to have the VDA order.
@@ -399,15 +400,15 @@ class Driving:
         if self._traffic.route_of(vehicle.name):
             self._traffic.break_off(vehicle.name)
             self.positions.note(vehicle)
-            self._rest(vehicle, doubt=isinstance(event, VdaOrderFailed) and not drive.accepted)
+            self._come_to_rest(vehicle, doubt=isinstance(event, VdaOrderFailed) and not drive.accepted)
 
-    def take_out(self, vehicle: FleetVehicle) -> None:
+    def drop_all(self, vehicle: FleetVehicle) -> None:
         """Drop all requests and orders of a vehicle."""
         self._drives.requested.pop(vehicle.key, None)
         self._drives.granted.pop(vehicle.key, None)
         self._traffic.drop(vehicle.name)
 
-    def robot_changed(self, vehicle: FleetVehicle) -> None:
+    def update_robot(self, vehicle: FleetVehicle) -> None:
         """Handle a new state of a robot at rest; a robot under way reports its progress separately."""
         if not self._traffic.route_of(vehicle.name):
             self._state.drive_due = True
@@ -425,25 +426,25 @@ class Driving:
             granted = (self._registry.discover(robot).name for robot in self._drives.granted)
             at_start = filter(self._traffic.route_of, (*granted, *self._peripherals.waiting))
             for name in dict.fromkeys([*under_way, *at_start]):
-                self._go_on(self._vehicle(name))
+                self._allocate_and_send(self._vehicle(name))
             self.reconsider(lambda drive: self._traffic.is_blocked(self._registry.discover(drive.robot).name))
             movable, lost = cache(self.mobility.movable), cache(self.mobility.lost)
             for decision in self._traffic.decide(
                 lambda name: not self._traffic.route_of(name) and movable(name), lost
             ):
                 if isinstance(decision, MoreClaimed):
-                    self._go_on(self._vehicle(decision.vehicle))
+                    self._allocate_and_send(self._vehicle(decision.vehicle))
                 elif isinstance(decision, EarlyEnd):
-                    self._end_way_here(decision.vehicle)
+                    self._end_drive_here(decision.vehicle)
                 else:
-                    yield from self._begin(decision)
+                    yield from self._begin_drive(decision)
             self._replan()
             self._look_after_peripherals()
         unsent = {self._registry.discover(robot).name for robot in self._drives.unsent}
         due = unsent.union(self._peripherals.waiting)
         for name in self._traffic.waiting.union(due, self._wait_reasons):
             vehicle = self._vehicle(name)
-            reason = self.note(vehicle) if name in due else self.mobility.why_it_waits(name)
+            reason = self.wait_reason(vehicle) if name in due else self.mobility.why_it_waits(name)
             if reason != self._wait_reasons.pop(name, ""):
                 yield vehicle
             if reason:
@@ -451,7 +452,7 @@ class Driving:
 
     def _look_after_peripherals(self) -> None:
         """Withdraw jobs that no route needs, and send devices the next ones."""
-        for name in [each for each in self._peripherals.waiting if not self._traffic.route_of(each)]:
+        for name in [name for name in self._peripherals.waiting if not self._traffic.route_of(name)]:
             del self._peripherals.waiting[name]
         self._peripherals.note_users()
         self._peripherals.withdraw_needless()
@@ -472,9 +473,9 @@ class Driving:
         swaps positions with them.
         """
         for name in tuple(self._traffic.stuck(self.mobility.movable, self.mobility.lost)):
-            self._end_way_here(name)
+            self._end_drive_here(name)
 
-    def _end_way_here(self, name: str) -> None:
+    def _end_drive_here(self, name: str) -> None:
         """End the route of a waiting vehicle at the end of its base, so that it requests a new one."""
         robot = self._vehicle(name).key
         drive = self._drives.sent.get(robot)
@@ -484,7 +485,7 @@ class Driving:
             log.info("vehicle rerouted", vehicle=name, reason=self._traffic.why_waiting(name))
             self.end_early(drive, partial=True)
 
-    def note(self, vehicle: FleetVehicle) -> str:
+    def wait_reason(self, vehicle: FleetVehicle) -> str:
         """Return what a vehicle waits for with its order; empty if it does not wait."""
         drive = self._drives.sent.get(vehicle.key)
         if drive and drive.relocation:
@@ -501,9 +502,9 @@ class Driving:
         misplaced = self.mobility.misplaced(vehicle) if waits_for_base else ""
         return misplaced or self.mobility.why_it_waits(vehicle.name)
 
-    def wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
+    def traffic_wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
         """Return which vehicles a vehicle waits for, where and why; None if it does not wait."""
-        reason, refusal = self.note(vehicle), self._traffic.refusal(vehicle.name)
+        reason, refusal = self.wait_reason(vehicle), self._traffic.refusal(vehicle.name)
         if location := self._peripherals.location_waited_for(vehicle.name):
             return TrafficWait(at=location, **explained(reason))
         if refusal is None:
@@ -532,7 +533,7 @@ class Driving:
         assert vehicle, "vehicles never leave the registry"  # noqa: S101 - for the type
         return vehicle
 
-    def _begin(self, granted: RouteGrant | Relocation | RouteRejection) -> Iterator[Stuck]:
+    def _begin_drive(self, granted: RouteGrant | Relocation | RouteRejection) -> Iterator[Stuck]:
         vehicle = self._vehicle(granted.vehicle)
         if isinstance(granted, RouteRejection):
             self._drives.requested.pop(vehicle.key, None)
@@ -546,18 +547,20 @@ class Driving:
             vehicle.name, standing.point, on_point=standing.on_point
         ):
             self._traffic.revoke(vehicle.name, again=True)
-            self._rest(vehicle)
+            self._come_to_rest(vehicle)
             self._state.drive_due = False  # until a new state or the next check
             return
         try:
-            self._drives.put(self._granted(granted, vehicle, standing))
+            self._drives.put(self._granted_drive(granted, vehicle, standing))
         except ValueError as error:
             self._traffic.revoke(vehicle.name)
             yield Stuck(vehicle, Reason(R.CANNOT_BUILD, str(error)))
             return
-        self._go_on(vehicle)
+        self._allocate_and_send(vehicle)
 
-    def _granted(self, granted: RouteGrant | Relocation, vehicle: FleetVehicle, standing: Standing) -> Drive:
+    def _granted_drive(
+        self, granted: RouteGrant | Relocation, vehicle: FleetVehicle, standing: Standing
+    ) -> Drive:
         """Return the drive along a route that traffic control has granted just now."""
         allocated = self._traffic.route_of(vehicle.name)
         assert allocated, "granted just now"  # noqa: S101 - for the type
@@ -572,25 +575,25 @@ class Driving:
         )
         return drive.granted(vda_order, allocated.way)
 
-    def _go_on(self, vehicle: FleetVehicle, *, more: int = 0) -> None:
+    def _allocate_and_send(self, vehicle: FleetVehicle, *, more: int = 0) -> None:
         """Allocate what the robot needs, or ``more`` nodes, and send the order or its update."""
         name = vehicle.name
         granted, sent = self._drives.granted.get(vehicle.key), self._drives.sent.get(vehicle.key)
         gate: Gate = CLOSED
         if not (self._stops.why(vehicle) or self.mobility.misplaced(vehicle)):
             gate = self._peripherals.gate(vehicle, granted or sent)
-        further = self._allocate(vehicle, more, gate)
+        further = self._allocate_ahead(vehicle, more, gate)
         route = self._traffic.route_of(name)
         assert route, "requested by the caller"  # noqa: S101 - for the type
         if granted and (route.released or (not route.way and _is_open(gate))):
             drive = granted.released(route).changed(state=DriveState.SENT)
             self._drives.put(drive)
             self._state.vehicle_changed(name)
-            self._state.after_commit(partial(self._start, drive))
+            self._state.after_commit(partial(self._send_order, drive))
         elif further and sent and not granted:
-            self.send_on(sent.released(route).updated())
+            self.send_update(sent.released(route).updated())
 
-    def _allocate(self, vehicle: FleetVehicle, more: int, gate: Gate) -> bool:
+    def _allocate_ahead(self, vehicle: FleetVehicle, more: int, gate: Gate) -> bool:
         """Allocate as far ahead as the settings require; ``more``: at least this many additional nodes."""
         name, settings = vehicle.name, self._context.settings
         ahead = more and self._traffic.ahead(name) + more
@@ -600,19 +603,19 @@ class Driving:
         way_mm = _way_mm(vehicle, self._context.view(vehicle).factsheet, settings.release_seconds)
         return self._traffic.allocate(name, ahead, way_mm, gate)
 
-    def send_on(self, drive: Drive) -> None:
+    def send_update(self, drive: Drive) -> None:
         """Send a robot the update of its VDA order after the commit."""
         self._drives.put(drive)
         self._state.after_commit(
             lambda: self._context.fleet.extend_vda_order(drive.robot, drive.as_released())
         )
 
-    def _shorten(self, drive: Drive) -> None:
+    def _shorten_route(self, drive: Drive) -> None:
         if vehicle := self._under_way(drive):
             self._traffic.shorten(vehicle.name)
             self._state.drive_due = True
 
-    def _start(self, drive: Drive) -> FleetOutput | None:
+    def _send_order(self, drive: Drive) -> FleetOutput | None:
         try:
             self._context.fleet.start_vda_order(drive.robot, drive.as_released())
         except RobotBusyError as error:
@@ -624,7 +627,7 @@ class Driving:
         vehicle = self._registry.of(drive.robot)
         return vehicle if vehicle and self._traffic.route_of(vehicle.name) else None
 
-    def _rest(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
+    def _come_to_rest(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
         self.positions.forget_sighting(vehicle, doubt=doubt)
         if doubt:
             ask = state_request(unique_id())

@@ -313,7 +313,7 @@ class Engine:
                 sent = self.state.drives.sent.get(vehicle.key)
                 reason = Reason(R.LEVEL_SET, vehicle=vehicle.name, level=level.value)
                 self._life_cycle.give_up(vehicle.key, reason)
-                self._driving.take_out(vehicle)
+                self._driving.drop_all(vehicle)
                 if sent:
                     self.state.after_commit(lambda: self.context.fleet.cancel_vda_order(vehicle.key))
             self._positions.set_level(vehicle, level)
@@ -459,9 +459,9 @@ class Engine:
                 self._life_cycle.on_order_event(event)
                 self._life_cycle.update_reason(self.registry.discover(event.robot))
             case outputs.NodePassed():
-                self._driving.passed(event.robot, event.order_id, event.sequence_id)
+                self._driving.pass_node(event.robot, event.order_id, event.sequence_id)
             case outputs.BaseWanted():
-                self._driving.base_wanted(event.robot, event.order_id)
+                self._driving.extend_base(event.robot, event.order_id)
             case _:
                 pass
 
@@ -475,6 +475,6 @@ class Engine:
             vehicle = self.registry.discover(robot)
         self._positions.see(vehicle)
         self.state.vehicle_changed(vehicle.name)
-        self._driving.robot_changed(vehicle)
+        self._driving.update_robot(vehicle)
         self.stops.look_at(vehicle)
         self._life_cycle.robot_changed(vehicle, view)

@@ -160,7 +160,7 @@ class LifeCycle:
         if drive is None:
             self._end_withdrawn_unsent(order)
         elif immediate and not drive.cancelled:
-            self._driving.cancel(drive)
+            self._driving.cancel_drive(drive)
         elif not immediate and not again:
             self._driving.end_early(drive, partial=False)
 
@@ -184,12 +184,12 @@ class LifeCycle:
         vehicle, drive = self._registry.named(order.vehicle), self._drives.of_order(order)
         assert vehicle, "the vehicle of an order is in the registry"  # noqa: S101 - for the type
         if drive is None:
-            self._driving.abandon(vehicle)
+            self._driving.drop_drive(vehicle)
             self._pauses.begin(vehicle, order)
         elif order.is_operating:
             return
         elif immediate and not drive.cancelled:
-            self._driving.cancel(drive)
+            self._driving.cancel_drive(drive)
         elif not immediate:
             self._driving.end_early(drive, partial=True)
 
@@ -333,7 +333,7 @@ class LifeCycle:
         self._orders.put(order)
         self._state.vehicle_changed(vehicle.name)
         retriable = self._failures.retries_actions(order)
-        self._driving.want(order, vehicle, way, first=first, retriable=retriable)
+        self._driving.request_route(order, vehicle, way, first=first, retriable=retriable)
 
     def stuck(self, stuck: Stuck) -> None:
         """Fail the order of a vehicle without a route, or pause it until paths are unlocked."""
@@ -353,7 +353,7 @@ class LifeCycle:
         if order is None:
             return
         view = view or self._context.view(vehicle)
-        changed = order.with_wait_reason(view.wait_reason or self._driving.note(vehicle))
+        changed = order.with_wait_reason(view.wait_reason or self._driving.wait_reason(vehicle))
         if changed is not order:
             self._orders.put(changed)
             self._state.vehicle_changed(order.vehicle)
@@ -376,9 +376,9 @@ class LifeCycle:
         if isinstance(event, outputs.VdaOrderAccepted):
             self._drives.put(drive.changed(state=DriveState.ACCEPTED))
         elif isinstance(event, outputs.VdaOrderFinished):
-            self._driving.finished(drive)
+            self._driving.finish_drive(drive)
         elif isinstance(event, outputs.VdaOrderFailed | outputs.VdaOrderCancelled):
-            self._driving.broken_off(drive, event)
+            self._driving.break_off(drive, event)
         vehicle = self._registry.discover(drive.robot)
         self._state.vehicle_changed(vehicle.name)
         if drive.relocation:
@@ -520,7 +520,7 @@ class LifeCycle:
             if job.after_movement:
                 self._orders.put(order.failed_while_held(failure.words))
         elif drive is None:
-            self._driving.abandon(vehicle)
+            self._driving.drop_drive(vehicle)
             self._fail(order, failure)
         elif not drive.cancelled and not drive.all_released:
             self._driving.end_early(self._give_up(drive, failure), partial=True)
@@ -567,7 +567,7 @@ class LifeCycle:
             )
             known = event.status is ActionStatus.FAILED  # otherwise it may be retrying right now
             kind = FailureKind.ACTION if known else FailureKind.UNCLEAR
-            self._driving.cancel(self._give_up(drive, OrderFailure(kind, words)))
+            self._driving.cancel_drive(self._give_up(drive, OrderFailure(kind, words)))
 
     # The end
 
@@ -594,7 +594,7 @@ class LifeCycle:
         if robot is not None:
             vehicle = self._registry.discover(robot)
             self._pauses.end(vehicle.name)
-            self._driving.abandon(vehicle)
+            self._driving.drop_drive(vehicle)
             self._state.vehicle_changed(vehicle.name)
         self._state.dispatch_due = True
 

@@ -196,7 +196,7 @@ class Rerouting:
         link = self._view(vehicle).link
         if link is not LinkStatus.ONLINE:
             raise VehicleNotReachedError(vehicle.name, f"it is {link}")
-        self._driving.cancel(drive)
+        self._driving.cancel_drive(drive)
         why = Reason(R.FORCED)
         self._orders.put(order.rerouted(None, why, self._clock.now()))
         return Rerouted(ReroutingOutcome.STOPPING, why)
@@ -287,7 +287,7 @@ class Rerouting:
         vda_order = self._with_route(under_way, route)
         current = self._traffic.route_of(vehicle.name)
         assert current, "requested by the caller"  # noqa: S101 - for the type
-        self._driving.send_on(drive.updated(vda_order=vda_order, way=current.way))
+        self._driving.send_update(drive.updated(vda_order=vda_order, way=current.way))
         self._state.drive_due = True
         points = tuple(n.node_id for n in vda_order.nodes if n.node_id in self._plant.points_by_name)
         self._orders.put(under_way.order.rerouted(points, why, self._clock.now()))

@@ -208,7 +208,9 @@ class StatusReporter:
             transport_order=order.name if order else None,
             order_sequence=self._sequences.bound_to(vehicle.name),
             reason=order.reason if order else self._idle_reason(vehicle),
-            wait=self._driving.wait(vehicle) if order or self._state.drives.sent.get(vehicle.key) else None,
+            wait=self._driving.traffic_wait(vehicle)
+            if order or self._state.drives.sent.get(vehicle.key)
+            else None,
             stop=self._stops.vehicle_stop(vehicle),
         )
 

@@ -61,7 +61,7 @@ class TrafficPlans:
             holds=tuple(dict.fromkeys(use for held in drive.held for use in held.uses)),
             ahead=tuple(ahead),
             goal=route.way[-1].point if route and route.way else None,
-            wait=self._driving.wait(vehicle),
+            wait=self._driving.traffic_wait(vehicle),
         )
 
     def _order(self, vehicle: FleetVehicle) -> str | None:
