@@ -322,7 +322,7 @@ class Driving:
         self._state.drive_due = True
 
     def drop_drive(self, vehicle: FleetVehicle) -> None:
-        """Drop a vehicle's request for its order; an order already sent to the robot is not affected."""
+        """Drop a vehicle's drive of which nothing was sent to the robot."""
         self._drives.requested.pop(vehicle.key, None)
         self._traffic.drop(vehicle.name)
         if self._drives.granted.pop(vehicle.key, None):
@@ -401,12 +401,6 @@ class Driving:
             self._traffic.break_off(vehicle.name)
             self.positions.note(vehicle)
             self._come_to_rest(vehicle, doubt=isinstance(event, VdaOrderFailed) and not drive.accepted)
-
-    def drop_all(self, vehicle: FleetVehicle) -> None:
-        """Drop all requests and orders of a vehicle."""
-        self._drives.requested.pop(vehicle.key, None)
-        self._drives.granted.pop(vehicle.key, None)
-        self._traffic.drop(vehicle.name)
 
     def update_robot(self, vehicle: FleetVehicle) -> None:
         """Handle a new state of a robot at rest; a robot under way reports its progress separately."""

@@ -313,7 +313,7 @@ class Engine:
                 sent = self.state.drives.sent.get(vehicle.key)
                 reason = Reason(R.LEVEL_SET, vehicle=vehicle.name, level=level.value)
                 self._life_cycle.give_up(vehicle.key, reason)
-                self._driving.drop_all(vehicle)
+                self._driving.drop_drive(vehicle)
                 if sent:
                     self.state.after_commit(lambda: self.context.fleet.cancel_vda_order(vehicle.key))
             self._positions.set_level(vehicle, level)

@@ -16,7 +16,7 @@ from nena_order_service.engine.driving import Driving, Pauses, Stuck
 from nena_order_service.engine.failing_vehicles import FailingVehicles
 from nena_order_service.engine.failure_policy import Decision, FailureAssessment, with_others
 from nena_order_service.engine.peripherals import Peripherals
-from nena_order_service.engine.recovery import LostOrderError, Recovery
+from nena_order_service.engine.recovery import Recovery
 from nena_order_service.fleet import outputs
 from nena_order_service.fleet.failures import FailureKind, OrderFailure, with_details
 from nena_order_service.fleet.instant_actions import retry_or_skip
@@ -623,9 +623,8 @@ class LifeCycle:
 
     def _restore_sent(self, order: TransportOrder, document: str, recovery: Recovery) -> None:
         now = self._clock.now()
-        try:
-            vehicle = recovery.restore_order(order, document)
-        except LostOrderError:
+        vehicle = recovery.restore_order(order, document)
+        if vehicle is None:
             self._end(order.adopted(now).failed(Reason(R.VDA_ORDER_UNREADABLE), now))
         else:
             self._orders.put(order.adopted(now, vehicle.name))

@@ -20,10 +20,6 @@ from nena_shared.vda5050.topics import RobotKey
 log = get_logger(__name__)
 
 
-class LostOrderError(Exception):
-    """The stored VDA order of an order cannot be read."""
-
-
 class Recovery:
     """Restores what robots hold: their last reported positions, and everything granted since."""
 
@@ -54,10 +50,8 @@ class Recovery:
                 self._traffic.restore(vehicle.name, held, box_of(vehicle).length_mm, beside=record.beside)
             self._vehicles.change(vehicle.key)
         for document in relocations:
-            try:
-                self._resume(Drive.model_validate_json(document))
-            except ValidationError as error:
-                log.warning("stored drive is unreadable", problems=problems_of(error))
+            if drive := _read_drive(document):
+                self._resume(drive)
 
     def present_vehicle(self, name: str) -> FleetVehicle | None:
         """Return the current vehicle of the robot that had this name; None if it can no longer take orders.
@@ -77,12 +71,11 @@ class Recovery:
         vehicle = self.present_vehicle(name)
         return vehicle.name if vehicle else name
 
-    def restore_order(self, order: TransportOrder, document: str) -> FleetVehicle:
-        """Restore an order's VDA order; return the vehicle of its robot. Raises LostOrderError."""
-        try:
-            drive = Drive.model_validate_json(document)
-        except ValidationError as error:
-            raise LostOrderError from error
+    def restore_order(self, order: TransportOrder, document: str) -> FleetVehicle | None:
+        """Restore an order's drive; return the vehicle of its robot, None if the drive cannot be read."""
+        drive = _read_drive(document)
+        if drive is None:
+            return None
         self._state.drives.assign(order, drive.robot)
         return self._resume(drive)
 
@@ -106,3 +99,11 @@ class Recovery:
 
 NOWHERE = ResourceSet("", 0, {})
 """Placeholder for a robot whose position is unknown: no resources."""
+
+
+def _read_drive(document: str) -> Drive | None:
+    try:
+        return Drive.model_validate_json(document)
+    except ValidationError as error:
+        log.warning("stored drive is unreadable", problems=problems_of(error))
+        return None

@@ -586,10 +586,6 @@ class FleetController:
         robots = (control.robot for control in self._robots.values())
         return all(robot.state or robot.sighting or not robot.reachable for robot in robots)
 
-    def robots(self) -> tuple[RobotKey, ...]:
-        """Return all robots that are expected, have sent a message or were sent an order."""
-        return tuple(self._robots)
-
     def has_room_for(self, robot: RobotKey) -> bool:
         """Return whether this robot is known, or another one may be added (``robots_limit``)."""
         return robot in self._robots or len(self._robots) < self._settings.robots_limit

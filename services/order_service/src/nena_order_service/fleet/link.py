@@ -486,10 +486,6 @@ class FleetLink:
         """Return the last state of a robot; None if it never reported one."""
         return self._controller.state(robot)
 
-    def robots(self) -> tuple[RobotKey, ...]:
-        """Return all robots that are expected, have sent a message or were sent an order."""
-        return self._controller.robots()
-
     async def _look(self) -> None:
         await asyncio.sleep(self._settings.tick_interval)
         await self._mqtt.read_waiting(READ_WITHIN)

@@ -134,15 +134,6 @@ def read(state: State, vda_order: VdaOrder) -> Progress:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ExecutionFailure:
-    """Why a VDA order failed: the kind of failure, a sentence, and the robot's own texts."""
-
-    kind: FailureKind
-    reason: str
-    details: tuple[str, ...] = ()
-
-
 class OrderExecution:
     """Tracks one VDA order; once ``ended`` is true, its end has been reported and no more events follow.
 
@@ -182,7 +173,7 @@ class OrderExecution:
         self._reported = -2
         """SequenceId of the last node that was reported as passed; -1: none; -2: not accepted yet."""
         self._operating = False
-        self._failure: ExecutionFailure | None = None
+        self._failure: VdaOrderFailed | None = None
         self._before: frozenset[ErrorIdentity] = frozenset()
         self._position_doubted = False
         """Whether the robot was not localised or reconnected since the order was last sent."""
@@ -263,7 +254,7 @@ class OrderExecution:
 
     def refuse(self, reason: str) -> FleetOutput:
         """Fail the order before anything is sent."""
-        return self._fail(ExecutionFailure(FailureKind.UNFIT, reason))
+        return self._end(self._failure_of(FailureKind.UNFIT, reason))
 
     def hold(self) -> None:
         """Suspend the delivery's timeout, because the robot cannot be sent anything now."""
@@ -294,7 +285,7 @@ class OrderExecution:
         if self._known_in(state):
             yield from self._follow(state, now)
         elif self._accepted and self.phase is not VdaOrderPhase.CANCELLING:
-            yield self._fail(_lost(state, self.vda_order.order_id, self.update_id))
+            yield self._end(self._loss(state))
         elif self.phase is VdaOrderPhase.SENT:
             yield from self._look_for_refusal(state, now)
         if self.phase is VdaOrderPhase.CANCELLING and not self.ended:
@@ -304,15 +295,15 @@ class OrderExecution:
         """Handle timeouts; ``unreadable``: why the robot's states cannot be used."""
         if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
-            failure = ExecutionFailure(FailureKind.NOT_TAKEN, Reason(R.NEVER_ACCEPTED, count=times))
+            failure = self._failure_of(FailureKind.NOT_TAKEN, Reason(R.NEVER_ACCEPTED, count=times))
             if unreadable:
                 reason = Reason(R.ACCEPTANCE_UNREADABLE, unreadable, count=times)
-                failure = ExecutionFailure(FailureKind.UNCLEAR, reason)
-            yield self._fail(failure)
+                failure = self._failure_of(FailureKind.UNCLEAR, reason)
+            yield self._end(failure)
         elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.failed(now):
             times = self._settings.sendings
             self._cancel_for(
-                ExecutionFailure(FailureKind.DRIVE, Reason(R.UPDATE_NEVER_ACCEPTED, count=times))
+                self._failure_of(FailureKind.DRIVE, Reason(R.UPDATE_NEVER_ACCEPTED, count=times))
             )
         elif state is None:
             return
@@ -325,9 +316,9 @@ class OrderExecution:
         """Fail the order, or cancel it if an update of it cannot be sent: the broker refuses the message."""
         reason = Reason(R.UNDELIVERABLE, topic=topic)
         if self.phase is VdaOrderPhase.SENT:
-            yield self._fail(ExecutionFailure(FailureKind.NOT_TAKEN, reason))
+            yield self._end(self._failure_of(FailureKind.NOT_TAKEN, reason))
         elif self._pending and self.phase is VdaOrderPhase.RUNNING:
-            self._cancel_for(ExecutionFailure(FailureKind.DRIVE, reason))
+            self._cancel_for(self._failure_of(FailureKind.DRIVE, reason))
 
     def at_end_with_nodes(self, state: State) -> str:
         """Return, as a predicate, why the order of a robot at its last node is not finished.
@@ -404,10 +395,10 @@ class OrderExecution:
         """Detect failures of a running VDA order."""
         failure = self._failed_actions(state, progress.failed)
         if progress.idle and failure:
-            yield self._fail(failure)
+            yield self._end(failure)
         elif progress.idle and not (progress.at_end and progress.unreported):
-            yield self._fail(
-                ExecutionFailure(FailureKind.DRIVE, _given_up(state), _descriptions(state.errors))
+            yield self._end(
+                self._failure_of(FailureKind.DRIVE, _given_up(state), _descriptions(state.errors))
             )
         elif failure:
             self._cancel_for(failure)
@@ -416,10 +407,10 @@ class OrderExecution:
         elif self._pending and (refused := self._pending.refusals(state.errors)):
             if self._pending.is_refused(refused, now):
                 reason = Reason(R.REFUSES_UPDATE)
-                self._cancel_for(ExecutionFailure(FailureKind.DRIVE, reason, _descriptions(refused)))
+                self._cancel_for(self._failure_of(FailureKind.DRIVE, reason, _descriptions(refused)))
         elif errors := failures.about(state.errors, self.vda_order, self._before):
             kind = FailureKind.ACTION if failures.name_actions(errors) else FailureKind.DRIVE
-            self._cancel_for(ExecutionFailure(kind, Reason(R.ROBOT_FAILED), _descriptions(errors)))
+            self._cancel_for(self._failure_of(kind, Reason(R.ROBOT_FAILED), _descriptions(errors)))
         else:
             self._look_for_standstill(state, now)
 
@@ -432,7 +423,7 @@ class OrderExecution:
                 name = self.vda_order.order_id
                 yield ActionRetriable(self._robot, name, each.action_id, failure.reason, failure.details)
 
-    def _failed_actions(self, state: State, failed: tuple[ActionState, ...]) -> ExecutionFailure | None:
+    def _failed_actions(self, state: State, failed: tuple[ActionState, ...]) -> VdaOrderFailed | None:
         if not failed:
             return None
         first = failed[0]
@@ -442,7 +433,7 @@ class OrderExecution:
         # when an order ends early, its actions fail without having begun
         at_end = read(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
-        return ExecutionFailure(kind, Reason(R.ACTION_FAILED, action=name), (*filter(None, own), *reported))
+        return self._failure_of(kind, Reason(R.ACTION_FAILED, action=name), (*filter(None, own), *reported))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
         """Cancel the VDA order of a robot that has stood still for too long and cannot finish it."""
@@ -454,23 +445,23 @@ class OrderExecution:
         elif now - self._standing_since >= self._settings.standstill_patience:
             self._cancel_for(failure)
 
-    def _standstill(self, state: State) -> ExecutionFailure | None:
+    def _standstill(self, state: State) -> VdaOrderFailed | None:
         if state.driving or not self._known_in(state):
             return None
         if failures.unexplained(state.errors, self.vda_order, self._before):
             reason = Reason(R.STOPPED_WITH_ERROR)
-            return ExecutionFailure(FailureKind.DRIVE, reason, _descriptions(state.errors))
+            return self._failure_of(FailureKind.DRIVE, reason, _descriptions(state.errors))
         if self.vda_order.actions and not state.node_states:
             unreported = read(state, self.vda_order).unreported
             reason = Reason(R.ACTIONS_UNREPORTED)
             return (
-                ExecutionFailure(FailureKind.UNCLEAR, reason, _descriptions(state.errors))
+                self._failure_of(FailureKind.UNCLEAR, reason, _descriptions(state.errors))
                 if unreported
                 else None
             )
         return None
 
-    def _cancel_for(self, failure: ExecutionFailure) -> None:
+    def _cancel_for(self, failure: VdaOrderFailed) -> None:
         self._failure = failure
         self.phase = VdaOrderPhase.CANCELLING
 
@@ -485,7 +476,7 @@ class OrderExecution:
             return
         named = any(failures.is_named(each, self.vda_order) for each in errors)
         if errors and self._delivery.is_refused(now, named=named):
-            yield self._fail(ExecutionFailure(FailureKind.REFUSED, Reason(R.REFUSED), _descriptions(errors)))
+            yield self._end(self._failure_of(FailureKind.REFUSED, Reason(R.REFUSED), _descriptions(errors)))
 
     def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
         """End the VDA order once the robot has confirmed cancelOrder, or does not have the order."""
@@ -502,7 +493,7 @@ class OrderExecution:
         else:
             why = self._failure.reason if self._failure else Reason(R.CANCELLED)
             reason = Reason(R.CANCEL_REFUSED, why, outcome.reason)
-            yield self._fail(ExecutionFailure(FailureKind.UNCLEAR, reason, _descriptions(state.errors)))
+            yield self._end(self._failure_of(FailureKind.UNCLEAR, reason, _descriptions(state.errors)))
 
     def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
         """Return whether the order or a resent copy may still reach the robot although no state shows it."""
@@ -517,13 +508,20 @@ class OrderExecution:
 
     def _end_early(self) -> Iterator[FleetOutput]:
         if self._failure:
-            yield self._fail(self._failure)
+            yield self._end(self._failure)
         else:
             yield self._end(VdaOrderCancelled(self._robot, self.vda_order.order_id))
 
-    def _fail(self, failure: ExecutionFailure) -> FleetOutput:
-        name = self.vda_order.order_id
-        return self._end(VdaOrderFailed(self._robot, name, failure.reason, failure.details, failure.kind))
+    def _failure_of(self, kind: FailureKind, reason: str, details: tuple[str, ...] = ()) -> VdaOrderFailed:
+        return VdaOrderFailed(self._robot, self.vda_order.order_id, reason, details, kind)
+
+    def _loss(self, state: State) -> VdaOrderFailed:
+        """Return the failure of an order that the robot no longer has, or has in a later update."""
+        if state.order_id == self.vda_order.order_id and state.order_update_id > self.update_id:
+            reason = Reason(R.UNKNOWN_UPDATE, update=state.order_update_id, known=self.update_id)
+            return self._failure_of(FailureKind.UNCLEAR, reason)
+        reason = Reason(R.LOST_TO_OTHER, order=state.order_id) if state.order_id else Reason(R.LOST)
+        return self._failure_of(FailureKind.LOST, reason)
 
     def _end(self, output: FleetOutput) -> FleetOutput:
         self.ended = True
@@ -532,19 +530,6 @@ class OrderExecution:
 
 def _descriptions(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
     return tuple(map(failures.describe, errors))
-
-
-def _lost(state: State, order_id: str, update_id: int) -> ExecutionFailure:
-    """Return the failure of an order that the robot no longer has, or has in a later update."""
-    if state.order_id == order_id and state.order_update_id > update_id:
-        return ExecutionFailure(
-            FailureKind.UNCLEAR,
-            Reason(R.UNKNOWN_UPDATE, update=state.order_update_id, known=update_id),
-        )
-    other = state.order_id
-    return ExecutionFailure(
-        FailureKind.LOST, Reason(R.LOST_TO_OTHER, order=other) if other else Reason(R.LOST)
-    )
 
 
 def _given_up(state: State) -> str:
