@@ -35,10 +35,10 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.plant_change import conflicts
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
+from nena_order_service.extension import Core, Extension, Listeners, installed
 from nena_order_service.extensions.opentcs import app as opentcs
 from nena_order_service.extensions.opentcs.events import ChangeLog
 from nena_order_service.extensions.opentcs.plant import EditPlant
-from nena_order_service.extension import Core, Extension, Listeners, installed
 from nena_order_service.fleet.link import FleetLink, HeaderIds, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.orders.vda_orders import OrderPlanner
