@@ -49,7 +49,7 @@ class Aggregator:
         """
         self.clock = clock
         self.share = Share.read(settings.share)
-        self.history = _history(settings.history, clock)
+        self.history = _open_history(settings.history, clock)
         limits = ModelLimits(
             robots=settings.robots_limit,
             orders=settings.orders_limit,
@@ -72,7 +72,7 @@ class Aggregator:
         self.extensions = [
             extension(getattr(settings, name, None), core) for name, extension in extensions.items()
         ]
-        self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._snapshot)
+        self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._fleet_snapshot)
         self.loop_lag = LoopLag(clock)
         self.certificates = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
         self._interval = settings.events.interval
@@ -117,12 +117,12 @@ class Aggregator:
                 self.model.advance(self.now())
             await asyncio.sleep(self._interval)
 
-    def _snapshot(self) -> tuple[int, bytes]:
+    def _fleet_snapshot(self) -> tuple[int, bytes]:
         self.publish_changes()
         view = self.model.snapshot()
         return view["id"], to_json({**view, "time": iso(self.clock.now()), "share": str(self.share)})
 
 
-def _history(settings: HistorySettings, clock: Clock) -> History | None:
+def _open_history(settings: HistorySettings, clock: Clock) -> History | None:
     url = settings.location()
     return History(settings, url, clock) if url else None

@@ -93,7 +93,7 @@ class FleetSubscriber:
             settings.mqtt,
             # several aggregators may use one broker; client IDs must be unique
             client_id=f"nena-status-aggregator-{token_hex(4)}",
-            hooks=LinkHooks(on_lost=self._lost),
+            hooks=LinkHooks(on_lost=self._connection_lost),
         )
         self._subscribe_robots(schemes(settings))
         self._subscribe_fleet()
@@ -146,15 +146,15 @@ class FleetSubscriber:
                 )
                 return
             self._schemes.add(scheme)
-            self._subscribe(scheme, MessageKind.CONNECTION, Connection, self._take_connection)
-            self._subscribe(scheme, MessageKind.STATE, State, self._take_state)
-            self._subscribe(
+            self._subscribe_topic(scheme, MessageKind.CONNECTION, Connection, self._take_connection)
+            self._subscribe_topic(scheme, MessageKind.STATE, State, self._take_state)
+            self._subscribe_topic(
                 scheme,
                 MessageKind.VISUALIZATION,
                 Visualization,
                 self._take_visualization,
             )
-            self._subscribe(scheme, MessageKind.FACTSHEET, Factsheet, self._take_factsheet)
+            self._subscribe_topic(scheme, MessageKind.FACTSHEET, Factsheet, self._take_factsheet)
 
     def _subscribe_fleet(self) -> None:
         fleet = self._fleet_topics
@@ -172,7 +172,7 @@ class FleetSubscriber:
         ):
             self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
 
-    def _subscribe(self, scheme: TopicScheme, kind: MessageKind, form: type[M], take: Take[M]) -> None:
+    def _subscribe_topic(self, scheme: TopicScheme, kind: MessageKind, form: type[M], take: Take[M]) -> None:
         """Subscribe to a topic of all robots; ``take`` receives each valid message of an accepted source."""
 
         def handle(inbound: Inbound) -> None:
@@ -183,7 +183,7 @@ class FleetSubscriber:
                 return  # clears the retained message
             at = Timestamp.of(self._clock)
             if len(str(key)) > KEY_LENGTH:
-                self._malformed(
+                self._count_malformed(
                     kind,
                     inbound.topic,
                     f"manufacturer and serial number exceed {KEY_LENGTH} characters",
@@ -197,7 +197,9 @@ class FleetSubscriber:
             try:
                 message = self._reader.read(form, inbound.topic, inbound.payload, scheme.major_version)
             except MalformedMessageError as error:
-                self._malformed(kind, inbound.topic, _summary(error.quoted_problems), at, key)
+                self._count_malformed(
+                    kind, inbound.topic, _summarise_problems(error.quoted_problems), at, key
+                )
                 self._take_sighting(kind, key, inbound.payload, scheme)
                 return
             if not self._is_next(key, kind, message.header_id, inbound.payload, at):
@@ -239,7 +241,7 @@ class FleetSubscriber:
         self._model.on_ignored(key, kind, f"headerId {header_id}", at)
         return False
 
-    def _lost(self) -> None:
+    def _connection_lost(self) -> None:
         self._epochs.reset()
         self._model.on_link(connected=False, at=Timestamp.of(self._clock))
 
@@ -250,7 +252,7 @@ class FleetSubscriber:
         try:
             take(inbound, at)
         except ValidationError as error:
-            self._malformed(kind, inbound.topic, _summary(problems_of(error)), at, None)
+            self._count_malformed(kind, inbound.topic, _summarise_problems(problems_of(error)), at, None)
 
     def _take_sighting(self, kind: MessageKind, key: RobotKey, payload: bytes, scheme: TopicScheme) -> None:
         """Pass on what an unreadable state says about the robot itself."""
@@ -279,7 +281,7 @@ class FleetSubscriber:
             return
         if len(inbound.payload) > PAYLOAD_LIMIT:
             problem = f"map of {len(inbound.payload)} bytes exceeds the limit of {PAYLOAD_LIMIT}"
-            self._malformed(MessageKind.ROBOT_MAP, inbound.topic, problem, at, key)
+            self._count_malformed(MessageKind.ROBOT_MAP, inbound.topic, problem, at, key)
             return
         found = MapImage.model_validate_json(inbound.payload) if inbound.payload else None
         self._model.on_robot_map(key, found, at)
@@ -321,9 +323,9 @@ class FleetSubscriber:
             self._model.on_peripheral_cleared(self._fleet_topics.name_in(inbound.topic))
         elif not self._model.on_peripheral_status(PeripheralStatus.model_validate_json(inbound.payload)):
             problem = f"more than {self._model.limits.peripherals} devices; this one is not shown"
-            self._malformed(MessageKind.PERIPHERAL_STATUS, inbound.topic, problem, at, None)
+            self._count_malformed(MessageKind.PERIPHERAL_STATUS, inbound.topic, problem, at, None)
 
-    def _malformed(
+    def _count_malformed(
         self, kind: MessageKind, topic: str, problem: str, at: Timestamp, key: RobotKey | None
     ) -> None:
         topic = topic[:TOPIC_LENGTH]
@@ -336,7 +338,7 @@ class FleetSubscriber:
         log.warning("unreadable message", topic=topic, robot=str(key) if key else None, problem=problem)
 
 
-def _summary(problems: Sequence[str]) -> str:
+def _summarise_problems(problems: Sequence[str]) -> str:
     """Return the first problem and the number of further ones."""
     more = len(problems) - 1
     return f"{problems[0]} (and {more} more)" if more else problems[0]

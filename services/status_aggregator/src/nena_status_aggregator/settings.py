@@ -65,7 +65,7 @@ class PanelOidcSettings(OidcSettings):
     scopes: tuple[str, ...] = Field(("openid", "profile"), description="OIDC scopes that the panel requests.")
 
     @model_validator(mode="after")
-    def _together(self) -> Self:
+    def _check_together(self) -> Self:
         if (self.client_id is None) is not (self.panel_url is None):
             message = "client_id and panel_url must be set together"
             raise ValueError(message)
@@ -181,7 +181,7 @@ class OrderServiceSettings(SettingsGroup):
     )
 
 
-def _share(text: str) -> str:
+def _share_text(text: str) -> str:
     return str(Share.read(text))
 
 
@@ -200,7 +200,7 @@ class AggregatorSettings(ServiceSettings):
     topic_prefix: TopicPrefix = Field(
         "nena/v1", description="Prefix of NeNa's own topics, as in the order service and the edge agents."
     )
-    share: Annotated[str, AfterValidator(_share)] = Field(
+    share: Annotated[str, AfterValidator(_share_text)] = Field(
         "1/1",
         description="Share of the robots that this aggregator monitors, e.g. 1/2 for the first of two "
         "aggregators.",

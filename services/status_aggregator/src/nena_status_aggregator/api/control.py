@@ -102,7 +102,7 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
             detail = "Commands are disabled. Set --order_service.url, e.g. to http://127.0.0.1:55200."
             raise ProblemError(Rejection.COMMANDS_DISABLED, detail)
         path = resource_of(request)
-        body = await _body(request) if request.method in ("POST", "PUT") else None
+        body = await _read_body(request) if request.method in ("POST", "PUT") else None
         token = token_of(request.scope, cookies=True)
         return await client.forward(request.method, path, request.url.query, body, token=token)
 
@@ -120,18 +120,18 @@ def check_origin(request: Request, trusted_hosts: tuple[str, ...]) -> None:
 
     """
     host = request.headers.get("host", "")
-    if _parts(f"//{host}").hostname not in trusted_hosts:
+    if _split_url(f"//{host}").hostname not in trusted_hosts:
         detail = f"{host!r} is not a trusted host name of this service; see --order_service.trusted_hosts."
         raise ProblemError(Rejection.UNTRUSTED_PAGE, detail)
     origin = request.headers.get("origin")
     site = request.headers.get("sec-fetch-site", "same-origin")
-    if (origin is not None and _parts(origin).netloc != host) or site not in ("same-origin", "none"):
+    if (origin is not None and _split_url(origin).netloc != host) or site not in ("same-origin", "none"):
         raise ProblemError(
             Rejection.UNTRUSTED_PAGE, "Commands are accepted from this service's own page only."
         )
 
 
-def _parts(address: str) -> SplitResult:
+def _split_url(address: str) -> SplitResult:
     """Split a client's URL; an invalid one has empty parts."""
     try:
         return urlsplit(address)
@@ -156,7 +156,7 @@ def resource_of(request: Request) -> str:
     return path
 
 
-async def _body(request: Request) -> bytes:
+async def _read_body(request: Request) -> bytes:
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
         detail = "Send commands as JSON, with Content-Type: application/json."
         raise ProblemError(Rejection.COMMAND_NOT_JSON, detail)

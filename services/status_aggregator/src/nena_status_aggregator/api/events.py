@@ -52,7 +52,7 @@ class EventStream(EventRing[bytes]):
     def publish(self, number: int, data: bytes) -> None:
         """Publish an event to all clients; numbers increase by one."""
         self._last = number
-        self.add(self._frame("delta", number, data))
+        self.add(self._make_frame("delta", number, data))
 
     async def follow(self, last_id: str | None) -> AsyncGenerator[bytes, None]:
         """Yield the events after ``last_id``; None: start with a snapshot.
@@ -65,21 +65,21 @@ class EventStream(EventRing[bytes]):
 
         async def following() -> bytes:
             nonlocal position
-            frames, position = self._next(position)
+            frames, position = self._next_frames(position)
             return frames
 
         with self.client():
             async for frames in self.frames(following):
                 yield frames
 
-    def _next(self, position: int | None) -> tuple[bytes, int]:
+    def _next_frames(self, position: int | None) -> tuple[bytes, int]:
         """Return the next frames for a client at ``position``, and its new position."""
         behind = None if position is None else self._last - position
         events = self.last(behind) if behind is not None and behind <= self._settings.backlog else None
         if events is None:
             number, data = self._snapshot()
             self.snapshots += 1
-            return self._frame("snapshot", number, data), number
+            return self._make_frame("snapshot", number, data), number
         return b"".join(events), self._last
 
     def _position_of(self, last_id: str | None) -> int | None:
@@ -88,7 +88,7 @@ class EventStream(EventRing[bytes]):
             return None
         return int(number)
 
-    def _frame(self, event: str, number: int, data: bytes) -> bytes:
+    def _make_frame(self, event: str, number: int, data: bytes) -> bytes:
         return b"id: %b-%d\nevent: %b\ndata: %b\n\n" % (self._epoch.encode(), number, event.encode(), data)
 
 

@@ -84,12 +84,12 @@ def make_router(history: History | None) -> APIRouter:
     @router.get("/history.csv", response_class=StreamingResponse)
     async def csv(chosen: Wanted) -> StreamingResponse:
         """Export events as CSV (RFC 4180), oldest first."""
-        return await _file(kept(history), chosen, as_csv, "text/csv; charset=utf-8", head=csv_head())
+        return await _stream_file(kept(history), chosen, as_csv, "text/csv; charset=utf-8", head=csv_head())
 
     @router.get("/history.jsonl", response_class=StreamingResponse)
     async def json_lines(chosen: Wanted) -> StreamingResponse:
         """Export events as JSON Lines, oldest first."""
-        return await _file(kept(history), chosen, as_json_lines, "application/jsonl")
+        return await _stream_file(kept(history), chosen, as_json_lines, "application/jsonl")
 
     return router
 
@@ -111,7 +111,7 @@ def away() -> ProblemError:
     return ProblemError(Rejection.HISTORY_UNAVAILABLE, detail)
 
 
-async def _file(
+async def _stream_file(
     history: History, chosen: HistoryFilter, form: Form, media_type: str, *, head: str = ""
 ) -> StreamingResponse:
     """Return all entries as a stream; the first page is read first, so that errors set the HTTP status."""

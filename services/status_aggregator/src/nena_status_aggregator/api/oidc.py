@@ -124,14 +124,14 @@ class SignIn:
         asked = {
             "response_type": "code",
             "client_id": self._client,
-            "redirect_uri": self._callback,
+            "redirect_uri": self._callback_url,
             "scope": self._scopes,
             "state": attempt.state,
             "nonce": attempt.nonce,
             "code_challenge": attempt.challenge,
             "code_challenge_method": "S256",
         }
-        return f"{_protected(place)}{'&' if '?' in place else '?'}{urlencode(asked)}"
+        return f"{_check_protected(place)}{'&' if '?' in place else '?'}{urlencode(asked)}"
 
     async def finish(self, attempt: Attempt | None, query: Mapping[str, str]) -> SignedIn:
         """Complete a sign-in; ``query`` is the query of the issuer's redirect.
@@ -147,7 +147,7 @@ class SignIn:
                 "refused", f"the issuer answered {query.get('error', 'nothing')[:LOGGED_LENGTH]!r}"
             )
         try:
-            return await self._exchange(attempt, query["code"])
+            return await self._exchange_code(attempt, query["code"])
         except IssuerUnavailableError as error:
             raise SignInError("away", str(error)) from error
         except NoRoleError as error:
@@ -155,16 +155,18 @@ class SignIn:
         except TokenRefusedError as error:
             raise SignInError("unfit", f"token rejected: {error}") from error
 
-    async def _exchange(self, attempt: Attempt, code: str) -> SignedIn:
+    async def _exchange_code(self, attempt: Attempt, code: str) -> SignedIn:
         metadata = await self._issuer.metadata()
         form = {
             "grant_type": "authorization_code",
             "code": code,
-            "redirect_uri": self._callback,
+            "redirect_uri": self._callback_url,
             "code_verifier": attempt.verifier,
         }
-        login = self._login(metadata, form)
-        status, given = await self._issuer.http.ask("POST", _protected(metadata.token_endpoint), form, login)
+        login = self._client_login(metadata, form)
+        status, given = await self._issuer.http.ask(
+            "POST", _check_protected(metadata.token_endpoint), form, login
+        )
         if status != HTTPStatus.OK:
             raise SignInError(
                 "refused", f"the issuer answered {str(given.get('error'))[:LOGGED_LENGTH]!r} ({status})"
@@ -183,10 +185,10 @@ class SignIn:
         return SignedIn(user, access)
 
     @property
-    def _callback(self) -> str:
+    def _callback_url(self) -> str:
         return f"{self.panel}{CALLBACK}"
 
-    def _login(self, metadata: Metadata, form: dict[str, str]) -> tuple[str, str] | None:
+    def _client_login(self, metadata: Metadata, form: dict[str, str]) -> tuple[str, str] | None:
         """Authenticate the client with a method that the issuer supports (RFC 6749, 2.3.1)."""
         if self._secret is None:
             form["client_id"] = self._client
@@ -221,7 +223,7 @@ def _is_same(shown: str, kept: str) -> bool:
     return compare_digest(one, other)
 
 
-def _protected(place: str) -> str:
+def _check_protected(place: str) -> str:
     try:
         return protected_url(place)
     except ValueError as error:
@@ -275,9 +277,9 @@ def _add_steps(router: APIRouter, sign_in: SignIn, clock: Clock) -> None:
         check_rate(request)
         attempt = Attempt.new()
         try:
-            answer = _redirect(await sign_in.begin(attempt))
+            answer = _redirect_to(await sign_in.begin(attempt))
         except SignInError as error:
-            return _failed(sign_in, error)
+            return _report_failure(sign_in, error)
         answer.set_cookie(
             COOKIE, attempt.text(), TIMEOUT, path=path, httponly=True, samesite="lax", secure=secure
         )
@@ -292,7 +294,7 @@ def _add_steps(router: APIRouter, sign_in: SignIn, clock: Clock) -> None:
             done = await sign_in.finish(attempt, request.query_params)
             answer = _signed_in(sign_in, done, secure=secure)
         except SignInError as error:
-            answer = _failed(sign_in, error)
+            answer = _report_failure(sign_in, error)
         answer.delete_cookie(COOKIE, path=path, httponly=True, samesite="lax", secure=secure)
         return answer
 
@@ -301,16 +303,16 @@ def _signed_in(sign_in: SignIn, done: SignedIn, *, secure: bool) -> Response:
     if len(done.token) > TOKEN_LIMIT:
         message = f"the access token has {len(done.token)} characters; a cookie holds {TOKEN_LIMIT}"
         raise SignInError("unfit", f"{message}. Reduce its claims at the issuer")
-    answer = _redirect(sign_in.panel)
+    answer = _redirect_to(sign_in.panel)
     keep(answer, done.token, secure=secure)
     log.info("signed in", user=done.user.known_as, role=done.user.role.name.lower())
     return answer
 
 
-def _failed(sign_in: SignIn, error: SignInError) -> Response:
+def _report_failure(sign_in: SignIn, error: SignInError) -> Response:
     log.warning("OIDC sign-in failed", why=error.why, reason=str(error))
-    return _redirect(f"{sign_in.panel}login.html?problem={error.why}")
+    return _redirect_to(f"{sign_in.panel}login.html?problem={error.why}")
 
 
-def _redirect(where: str) -> Response:
+def _redirect_to(where: str) -> Response:
     return RedirectResponse(where, HTTPStatus.SEE_OTHER, {"cache-control": "no-store"})

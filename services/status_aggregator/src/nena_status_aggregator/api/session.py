@@ -66,7 +66,7 @@ def make_router() -> APIRouter:
     @router.get("")
     async def session(request: Request) -> Session:
         """Return the signed-in user; 401 if sign-in is required."""
-        return _of(request)
+        return _session_of(request)
 
     @router.post("")
     async def log_in(request: Request, response: Response) -> Session:
@@ -76,7 +76,7 @@ def make_router() -> APIRouter:
             detail = f"Token of {len(token)} characters is too long for a cookie; the limit is {TOKEN_LIMIT}."
             raise ProblemError(Rejection.TOKEN_TOO_LONG, detail)
         keep(response, token, secure=request.url.scheme == "https")
-        return _of(request)
+        return _session_of(request)
 
     @router.delete("", status_code=HTTPStatus.NO_CONTENT)
     async def log_out(response: Response) -> None:
@@ -91,6 +91,6 @@ def keep(response: Response, token: str, *, secure: bool) -> None:
     response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=secure)
 
 
-def _of(request: Request) -> Session:
+def _session_of(request: Request) -> Session:
     user: KnownUser | None = request.state.user
     return {"user": user.name if user else None, "role": user.role.name.lower() if user else None}

@@ -53,7 +53,9 @@ class EventLog:
         if not self._track_distance or here is None:
             return
         near = (
-            last is not None and last.map_id == here.map_id and _distance(last, here) < self._track_distance
+            last is not None
+            and last.map_id == here.map_id
+            and _distance_between(last, here) < self._track_distance
         )
         if near:
             return
@@ -74,7 +76,7 @@ class EventLog:
         changed = condition is not robot.condition
         if changed or (robot.condition in NOT_MOVING and reason.code != robot.reason.code):
             values: Values = {
-                **{key: _short(value) for key, value in robot.reason.values.items()},
+                **{key: _shorten_value(value) for key, value in robot.reason.values.items()},
                 **robot.reason.shown,
                 "condition": robot.condition.value,
                 "before": condition.value,
@@ -129,11 +131,11 @@ def _end_values(order: TransportOrderStatus) -> Values:
     }
 
 
-def _short(value: str | float) -> str | float | None:
+def _shorten_value(value: str | float) -> str | float | None:
     return short(value) if isinstance(value, str) else value
 
 
-def _distance(start: MobileRobotPosition, end: MobileRobotPosition) -> float:
+def _distance_between(start: MobileRobotPosition, end: MobileRobotPosition) -> float:
     return hypot(end.x - start.x, end.y - start.y)
 
 

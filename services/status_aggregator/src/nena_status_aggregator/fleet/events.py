@@ -98,18 +98,18 @@ class Change(NamedTuple):
 
 def changes(before: State | None, now: State) -> Iterator[Change]:
     """Return the changes between two states; of a first state only the errors."""
-    yield from _errors(before.errors if before else (), now.errors)
+    yield from _error_changes(before.errors if before else (), now.errors)
     if before is None:
         return
-    yield from _order(before, now)
-    yield from _actions(before, now)
+    yield from _order_changes(before, now)
+    yield from _action_changes(before, now)
     if before.operating_mode is not now.operating_mode:
         mode, old = now.operating_mode.value, before.operating_mode.value
         yield Change(Code.OPERATING_MODE, f"Operating mode {mode}.", {"mode": mode, "before": old})
-    yield from _body(before, now)
+    yield from _body_changes(before, now)
 
 
-def _errors(before: tuple[ErrorEntry, ...], now: tuple[ErrorEntry, ...]) -> Iterator[Change]:
+def _error_changes(before: tuple[ErrorEntry, ...], now: tuple[ErrorEntry, ...]) -> Iterator[Change]:
     if not before and not now:
         return
     old, new = _by_identity(before), _by_identity(now)
@@ -125,10 +125,10 @@ def _errors(before: tuple[ErrorEntry, ...], now: tuple[ErrorEntry, ...]) -> Iter
 def _by_identity(
     errors: tuple[ErrorEntry, ...],
 ) -> dict[tuple[str, *tuple[str, ...]], ErrorEntry]:
-    return {(error.error_type, *_references(error)): error for error in errors[:LIST_LIMIT]}
+    return {(error.error_type, *_references_of(error)): error for error in errors[:LIST_LIMIT]}
 
 
-def _references(error: ErrorEntry) -> Iterator[str]:
+def _references_of(error: ErrorEntry) -> Iterator[str]:
     for reference in error.error_references:
         yield from (reference.reference_key, reference.reference_value)
 
@@ -137,10 +137,10 @@ def _error_values(entry: ErrorEntry) -> Values:
     return {"errorType": short(entry.error_type), "errorLevel": entry.error_level.value}
 
 
-def _order(before: State, now: State) -> Iterator[Change]:
+def _order_changes(before: State, now: State) -> Iterator[Change]:
     another = now.order_id != before.order_id
     if is_active(before) and (another or not is_active(now)):
-        outcome = _outcome(before, now)
+        outcome = _outcome_of(before, now)
         text = f"Order {before.order_id} {outcome.value}."
         yield Change(Code.ORDER_ENDED, text, {"orderId": before.order_id, "outcome": outcome.value})
     values: Values = {"orderId": now.order_id, "orderUpdateId": now.order_update_id}
@@ -150,17 +150,17 @@ def _order(before: State, now: State) -> Iterator[Change]:
         yield Change(Code.ORDER_UPDATED, f"Accepted order update {now.order_update_id}.", values)
     reached = (now.last_node_id, now.last_node_sequence_id)
     if now.last_node_id and (another or reached != (before.last_node_id, before.last_node_sequence_id)):
-        yield from _node(before, now)
+        yield from _node_changes(before, now)
 
 
-def _node(before: State, now: State) -> Iterator[Change]:
+def _node_changes(before: State, now: State) -> Iterator[Change]:
     """Return a reached node, unless it is the first of a new order, where the robot already is."""
     if now.last_node_id != before.last_node_id or now.order_id == before.order_id:
         values: Values = {"nodeId": now.last_node_id, "sequenceId": now.last_node_sequence_id}
         yield Change(Code.NODE_REACHED, f"Reached {now.last_node_id}.", values)
 
 
-def _outcome(before: State, now: State) -> Outcome:
+def _outcome_of(before: State, now: State) -> Outcome:
     if now.order_id != before.order_id:
         return Outcome.UNSEEN
     last = before.node_states[-1].sequence_id if before.node_states else 0
@@ -169,7 +169,7 @@ def _outcome(before: State, now: State) -> Outcome:
     return Outcome.COMPLETED if completed else Outcome.ABANDONED
 
 
-def _actions(before: State, now: State) -> Iterator[Change]:
+def _action_changes(before: State, now: State) -> Iterator[Change]:
     if not (now.action_states or now.instant_action_states):
         return
     known = {
@@ -194,7 +194,7 @@ def _action_ended(action: ActionState) -> Change:
     return Change(Code.ACTION_ENDED, f"Action {name}: {status}." + (f" {result}" if result else ""), values)
 
 
-def _body(before: State, now: State) -> Iterator[Change]:
+def _body_changes(before: State, now: State) -> Iterator[Change]:
     power = now.power_supply
     if power.charging is not before.power_supply.charging:
         text = "Charging started." if power.charging else "Charging stopped."

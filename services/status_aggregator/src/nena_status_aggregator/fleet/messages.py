@@ -68,15 +68,15 @@ class Sequence:
 
     def assess(self, header_id: int, timestamp: datetime, content: object = None) -> Verdict:
         """Classify a message and remember it."""
-        verdict = self._assess(header_id, timestamp, content)
+        verdict = self._assess_order(header_id, timestamp, content)
         if verdict is Verdict.NEW:
             self.content = content
         return verdict
 
-    def _assess(self, header_id: int, timestamp: datetime, content: object) -> Verdict:
+    def _assess_order(self, header_id: int, timestamp: datetime, content: object) -> Verdict:
         last = self.timestamp
         if last is None:
-            return self._open(header_id, timestamp)
+            return self._open_sequence(header_id, timestamp)
         if header_id == self.header_id and timestamp == last:
             ordered = self.counts or timestamp != NO_TIME
             return Verdict.REPEATED if ordered and content == self.content else Verdict.NEW
@@ -86,33 +86,33 @@ class Sequence:
         newer = timestamp > last or (timestamp == last and header_id > self.header_id)
         if newer and header_id <= self.header_id:
             self.restarts += 1
-            return self._open(header_id, timestamp)
+            return self._open_sequence(header_id, timestamp)
         if newer or header_id == self.header_id + 1:
             self.missed += header_id - self.header_id - 1
-            return self._take(header_id, timestamp)
-        return self._late(header_id, timestamp)
+            return self._accept_message(header_id, timestamp)
+        return self._assess_late(header_id, timestamp)
 
     def _begin_again(self, timestamp: datetime) -> Verdict:
         if timestamp == self.opened:
             return Verdict.REPEATED
         self.restarts += self.header_id != GREATEST_HEADER_ID
-        return self._open(0, timestamp)
+        return self._open_sequence(0, timestamp)
 
-    def _late(self, header_id: int, timestamp: datetime) -> Verdict:
+    def _assess_late(self, header_id: int, timestamp: datetime) -> Verdict:
         before, self.late = self.late, (header_id, timestamp)
         if before is not None and (
             (header_id == before[0] + 1 and timestamp >= before[1])
             or (header_id == before[0] == self.header_id and timestamp > before[1])
         ):
             self.restarts += 1
-            return self._open(header_id, timestamp)
+            return self._open_sequence(header_id, timestamp)
         return Verdict.LATE
 
-    def _open(self, header_id: int, timestamp: datetime) -> Verdict:
+    def _open_sequence(self, header_id: int, timestamp: datetime) -> Verdict:
         self.opened = timestamp
-        return self._take(header_id, timestamp)
+        return self._accept_message(header_id, timestamp)
 
-    def _take(self, header_id: int, timestamp: datetime) -> Verdict:
+    def _accept_message(self, header_id: int, timestamp: datetime) -> Verdict:
         self.header_id = header_id
         self.timestamp = timestamp
         self.late = None

@@ -108,7 +108,7 @@ class RobotRegistry:
         gone = None
         if robot is None:
             if len(self._robots) >= self._limit:
-                gone = self._quietest(at)
+                gone = self._quietest_robot(at)
                 if gone is None:
                     return None, None
                 del self._robots[gone.key]
@@ -116,7 +116,7 @@ class RobotRegistry:
         robot.last_message_at = at.monotonic
         return robot, gone
 
-    def _quietest(self, at: Timestamp) -> Robot | None:
+    def _quietest_robot(self, at: Timestamp) -> Robot | None:
         robot = min(self._robots.values(), key=lambda each: each.last_message_at)
         quiet = at.monotonic - robot.last_message_at > robot.silence_limit(self._silence_limit)
         return robot if quiet else None
@@ -236,7 +236,7 @@ class FleetModel:
         robot = self.robots.get(key)
         if robot is not None and robot.deviations != deviations:
             robot.deviations = deviations
-            self._touch(key)
+            self._mark_changed(key)
 
     def on_malformed(
         self, kind: MessageKind, topic: str, problem: str, at: Timestamp, *, key: RobotKey | None = None
@@ -268,7 +268,7 @@ class FleetModel:
         robot = self.robots.get(key)
         if robot is not None:
             robot.on_sighting(sighting)
-            self._touch(key)
+            self._mark_changed(key)
 
     def on_ignored(self, key: RobotKey, kind: MessageKind, header: str, at: Timestamp) -> None:
         """Apply that a state of a known robot is ignored, because its header is not after the last one's."""
@@ -342,7 +342,7 @@ class FleetModel:
         self._frame = PlantFrame.of(plant)
         for robot in self.robots:
             robot.frame = self._frame
-            self._touch(robot.key)
+            self._mark_changed(robot.key)
         self._plant_version += 1
         self._public.plant = view_plant(plant, self._plant_version) if plant else None
         for location in self.peripherals.forget_unconfirmed(plant.locations_by_name if plant else ()):
@@ -353,7 +353,7 @@ class FleetModel:
         self._public.link = {"connected": connected, "since": iso(at.utc)}
         self._event_log.link(connected=connected, at=at)
         for robot in self.robots:
-            self._touch(robot.key)
+            self._mark_changed(robot.key)
         if not connected:
             self.order_service.lose()
             self.orders.mark_unconfirmed()
@@ -410,14 +410,14 @@ class FleetModel:
         if gone is not None:
             self.statistics.robots_forgotten += 1
             self._event_log.forgotten(gone, at)
-            self._touch(gone.key)
+            self._mark_changed(gone.key)
             if gone.vehicle:
                 self._forget_vehicle(gone.vehicle.name)
         if robot is None:
             self.statistics.refused[kind] += 1
         else:
             robot.frame = self._frame
-            self._touch(key)
+            self._mark_changed(key)
         return robot
 
     def _forget_vehicle(self, name: str) -> None:
@@ -443,11 +443,11 @@ class FleetModel:
         setting, soonest = self.limits.silence, inf
         for robot in self.robots:
             if robot.falls_silent(at, setting):
-                self._touch(robot.key)
+                self._mark_changed(robot.key)
             soonest = min(soonest, robot.silent_from(setting))
         self._no_silence_before = soonest
 
-    def _touch(self, key: RobotKey) -> None:
+    def _mark_changed(self, key: RobotKey) -> None:
         self._unassessed[key] = None
         self._public.robots.touch(key)
 

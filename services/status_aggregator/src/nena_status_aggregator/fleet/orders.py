@@ -100,10 +100,10 @@ def progress(status: TransportOrderStatus, last_node: str | None) -> float | Non
     if not status.drive_orders:
         return 0.0
     done = sum(order.state is DriveOrderState.FINISHED for order in status.drive_orders)
-    return round(100.0 * (done + _share(status, last_node)) / len(status.drive_orders), 1)
+    return round(100.0 * (done + _share_done(status, last_node)) / len(status.drive_orders), 1)
 
 
-def _share(status: TransportOrderStatus, last_node: str | None) -> float:
+def _share_done(status: TransportOrderStatus, last_node: str | None) -> float:
     index = status.current_drive_order_index
     if not 0 <= index < len(status.drive_orders):
         return 0.0

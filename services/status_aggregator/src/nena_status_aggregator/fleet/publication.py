@@ -50,9 +50,9 @@ def apply(delta: Delta, view: FleetView) -> FleetView:
     """Apply ``delta`` to a view, as clients of the event stream do."""
     return {
         "id": delta["id"],
-        "robots": _patched(view["robots"], delta.get("robots", ()), delta.get("robotsGone", ())),
-        "orders": _patched(view["orders"], delta.get("orders", ()), delta.get("ordersGone", ())),
-        "peripherals": _patched(
+        "robots": _apply_patches(view["robots"], delta.get("robots", ()), delta.get("robotsGone", ())),
+        "orders": _apply_patches(view["orders"], delta.get("orders", ()), delta.get("ordersGone", ())),
+        "peripherals": _apply_patches(
             view["peripherals"], delta.get("peripherals", ()), delta.get("peripheralsGone", ())
         ),
         "plant": delta["plant"] if "plant" in delta else view["plant"],
@@ -63,7 +63,7 @@ def apply(delta: Delta, view: FleetView) -> FleetView:
     }
 
 
-def _patched(views: list[V], patches: Iterable[Patch], gone: Iterable[str]) -> list[V]:
+def _apply_patches(views: list[V], patches: Iterable[Patch], gone: Iterable[str]) -> list[V]:
     result = {view["id"]: cast("Patch", view) for view in views}
     for name in gone:
         result.pop(name, None)
@@ -95,14 +95,14 @@ class PublishedViews(Generic[K, V]):
             old = self.views.pop(key, None) if view is None else self.views.get(key)
             if view is not None:
                 self.views[key] = view
-                patches += _patch(old, view)
+                patches += _patch_between(old, view)
             elif old is not None:
                 gone.append(old["id"])
         self.touched.clear()
         return patches, gone
 
 
-def _patch(old: V | None, new: V) -> list[Patch]:
+def _patch_between(old: V | None, new: V) -> list[Patch]:
     if old is None:
         return [dict(new)]
     before = cast("Mapping[str, Any]", old)
@@ -127,7 +127,7 @@ class Publication:
             "lastProblem": None,
             "lastTime": None,
         }
-        self._published: FleetView = self._fleet(0)
+        self._published: FleetView = self._fleet_view(0)
 
     def flush(
         self,
@@ -155,7 +155,7 @@ class Publication:
         self._add_parts(delta)
         if len(delta) == 1:
             return None
-        self._published = self._fleet(delta["id"])
+        self._published = self._fleet_view(delta["id"])
         return delta
 
     def snapshot(self) -> FleetView:
@@ -179,7 +179,7 @@ class Publication:
         if self.malformed != self._published["malformed"]:
             delta["malformed"] = self.malformed
 
-    def _fleet(self, number: int) -> FleetView:
+    def _fleet_view(self, number: int) -> FleetView:
         return {
             "id": number,
             "robots": [],

@@ -71,7 +71,7 @@ class Queues:
             return
         self._elsewhere.discard(vehicle.name)
         waiting = robot.condition is Condition.WAITING and vehicle.wait is not None
-        self._note(
+        self._set_waits(
             vehicle.name,
             vehicle.wait.vehicles if waiting and vehicle.wait else (),
             stuck=robot.condition in STUCK,
@@ -83,11 +83,11 @@ class Queues:
             return
         self._elsewhere.add(vehicle.name)
         waits = vehicle.wait.vehicles if vehicle.wait else ()
-        self._note(vehicle.name, waits, stuck=vehicle.state in STUCK_ELSEWHERE)
+        self._set_waits(vehicle.name, waits, stuck=vehicle.state in STUCK_ELSEWHERE)
 
     def forget(self, name: str) -> None:
         """Remove a vehicle."""
-        self._note(name, (), stuck=False)
+        self._set_waits(name, (), stuck=False)
 
     def line_up(self, at: Timestamp) -> list[str]:
         """Recompute the chains if anything has changed; return the vehicles whose chain changed."""
@@ -110,7 +110,7 @@ class Queues:
         ]
         return tuple(sorted(found, key=lambda jam: (-jam.robots, jam.end)))
 
-    def _note(self, name: str, waits: tuple[str, ...], *, stuck: bool) -> None:
+    def _set_waits(self, name: str, waits: tuple[str, ...], *, stuck: bool) -> None:
         if self._waits.get(name, ()) != waits:
             self._changed = True
             self._waits.pop(name, None)

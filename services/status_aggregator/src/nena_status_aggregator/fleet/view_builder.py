@@ -95,28 +95,28 @@ def view_robot(
         "operatingMode": state.operating_mode.value if state else None,
         "driving": state.driving if state else None,
         "paused": state.paused if state else None,
-        "position": _position(robot),
-        "velocity": _velocity(robot),
-        "battery": _battery(state) if state else None,
-        "maps": _maps(state) if state else None,
-        "grid": _grid(robot),
-        "plan": _plan(robot, state) if state else None,
-        "loads": _loads(state) if state else None,
-        "errors": [_error(error) for error in state.errors[:LIST_LIMIT]] if state else [],
-        "information": _informations(state),
-        "actions": [_action(action) for action in _all_actions(state)[:LIST_LIMIT]] if state else [],
-        "order": _order(robot, state) if state and state.order_id else None,
-        "body": _body(robot),
-        "vehicle": _vehicle(robot.vehicle, chain) if robot.vehicle else None,
+        "position": _view_position(robot),
+        "velocity": _view_velocity(robot),
+        "battery": _view_battery(state) if state else None,
+        "maps": _view_maps(state) if state else None,
+        "grid": _view_grid(robot),
+        "plan": _view_plan(robot, state) if state else None,
+        "loads": _view_loads(state) if state else None,
+        "errors": [_view_error(error) for error in state.errors[:LIST_LIMIT]] if state else [],
+        "information": _view_informations(state),
+        "actions": [_view_action(action) for action in _all_actions(state)[:LIST_LIMIT]] if state else [],
+        "order": _view_order(robot, state) if state and state.order_id else None,
+        "body": _view_body(robot),
+        "vehicle": _view_vehicle(robot.vehicle, chain) if robot.vehicle else None,
         "malformed": robot.malformed,
         "problem": short(robot.problem) or None,
         "deviations": [short(str(deviation)) or "" for deviation in robot.deviations],
     }
 
 
-def _informations(state: State | None) -> list[InformationView]:
+def _view_informations(state: State | None) -> list[InformationView]:
     found = state.information if state else None
-    return [_information(each) for each in (found or ())[:LIST_LIMIT]]
+    return [_view_information(each) for each in (found or ())[:LIST_LIMIT]]
 
 
 def view_stop(stop: StopStatus) -> StopView:
@@ -160,7 +160,7 @@ def _ros_session(state: State) -> RosSessionView | None:
     }
 
 
-def _position(robot: Robot) -> PositionView | None:
+def _view_position(robot: Robot) -> PositionView | None:
     at = robot.position
     if at is None:
         return None
@@ -173,12 +173,12 @@ def _position(robot: Robot) -> PositionView | None:
     }
 
 
-def _velocity(robot: Robot) -> VelocityView | None:
+def _view_velocity(robot: Robot) -> VelocityView | None:
     speed = robot.velocity
     return {"vx": speed.vx, "vy": speed.vy, "omega": speed.omega} if speed else None
 
 
-def _battery(state: State) -> BatteryView:
+def _view_battery(state: State) -> BatteryView:
     power = state.power_supply
     return {
         "charge": power.state_of_charge,
@@ -188,7 +188,7 @@ def _battery(state: State) -> BatteryView:
     }
 
 
-def _maps(state: State) -> list[MapView] | None:
+def _view_maps(state: State) -> list[MapView] | None:
     if state.maps is None:
         return None
     return [
@@ -197,7 +197,7 @@ def _maps(state: State) -> list[MapView] | None:
     ]
 
 
-def _plan(robot: Robot, state: State) -> list[tuple[float, float]] | None:
+def _view_plan(robot: Robot, state: State) -> list[tuple[float, float]] | None:
     path, at = state.intermediate_path, robot.reported
     if path is None:
         return None
@@ -207,7 +207,7 @@ def _plan(robot: Robot, state: State) -> list[tuple[float, float]] | None:
     return [(round(place[0], 2), round(place[1], 2)) for place in places if place]
 
 
-def _grid(robot: Robot) -> GridView | None:
+def _view_grid(robot: Robot) -> GridView | None:
     found = robot.map
     if found is None:
         return None
@@ -224,7 +224,7 @@ def _grid(robot: Robot) -> GridView | None:
     }
 
 
-def _loads(state: State) -> list[LoadView] | None:
+def _view_loads(state: State) -> list[LoadView] | None:
     if state.loads is None:
         return None
     return [
@@ -238,26 +238,26 @@ def _loads(state: State) -> list[LoadView] | None:
     ]
 
 
-def _error(entry: ErrorEntry) -> ErrorView:
+def _view_error(entry: ErrorEntry) -> ErrorView:
     return {
         "errorType": short(entry.error_type) or "",
         "errorLevel": entry.error_level.value,
         "description": short(entry.error_description),
         "hint": short(entry.error_hint),
-        "references": _references(entry.error_references),
+        "references": _view_references(entry.error_references),
     }
 
 
-def _information(entry: Information) -> InformationView:
+def _view_information(entry: Information) -> InformationView:
     return {
         "infoType": short(entry.info_type) or "",
         "infoLevel": entry.info_level.value,
         "description": short(entry.info_descriptor),
-        "references": _references(entry.info_references),
+        "references": _view_references(entry.info_references),
     }
 
 
-def _references(references: tuple[ErrorReference, ...]) -> dict[str, str]:
+def _view_references(references: tuple[ErrorReference, ...]) -> dict[str, str]:
     return {
         reference.reference_key: short(reference.reference_value) or ""
         for reference in references[:LIST_LIMIT]
@@ -268,7 +268,7 @@ def _all_actions(state: State) -> tuple[ActionState, ...]:
     return (*state.action_states, *state.instant_action_states)
 
 
-def _action(action: ActionState) -> ActionView:
+def _view_action(action: ActionState) -> ActionView:
     return {
         "actionId": action.action_id,
         "actionType": action.action_type,
@@ -277,7 +277,7 @@ def _action(action: ActionState) -> ActionView:
     }
 
 
-def _order(robot: Robot, state: State) -> RobotOrderView:
+def _view_order(robot: Robot, state: State) -> RobotOrderView:
     return {
         "orderId": state.order_id,
         "orderUpdateId": state.order_update_id,
@@ -286,7 +286,7 @@ def _order(robot: Robot, state: State) -> RobotOrderView:
         "nodes": robot.progress.nodes,
         "nodesLeft": robot.progress.nodes_left,
         "progress": robot.progress.percent,
-        "ahead": [_ahead(robot, each) for each in state.node_states[:LIST_LIMIT]],
+        "ahead": [_view_ahead(robot, each) for each in state.node_states[:LIST_LIMIT]],
     }
 
 
@@ -297,14 +297,14 @@ def is_active(state: State) -> bool:
     )
 
 
-def _ahead(robot: Robot, node: NodeState) -> AheadView:
+def _view_ahead(robot: Robot, node: NodeState) -> AheadView:
     at = node.node_position
     place = robot.frame.place(at.x, at.y, at.map_id, robot.factsheet) if at else None
     x, y = place or (None, None)
     return {"nodeId": node.node_id, "released": node.released, "x": x, "y": y}
 
 
-def _body(robot: Robot) -> BodyView | None:
+def _view_body(robot: Robot) -> BodyView | None:
     sheet = robot.factsheet
     if sheet is None:
         return None
@@ -315,7 +315,7 @@ def _body(robot: Robot) -> BodyView | None:
         "length": sheet.physical_parameters.length,
         "width": sheet.physical_parameters.width,
         "maximumSpeed": sheet.physical_parameters.maximum_speed,
-        "outline": _outline(sheet.mobile_robot_geometry),
+        "outline": _view_outline(sheet.mobile_robot_geometry),
     }
 
 
@@ -340,13 +340,13 @@ def view_known_actions(sheet: Factsheet) -> list[KnownActionView]:
     ]
 
 
-def _outline(geometry: MobileRobotGeometry) -> list[tuple[float, float]] | None:
+def _view_outline(geometry: MobileRobotGeometry) -> list[tuple[float, float]] | None:
     """Return the first footprint of the factsheet, if any."""
     envelopes = geometry.envelopes2d
     return [(vertex.x, vertex.y) for vertex in envelopes[0].vertices[:LIST_LIMIT]] if envelopes else None
 
 
-def _vehicle(status: VehicleStatus, chain: WaitChain | None) -> VehicleView:
+def _view_vehicle(status: VehicleStatus, chain: WaitChain | None) -> VehicleView:
     return {
         "name": status.name,
         "state": status.state.value,
@@ -355,11 +355,11 @@ def _vehicle(status: VehicleStatus, chain: WaitChain | None) -> VehicleView:
         "codedReason": view_reason(status.coded_reason),
         "transportOrder": status.transport_order,
         "currentPosition": status.current_position,
-        "wait": _wait(status.wait, chain) if status.wait else None,
+        "wait": _view_wait(status.wait, chain) if status.wait else None,
     }
 
 
-def _wait(wait: TrafficWait, chain: WaitChain | None) -> WaitView:
+def _view_wait(wait: TrafficWait, chain: WaitChain | None) -> WaitView:
     return {
         "vehicles": list(wait.vehicles[:LIST_LIMIT]),
         "at": wait.at,
@@ -460,12 +460,12 @@ def view_peripheral(device: TrackedPeripheral) -> PeripheralView:
         "operations": list(status.operations[:LIST_LIMIT]),
         "waiting": len(status.waiting),
         "usedBy": list(status.used_by[:LIST_LIMIT]),
-        "job": _job(status.job) if status.job else None,
-        "jobs": [_job(job) for job in status.jobs[:LIST_LIMIT]],
+        "job": _view_job(status.job) if status.job else None,
+        "jobs": [_view_job(job) for job in status.jobs[:LIST_LIMIT]],
     }
 
 
-def _job(status: PeripheralJobStatus) -> PeripheralJobView:
+def _view_job(status: PeripheralJobStatus) -> PeripheralJobView:
     return {
         "name": status.name,
         "state": status.state.value,

@@ -117,7 +117,7 @@ def make_engine(url: str) -> Engine:
 
     """
     try:
-        parsed = _parse(url)
+        parsed = _parse_url(url)
         timeouts = {"connect_timeout": CONNECT_SECONDS} if parsed.get_backend_name() == "postgresql" else {}
         engine = create_engine(parsed, pool_pre_ping=True, connect_args=timeouts)
     except (ArgumentError, ImportError) as error:
@@ -133,7 +133,7 @@ def make_engine(url: str) -> Engine:
     return engine
 
 
-def _parse(url: str) -> URL:
+def _parse_url(url: str) -> URL:
     """Parse a URL. Errors never quote it, as it may contain a password."""
     try:
         parsed = make_url(url)
@@ -146,7 +146,7 @@ def _parse(url: str) -> URL:
     return parsed
 
 
-def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
+def _set_up_sqlite(connection: DBAPIConnection, _entry_of: ConnectionPoolEntry) -> None:
     cursor = connection.cursor()
     # NORMAL may lose the last transactions in a power failure, but never corrupts the file.
     for setting in ("journal_mode=WAL", "synchronous=NORMAL", "busy_timeout=5000"):
@@ -178,16 +178,16 @@ def prepare(engine: Engine) -> None:
 def write(engine: Engine, events: Sequence[Event]) -> None:
     """Write ``events`` in one transaction, in order."""
     with engine.begin() as connection:
-        connection.execute(insert(event_table), [_row(each) for each in events])
+        connection.execute(insert(event_table), [_row_of(each) for each in events])
 
 
-def _row(entry: Event) -> dict[str, object]:
+def _row_of(entry: Event) -> dict[str, object]:
     return {
         "time": milliseconds(entry.time),
         "code": entry.code.value,
-        "robot": _storable(entry.robot, ROBOT_LENGTH),
-        "order_name": _storable(entry.order, ORDER_LENGTH),
-        "text": _storable(entry.text, None),
+        "robot": _storable_text(entry.robot, ROBOT_LENGTH),
+        "order_name": _storable_text(entry.order, ORDER_LENGTH),
+        "text": _storable_text(entry.text, None),
         "details": json.dumps(_without_nul(entry.values)),
     }
 
@@ -195,13 +195,13 @@ def _row(entry: Event) -> dict[str, object]:
 def _without_nul(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     """Return a JSON value whose texts PostgreSQL can store."""
     if isinstance(value, str):
-        return _storable(value, None)
+        return _storable_text(value, None)
     if isinstance(value, Mapping):
         return {name: _without_nul(each) for name, each in value.items()}
     return [_without_nul(each) for each in value] if isinstance(value, list | tuple) else value
 
 
-def _storable(text: str | None, length: int | None) -> str | None:
+def _storable_text(text: str | None, length: int | None) -> str | None:
     return text.replace(NUL, "\ufffd")[:length] if text else text
 
 
@@ -220,8 +220,8 @@ def read_newest(
 ) -> list[HistoryEntry]:
     """Read a page, newest first, of the entries with numbers below ``before``."""
     table = event_table
-    query = _filtered(wanted).order_by(table.c.id.desc()).limit(limit)
-    return _read(engine, query if before is None else query.where(table.c.id < before))
+    query = _select_entries(wanted).order_by(table.c.id.desc()).limit(limit)
+    return _read_entries(engine, query if before is None else query.where(table.c.id < before))
 
 
 def read_oldest(
@@ -229,11 +229,11 @@ def read_oldest(
 ) -> list[HistoryEntry]:
     """Read a page, oldest first, of the entries with numbers above ``after`` up to ``upto``."""
     number = event_table.c.id
-    query = _filtered(wanted).where(number > after, number <= upto)
-    return _read(engine, query.order_by(number).limit(limit))
+    query = _select_entries(wanted).where(number > after, number <= upto)
+    return _read_entries(engine, query.order_by(number).limit(limit))
 
 
-def _filtered(wanted: HistoryFilter) -> Select[Any]:
+def _select_entries(wanted: HistoryFilter) -> Select[Any]:
     table = event_table
     query = select(table)
     if wanted.robot is not None:
@@ -251,12 +251,12 @@ def _filtered(wanted: HistoryFilter) -> Select[Any]:
     return query
 
 
-def _read(engine: Engine, query: Select[Any]) -> list[HistoryEntry]:
+def _read_entries(engine: Engine, query: Select[Any]) -> list[HistoryEntry]:
     with engine.connect() as connection:
-        return [_entry(row) for row in connection.execute(query)]
+        return [_entry_of(row) for row in connection.execute(query)]
 
 
-def _entry(row: Row[Any]) -> HistoryEntry:
+def _entry_of(row: Row[Any]) -> HistoryEntry:
     return {
         "id": row.id,
         "time": iso_of(row.time),

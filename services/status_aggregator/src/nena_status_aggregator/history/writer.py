@@ -65,7 +65,7 @@ class HistoryWriter:
         """Queue an event; never blocks."""
         if len(self._queue) >= self._settings.queue_limit:
             self._queue.popleft()
-            self._lose(1)
+            self._lose_entries(1)
         self._queue.append(event)
         self._news.set()
 
@@ -83,11 +83,11 @@ class HistoryWriter:
         except SQLAlchemyError as error:
             if self._engine.dialect.name == "sqlite":
                 message = (
-                    f"history.url is unusable: {_words(error)}. Use a writable file, for example "
+                    f"history.url is unusable: {_first_line(error)}. Use a writable file, for example "
                     "sqlite:///nena-history.db, or disable the history with --history.url none"
                 )
                 raise HistoryError(message) from error
-            self._failed(error)
+            self._report_failure(error)
 
     async def run(self) -> None:
         """Write until cancelled, then write the remaining events."""
@@ -120,9 +120,9 @@ class HistoryWriter:
             await self._in_thread(partial(self._prepare_and_write, batch))
         except (DataError, IntegrityError):  # would fail forever and block all others
             log.exception("dropping events that cannot be stored", number=len(batch))
-            self._lose(len(batch) - bool(gap))
+            self._lose_entries(len(batch) - bool(gap))
         except (SQLAlchemyError, HistoryError) as error:
-            self._failed(error)
+            self._report_failure(error)
             self._take_back(batch[1:] if gap else batch)
         else:
             self._gap -= gap
@@ -137,11 +137,11 @@ class HistoryWriter:
         """Put a failed batch back at the head of the queue; drop the oldest events beyond the limit."""
         room = max(0, self._settings.queue_limit - len(self._queue))
         lost = max(0, len(batch) - room)
-        self._lose(lost)
+        self._lose_entries(lost)
         self._queue.extendleft(reversed(batch[lost:]))
         self._news.set()
 
-    def _lose(self, number: int) -> None:
+    def _lose_entries(self, number: int) -> None:
         self.dropped += number
         self._gap += number
 
@@ -152,12 +152,12 @@ class HistoryWriter:
     async def _keep_expiring(self) -> None:
         while True:
             try:
-                await self._expire()
+                await self._expire_entries()
             except SQLAlchemyError as error:
-                self._failed(error)
+                self._report_failure(error)
             await asyncio.sleep(EXPIRY_INTERVAL)
 
-    async def _expire(self) -> None:
+    async def _expire_entries(self) -> None:
         await self._expire_after(self._settings.retention_days, None)
         await self._expire_after(self._settings.track_days, Code.POSITION)
 
@@ -189,12 +189,12 @@ class HistoryWriter:
         self.ready = True
         return result
 
-    def _failed(self, error: Exception) -> None:
+    def _report_failure(self, error: Exception) -> None:
         if self.ready or not self.failures:
-            log.error("history database unavailable; retrying", reason=_words(error))
+            log.error("history database unavailable; retrying", reason=_first_line(error))
         self.ready = False
         self.failures += 1
 
 
-def _words(error: Exception) -> str:
+def _first_line(error: Exception) -> str:
     return str(getattr(error, "orig", None) or error).splitlines()[0]

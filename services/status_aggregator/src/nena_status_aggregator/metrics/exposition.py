@@ -33,7 +33,7 @@ from nena_status_aggregator.metrics.robot_series import robot_families
 DISTRIBUTION = "nena-status-aggregator"
 
 
-def _robots(aggregator: Aggregator) -> Mapping[LabelValues, float]:
+def _count_robots(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     counts = Counter(robot.condition for robot in aggregator.model.robots)
     return {each.value: counts[each] for each in Condition}
 
@@ -41,7 +41,7 @@ def _robots(aggregator: Aggregator) -> Mapping[LabelValues, float]:
 NAMES_SHOWN = 5
 
 
-def _jams(aggregator: Aggregator) -> Mapping[LabelValues, float]:
+def _count_jams(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     """Return the robots of each jam by its head; of a circle by its first vehicles."""
     found: dict[LabelValues, float] = {}
     for jam in aggregator.model.queues.jams(aggregator.now()):
@@ -61,7 +61,7 @@ def _active_errors(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     )
 
 
-def _ignored(aggregator: Aggregator) -> Mapping[LabelValues, float]:
+def _count_ignored(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     statistics = aggregator.model.statistics
     reasons = (
         ("repeated", statistics.repeated),
@@ -76,7 +76,7 @@ def _by_kind(counts: Mapping[MessageKind, int]) -> Mapping[LabelValues, float]:
     return {kind.value: count for kind, count in counts.items()}
 
 
-def _orders(aggregator: Aggregator) -> Mapping[LabelValues, float]:
+def _count_orders(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     states = Counter(order.status.state for order in aggregator.model.orders)
     return {each.value: states[each] for each in TransportOrderState}
 
@@ -89,25 +89,25 @@ def _orders_ended(aggregator: Aggregator) -> Mapping[LabelValues, float]:
     return {state: ended.get(state, 0) for state in FINAL}
 
 
-def _durations(aggregator: Aggregator) -> Mapping[LabelValues, Histogram]:
+def _order_durations(aggregator: Aggregator) -> Mapping[LabelValues, Histogram]:
     known = aggregator.model.statistics.order_durations
     return {state: known.get(state) or Histogram(DURATION_BOUNDS) for state in FINAL}
 
 
-def _writer(aggregator: Aggregator) -> HistoryWriter | None:
+def _writer_of(aggregator: Aggregator) -> HistoryWriter | None:
     return aggregator.history.writer if aggregator.history else None
 
 
 ROBOTS: Final[Section[Aggregator]] = Section(
     "Robots",
     (
-        gauge("nena_robots", "Robots by condition.", _robots, "condition"),
+        gauge("nena_robots", "Robots by condition.", _count_robots, "condition"),
         gauge(
             "nena_jam_robots",
             "Robots that wait behind one head: more than `jam.robots` for longer than `jam.seconds`; absent "
             "without a jam. `head` is the vehicle that all of them wait for in the end, `kind` is `vehicle`; "
             "or `head` has the vehicles that wait for each other, `kind` is `circle`.",
-            _jams,
+            _count_jams,
             "head",
             "kind",
         ),
@@ -205,7 +205,7 @@ MESSAGES: Final[Section[Aggregator]] = Section(
             "nena_messages_ignored_total",
             "Messages that were ignored: `repeated`, `late`, `robot_limit` (from a robot beyond "
             "`robots_limit`), or `rate` (beyond `messages_per_second`).",
-            _ignored,
+            _count_ignored,
             "topic",
             "reason",
         ),
@@ -219,7 +219,7 @@ ORDERS: Final[Section[Aggregator]] = Section(
         gauge(
             "nena_transport_orders",
             "Known orders, at most `orders_limit` (1000), or `open_orders_limit` (10000) open ones.",
-            _orders,
+            _count_orders,
             "state",
         ),
         counter(
@@ -257,7 +257,7 @@ ORDERS: Final[Section[Aggregator]] = Section(
         histogram(
             "nena_transport_order_duration_seconds",
             "Time from an order's creation to its end.",
-            _durations,
+            _order_durations,
             "state",
         ),
     ),
@@ -294,22 +294,22 @@ PROGRAM: Final[Section[Aggregator]] = Section(
         gauge(
             "nena_history_waiting",
             "Events waiting to be written to the history.",
-            lambda s: writer.waiting if (writer := _writer(s)) else 0,
+            lambda s: writer.waiting if (writer := _writer_of(s)) else 0,
         ),
         counter(
             "nena_history_written_total",
             "Events written to the history.",
-            lambda s: writer.written if (writer := _writer(s)) else 0,
+            lambda s: writer.written if (writer := _writer_of(s)) else 0,
         ),
         counter(
             "nena_history_dropped_total",
             "Events dropped because the database was too slow or unavailable for too long.",
-            lambda s: writer.dropped if (writer := _writer(s)) else 0,
+            lambda s: writer.dropped if (writer := _writer_of(s)) else 0,
         ),
         counter(
             "nena_history_failures_total",
             "Failed accesses to the history database.",
-            lambda s: writer.failures if (writer := _writer(s)) else 0,
+            lambda s: writer.failures if (writer := _writer_of(s)) else 0,
         ),
     ),
 )

@@ -49,32 +49,32 @@ def _state_age(robot: Robot, now: Timestamp) -> float | None:
     return None if age is None else round(age, 3)
 
 
-def _skew(robot: Robot, _: Timestamp) -> float | None:
+def _skew_of(robot: Robot, _: Timestamp) -> float | None:
     seconds = robot.skew.seconds
     return None if seconds is None else round(seconds, 3)
 
 
-def _speed(robot: Robot, _: Timestamp) -> float | None:
+def _speed_of(robot: Robot, _: Timestamp) -> float | None:
     speed = robot.velocity
     return None if speed is None else hypot(speed.vx or 0.0, speed.vy or 0.0)
 
 
-def _localized(state: State, _: Timestamp) -> float | None:
+def _is_localized(state: State, _: Timestamp) -> float | None:
     at = state.mobile_robot_position
     return None if at is None else int(at.localized)
 
 
-def _progress(robot: Robot, _: Timestamp) -> float | None:
+def _progress_of(robot: Robot, _: Timestamp) -> float | None:
     return robot.progress.percent / 100 if robot.state and robot.state.order_id else None
 
 
-def _connected(robot: Robot, _: Timestamp) -> float | None:
+def _is_connected(robot: Robot, _: Timestamp) -> float | None:
     known = robot.connection
     return None if known is None else int(known.connection_state is ConnectionState.ONLINE)
 
 
 OF_ROBOT: tuple[Series[Robot], ...] = (
-    Series("nena_robot_connected", "gauge", "1 while the connection state is ONLINE.", _connected),
+    Series("nena_robot_connected", "gauge", "1 while the connection state is ONLINE.", _is_connected),
     Series(
         "nena_robot_state_age_seconds",
         "gauge",
@@ -91,14 +91,14 @@ OF_ROBOT: tuple[Series[Robot], ...] = (
         "nena_robot_clock_skew_seconds",
         "gauge",
         "Robot clock minus aggregator clock.",
-        _skew,
+        _skew_of,
     ),
-    Series("nena_robot_speed_meters_per_second", "gauge", "Speed over the ground, if reported.", _speed),
+    Series("nena_robot_speed_meters_per_second", "gauge", "Speed over the ground, if reported.", _speed_of),
     Series(
         "nena_robot_order_progress_ratio",
         "gauge",
         "Progress of the order by nodes, 0 to 1; absent without an order.",
-        _progress,
+        _progress_of,
     ),
     Series(
         "nena_robot_distance_meters_total",
@@ -144,7 +144,7 @@ OF_STATE: tuple[Series[State], ...] = (
         "1 while the protective field is violated.",
         lambda state, _: int(state.safety_state.field_violation),
     ),
-    of_state("nena_robot_localized", "1 while the robot is localised.", _localized),
+    of_state("nena_robot_localized", "1 while the robot is localised.", _is_localized),
     of_state(
         "nena_robot_order_active",
         "1 while the robot has an active order.",
@@ -167,9 +167,9 @@ def robot_families(robots: Iterable[Robot], now: Timestamp) -> str:
     ]
     rows = [(robot, f"{{{labels}}} ") for robot, labels in labelled]
     states = [(robot.state, labels) for robot, labels in rows if robot.state is not None]
-    families = [_conditions(labelled)]
-    families += [_family(series, rows, now) for series in OF_ROBOT]
-    families += [_family(series, states, now) for series in OF_STATE]
+    families = [_condition_lines(labelled)]
+    families += [_family_lines(series, rows, now) for series in OF_ROBOT]
+    families += [_family_lines(series, states, now) for series in OF_STATE]
     return "".join(families)
 
 
@@ -187,12 +187,12 @@ def documented() -> Iterator[Metric[object]]:
         yield Metric(name, MetricKind(kind), text, ROBOT_LABELS, lambda _: None)
 
 
-def _conditions(rows: list[tuple[Robot, str]]) -> str:
+def _condition_lines(rows: list[tuple[Robot, str]]) -> str:
     lines = [f'{CONDITION}{{{labels},condition="{robot.condition}"}} 1\n' for robot, labels in rows]
     return head(CONDITION, "gauge", CONDITION_TEXT) + "".join(lines)
 
 
-def _family(series: Series[S], rows: list[tuple[S, str]], now: Timestamp) -> str:
+def _family_lines(series: Series[S], rows: list[tuple[S, str]], now: Timestamp) -> str:
     name, value_of = series.name, series.value
     lines = [
         f"{name}{labels}{value}\n" for each, labels in rows if (value := value_of(each, now)) is not None

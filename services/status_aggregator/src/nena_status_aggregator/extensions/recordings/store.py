@@ -58,9 +58,9 @@ class RecordingStore:
         Raises:
             OSError: the disk fails; the robot repeats the chunk.
         """
-        header, place = chunk.header, self._place(robot)
+        header, place = chunk.header, self._folder_of(robot)
         target = place / header.name
-        if problem := self._problem(chunk, place):
+        if problem := self._why_refused(chunk, place):
             return Answer(name=header.name, verdict=Verdict.REFUSED, reason=problem)
         if target.exists():
             return Answer(name=header.name, verdict=Verdict.COMPLETE, received=header.size)
@@ -77,9 +77,9 @@ class RecordingStore:
         have += len(chunk.data)
         if have < header.size:
             return Answer(name=header.name, verdict=Verdict.MORE, received=have)
-        return self._finish(chunk, part, target)
+        return self._finish_file(chunk, part, target)
 
-    def _problem(self, chunk: Chunk, place: Path) -> str:
+    def _why_refused(self, chunk: Chunk, place: Path) -> str:
         """Return why a file is refused; empty if it is not."""
         size, limit, target = chunk.header.size, self._limits.file_bytes, place / chunk.header.name
         if size > limit:
@@ -90,21 +90,21 @@ class RecordingStore:
             return "another file of this name exists"
         return ""
 
-    def _finish(self, chunk: Chunk, part: Path, target: Path) -> Answer:
+    def _finish_file(self, chunk: Chunk, part: Path, target: Path) -> Answer:
         with part.open("rb") as file:
             digest = file_digest(file, "sha256").hexdigest()
         if digest != chunk.header.sha256:
             part.unlink()
             return Answer(name=target.name, verdict=Verdict.REFUSED, reason="the checksum is wrong")
         part.replace(target)
-        self._trim(target.parent)
+        self._remove_oldest(target.parent)
         return Answer(name=target.name, verdict=Verdict.COMPLETE, received=chunk.header.size)
 
     def recordings(self) -> list[StoredRecording]:
         """Return all complete files, newest first."""
         found = [
             StoredRecording(robot, each.path.name, each.size, each.written, each.path)
-            for robot, place in self._places()
+            for robot, place in self._all_folders()
             for each in files_in(place)
             if FILE_NAME.fullmatch(each.path.name)
         ]
@@ -112,34 +112,34 @@ class RecordingStore:
 
     def find(self, robot: RobotKey, name: str) -> Path | None:
         """Return the path of a complete file, None if there is none."""
-        path = self._place(robot) / name
+        path = self._folder_of(robot) / name
         return path if FILE_NAME.fullmatch(name) and path.is_file() else None
 
-    def _trim(self, place: Path) -> None:
+    def _remove_oldest(self, place: Path) -> None:
         """Remove the oldest files: of this robot beyond its number, then of all robots beyond the limits."""
         limits = self._limits
         own = [file for file in files_in(place) if FILE_NAME.fullmatch(file.path.name)]
-        self._remove(excess(own, keep=limits.robot_files, keep_bytes=limits.total_bytes))
-        every = [each for _, other in self._places() for each in files_in(other)]
+        self._remove_files(excess(own, keep=limits.robot_files, keep_bytes=limits.total_bytes))
+        every = [each for _, other in self._all_folders() for each in files_in(other)]
         every.sort(key=lambda each: each.written)
-        self._remove(excess(every, keep=limits.files, keep_bytes=limits.total_bytes))
+        self._remove_files(excess(every, keep=limits.files, keep_bytes=limits.total_bytes))
 
-    def _remove(self, files: list[StoredFile]) -> None:
+    def _remove_files(self, files: list[StoredFile]) -> None:
         for file in files:
             file.path.unlink(missing_ok=True)
             with suppress(OSError):  # not empty
                 file.path.parent.rmdir()
 
-    def _place(self, robot: RobotKey) -> Path:
-        return self._folder / SEPARATOR.join(_level(each) for each in robot)
+    def _folder_of(self, robot: RobotKey) -> Path:
+        return self._folder / SEPARATOR.join(_folder_level(each) for each in robot)
 
-    def _places(self) -> Iterator[tuple[RobotKey, Path]]:
+    def _all_folders(self) -> Iterator[tuple[RobotKey, Path]]:
         for path in self._folder.glob(f"*{SEPARATOR}*"):
             parts = [unquote(each) for each in path.name.split(SEPARATOR)]
             if path.is_dir() and len(parts) == len(RobotKey._fields):
                 yield RobotKey(*parts), path
 
 
-def _level(name: str) -> str:
+def _folder_level(name: str) -> str:
     """Return a part of a folder's name: letters, digits, - and _ stay, all others are percent-encoded."""
     return quote(name, safe="").replace(".", "%2E").replace("~", "%7E")

@@ -157,21 +157,21 @@ def compute(engine: Engine, since: int, until: int) -> Report:
         period = Period(connection, since, until)
         _limit_entries(period)
         begin = _recorded_since(period)
-        down = outages(_links(period), until)
+        down = outages(_connection_changes(period), until)
         recorded = 0 if begin is None else until - begin - sum(each.within(begin, until) for each in down)
-        robots, waits = _robots(period, down)
+        robots, waits = _figures_by_robot(period, down)
         return {
             "since": iso_of(since),
             "until": iso_of(until),
             "recordedSince": None if begin is None else iso_of(begin),
             "recordedSeconds": max(0, recorded) / 1000,
-            "missing": _missing(period),
-            "orders": _orders(period, begin, max(0, recorded)),
-            "utilisation": utilisation(_total(robot["conditions"] for robot in robots)),
+            "missing": _missing_entries(period),
+            "orders": _order_figures(period, begin, max(0, recorded)),
+            "utilisation": utilisation(_total_seconds(robot["conditions"] for robot in robots)),
             "robots": robots,
             "waiting": waits.by_cause(),
             "waitingPlaces": waits.by_place(),
-            "failures": _failures(period),
+            "failures": _failures_by_cause(period),
         }
 
 
@@ -190,13 +190,13 @@ def _recorded_since(period: Period) -> int | None:
     return max(period.since, int(oldest))
 
 
-def _missing(period: Period) -> int:
+def _missing_entries(period: Period) -> int:
     dropped = func.sum(period.values.number("dropped"))
     query = select(dropped).where(period.has(Code.HISTORY_GAP.value))
     return int(period.connection.execute(query).scalar() or 0)
 
 
-def _links(period: Period) -> list[Link]:
+def _connection_changes(period: Period) -> list[Link]:
     """Return the connection changes in the range, the last one before it and the first one after it."""
     table, earlier = event_table.c, event_table.alias()
     previous = select(earlier.c.time).where(earlier.c.id < table.id).order_by(earlier.c.id.desc()).limit(1)
@@ -236,24 +236,24 @@ class Waits:
 
     def by_cause(self) -> list[WaitFigures]:
         """Return the times by cause, longest first."""
-        return [{"cause": cause, "seconds": spent / 1000} for cause, spent in _longest(self.causes)]
+        return [{"cause": cause, "seconds": spent / 1000} for cause, spent in _longest_first(self.causes)]
 
     def by_place(self) -> list[PlaceFigures]:
         """Return the longest times by place, longest first."""
         return [
             {"place": place, "seconds": spent / 1000, "robots": len(self.robots[place])}
-            for place, spent in _longest(self.places)[:PLACES_LIMIT]
+            for place, spent in _longest_first(self.places)[:PLACES_LIMIT]
         ]
 
 
-def _longest(times: dict[str, int]) -> list[tuple[str, int]]:
+def _longest_first(times: dict[str, int]) -> list[tuple[str, int]]:
     return sorted(times.items(), key=lambda each: -each[1])
 
 
-def _robots(period: Period, down: Sequence[Outage]) -> tuple[list[RobotFigures], Waits]:
+def _figures_by_robot(period: Period, down: Sequence[Outage]) -> tuple[list[RobotFigures], Waits]:
     conditions: dict[str, dict[str, float]] = defaultdict(dict)
     waits = Waits()
-    spent = _spent(period, down)
+    spent = _time_spent(period, down)
     waiting = spent.c.condition == Condition.WAITING.value
     cause, place = (case((waiting, each)).label(each.name) for each in (spent.c.cause, spent.c.place))
     split = select(spent.c.robot, spent.c.condition, cause, place, spent.c.spent).subquery()
@@ -264,15 +264,15 @@ def _robots(period: Period, down: Sequence[Outage]) -> tuple[list[RobotFigures],
         conditions[robot][condition] = round(conditions[robot].get(condition, 0.0) + seconds, 3)
         if condition == Condition.WAITING:
             waits.add(robot, cause_code, place_name, int(total))
-    distances, charges = _distances(period), _charges(period)
+    distances, charges = _distances_by_robot(period), _charges_by_robot(period)
     robots = [
-        _robot(name, conditions.get(name, {}), distances.get(name), charges.get(name))
+        _robot_figures(name, conditions.get(name, {}), distances.get(name), charges.get(name))
         for name in sorted({*conditions, *distances, *charges})
     ]
     return robots, waits
 
 
-def _robot(
+def _robot_figures(
     name: str,
     conditions: dict[str, float],
     distances: tuple[float | None, float | None] | None,
@@ -291,7 +291,7 @@ def _robot(
     }
 
 
-def _changes(period: Period) -> Subquery:
+def _condition_changes(period: Period) -> Subquery:
     """Return the changes of conditions: the last one of each robot before the range, and those in it.
 
     The names of all robots, and the last change of each, are found through the index of robots.
@@ -325,13 +325,13 @@ def _changes(period: Period) -> Subquery:
     return union_all(before, select(*columns).where(period.has(*CONDITION_CODES))).subquery("changes")
 
 
-def _spent(period: Period, down: Sequence[Outage]) -> Subquery:
+def _time_spent(period: Period, down: Sequence[Outage]) -> Subquery:
     """Return the parts of the range that robots spent in a condition, without outages: ``spent``, ms.
 
     ``up`` is a time without the outages before it, so that a difference of two has none. The cost does not
     depend on the number of outages.
     """
-    placed = _placed(_changes(period), down)
+    placed = _place_outages(_condition_changes(period), down)
     robots: dict[str, Any] = {"partition_by": placed.c.robot, "order_by": placed.c.id}
     steps = select(
         placed,
@@ -343,8 +343,10 @@ def _spent(period: Period, down: Sequence[Outage]) -> Subquery:
         return time - sum(each.within(each.begin, time) for each in down)
 
     columns = steps.c
-    begin, end = _bounded(columns.time, (columns.next_time, columns.cut_time), period.since, period.until)
-    begin_up, end_up = _bounded(
+    begin, end = _limit_to_range(
+        columns.time, (columns.next_time, columns.cut_time), period.since, period.until
+    )
+    begin_up, end_up = _limit_to_range(
         columns.up, (columns.next_up, columns.cut_up), up(period.since), up(period.until)
     )
     known = and_(columns.condition.is_not(None), end > begin)
@@ -354,23 +356,23 @@ def _spent(period: Period, down: Sequence[Outage]) -> Subquery:
     return parts.where(known).subquery("spent")
 
 
-def _bounded(
+def _limit_to_range(
     begin: ColumnElement[Any], ends: Sequence[ColumnElement[Any]], since: int, until: int
 ) -> tuple[ColumnElement[Any], ColumnElement[Any]]:
     """Return the begin and the first end (null: none), both within the range."""
     first, last = literal(since, BigInteger), literal(until, BigInteger)
     one, other = (func.coalesce(end, last) for end in ends)
-    return _greatest(begin, first), _least(_least(one, other), last)
+    return _greater_of(begin, first), _lesser_of(_lesser_of(one, other), last)
 
 
-def _placed(changes: Subquery, down: Sequence[Outage]) -> Subquery:
+def _place_outages(changes: Subquery, down: Sequence[Outage]) -> Subquery:
     """Return changes with their ``up``, and where the first restart after them cuts them off."""
     columns = ("id", "robot", "time", "condition", "cause", "place")
     marks: list[list[ColumnElement[Any]]] = []
     lost = 0
     for each in sorted(down, key=lambda each: (each.begin, each.end)):
         cut = (each.begin, each.begin - lost) if each.restart else (None, None)
-        marks += [_mark(each.begin, -each.begin, 1), _mark(each.end, each.end, -1, *cut)]
+        marks += [_outage_mark(each.begin, -each.begin, 1), _outage_mark(each.end, each.end, -1, *cut)]
         lost += each.end - each.begin
     rows = union_all(
         select(*(changes.c[name] for name in columns), *_mark_values(1)), *(select(*mark) for mark in marks)
@@ -386,7 +388,7 @@ def _placed(changes: Subquery, down: Sequence[Outage]) -> Subquery:
     ).subquery("placed")
 
 
-def _mark(
+def _outage_mark(
     time: int, moved: int, opened: int, cut_time: int | None = None, cut_up: int | None = None
 ) -> list[ColumnElement[Any]]:
     """Return a row at the begin or end of an outage; it comes before changes at the same time."""
@@ -407,15 +409,15 @@ def _mark_values(
     return [cast(literal(value, BigInteger), BigInteger).label(name) for name, value in values.items()]
 
 
-def _least(one: ColumnElement[Any], other: ColumnElement[Any]) -> ColumnElement[Any]:
+def _lesser_of(one: ColumnElement[Any], other: ColumnElement[Any]) -> ColumnElement[Any]:
     return case((one < other, one), else_=other)
 
 
-def _greatest(one: ColumnElement[Any], other: ColumnElement[Any]) -> ColumnElement[Any]:
+def _greater_of(one: ColumnElement[Any], other: ColumnElement[Any]) -> ColumnElement[Any]:
     return case((one > other, one), else_=other)
 
 
-def _distances(period: Period) -> dict[str, tuple[float | None, float | None]]:
+def _distances_by_robot(period: Period) -> dict[str, tuple[float | None, float | None]]:
     """Return the distance of each robot's ended orders and its part without a load, m."""
     robot, values = event_table.c.robot, period.values
     trips = select(
@@ -427,21 +429,21 @@ def _distances(period: Period) -> dict[str, tuple[float | None, float | None]]:
         part.c.robot, func.sum(distance), case((func.count(empty) == func.count(distance), func.sum(empty)))
     ).group_by(part.c.robot)
     return {
-        name: (_rounded(total), _rounded(without))
+        name: (_round_value(total), _round_value(without))
         for name, total, without in period.connection.execute(query)
     }
 
 
-def _charges(period: Period) -> dict[str, tuple[int, float | None]]:
+def _charges_by_robot(period: Period) -> dict[str, tuple[int, float | None]]:
     """Return how often each robot started to charge, and its mean charge then, percent."""
     values = period.values
     begun = period.has(Code.CHARGING.value), values.truth("charging") == 1
     part = select(event_table.c.robot, values.number("charge").label("charge")).where(*begun).subquery()
     query = select(part.c.robot, func.count(), func.avg(part.c.charge)).group_by(part.c.robot)
-    return {name: (count, _rounded(charge)) for name, count, charge in period.connection.execute(query)}
+    return {name: (count, _round_value(charge)) for name, count, charge in period.connection.execute(query)}
 
 
-def _rounded(value: float | None) -> float | None:
+def _round_value(value: float | None) -> float | None:
     return None if value is None else round(float(value), 2)
 
 
@@ -478,7 +480,7 @@ def _ended_orders(period: Period) -> Subquery:
     return select(ends).where(ends.c.repetition == 1).subquery("orders")
 
 
-def _orders(period: Period, begin: int | None, recorded: int) -> OrderFigures:
+def _order_figures(period: Period, begin: int | None, recorded: int) -> OrderFigures:
     orders = _ended_orders(period)
     done = orders.c.state == TransportOrderState.FINISHED.value
     counts = select(
@@ -495,23 +497,23 @@ def _orders(period: Period, begin: int | None, recorded: int) -> OrderFigures:
         "failed": failed,
         "perHour": round(finished * HOUR / recorded, 2) if recorded else None,
         "leadTimes": timed,
-        "leadTimeP50": _percentile(period, leads, timed, 50),
-        "leadTimeP95": _percentile(period, leads, timed, 95),
+        "leadTimeP50": _percentile_of(period, leads, timed, 50),
+        "leadTimeP95": _percentile_of(period, leads, timed, 95),
         "deadlines": deadlines,
         "onTime": on_time,
-        "hours": [] if begin is None else _hours(period, orders, begin),
+        "hours": [] if begin is None else _figures_by_hour(period, orders, begin),
     }
 
 
-def _percentile(period: Period, ascending: Select[Any], number: int, percent: int) -> float | None:
+def _percentile_of(period: Period, ascending: Select[Any], number: int, percent: int) -> float | None:
     """Return a percentile of ``number`` values, by the nearest rank."""
     if not number:
         return None
     rank = ceil(number * percent / 100)
-    return _rounded(period.connection.execute(ascending.limit(1).offset(rank - 1)).scalar())
+    return _round_value(period.connection.execute(ascending.limit(1).offset(rank - 1)).scalar())
 
 
-def _hours(period: Period, orders: Subquery, begin: int) -> list[HourFigures]:
+def _figures_by_hour(period: Period, orders: Subquery, begin: int) -> list[HourFigures]:
     """Return the hours of the range, counted from its start, beginning with the first recorded one."""
     hour = ((orders.c.time - period.since) // HOUR).label("hour")
     done = case((orders.c.state == TransportOrderState.FINISHED.value, 1), else_=0).label("done")
@@ -528,7 +530,7 @@ def _hours(period: Period, orders: Subquery, begin: int) -> list[HourFigures]:
     return hours
 
 
-def _failures(period: Period) -> list[FailureFigures]:
+def _failures_by_cause(period: Period) -> list[FailureFigures]:
     table, values, orders = event_table.c, period.values, _ended_orders(period)
     status, state = values.text("status"), values.text("state")
     action = func.coalesce(values.text("actionType"), values.text("actionId"))
@@ -536,12 +538,12 @@ def _failures(period: Period) -> list[FailureFigures]:
     actions = period.has(Code.ACTION_ENDED.value), status == ActionStatus.FAILED.value
     connections = period.has(Code.CONNECTION.value), state == ConnectionState.CONNECTION_BROKEN.value
     parts = {
-        FailureKind.ERROR: _causes(
+        FailureKind.ERROR: _select_failures(
             values.text("errorType"), robot=table.robot, level=values.text("errorLevel")
         ).where(errors),
-        FailureKind.ACTION: _causes(action, robot=table.robot).where(*actions),
-        FailureKind.CONNECTION: _causes(state, robot=table.robot).where(*connections),
-        FailureKind.ORDER: _causes(orders.c.reason, vehicle=orders.c.vehicle).where(
+        FailureKind.ACTION: _select_failures(action, robot=table.robot).where(*actions),
+        FailureKind.CONNECTION: _select_failures(state, robot=table.robot).where(*connections),
+        FailureKind.ORDER: _select_failures(orders.c.reason, vehicle=orders.c.vehicle).where(
             orders.c.state.in_(NOT_FINISHED)
         ),
     }
@@ -549,7 +551,7 @@ def _failures(period: Period) -> list[FailureFigures]:
     return sorted(found, key=lambda each: -each["count"])
 
 
-def _causes(
+def _select_failures(
     cause: ColumnElement[Any],
     *,
     robot: ColumnElement[Any] | None = None,
@@ -584,7 +586,7 @@ def _most_frequent(period: Period, kind: FailureKind, part: Select[Any]) -> list
     ]
 
 
-def _total(conditions: Iterable[dict[str, float]]) -> dict[str, float]:
+def _total_seconds(conditions: Iterable[dict[str, float]]) -> dict[str, float]:
     total: dict[str, float] = {}
     for each in conditions:
         for condition, seconds in each.items():

@@ -198,7 +198,7 @@ def report_csv(report: Report) -> str:
     text = StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(COLUMNS)
-    for section, figure, robot, detail, value in _rows(report):
+    for section, figure, robot, detail, value in _report_rows(report):
         writer.writerow((section, figure, harmless(robot), harmless(detail), "" if value is None else value))
     return text.getvalue()
 
@@ -206,7 +206,7 @@ def report_csv(report: Report) -> str:
 Cells = tuple[str, str, str | None, str | None, str | float | None]
 
 
-def _rows(report: Report) -> Iterator[Cells]:
+def _report_rows(report: Report) -> Iterator[Cells]:
     for name in ("since", "until", "recordedSince", "recordedSeconds", "missing", "utilisation"):
         yield "report", name, None, None, report[name]
     for name, value in report["orders"].items():

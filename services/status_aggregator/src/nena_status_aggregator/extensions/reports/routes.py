@@ -51,12 +51,12 @@ def make_router(history: History | None, clock: Clock) -> APIRouter:
     @router.get("/report", response_model=Report)
     async def report(chosen: Requested) -> Response:
         """Return the figures of a time range of at most 31 days."""
-        return as_json(await queue.report(*_range(*chosen, clock.now())))
+        return as_json(await queue.report(*_range_of(*chosen, clock.now())))
 
     @router.get("/report.csv", response_class=Response)
     async def csv(chosen: Requested) -> Response:
         """Export the figures of a time range as CSV (RFC 4180), one row per figure."""
-        found = await queue.report(*_range(*chosen, clock.now()))
+        found = await queue.report(*_range_of(*chosen, clock.now()))
         return Response(report_csv(found), media_type="text/csv; charset=utf-8")
 
     return router
@@ -94,7 +94,7 @@ class ReportQueue:
             self._waiting -= 1
 
 
-def _range(since: datetime | None, until: datetime | None, now: datetime) -> tuple[datetime, datetime]:
+def _range_of(since: datetime | None, until: datetime | None, now: datetime) -> tuple[datetime, datetime]:
     """Return the range of a request; it ends now if ``until`` is later.
 
     Raises:
