@@ -16,14 +16,17 @@ from fastapi import APIRouter
 from pydantic import BaseModel
 from starlette.types import ASGIApp
 
+from nena_order_service.api.audit import OpenRequest
 from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.operations import Handler
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.fleet.outputs import FleetOutput, Publish
+from nena_order_service.store.database import Changes
 from nena_order_service.store.store import Store
 from nena_shared import extensions
 from nena_shared.clock import Clock
+from nena_shared.fleet_api.audit import AuditResult
 from nena_shared.fleet_api.peripherals import PeripheralJobStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
@@ -42,6 +45,8 @@ EVENTS: Final = (
     "sequence_changed",
     "vehicle_changed",
     "job_changed",
+    "request_begun",
+    "request_ended",
     "peripheral_changed",
     "begun",
     "published",
@@ -143,6 +148,17 @@ class Extension:
     def peripheral_changed(self, location: str) -> None:
         """Handle a change of a peripheral device or of its jobs."""
 
+    # Each request of a host that changes something
+
+    def request_begun(self, request: OpenRequest) -> None:
+        """Handle a request that is about to be executed."""
+
+    def committing(self, request: OpenRequest, changes: Changes) -> None:
+        """Add to the changes of a request, which are then committed together; if it fails, they are not."""
+
+    def request_ended(self, request: OpenRequest, result: AuditResult, reason: str) -> None:
+        """Handle the end of a request."""
+
     # What happens between fleet control and the robots; ``now`` is monotonic, s
 
     def begun(self, order_id: str, now: float, *, restored: bool) -> None:
@@ -159,9 +175,15 @@ class Listeners(Extension):
     """Tells extensions what happens; one that fails holds up neither the fleet nor other extensions."""
 
     def __init__(self, listeners: Sequence[Extension]) -> None:
+        self._listeners = listeners
         for name in EVENTS:
             own = [each for each in listeners if getattr(type(each), name) is not getattr(Extension, name)]
             setattr(self, name, partial(_tell, [getattr(each, name) for each in own]))
+
+    def committing(self, request: OpenRequest, changes: Changes) -> None:
+        """Let extensions add to the changes: none is committed without its row in the audit trail."""
+        for extension in self._listeners:
+            extension.committing(request, changes)
 
 
 def _tell(handlers: Sequence[Callable[..., None]], *values: object, **options: object) -> None:

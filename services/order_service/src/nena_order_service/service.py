@@ -17,8 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from starlette.types import ASGIApp
 
 from nena_order_service.api.asyncapi import document
-from nena_order_service.api.audit import Trail, record_current, recorder
-from nena_order_service.api.audit_states import ObjectStates
+from nena_order_service.api.audit import record_current, recorder
 from nena_order_service.api.decisions import DecisionRecorder, RecordingRequests
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.hosts import HostServices
@@ -123,7 +122,6 @@ class OrderService:
         start("loop lag", self.loop_lag.run())
         start("heartbeat", self.heartbeat.run(self.mqtt))
         start("zone sets", self.hosts.zones.run())
-        start("audit trail", self.hosts.trail.run(), vital=False)
         start("retained sweep", self.sweep.run(), vital=False)
         if self.black_box:
             self._start_black_box(self.black_box, start)
@@ -185,7 +183,9 @@ def build(
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch, header_ids=header_ids)
     devices = PeripheralLink(mqtt, topics, engine)
-    hosts = _make_host_services(settings, engine, fleet, black_box)
+    hosts = HostServices(
+        engine, zones=ZoneSets(engine, fleet.send_zone_set), recordings=RecordingRequests(black_box)
+    )
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream, changes, lag = EventStream(engine, settings.events), ChangeLog(plant, clock), LoopLag(clock)
@@ -195,6 +195,8 @@ def build(
     listeners = Listeners(list(extensions.values()))
     engine.unit_of_work.listeners += [publisher, stream, changes, listeners]
     engine.unit_of_work.peripheral_listeners += [publisher, changes, listeners]
+    engine.unit_of_work.recorders.append(record_current)
+    hosts.trail.listeners.append(listeners)
     fleet.listeners.append(listeners)
     _follow(engine, fleet, traces, black_box)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
@@ -275,21 +277,6 @@ def make_fleet(
         on_events=engine.on_events,
         epoch=epoch,
         header_ids=header_ids,
-    )
-
-
-def _make_host_services(
-    settings: OrderServiceSettings, engine: Engine, fleet: FleetLink, black_box: BlackBox | None
-) -> HostServices:
-    zones = ZoneSets(engine, fleet.send_zone_set)
-    states = ObjectStates(engine, zones)
-    engine.unit_of_work.record = record_current
-    trail = Trail(engine.store, engine.clock, states, kept_days=settings.audit.kept_days)
-    return HostServices(
-        engine,
-        zones=zones,
-        trail=trail,
-        recordings=RecordingRequests(black_box),
     )
 
 

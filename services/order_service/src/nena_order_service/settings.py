@@ -76,14 +76,6 @@ class OrderSettings(SettingsGroup):
     )
 
 
-class AuditSettings(SettingsGroup):
-    """The audit trail."""
-
-    kept_days: int = Field(
-        90, ge=1, le=36_500, description="Time for which rows of the audit trail are kept, days."
-    )
-
-
 class EventSettings(SettingsGroup):
     """The event stream."""
 
@@ -123,7 +115,6 @@ class OrderServiceSettings(ServiceSettings):
         ),
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
-    audit: AuditSettings = Field(default_factory=AuditSettings, description="The audit trail.")
     opentcs_prefix: Annotated[str, AfterValidator(_not_our_own)] = Field(
         "/opentcs",
         pattern=r"^(/[A-Za-z0-9_.-]+)*$",

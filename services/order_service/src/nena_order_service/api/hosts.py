@@ -30,12 +30,11 @@ class HostServices:
         engine: Engine,
         *,
         zones: ZoneSets,
-        trail: Trail,
         recordings: RecordingRequests,
     ) -> None:
         self._engine = engine
         self.zones = zones
-        self.trail = trail
+        self.trail = Trail()
         self.recordings = recordings
         self.locks = PathLocks(engine)
         self.orders = OrderOperations(engine)
@@ -62,7 +61,6 @@ class HostServices:
         yield from self.peripherals.handlers()
         yield Handler(table.SUMMARISE, self._summary)
         yield Handler(table.SHOW_TRAFFIC_PLAN, self._engine.traffic_plan)
-        yield Handler(table.LIST_AUDIT, lambda request: self.trail.page(wanted=request))
         yield Handler(table.FETCH_RECORDING, self.recordings.fetch)
 
     def _summary(self) -> FleetSummary:

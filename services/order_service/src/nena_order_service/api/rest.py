@@ -19,7 +19,6 @@ from starlette.routing import Mount
 from starlette.types import ASGIApp
 
 from nena_order_service.api import problems
-from nena_order_service.api.audit_csv import FILTERS, audit_csv
 from nena_order_service.api.body_limit import BodyLimit
 from nena_order_service.api.documentation import DOCS, FILES, REDOC, describe_login, documentation
 from nena_order_service.api.events import EventKind, EventStream, Interest
@@ -123,11 +122,6 @@ def make_app(operations: HostOperations, stream: EventStream, service: Service) 
         add_operation(app, operations, each)
     for router in service.routers:
         app.include_router(router)
-    app.include_router(
-        audit_csv(operations.trail),
-        dependencies=[known_query(*FILTERS)],
-        responses=refusals_of((Refusal.NOT_SAVED,)),
-    )
     app.include_router(_events(stream))
     app.include_router(plant_model_router(service.plant_json, service.change_plant, operations.trail))
     app.include_router(_probes(service))

@@ -80,8 +80,8 @@ class UnitOfWork:
         """Why no more changes are accepted; empty while they are."""
         self.failed = asyncio.Event()
         """Set once a unit has failed, so that the state in memory is not that of the store."""
-        self.record: Callable[[Changes], None] = lambda _: None
-        """Adds to changes who requested them; called before they are committed."""
+        self.recorders: list[Callable[[Changes], None]] = []
+        """Add to changes who requested them; called before they are committed."""
         self._state = state
         self._store = store
         self._vehicle_status = vehicle_status
@@ -113,7 +113,7 @@ class UnitOfWork:
             raise
         changes = self._state.pending.take()
         if changes:
-            self.record(changes.stored)
+            self._record(changes.stored)
             for name in changes.vehicles:
                 self._unpublished[name] += 1
             self._store.commit(changes.stored, partial(self._committed, changes))
@@ -174,9 +174,13 @@ class UnitOfWork:
                 future.set_result(None)
             then()
 
-        self.record(changes)
+        self._record(changes)
         self._store.commit(changes, committed)
         await self._answered(future)
+
+    def _record(self, changes: Changes) -> None:
+        for record in self.recorders:
+            record(changes)
 
     async def _answered(self, answer: asyncio.Future[None]) -> None:
         self._store.fail_on_loss(answer)

@@ -5,34 +5,40 @@ from __future__ import annotations
 import asyncio
 import csv
 import io
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from typing import Annotated
 
 from fastapi import APIRouter, Query
 from starlette.responses import StreamingResponse
 
-from nena_order_service.api.audit import Trail
+from nena_order_service.api.operation_routes import known_query, refusals_of
 from nena_shared.csv_cells import harmless
 from nena_shared.fleet_api.audit import AuditEntry, AuditPage, AuditQuery, AuditResult
 from nena_shared.fleet_api.base import Moment
+from nena_shared.fleet_api.refusals import Refusal
 
 PATH = "/v1/audit.csv"
 FILTERS = ("user", "operation", "object", "result", "since", "until", "oldestFirst")
 """Query parameters: those of the list, without its pages."""
 PAGE = 1000
-ROWS_AT_ONCE = 25
-"""Number of rows written before other tasks run; each takes up to half a millisecond."""
 
 COLUMNS = tuple(field.alias or name for name, field in AuditEntry.model_fields.items())
 
+ReadPage = Callable[[AuditQuery], Awaitable[AuditPage]]
 Text = Annotated[str | None, Query(max_length=200)]
 
 
-def audit_csv(trail: Trail) -> APIRouter:
-    """Create the route of the CSV file; the caller must refuse unknown query parameters."""
+def audit_csv(read: ReadPage) -> APIRouter:
+    """Create the route of the CSV file; ``read`` reads a page of the trail."""
     router = APIRouter(tags=["audit"])
 
-    @router.get(PATH, operation_id="auditCsv", response_class=StreamingResponse)
+    @router.get(
+        PATH,
+        operation_id="auditCsv",
+        response_class=StreamingResponse,
+        dependencies=[known_query(*FILTERS)],
+        responses=refusals_of((Refusal.NOT_SAVED,)),
+    )
     async def file(
         *,
         user: Text = None,
@@ -54,21 +60,19 @@ def audit_csv(trail: Trail) -> APIRouter:
             oldest_first=oldest_first,
             limit=PAGE,
         )
-        first = await trail.page(wanted)  # an error before the first row is answered as a problem
-        return StreamingResponse(_rows(trail, wanted, first), media_type="text/csv; charset=utf-8")
+        first = await read(wanted)  # an error before the first row is answered as a problem
+        return StreamingResponse(_rows(read, wanted, first), media_type="text/csv; charset=utf-8")
 
     return router
 
 
-async def _rows(trail: Trail, wanted: AuditQuery, page: AuditPage) -> AsyncIterator[str]:
-    yield _lines([COLUMNS])
+async def _rows(read: ReadPage, wanted: AuditQuery, page: AuditPage) -> AsyncIterator[str]:
+    yield ",".join(COLUMNS) + "\r\n"
     while True:
-        for start in range(0, len(page.entries), ROWS_AT_ONCE):
-            yield _lines([_cells(each) for each in page.entries[start : start + ROWS_AT_ONCE]])
-            await asyncio.sleep(0)
+        yield await asyncio.to_thread(_lines, page.entries)  # a page takes up to half a second
         if page.next is None:
             return
-        page = await trail.page(wanted.model_copy(update={"after": page.next}))
+        page = await read(wanted.model_copy(update={"after": page.next}))
 
 
 def _cells(entry: AuditEntry) -> list[str]:
@@ -76,7 +80,7 @@ def _cells(entry: AuditEntry) -> list[str]:
     return [harmless(value) if isinstance(value, str) else str(value) for value in map(row.get, COLUMNS)]
 
 
-def _lines(rows: list[list[str]] | list[tuple[str, ...]]) -> str:
+def _lines(entries: Iterable[AuditEntry]) -> str:
     text = io.StringIO()
-    csv.writer(text).writerows(rows)
+    csv.writer(text).writerows(map(_cells, entries))
     return text.getvalue()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from nena_order_service.api.audit import DescribeObject
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.state import PERIPHERAL_JOB
 from nena_order_service.engine.stops import STOP
@@ -19,8 +19,6 @@ from nena_shared.log import get_logger
 log = get_logger(__name__)
 
 State = dict[str, Any]
-DescribeObject = Callable[[str, Changes], State | None]
-"""Describes an object by its name in a few words, with changes that are not committed yet."""
 
 
 class ObjectStates:

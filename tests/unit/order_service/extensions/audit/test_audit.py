@@ -13,9 +13,10 @@ from unittest.mock import MagicMock
 import httpx
 import pytest
 
-from nena_order_service.api import audit, audit_csv
 from nena_order_service.api.audit import masked
 from nena_order_service.api.operations import Call, Handler, HostOperations
+from nena_order_service.extensions import audit
+from nena_order_service.extensions.audit import AuditTrail, csv_file
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.service import OrderService
 from nena_shared.fleet_api.audit import AuditPage, ChainCheck
@@ -225,7 +226,7 @@ async def test_unknown_filter_is_refused(client: httpx.AsyncClient, path: str) -
 
 
 async def test_trail_is_exported_as_csv(client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(audit_csv, "PAGE", 2)
+    monkeypatch.setattr(csv_file, "PAGE", 2)
     for number in range(5):
         await client.post("/v1/transportOrders", json={**ORDER, "name": f"T-{number}"})
     await client.post("/v1/transportOrders/none/withdrawal", headers={"User-Agent": "=1+1"})
@@ -246,7 +247,8 @@ async def test_old_rows_are_deleted(
     client: httpx.AsyncClient, service: OrderService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     await client.post("/v1/transportOrders", json=ORDER)
-    trail = service.hosts.trail
+    trail = service.extensions["audit"]
+    assert isinstance(trail, AuditTrail)
     await trail.delete_expired()
     assert len(await rows(client)) == 1
     now = trail.clock.now()
