@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from collections.abc import Callable
 
 import pytest
 
@@ -35,9 +36,14 @@ def without(point: str) -> PlantModel:
 
 
 def runner_of(
-    settings: OrderServiceSettings, store: Store, supervisor: Supervisor, file: PlantFile = FILE
+    settings: OrderServiceSettings,
+    store: Store,
+    supervisor: Supervisor,
+    file: PlantFile = FILE,
+    *,
+    show: Callable[[object], None] = lambda _: None,
 ) -> ServiceRunner:
-    return ServiceRunner(file, store, supervisor, make=lambda model: build(settings, model, store))
+    return ServiceRunner(file, store, supervisor, make=lambda model: build(settings, model, store), show=show)
 
 
 async def taken_up(settings: OrderServiceSettings, store: Store, file: PlantFile = FILE) -> PlantModel:
@@ -52,8 +58,7 @@ async def test_uploaded_model_is_activated_and_kept(settings: OrderServiceSettin
     store = Store(open_database(settings.store.location()))
     shown: list[object] = []
     async with Supervisor() as supervisor:
-        runner = runner_of(settings, store, supervisor)
-        runner.show = shown.append
+        runner = runner_of(settings, store, supervisor, show=shown.append)
         await runner.begin()
         before = runner.service
         before.engine.create(request("South 2"), "T-1")

@@ -46,8 +46,9 @@ async def test_it_is_rebuilt_from_the_store(settings: OrderServiceSettings) -> N
     store = Store(open_database(settings.store.location()))
     shown: list[object] = []
     async with Supervisor() as supervisor:
-        runner = ServiceRunner(FILE, store, supervisor, make=lambda model: build(settings, model, store))
-        runner.show = shown.append
+        runner = ServiceRunner(
+            FILE, store, supervisor, make=lambda model: build(settings, model, store), show=shown.append
+        )
         await runner.begin()
         failed = runner.service
         failed.engine.create(request("South 2"), "T-0")
@@ -76,7 +77,9 @@ async def test_periodic_checks_do_not_end_the_program(
     monkeypatch.setattr("nena_order_service.engine.engine.FIRST_LOOKS", 0.01)
     store = Store(open_database(settings.store.location()))
     async with Supervisor() as supervisor:
-        runner = ServiceRunner(FILE, store, supervisor, make=lambda model: build(settings, model, store))
+        runner = ServiceRunner(
+            FILE, store, supervisor, make=lambda model: build(settings, model, store), show=lambda _: None
+        )
         await runner.begin()
         failed = runner.service
 
@@ -102,7 +105,7 @@ async def test_it_is_not_rebuilt_again_and_again_without_a_pause(
             built.append(model)
             return build(settings, FILE.model, store)
 
-        runner = ServiceRunner(FILE, store, supervisor, make=make)
+        runner = ServiceRunner(FILE, store, supervisor, make=make, show=lambda _: None)
         await runner.begin()
         failed = runner.service
         fail_half_way(failed)

@@ -170,8 +170,7 @@ async def _lead(
         server.open(supervisor)
 
     supervisor.start("fleet guard", guard.run())
-    runner = ServiceRunner(plant, store, supervisor, make=make)
-    runner.show = server.show
+    runner = ServiceRunner(plant, store, supervisor, make=make, show=server.show)
     begun = False
     try:
         begun = await has_begun(begin(), supervisor, stop, waits=lambda: not store.ready, show=show)

@@ -178,7 +178,8 @@ def build(
     """
     engine = make_engine(settings, plant, store, clock := SystemClock())
     client_id, topics = _client_id(settings, epoch), FleetTopics(settings.topic_prefix)
-    beat = _make_heartbeat(engine, topics, epoch=epoch)
+    beat = Heartbeat(topics, clock, epoch=epoch, store_ready=lambda: store.ready, stops=engine.stops.statuses)
+    engine.stops.listeners.append(beat.hurry)
     hooks = LinkHooks(beat.will, lambda: chain(publisher.greeting(), devices.greeting()))
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch, header_ids=header_ids)
@@ -236,16 +237,6 @@ def build(
         black_box=black_box,
         elected=elected,
     )
-
-
-def _make_heartbeat(engine: Engine, topics: FleetTopics, *, epoch: int) -> Heartbeat:
-    """Build the heartbeat, which is also published when a stop has begun or ended."""
-    store, stops = engine.store, engine.stops
-    heartbeat = Heartbeat(
-        topics, engine.clock, epoch=epoch, store_ready=lambda: store.ready, stops=stops.statuses
-    )
-    stops.changed = heartbeat.hurry
-    return heartbeat
 
 
 def _follow(engine: Engine, fleet: FleetLink, traces: Exporting | None, box: BlackBox | None) -> None:
@@ -397,15 +388,18 @@ class ServiceRunner:
         supervisor: Supervisor,
         *,
         make: Callable[[PlantModel], OrderService],
+        show: Callable[[ASGIApp], None],
     ) -> None:
-        """Run the service that ``make`` builds for the model of ``file`` or for its replacement."""
-        self.show: Callable[[ASGIApp], None] = lambda _: None
-        """Receives each newly built REST application."""
+        """Run the service that ``make`` builds for the model of ``file`` or for its replacement.
+
+        ``show`` receives the REST application of each service that replaces another one.
+        """
         self.service: OrderService
         self._file = file
         self._store = store
         self._supervisor = supervisor
         self._make = make
+        self._show = show
         self._tasks: list[asyncio.Task[None]] = []
         self._asked: asyncio.Queue[_RequestedChange | None] = asyncio.Queue()
         """Changes that hosts request; None: rebuild the service, because its engine has failed."""
@@ -504,7 +498,7 @@ class ServiceRunner:
             # Not an answer to a host: no engine is active any more, so the program must exit.
             message = "the order service cannot continue from its store: it is unavailable"
             raise RuntimeError(message) from error
-        self.show(service.app)
+        self._show(service.app)
 
     async def _begin(
         self,

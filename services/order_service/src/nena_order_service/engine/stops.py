@@ -124,7 +124,7 @@ class Stops:
     """Changes stops, and pauses and resumes robots, in the engine's units of work."""
 
     def __init__(self, context: Context) -> None:
-        self.changed: Callable[[], None] = lambda: None
+        self.listeners: list[Callable[[], None]] = []
         """Called when a stop has begun or ended, after the commit."""
         self._context = context
         self._state = context.state
@@ -192,7 +192,8 @@ class Stops:
 
     def _show(self, committed: dict[str, FleetStop]) -> None:
         self._visible = committed
-        self.changed()
+        for listener in self.listeners:
+            listener()
 
     def _add(self, stop: FleetStop) -> None:
         self._stops[stop.name] = stop
