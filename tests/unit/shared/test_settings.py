@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from importlib.metadata import version
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from pydantic import BaseModel, Field, ValidationError
@@ -12,7 +13,10 @@ from nena_shared.settings import (
     ServiceSettings,
     SettingsGroup,
     TopicPrefix,
+    TopLevelSettings,
     load,
+    settings_of,
+    settings_with,
 )
 from nena_shared.web.settings import HttpSettings
 
@@ -28,6 +32,24 @@ class Example(ServiceSettings):
     loud: bool = Field(default=False, description="Whether it beeps.")
     robot: Robot = Field(default_factory=Robot, description="The robot.")
     http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=8080), description="The door.")
+
+
+class Lamps(TopLevelSettings):
+    """The lamps."""
+
+    lamps: tuple[Robot, ...] = Field((), max_length=2, description="Lamps.")
+
+
+class Lighting:
+    """An extension with settings beside those of its program."""
+
+    Settings: ClassVar[type[BaseModel]] = Lamps
+
+
+class Horn:
+    """An extension with a group of settings."""
+
+    Settings: ClassVar[type[BaseModel]] = Robot
 
 
 UNREADABLE = (
@@ -281,3 +303,17 @@ def test_unreadable_list_is_reported_by_name(monkeypatch: pytest.MonkeyPatch, te
     for caught, name in ((by_option, "stops"), (by_variable, "NENA_STOPS")):
         (problem,) = caught.value.problems
         assert problem.startswith((f"{name}: invalid", f"{name}.0: "))
+
+
+def test_extensions_have_a_group_or_stand_beside_the_settings_of_the_program(toml: Path) -> None:
+    toml.write_text('[horn]\nname = "h"\n[[lamps]]\nname = "a"\n[[lamps]]\nname = "b"\n')
+    model = settings_with(Example, {"light": Lighting, "horn": Horn})
+    settings = load(model, ("--config", str(toml)), program="example", description="Shows settings.")
+    (lamps, horn) = (settings_of(settings, "light", Lighting), settings_of(settings, "horn", Horn))
+    assert isinstance(lamps, Lamps)
+    assert [lamp.name for lamp in lamps.lamps] == ["a", "b"]
+    assert horn == Robot(name="h")
+    assert settings_of(read(), "horn", Horn) == Robot()
+    toml.write_text("[[lamps]]\n" * 3)
+    with pytest.raises(ConfigurationError, match="lamps"):
+        load(model, ("--config", str(toml)), program="example", description="Shows settings.")

@@ -24,6 +24,7 @@ from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.program import make_registry
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings, IntervalSettings, JournalSettings
+from nena_order_service.extension import installed
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.service import make_engine, make_fleet
 from nena_order_service.settings import OrderServiceSettings
@@ -34,6 +35,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.plant import PlantModel, Point, PointType, Vehicle
 from nena_shared.plant import property_keys as keys
 from nena_shared.plant.track import MM_PER_M
+from nena_shared.settings import settings_with
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import RobotKey
 from nena_simulate.demand import Demand, DemandError, stations
@@ -221,7 +223,7 @@ class Site:
         plant, places = staffed(case, self._random)
         self.plant = plant
         broker = Broker(Conditions(loss=case.disturbances.loss), _random_for(self._random.random()))
-        settings = OrderServiceSettings(plant=Path("-"), **case.settings)
+        settings = settings_with(OrderServiceSettings, installed())(plant=Path("-"), **case.settings)
         self.engine = make_engine(settings, plant, VolatileStore(COMMIT_SECONDS), clock)
         self._mqtt = Link(broker)
         self.fleet: FleetLink = make_fleet(settings, self._mqtt, self.engine, clock)
