@@ -62,7 +62,6 @@ def order_service() -> OrderService:
         settings = OrderServiceSettings(
             plant=sample_plant_path(),
             store=StoreSettings.model_validate({"url": f"sqlite:///{folder}/orders.db"}),
-            opentcs_prefix=OPENTCS,
         )
         made = build(settings, load_plant(settings.plant).model, store, change_plant=_change_nothing)
         store.close()

@@ -1,6 +1,6 @@
 """The routes of openTCS's web API, version 1, as its documentation has them, and what NeNa answers.
 
-``tests/unit/order_service/extensions/opentcs/test_routes.py`` tries each row; docs/opentcs-web-api.md shows them.
+``tests/unit/order_service/extensions/opentcs/test_routes.py`` tries each row.
 """
 
 from __future__ import annotations
@@ -8,6 +8,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
+
+from nena_order_service.extensions.opentcs import OpenTcs
+from nena_order_service.extensions.opentcs.events import ChangeLog
+from nena_order_service.service import OrderService
+
+
+def changes_of(service: OrderService) -> ChangeLog:
+    """Return the changes that openTCS's web API keeps."""
+    extension = service.extensions["opentcs"]
+    assert isinstance(extension, OpenTcs)
+    return extension.changes
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,14 @@ import httpx
 import pytest
 
 from nena_demo.plants import sample_plant_path
+from nena_order_service.extension import installed
 from nena_order_service.plant_file import load_plant
 from nena_order_service.service import OrderService, build
-from nena_order_service.settings import OrderServiceSettings, StoreSettings
+from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
 from nena_shared.fleet_api.refusals import Refusal
+from nena_shared.settings import settings_with
 from nena_shared.tasks import Supervisor
 from nena_shared.web.problem import MEDIA_TYPE
 from support.scripted_fleet import MemoryStore
@@ -36,11 +38,13 @@ def documented_statuses(openapi: dict[str, Any]) -> list[tuple[str, re.Pattern[s
 @pytest.fixture
 def settings(tmp_path: Path) -> OrderServiceSettings:
     """Return settings without openTCS's web API, which takes half of the time to build a service."""
-    return OrderServiceSettings(
-        plant=sample_plant_path(),
-        store=StoreSettings.model_validate({"url": f"sqlite:///{tmp_path}/orders.db"}),
-        max_body=4096,
-        opentcs_prefix="",
+    return settings_with(OrderServiceSettings, installed()).model_validate(
+        {
+            "plant": sample_plant_path(),
+            "store": {"url": f"sqlite:///{tmp_path}/orders.db"},
+            "max_body": 4096,
+            "opentcs_prefix": "",
+        }
     )
 
 

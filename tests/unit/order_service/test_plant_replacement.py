@@ -10,7 +10,7 @@ import pytest
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
-from nena_order_service.extensions.opentcs.plant import EditPlant
+from nena_order_service.extension import EditPlant
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.service import CHANGING, ServiceRunner, build
 from nena_order_service.settings import OrderServiceSettings
@@ -19,6 +19,7 @@ from nena_order_service.store.store import Store
 from nena_shared.extensions.tracing import TracingSettings
 from nena_shared.plant import Path, PlantModel
 from nena_shared.tasks import Supervisor
+from support.opentcs_routes import changes_of
 from support.order_service import request
 from support.pausing import time_passes
 
@@ -103,7 +104,7 @@ async def test_edits_that_are_requested_at_once_are_all_kept(settings: OrderServ
     async with Supervisor() as supervisor:
         runner = runner_of(settings, store, supervisor)
         await runner.begin()
-        numbered = runner.service.changes
+        numbered = changes_of(runner.service)
         numbered.count += 7
 
         async def later() -> None:
@@ -113,7 +114,7 @@ async def test_edits_that_are_requested_at_once_are_all_kept(settings: OrderServ
         await asyncio.gather(runner.change_plant(named("-1")), later())
         service = runner.service
         assert service.engine.plant.name == f"{SAMPLE.name}-1-2"
-        assert service.changes.count >= 7, "a client of openTCS's events misses none for lower numbers"
+        assert changes_of(service).count >= 7, "a client of openTCS's events misses none for lower numbers"
         await runner.change_plant(lambda present: present)
         assert runner.service is service, "nothing has changed"
     store.close()

@@ -34,10 +34,7 @@ from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.plant_change import conflicts
 from nena_order_service.engine.zone_sets import ZoneSets
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
-from nena_order_service.extension import Core, Extension, Listeners, installed
-from nena_order_service.extensions.opentcs import app as opentcs
-from nena_order_service.extensions.opentcs.events import ChangeLog
-from nena_order_service.extensions.opentcs.plant import EditPlant
+from nena_order_service.extension import Core, EditPlant, Extension, Listeners, installed
 from nena_order_service.fleet.link import FleetLink, HeaderIds, RobotAddresses
 from nena_order_service.fleet.vda_order import OperationMap
 from nena_order_service.orders.vda_orders import OrderPlanner
@@ -86,7 +83,6 @@ class OrderService:
     app: FastAPI
     mqtt_api: MqttApi
     stream: EventStream
-    changes: ChangeLog
     hosts: HostServices
     operations: HostOperations
     extensions: Mapping[str, Extension]
@@ -143,7 +139,6 @@ class OrderService:
     def close_streams(self) -> None:
         """Close the event streams."""
         self.stream.close()
-        self.changes.close()
         for extension in self.extensions.values():
             extension.close_streams()
 
@@ -189,13 +184,13 @@ def build(
     )
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
-    stream, changes, lag = EventStream(engine, settings.events), ChangeLog(plant, clock), LoopLag(clock)
+    stream, lag = EventStream(engine, settings.events), LoopLag(clock)
     change = change_plant or _no_change(plant)
     core = Core(clock, store, engine, fleet, hosts, mqtt, topics, change)
     extensions = {name: made(settings_of(settings, name, made), core) for name, made in installed().items()}
     listeners = Listeners(list(extensions.values()))
-    engine.unit_of_work.listeners += [publisher, stream, changes, listeners]
-    engine.unit_of_work.peripheral_listeners += [publisher, changes, listeners]
+    engine.unit_of_work.listeners += [publisher, stream, listeners]
+    engine.unit_of_work.peripheral_listeners += [publisher, listeners]
     engine.unit_of_work.recorders.append(record_current)
     hosts.trail.listeners.append(listeners)
     fleet.listeners.append(listeners)
@@ -206,8 +201,6 @@ def build(
     api = MqttApi(mqtt, topics, operations, MqttLimits(settings.hosts, clock), max_body=settings.max_body)
     ends = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
     parts = Monitored(engine, fleet, mqtt, api, stream, lag, answers, hosts, certificates=ends, traces=traces)
-    prefix = settings.opentcs_prefix
-    mounted = {prefix: opentcs.make_app(hosts, engine, changes, change)} if prefix else {}
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
@@ -216,7 +209,7 @@ def build(
         max_body=settings.max_body,
         metrics=exposition(parts, extensions.values()),
         routers=[router for extension in extensions.values() for router in extension.routers()],
-        mounted=dict(chain(mounted.items(), *(each.apps().items() for each in extensions.values()))),
+        mounted=dict(chain.from_iterable(each.apps().items() for each in extensions.values())),
     )
     app = make_app(operations, stream, service)
     return OrderService(
@@ -229,7 +222,6 @@ def build(
         app=app,
         mqtt_api=api,
         stream=stream,
-        changes=changes,
         hosts=hosts,
         operations=operations,
         extensions=extensions,
@@ -490,7 +482,6 @@ class ServiceRunner:
         absent = old.engine.absent()  # a location that is locked does not hold the fleet for half a minute
         await self._end(old)
         await commit()
-        service.changes.count = old.changes.count
         self.service = service
         try:
             await self._begin(service, absent, old.extensions)

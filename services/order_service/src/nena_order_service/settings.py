@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
-from pydantic import AfterValidator, Field, HttpUrl, SecretStr
+from pydantic import Field, HttpUrl, SecretStr
 
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.fleet.settings import FleetSettings
@@ -21,13 +21,6 @@ from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, se
 from nena_shared.web.settings import HttpSettings
 
 DISTRIBUTION: Final = "nena-order-service"
-
-
-def _not_our_own(path: str) -> str:
-    if path.split("/")[1:2] == ["v1"]:
-        message = "/v1 is used by NeNa's own API"
-        raise ValueError(message)
-    return path
 
 
 class StoreSettings(SettingsGroup):
@@ -115,11 +108,6 @@ class OrderServiceSettings(ServiceSettings):
         ),
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
-    opentcs_prefix: Annotated[str, AfterValidator(_not_our_own)] = Field(
-        "/opentcs",
-        pattern=r"^(/[A-Za-z0-9_.-]+)*$",
-        description="Path prefix of openTCS's web API, version 1. Empty: not served.",
-    )
     topic_prefix: TopicPrefix = Field(
         "nena/v1", description="MQTT topic prefix for hosts; use one per fleet."
     )

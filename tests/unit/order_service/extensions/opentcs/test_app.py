@@ -8,10 +8,9 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from nena_demo.plants import sample_plant_path
 from nena_order_service.api.server import accept_access_key
+from nena_order_service.extensions.opentcs import OpenTcsSettings
 from nena_order_service.service import OrderService
-from nena_order_service.settings import OrderServiceSettings
 
 API = "/opentcs/v1"
 BODY: dict[str, Any] = {
@@ -138,7 +137,7 @@ async def test_faults_reveal_no_internals(client: httpx.AsyncClient, failing_cre
 @pytest.mark.parametrize("prefix", ["/v1", "/v1/x", "opentcs", "/a//b"])
 def test_prefix_must_be_a_path_of_its_own(prefix: str) -> None:
     with pytest.raises(ValidationError, match="opentcs_prefix"):
-        OrderServiceSettings(plant=sample_plant_path(), opentcs_prefix=prefix)
+        OpenTcsSettings(opentcs_prefix=prefix)
 
 
 @pytest.mark.parametrize(

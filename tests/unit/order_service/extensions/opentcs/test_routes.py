@@ -17,7 +17,7 @@ from nena_plant_formats.files import read
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.base import Role
 from nena_shared.plant import PlantModel, Vehicle
-from support.opentcs_routes import FOR_ROBOT, LEVELS, ROUTES, Route, Try
+from support.opentcs_routes import FOR_ROBOT, LEVELS, ROUTES, Route, Try, changes_of
 from support.waiting import PATIENCE, until
 
 PREFIX = "/opentcs"
@@ -118,7 +118,7 @@ async def test_changes_are_polled(client: httpx.AsyncClient) -> None:
 async def test_a_poll_waits_on_past_changes_that_do_not_match(
     client: httpx.AsyncClient, service: OrderService
 ) -> None:
-    log = service.changes
+    log = changes_of(service)
     waiting = asyncio.create_task(log.poll(log.count, log.count + 1000, PATIENCE))
     await until(lambda: log.clients == 1)
     await client.post(f"{API}/orderSequences/S-1", json={})
@@ -131,14 +131,14 @@ async def test_change_numbers_continue_after_a_plant_change(service: OrderServic
     log = ChangeLog(service.engine.plant, SystemClock())
     log.count = 40
     assert await log.poll(0, 100, 0.0) == []
-    log.vehicle_changed(service.engine.status(service.engine.registry.named("Robot-01")))  # type: ignore[arg-type]
+    log.note(service.engine.status(service.engine.registry.named("Robot-01")))  # type: ignore[arg-type]
     assert [each["sequenceNumber"] for each in await log.poll(0, 100, 0.0)] == [40]
 
 
 async def test_clients_beyond_the_limit_are_refused_before_the_stream_starts(
     client: httpx.AsyncClient, service: OrderService
 ) -> None:
-    service.changes.clients = CLIENTS
+    changes_of(service).clients = CLIENTS
     assert (await client.get(f"{API}/sse")).status_code == 503
 
 

@@ -9,8 +9,8 @@ from typing import Any, Final
 from fastapi import FastAPI, Response
 from starlette.exceptions import HTTPException
 
-from nena_order_service.api.hosts import HostServices
 from nena_order_service.engine.engine import Engine
+from nena_order_service.extension import Core
 from nena_order_service.extensions.opentcs import answers, events, orders, peripherals, plant, vehicles
 from nena_order_service.extensions.opentcs.answers import NotPossibleError
 from nena_order_service.extensions.opentcs.audit import AuditedRoute
@@ -19,13 +19,9 @@ OPENTCS_VERSION: Final = "7.5.0"
 """Release of openTCS whose API documentation is followed."""
 
 
-def make_app(
-    hosts: HostServices,
-    engine: Engine,
-    changes: events.ChangeLog,
-    change_plant: plant.ChangePlant,
-) -> FastAPI:
-    """Create the ASGI application; ``changes`` listens to the engine."""
+def make_app(core: Core, changes: events.ChangeLog) -> FastAPI:
+    """Create the ASGI application."""
+    hosts, engine = core.hosts, core.engine
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     app.state.trail = hosts.trail
     app.router.route_class = AuditedRoute
@@ -33,7 +29,7 @@ def make_app(
     _add_dispatcher(app, engine)
     orders.add_routes(app, hosts, engine)
     vehicles.add_routes(app, hosts, engine, changes)
-    plant.add_routes(app, engine.plant, hosts.locks, change_plant)
+    plant.add_routes(app, engine.plant, hosts.locks, core.change_plant)
     peripherals.add_routes(app, hosts, engine)
     events.add_routes(app, changes)
     _add_environment(app)

@@ -87,7 +87,7 @@ class _Change:
 
 
 class ChangeLog(EventRing[_Change]):
-    """Listens to the engine and keeps the last changes; call every method in the event loop's thread."""
+    """Keeps the last changes."""
 
     def __init__(self, plant: PlantModel, clock: Clock) -> None:
         super().__init__(KEPT)
@@ -102,31 +102,20 @@ class ChangeLog(EventRing[_Change]):
         """Return when a vehicle entered its states; the start of the service if nothing changed."""
         return self._times.get(vehicle, StateTimes(self._began, self._began))
 
-    def order_changed(self, status: TransportOrderStatus) -> None:
-        """Note the new version of an order."""
-        self._note(status, ended=status.state.final)
-
-    def sequence_changed(self, status: OrderSequenceStatus) -> None:
-        """Note the new version of an order sequence."""
-        self._note(status, ended=status.finished)
-
-    def vehicle_changed(self, status: VehicleStatus) -> None:
-        """Note the new status of a vehicle."""
-        now, times = self._clock.now(), self.times(status.name)
-        before = self._last.get((VehicleStatus, status.name))
-        if isinstance(before, VehicleStatus):
-            self._times[status.name] = StateTimes(
-                times.state if before.state is status.state else now,
-                times.processing_state if before.processing_state is status.processing_state else now,
-            )
-        self._note(status)
-
-    def job_changed(self, status: PeripheralJobStatus) -> None:
-        """Note the new version of a peripheral job."""
-        self._note(status, ended=status.state.final)
-
-    def peripheral_changed(self, location: str) -> None:
-        """Note nothing: openTCS has no events of devices."""
+    def note(self, status: Status) -> None:
+        """Note the new version of an object."""
+        key, time, times = (type(status), status.name), self._clock.now(), None
+        last = self._last.pop(key, None)
+        if isinstance(status, VehicleStatus):
+            times = self.times(status.name)
+            if isinstance(last, VehicleStatus):
+                times = self._times[status.name] = StateTimes(
+                    times.state if last.state is status.state else time,
+                    times.processing_state if last.processing_state is status.processing_state else time,
+                )
+        self.add(_Change(time, status, last, times))
+        if isinstance(status, VehicleStatus) or not _is_over(status):
+            self._last[key] = status
 
     async def poll(self, first: int, last: int, seconds: float) -> list[Json]:
         """Return the status messages with these numbers, waiting up to ``seconds`` for the first one."""
@@ -167,13 +156,6 @@ class ChangeLog(EventRing[_Change]):
         if self.clients >= CLIENTS:
             raise TooManyClientsError(CLIENTS)
 
-    def _note(self, status: Status, *, ended: bool = False) -> None:
-        key = type(status), status.name
-        times = self.times(status.name) if isinstance(status, VehicleStatus) else None
-        self.add(_Change(self._clock.now(), status, self._last.pop(key, None), times))
-        if not ended:
-            self._last[key] = status
-
     def _messages(self, first: int, last: int) -> list[Json]:
         """Return the kept status messages with these numbers; sequences have none."""
         changes = self.last(min(max(self.count - first, 0), self.kept)) or ()
@@ -201,6 +183,10 @@ class ChangeLog(EventRing[_Change]):
                 return _sequence(status)
             case PeripheralJobStatus():
                 return {"name": status.name, **_job(status), "properties": {}, "history": {"entries": []}}
+
+
+def _is_over(status: TransportOrderStatus | OrderSequenceStatus | PeripheralJobStatus) -> bool:
+    return status.finished if isinstance(status, OrderSequenceStatus) else status.state.final
 
 
 def _message(number: int, change: _Change) -> Json:

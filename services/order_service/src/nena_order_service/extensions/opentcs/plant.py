@@ -20,13 +20,12 @@ from starlette.exceptions import HTTPException
 
 from nena_order_service.engine.path_locks import PathLocks
 from nena_order_service.errors import InvalidPlantError, UnknownVehicleError
+from nena_order_service.extension import EditPlant
 from nena_order_service.extensions.opentcs.answers import Body
 from nena_order_service.plant_file import read_plant
 from nena_plant_formats.opentcs_xml.writer import VERSION, add
 from nena_shared.plant import EnergyThresholds, ObjectKind, PlantModel, PlantModelError, PlantProblem
 
-EditPlant = Callable[[PlantModel], PlantModel]
-"""Returns the changed plant model; the same object if nothing changes."""
 ChangePlant = Callable[[PlantModel | EditPlant], Awaitable[None]]
 Json = dict[str, Any]
 
