@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from nena_order_service import service as service_module
+from nena_order_service import runner as runner_module
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.state import Orders
 from nena_order_service.fleet.link import FleetLink
@@ -63,7 +63,7 @@ class Faults:
 
 
 async def test_the_order_is_done_once(fleet: Fleet, service: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(service_module, "RESTART_PAUSE", 0.0)
+    monkeypatch.setattr(runner_module, "RESTART_PAUSE", 0.0)
     wire = fleet.peer()
     client = await service()
     fleet.agent()

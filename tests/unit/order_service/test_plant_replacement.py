@@ -12,7 +12,8 @@ from nena_demo.plants import sample_plant_path
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.extension import EditPlant
 from nena_order_service.plant_file import PlantFile, load_plant
-from nena_order_service.service import CHANGING, ServiceRunner, build
+from nena_order_service.runner import ServiceRunner
+from nena_order_service.service import CHANGING, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store

@@ -8,10 +8,11 @@ import httpx
 import pytest
 
 from nena_demo.plants import sample_plant_path
-from nena_order_service import service as service_module
+from nena_order_service import runner as runner_module
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.plant_file import load_plant
-from nena_order_service.service import OrderService, ServiceRunner, build
+from nena_order_service.runner import ServiceRunner
+from nena_order_service.service import OrderService, build
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
@@ -96,7 +97,7 @@ async def test_periodic_checks_do_not_end_the_program(
 async def test_it_is_not_rebuilt_again_and_again_without_a_pause(
     settings: OrderServiceSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(service_module, "RESTART_PAUSE", 3600.0)
+    monkeypatch.setattr(runner_module, "RESTART_PAUSE", 3600.0)
     store = Store(open_database(settings.store.location()))
     built = []
     async with Supervisor() as supervisor:

@@ -11,7 +11,8 @@ from nena_order_service.api.server import RestServer, make_standby_app, make_sta
 from nena_order_service.fleet.guard import FleetGuard
 from nena_order_service.fleet.link import HeaderIds
 from nena_order_service.plant_file import PlantFile, load_plant
-from nena_order_service.service import OrderService, ServiceRunner, build
+from nena_order_service.runner import ServiceRunner
+from nena_order_service.service import OrderService, build
 from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Leadership, begin_epoch, store_id
