@@ -6,24 +6,23 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from nena_order_service.api.decisions import make_black_box
 from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
+from nena_order_service.extension import installed
 from nena_order_service.fleet.guard import FleetGuard
 from nena_order_service.fleet.link import HeaderIds
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.runner import ServiceRunner
 from nena_order_service.service import OrderService, build
-from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
+from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Leadership, begin_epoch, store_id
 from nena_order_service.store.schema import is_shared, open_database
 from nena_order_service.store.store import Store
-from nena_shared.clock import SystemClock
-from nena_shared.extensions.tracing import Exporting, closing, open_export
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Term, always
 from nena_shared.plant import PlantModel
+from nena_shared.settings import settings_of
 from nena_shared.tasks import Supervisor, end
 
 log = get_logger(__name__)
@@ -73,20 +72,18 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
     """Run the order service until ``stop`` is set; on a shared store it starts as standby.
 
     Raises:
-        ConfigurationError: the plant model cannot be used, or traces cannot be exported.
+        ConfigurationError: the plant model or an extension cannot be used.
         StartError: the store cannot be used, or the port is in use.
         TaskFailedError: an essential part has failed, or another order service has taken over the store.
     """
     plant = load_plant(settings.plant)
     run = _serve_shared if is_shared(settings.store.location()) else _serve_alone
-    traces = open_export(settings.tracing, DISTRIBUTION)
-    async with closing(traces):
-        await run(settings, plant, stop, traces)
+    for name, extension in installed().items():
+        extension.check(settings_of(settings, name, extension))
+    await run(settings, plant, stop)
 
 
-async def _serve_alone(
-    settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event, traces: Exporting | None
-) -> None:
+async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
     url = settings.store.location()
     lock = InstanceLock.take(url)
     engine = open_database(url)
@@ -95,13 +92,11 @@ async def _serve_alone(
     server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
         guard = _guard_fleet(settings, store_id(engine), epoch, always)
-        await _lead(settings, plant, store, supervisor, stop, server=server, guard=guard, traces=traces)
+        await _lead(settings, plant, store, supervisor, stop, server=server, guard=guard)
     store.close()
 
 
-async def _serve_shared(
-    settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event, traces: Exporting | None
-) -> None:
+async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
     leadership = Leadership(settings.store.location())
     app = make_standby_app(lambda: leadership.active_url, lambda: leadership.problem)
     server = RestServer(app, settings.http)
@@ -116,9 +111,7 @@ async def _serve_shared(
                 supervisor.start("leadership", leadership.keep(store, engine, fence))
                 log.info("shared store taken over", epoch=fence.epoch)
                 guard = _guard_fleet(settings, store_id(engine), fence.epoch, leadership.lease.term)
-                await _lead(
-                    settings, plant, store, supervisor, stop, server=server, guard=guard, traces=traces
-                )
+                await _lead(settings, plant, store, supervisor, stop, server=server, guard=guard)
         finally:
             await server.close()
     if store:
@@ -140,10 +133,8 @@ async def _lead(
     *,
     server: RestServer,
     guard: FleetGuard,
-    traces: Exporting | None,
 ) -> None:
     """Serve until ``stop``; during the start, the server reports if the store cannot be written."""
-    black_box = make_black_box(settings, SystemClock())
     # Each service that is built for another plant model continues them, because the epoch stays the same.
     header_ids: HeaderIds = {}
 
@@ -158,8 +149,6 @@ async def _lead(
             change_plant=runner.change_plant,
             elected=guard.won,
             answers=server.answers,
-            traces=traces,
-            black_box=black_box,
         )
 
     async def begin() -> None:
@@ -195,3 +184,5 @@ async def _shut_down(service: OrderService) -> None:
             "exiting with unanswered requests that the store did not accept", reason=service.store.problem
         )
     await service.mqtt.drain(DRAIN_TIMEOUT)
+    for extension in service.extensions.values():
+        await extension.close()

@@ -100,6 +100,17 @@ class Extension:
         self.settings = settings
         self.core = core
 
+    @classmethod
+    def check(cls, settings: Any) -> None:  # noqa: ANN401 - of the class's own Settings
+        """Check what else would end the program at its start, also that of a standby.
+
+        A standby that noticed it only at a takeover would leave the fleet without an order service.
+
+        Raises:
+            ConfigurationError: its settings are invalid, or a library is missing.
+
+        """
+
     async def begin(self, previous: Self | None) -> None:
         """Restore what it needs, before anything runs.
 
@@ -130,6 +141,9 @@ class Extension:
 
     async def end(self) -> None:
         """Send or write what is pending; all tasks have ended."""
+
+    async def close(self) -> None:
+        """Close what went on with each rebuilt order service: the program ends."""
 
     # Each change, once it is committed
 

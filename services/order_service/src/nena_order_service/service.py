@@ -15,7 +15,6 @@ from fastapi import FastAPI
 
 from nena_order_service.api.asyncapi import document
 from nena_order_service.api.audit import record_current
-from nena_order_service.api.decisions import DecisionRecorder, RecordingRequests
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.metrics import Monitored, exposition
@@ -25,7 +24,6 @@ from nena_order_service.api.peripheral_link import PeripheralLink
 from nena_order_service.api.plant import ChangePlant
 from nena_order_service.api.rest import Service, make_app
 from nena_order_service.api.statuses import Heartbeat, RetainedSweep, StatusPublisher
-from nena_order_service.api.tracing import OrderTracer
 from nena_order_service.engine.context import Context
 from nena_order_service.engine.engine import Engine
 from nena_order_service.engine.zone_sets import ZoneSets
@@ -41,8 +39,6 @@ from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
-from nena_shared.extensions.black_box.box import BlackBox
-from nena_shared.extensions.tracing import Exporting
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
@@ -75,7 +71,6 @@ class OrderService:
     operations: HostOperations
     extensions: Mapping[str, Extension]
     loop_lag: LoopLag
-    black_box: BlackBox | None = None
     elected: asyncio.Event | None = None
     """Set once this order service leads the fleet; nothing is sent before. None: no election."""
 
@@ -107,17 +102,9 @@ class OrderService:
         start("heartbeat", self.heartbeat.run(self.mqtt))
         start("zone sets", self.hosts.zones.run())
         start("retained sweep", self.sweep.run(), vital=False)
-        if self.black_box:
-            self._start_black_box(self.black_box, start)
         for extension in self.extensions.values():
             for name, work in extension.tasks().items():
                 start(name, self._once_elected(partial(forever, name, work)), vital=False)
-
-    def _start_black_box(self, box: BlackBox, start: Callable[..., asyncio.Task[None]]) -> None:
-        start("black box", forever("black box", box.run), vital=False)
-        if uploader := box.outgoing.uploader:
-            uploader.attach(self.mqtt)
-            start("recordings", forever("recordings", uploader.run), vital=False)
 
     async def _once_elected(self, work: Callable[[], Awaitable[None]]) -> None:
         if self.elected:
@@ -151,8 +138,6 @@ def build(
     change_plant: ChangePlant | None = None,
     elected: asyncio.Event | None = None,
     answers: Mapping[int, int] = MappingProxyType({}),  # HTTP answers by status, for the metrics
-    traces: Exporting | None = None,
-    black_box: BlackBox | None = None,
 ) -> OrderService:
     """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
 
@@ -167,9 +152,7 @@ def build(
     mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
     fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch, header_ids=header_ids)
     devices = PeripheralLink(mqtt, topics, engine)
-    hosts = HostServices(
-        engine, zones=ZoneSets(engine, fleet.send_zone_set), recordings=RecordingRequests(black_box)
-    )
+    hosts = HostServices(engine, zones=ZoneSets(engine, fleet.send_zone_set))
     plant_json, end_kept = plant.to_json().encode(), settings.end_kept
     publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
     stream, lag = EventStream(engine, settings.events), LoopLag(clock)
@@ -182,13 +165,12 @@ def build(
     engine.unit_of_work.recorders.append(record_current)
     hosts.trail.listeners.append(listeners)
     fleet.listeners.append(listeners)
-    _follow(engine, fleet, traces, black_box)
     sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
     added = (handler for extension in extensions.values() for handler in extension.handlers())
     operations = HostOperations(hosts.trail, chain(hosts.handlers(), added))
     api = MqttApi(mqtt, topics, operations, MqttLimits(settings.hosts, clock), max_body=settings.max_body)
     ends = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
-    parts = Monitored(engine, fleet, mqtt, api, stream, lag, answers, hosts, certificates=ends, traces=traces)
+    parts = Monitored(engine, fleet, mqtt, api, stream, lag, answers, hosts, certificates=ends)
     service = Service(
         plant_json=plant_json,
         change_plant=change_plant,
@@ -214,20 +196,8 @@ def build(
         operations=operations,
         extensions=extensions,
         loop_lag=lag,
-        black_box=black_box,
         elected=elected,
     )
-
-
-def _follow(engine: Engine, fleet: FleetLink, traces: Exporting | None, box: BlackBox | None) -> None:
-    """Trace orders if ``traces`` exports them, and record decisions if there is a black box."""
-    followers: list[OrderTracer | DecisionRecorder] = []
-    if traces:
-        followers.append(OrderTracer(engine.state.orders.named, engine.clock, traces))
-    if box:
-        followers.append(DecisionRecorder(box, engine.clock, fleet.state))
-    engine.unit_of_work.listeners += followers
-    fleet.listeners += followers
 
 
 def make_fleet(

@@ -10,8 +10,6 @@ from pydantic import Field, HttpUrl, SecretStr
 from nena_order_service.engine.context import EngineSettings
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.routing.graph import CostKey
-from nena_shared.extensions.black_box.settings import OutgoingSettings, RingSettings
-from nena_shared.extensions.tracing import TracingSettings
 from nena_shared.fleet_api.transport_order import (
     FailureMeasure,
     FailurePolicy,
@@ -112,16 +110,6 @@ class OrderServiceSettings(ServiceSettings):
         "nena/v1", description="MQTT topic prefix for hosts; use one per fleet."
     )
     hosts: HostSettings = Field(default_factory=HostSettings, description="Limits of hosts over MQTT.")
-    tracing: TracingSettings = Field(
-        default_factory=TracingSettings, description="Traces of orders; needs the extra `tracing`."
-    )
-    black_box: RingSettings = Field(
-        default_factory=RingSettings, description="Decisions of the last minutes; needs the extra `blackbox`."
-    )
-    upload: OutgoingSettings = Field(
-        default_factory=OutgoingSettings,
-        description="Files of the black box, and their transfer to the status aggregator.",
-    )
     interface_name: TopicPrefix = Field(
         "uagv", description="Interface name (topic prefix) of robots with VDA 5050 2.x."
     )

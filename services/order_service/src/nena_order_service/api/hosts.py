@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterator
 
 from nena_order_service.api.audit import Trail
-from nena_order_service.api.decisions import RecordingRequests
 from nena_order_service.api.operations import Handler
 from nena_order_service.api.orders import OrderOperations
 from nena_order_service.api.peripherals import PeripheralOperations
@@ -30,12 +29,10 @@ class HostServices:
         engine: Engine,
         *,
         zones: ZoneSets,
-        recordings: RecordingRequests,
     ) -> None:
         self._engine = engine
         self.zones = zones
         self.trail = Trail()
-        self.recordings = recordings
         self.locks = PathLocks(engine)
         self.orders = OrderOperations(engine)
         self.sequences = SequenceOperations(engine)
@@ -61,7 +58,6 @@ class HostServices:
         yield from self.peripherals.handlers()
         yield Handler(table.SUMMARISE, self._summary)
         yield Handler(table.SHOW_TRAFFIC_PLAN, self._engine.traffic_plan)
-        yield Handler(table.FETCH_RECORDING, self.recordings.fetch)
 
     def _summary(self) -> FleetSummary:
         """Return the numbers of unfinished orders and of vehicles in each state."""

@@ -23,8 +23,6 @@ from nena_order_service.peripherals.devices import Verdict
 from nena_order_service.settings import DISTRIBUTION
 from nena_order_service.store.store import Store
 from nena_shared.certificates import Certificates
-from nena_shared.extensions.black_box.metrics import recording_metrics
-from nena_shared.extensions.tracing import SPANS_HELP, Exporting
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleState
@@ -84,7 +82,6 @@ class Monitored:
     """Number of HTTP answers by status."""
     hosts: HostServices
     certificates: Certificates
-    traces: Exporting | None
 
     @property
     def store(self) -> Store:
@@ -443,10 +440,6 @@ WORK: Final[Section[Monitored]] = Section(
             "Longest delay of the event loop in the last minute.",
             lambda s: s.loop_lag.longest,
         ),
-        counter(
-            "nena_trace_spans_total", SPANS_HELP, lambda s: s.traces.outcomes if s.traces else None, "outcome"
-        ),
-        *recording_metrics(lambda s: s.hosts.recordings.counts),
     ),
 )
 

@@ -1,4 +1,4 @@
-"""The black box of the order service: its decisions of the last minutes, with their reasons."""
+"""The decisions of the order service, with their reasons."""
 
 from __future__ import annotations
 
@@ -7,17 +7,11 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final
 
-from nena_order_service.api.tracing import guarded
-from nena_order_service.errors import NoBlackBoxError, RecordingNotWrittenError
 from nena_order_service.fleet import outputs
 from nena_order_service.orders.transport_order import EventCode
-from nena_order_service.settings import DISTRIBUTION, OrderServiceSettings
 from nena_shared.clock import Clock
-from nena_shared.extensions.black_box.box import BlackBox, Source, outgoing_of
-from nena_shared.extensions.black_box.counts import RecordingCounts
+from nena_shared.extensions.black_box.box import BlackBox
 from nena_shared.extensions.black_box.ring import Channel
-from nena_shared.fleet_api.recordings import RecordingAnswer
-from nena_shared.fleet_api.topics import ORDER_SERVICE, FleetTopics
 from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.state import EmergencyStop, State
@@ -40,8 +34,6 @@ CHANNELS: Final[Mapping[str, Channel]] = {
 }
 """Topics of events of orders; all others belong to :data:`ORDERS`."""
 
-NOT_RECORDED: Final = "a decision is missing in the black box"
-
 NODE_ID: Final = attrgetter("node_id")
 RELEASED: Final = attrgetter("released")
 
@@ -49,47 +41,6 @@ ORDER_FAILED: Final = "order-failed"
 EMERGENCY_STOP: Final = "emergency-stop"
 STOP: Final = "stop"
 """Reasons of recordings, besides :data:`nena_shared.extensions.black_box.box.REQUEST`."""
-
-
-def make_black_box(settings: OrderServiceSettings, clock: Clock) -> BlackBox | None:
-    """Return the black box; None if it is disabled.
-
-    Raises:
-        ConfigurationError: the extra ``blackbox`` is not installed, or there is no home directory.
-    """
-    if not settings.black_box.enabled:
-        return None
-    outgoing = outgoing_of(settings.upload, ORDER_SERVICE, FleetTopics(settings.topic_prefix))
-    return BlackBox(Source(ORDER_SERVICE, DISTRIBUTION), settings.black_box, outgoing, clock)
-
-
-class RecordingRequests:
-    """Writes recordings on request."""
-
-    def __init__(self, box: BlackBox | None) -> None:
-        self._box = box
-
-    @property
-    def counts(self) -> RecordingCounts | None:
-        """What happened to the recordings; None without a black box."""
-        return self._box.outgoing.counts if self._box else None
-
-    async def fetch(self) -> RecordingAnswer:
-        """Write the decisions of the last minutes to a file.
-
-        Raises:
-            NoBlackBoxError: it is disabled.
-            RecordingNotWrittenError: the disk fails.
-        """
-        if self._box is None:
-            raise NoBlackBoxError
-        try:
-            name = await self._box.request()
-        except OSError as error:
-            raise RecordingNotWrittenError(error) from error
-        return RecordingAnswer(
-            robot=str(ORDER_SERVICE), name=name, sent=self._box.outgoing.uploader is not None
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +74,6 @@ class DecisionRecorder:
 
     # Changes of the engine
 
-    @guarded(NOT_RECORDED)
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Record what has happened to an order, and its new route."""
         last = self._orders.pop(status.name, None)
@@ -148,10 +98,6 @@ class DecisionRecorder:
         elif _failed(status):
             self._box.fail(ORDER_FAILED)
 
-    def sequence_changed(self, _: object) -> None:
-        """Do nothing: the orders of a sequence name it."""
-
-    @guarded(NOT_RECORDED)
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Record what a vehicle waits for, what stops it, and why it has no order."""
         last = self._vehicles.get(status.name)
@@ -173,11 +119,7 @@ class DecisionRecorder:
 
     # Events of fleet control
 
-    def begun(self, order_id: str, now: float, *, restored: bool) -> None:
-        """Do nothing: the order's messages are recorded when they are sent."""
-
-    @guarded(NOT_RECORDED)
-    def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:  # noqa: ARG002
+    def published(self, topic: Topic, output: outputs.Publish) -> None:
         """Record a VDA order that was sent, with the part that the vehicle holds, or instant actions."""
         match output:
             case outputs.PublishOrder(robot, order, update):
@@ -194,8 +136,7 @@ class DecisionRecorder:
                 return
         self._add_event(robot, f"{topic}Sent", found)
 
-    @guarded(NOT_RECORDED)
-    def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
+    def happened(self, event: outputs.FleetOutput) -> None:
         """Record how a VDA order or an action went on; notice emergency stops."""
         match event:
             case outputs.RobotChanged(robot):

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
-from functools import wraps
-from typing import Final, ParamSpec
+from typing import Final
 
 from nena_order_service.fleet import outputs
 from nena_order_service.orders.transport_order import EventCode, TransportOrder
@@ -29,10 +28,7 @@ from nena_shared.extensions.tracing import (
     vda_order_span_id,
 )
 from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderState, TransportOrderStatus
-from nena_shared.log import get_logger
-from nena_shared.vda5050.topics import RobotKey, Topic
-
-log = get_logger(__name__)
+from nena_shared.vda5050.topics import RobotKey
 
 PLANNED_AFTER: Final = frozenset(
     {
@@ -100,31 +96,6 @@ def _event_of(entry: HistoryEntry) -> SpanEvent:
     return SpanEvent(entry.event_code, entry.timestamp, {"nena.reason": reason} if reason else {})
 
 
-P = ParamSpec("P")
-
-
-def guarded(message: str) -> Callable[[Callable[P, None]], Callable[P, None]]:
-    """Return a decorator for a listener that logs ``message`` with a fault.
-
-    The work that the listener follows goes on.
-    """
-
-    def decorate(listener: Callable[P, None]) -> Callable[P, None]:
-        @wraps(listener)
-        def call(*args: P.args, **kwargs: P.kwargs) -> None:
-            try:
-                listener(*args, **kwargs)
-            except Exception:
-                log.exception(message)
-
-        return call
-
-    return decorate
-
-
-NOT_TRACED = "an order is not traced completely"
-
-
 @dataclass(slots=True)
 class _FollowedOrder:
     """A VDA order that has not ended."""
@@ -152,7 +123,6 @@ class OrderTracer:
 
     # Changes of the engine
 
-    @guarded(NOT_TRACED)
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Export the creation of a new order, and the whole of an ended one."""
         if status.created >= self._since and status.name not in self._created:
@@ -163,16 +133,9 @@ class OrderTracer:
             for span in order_spans(status):
                 self._export(span)
 
-    def sequence_changed(self, _: object) -> None:
-        """Order sequences have no traces."""
-
-    def vehicle_changed(self, _: object) -> None:
-        """Vehicles have no traces."""
-
     # Events of fleet control
 
-    @guarded(NOT_TRACED)
-    def begun(self, order_id: str, now: float, *, restored: bool) -> None:  # noqa: ARG002 - monotonic
+    def begun(self, order_id: str, *, restored: bool) -> None:
         """Export the planning of a VDA order that is to be sent."""
         moment, order = self._clock.now(), self._find(order_name_of(order_id))
         self._running[order_id] = _FollowedOrder(moment, restored)
@@ -185,21 +148,17 @@ class OrderTracer:
             found: dict[str, AttributeValue] = {"vda5050.order_id": order_id}
             self._export(part_of_order("plan", order.name, starts[-1], moment, found))
 
-    @guarded(NOT_TRACED)
-    def published(self, topic: Topic, output: outputs.Publish, now: float) -> None:  # noqa: ARG002
+    def published(self, output: outputs.Publish) -> None:
         """Note that an order or an update was sent."""
-        if isinstance(output, outputs.PublishOrder):
-            self._note_message(output)
-
-    def _note_message(self, output: outputs.PublishOrder) -> None:
+        if not isinstance(output, outputs.PublishOrder):
+            return
         execution = self._running.get(output.vda_order.order_id)
         if execution:
             execution.sent = execution.sent or self._clock.now()
             execution.messages += 1
             self._note(execution, "vda5050.orderSent", order_update_id=output.order_update_id)
 
-    @guarded(NOT_TRACED)
-    def happened(self, event: outputs.FleetOutput, now: float) -> None:  # noqa: ARG002
+    def happened(self, event: outputs.FleetOutput) -> None:
         """Note an event of a VDA order; export its span once it has ended."""
         match event:
             case outputs.VdaOrderAccepted(order_id=order_id) if execution := self._running.get(order_id):

@@ -8,8 +8,8 @@ from datetime import timedelta
 
 import pytest
 
-from nena_order_service.api import tracing
-from nena_order_service.api.tracing import OrderTracer, order_spans
+from nena_order_service.extensions.tracing import tracer
+from nena_order_service.extensions.tracing.tracer import OrderTracer, order_spans
 from nena_order_service.fleet.outputs import (
     FleetOutput,
     NodePassed,
@@ -23,7 +23,7 @@ from nena_order_service.fleet.outputs import (
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.extensions.tracing import Span, TraceContext, order_span_id, trace_id_of, vda_order_span_id
-from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.topics import RobotKey
 from support.clocks import ManualClock
 from support.order_service import NOW, assigned_order, dispatchable_order
 
@@ -55,9 +55,9 @@ class Traced:
         for event in events:
             self.clock.advance(1.0)
             if isinstance(event, PublishOrder):
-                self.tracer.published(Topic.ORDER, event, 0.0)
+                self.tracer.published(event)
             else:
-                self.tracer.happened(event, 0.0)
+                self.tracer.happened(event)
 
 
 def sent(order_id: str, update_id: int = 0) -> PublishOrder:
@@ -120,7 +120,7 @@ def test_an_order_is_created_once_and_never_one_from_before_the_start() -> None:
 def test_a_vda_order_is_planned_delivered_and_executed() -> None:
     traced = Traced([assigned_order()])
     traced.clock.advance(2.0)
-    traced.tracer.begun("T-1-0", 0.0, restored=False)
+    traced.tracer.begun("T-1-0", restored=False)
     traced.do(sent("T-1-0"), sent("T-1-0"), VdaOrderAccepted(ROBOT, "T-1-0"))
     traced.do(NodePassed(ROBOT, "T-1-0", "B", 2), OperationStarted(ROBOT, "T-1-0"), sent("T-1-0", 1))
     traced.do(VdaOrderAccepted(ROBOT, "T-1-0"), VdaOrderFinished(ROBOT, "T-1-0"))
@@ -157,7 +157,7 @@ def test_a_vda_order_is_planned_delivered_and_executed() -> None:
 )
 def test_each_end_of_a_vda_order_is_told_once(end: FleetOutput, outcome: str, error: str) -> None:
     traced = Traced([assigned_order()])
-    traced.tracer.begun("T-1-0", 0.0, restored=True)
+    traced.tracer.begun("T-1-0", restored=True)
     traced.do(VdaOrderAccepted(ROBOT, "T-1-0"), end, end)
     (whole,) = traced.spans
     assert (whole.attributes["nena.outcome"], whole.error) == (outcome, error)
@@ -166,26 +166,16 @@ def test_each_end_of_a_vda_order_is_told_once(end: FleetOutput, outcome: str, er
 
 def test_an_order_that_makes_room_has_a_trace_of_its_own() -> None:
     traced = Traced()
-    traced.tracer.begun("evasion-7f37e9cd", 0.0, restored=False)
+    traced.tracer.begun("evasion-7f37e9cd", restored=False)
     traced.do(VdaOrderFinished(ROBOT, "evasion-7f37e9cd"))
     (whole,) = traced.spans
     assert (whole.trace_id, whole.parent_id) == (trace_id_of("evasion-7f37e9cd"), None)
 
 
 def test_orders_whose_end_never_comes_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracing, "RUNNING_LIMIT", 2)
+    monkeypatch.setattr(tracer, "RUNNING_LIMIT", 2)
     traced = Traced()
     for name in ("a-0", "b-0", "c-0"):
-        traced.tracer.begun(name, 0.0, restored=False)
+        traced.tracer.begun(name, restored=False)
     traced.do(*(VdaOrderFinished(ROBOT, each) for each in ("a-0", "b-0", "c-0")))
     assert [each.attributes["vda5050.order_id"] for each in traced.spans] == ["b-0", "c-0"]
-
-
-def test_a_fault_of_the_tracer_does_not_reach_the_work_that_it_follows() -> None:
-    def fails(_: Span) -> None:
-        raise RuntimeError
-
-    tracer = OrderTracer(lambda _: None, ManualClock(start=NOW), fails)
-    tracer.order_changed(dispatchable_order().failed("no vehicle", NOW).status)
-    tracer.begun("T-1-0", 0.0, restored=False)
-    tracer.happened(VdaOrderFinished(ROBOT, "T-1-0"), 0.0)
