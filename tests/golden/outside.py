@@ -19,7 +19,7 @@ from fastapi import FastAPI
 from nena_demo.plants import sample_plant_path
 from nena_order_service.api.rest import role_needed
 from nena_order_service.plant_file import load_plant
-from nena_order_service.service import OrderService, build
+from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings, StoreSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
@@ -63,7 +63,7 @@ def order_service() -> OrderService:
             plant=sample_plant_path(),
             store=StoreSettings.model_validate({"url": f"sqlite:///{folder}/orders.db"}),
         )
-        made = build(settings, load_plant(settings.plant).model, store, change_plant=_change_nothing)
+        made = OrderService(settings, load_plant(settings.plant).model, store, change_plant=_change_nothing)
         store.close()
     return made
 

@@ -12,7 +12,7 @@ import pytest
 from nena_demo.plants import sample_plant_path
 from nena_order_service.extension import installed
 from nena_order_service.plant_file import load_plant
-from nena_order_service.service import OrderService, build
+from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
@@ -52,7 +52,7 @@ def settings(tmp_path: Path) -> OrderServiceSettings:
 async def service(settings: OrderServiceSettings) -> AsyncIterator[OrderService]:
     """Yield an order service without a broker, so that orders are accepted and wait."""
     store = Store(open_database(settings.store.location()))
-    made = build(settings, load_plant(settings.plant).model, store)
+    made = OrderService(settings, load_plant(settings.plant).model, store)
     async with Supervisor() as supervisor:
         supervisor.start("store", made.store.run())
         await made.hosts.locks.load()

@@ -13,7 +13,7 @@ from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreN
 from nena_order_service.extension import EditPlant
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.runner import ServiceRunner
-from nena_order_service.service import CHANGING, build
+from nena_order_service.service import CHANGING, OrderService
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
@@ -45,7 +45,9 @@ def runner_of(
     *,
     show: Callable[[object], None] = lambda _: None,
 ) -> ServiceRunner:
-    return ServiceRunner(file, store, supervisor, make=lambda model: build(settings, model, store), show=show)
+    return ServiceRunner(
+        file, store, supervisor, make=lambda model: OrderService(settings, model, store), show=show
+    )
 
 
 async def taken_up(settings: OrderServiceSettings, store: Store, file: PlantFile = FILE) -> PlantModel:

@@ -12,7 +12,7 @@ from nena_order_service import runner as runner_module
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.plant_file import load_plant
 from nena_order_service.runner import ServiceRunner
-from nena_order_service.service import OrderService, build
+from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
@@ -48,7 +48,11 @@ async def test_it_is_rebuilt_from_the_store(settings: OrderServiceSettings) -> N
     shown: list[object] = []
     async with Supervisor() as supervisor:
         runner = ServiceRunner(
-            FILE, store, supervisor, make=lambda model: build(settings, model, store), show=shown.append
+            FILE,
+            store,
+            supervisor,
+            make=lambda model: OrderService(settings, model, store),
+            show=shown.append,
         )
         await runner.begin()
         failed = runner.service
@@ -79,7 +83,11 @@ async def test_periodic_checks_do_not_end_the_program(
     store = Store(open_database(settings.store.location()))
     async with Supervisor() as supervisor:
         runner = ServiceRunner(
-            FILE, store, supervisor, make=lambda model: build(settings, model, store), show=lambda _: None
+            FILE,
+            store,
+            supervisor,
+            make=lambda model: OrderService(settings, model, store),
+            show=lambda _: None,
         )
         await runner.begin()
         failed = runner.service
@@ -104,7 +112,7 @@ async def test_it_is_not_rebuilt_again_and_again_without_a_pause(
 
         def make(model: object) -> OrderService:
             built.append(model)
-            return build(settings, FILE.model, store)
+            return OrderService(settings, FILE.model, store)
 
         runner = ServiceRunner(FILE, store, supervisor, make=make, show=lambda _: None)
         await runner.begin()

@@ -12,7 +12,7 @@ from nena_order_service.fleet.guard import FleetGuard
 from nena_order_service.fleet.link import HeaderIds
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.runner import ServiceRunner
-from nena_order_service.service import OrderService, build
+from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Leadership, begin_epoch, store_id
@@ -139,7 +139,7 @@ async def _lead(
     header_ids: HeaderIds = {}
 
     def make(model: PlantModel) -> OrderService:
-        return build(
+        return OrderService(
             settings,
             model,
             store,

@@ -140,7 +140,7 @@ class Extension:
         """End answers that would go on, such as event streams."""
 
     async def end(self) -> None:
-        """Send or write what is pending; all tasks have ended."""
+        """Send or write what is pending; no host is answered any more."""
 
     async def close(self) -> None:
         """Close what went on with each rebuilt order service: the program ends."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Collection, Mapping
-from dataclasses import dataclass
 from functools import cache, partial
 from itertools import chain
 from secrets import token_hex
@@ -17,7 +16,7 @@ from nena_order_service.api.asyncapi import document
 from nena_order_service.api.audit import record_current
 from nena_order_service.api.events import EventStream
 from nena_order_service.api.hosts import HostServices
-from nena_order_service.api.metrics import Monitored, exposition
+from nena_order_service.api.metrics import exposition
 from nena_order_service.api.mqtt import MqttApi, MqttLimits
 from nena_order_service.api.operations import HostOperations
 from nena_order_service.api.peripheral_link import PeripheralLink
@@ -54,30 +53,102 @@ log = get_logger(__name__)
 CHANGING = "the plant model is being changed; retry in a moment"
 
 
-@dataclass(slots=True)
 class OrderService:
-    """All parts of the order service, wired up; nothing runs yet."""
+    """All parts of the order service; nothing runs before :meth:`begin`."""
 
-    engine: Engine
-    fleet: FleetLink
-    publisher: StatusPublisher
-    heartbeat: Heartbeat
-    sweep: RetainedSweep
-    mqtt: MqttLink
-    app: FastAPI
-    mqtt_api: MqttApi
-    stream: EventStream
-    hosts: HostServices
-    operations: HostOperations
-    extensions: Mapping[str, Extension]
-    loop_lag: LoopLag
-    elected: asyncio.Event | None = None
-    """Set once this order service leads the fleet; nothing is sent before. None: no election."""
+    def __init__(
+        self,
+        settings: OrderServiceSettings,
+        plant: PlantModel,
+        store: Store,
+        *,
+        epoch: int = 0,
+        header_ids: HeaderIds | None = None,
+        term: Term = always,
+        change_plant: ChangePlant | None = None,
+        elected: asyncio.Event | None = None,
+        answers: Mapping[int, int] = MappingProxyType({}),
+    ) -> None:
+        """Build the parts and the extensions; nothing is connected or restored yet.
+
+        Args:
+            settings: its own, with those of the extensions.
+            plant: the plant model.
+            store: the store of orders.
+            epoch: see :class:`StatusPublisher`.
+            header_ids: the last ``headerId`` of each topic, if another service was built for this epoch.
+            term: see :data:`Term`.
+            change_plant: replaces the plant model; None: it is read-only.
+            elected: set once this order service leads the fleet; nothing is sent before. None: no election.
+            answers: number of HTTP answers by status, for the metrics.
+
+        Raises:
+            ConfigurationError: the plant model names an unsupported version, or an extension cannot be built.
+        """
+        clock, topics = SystemClock(), FleetTopics(settings.topic_prefix)
+        client_id, plant_json = _client_id(settings, epoch), plant.to_json().encode()
+        self.elected, self.answers, self.store = elected, answers, store
+        self.loop_lag = LoopLag(clock)
+        self.certificates = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
+
+        self.engine = engine = make_engine(settings, plant, store, clock)
+        stops, work = engine.stops, engine.unit_of_work
+        self.heartbeat = Heartbeat(
+            topics, clock, epoch=epoch, store_ready=lambda: store.ready, stops=stops.statuses
+        )
+        hooks = LinkHooks(self.heartbeat.will, lambda: chain(self.publisher.greeting(), devices.greeting()))
+        self.mqtt = mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
+        self.fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch, header_ids=header_ids)
+        devices = PeripheralLink(mqtt, topics, engine)
+        self.publisher = StatusPublisher(
+            mqtt, topics, engine, plant_json=plant_json, end_kept=settings.end_kept, epoch=epoch
+        )
+        self.sweep = RetainedSweep(
+            settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=self.publisher
+        )
+        self.stream = EventStream(engine, settings.events)
+
+        self.hosts = hosts = HostServices(engine, ZoneSets(engine, self.fleet.send_zone_set))
+        core = Core(clock, store, engine, self.fleet, hosts, mqtt, topics, change_plant or _no_change(plant))
+        self.extensions: Mapping[str, Extension] = {
+            name: extension(settings_of(settings, name, extension), core)
+            for name, extension in installed().items()
+        }
+        extensions = list(self.extensions.values())
+        added = [handler for extension in extensions for handler in extension.handlers()]
+        self.operations = HostOperations(hosts.trail, chain(hosts.handlers(), added))
+
+        listeners = Listeners(extensions)
+        work.listeners += [self.publisher, self.stream, listeners]
+        work.peripheral_listeners += [self.publisher, listeners]
+        work.recorders.append(record_current)
+        hosts.trail.listeners.append(listeners)
+        self.fleet.listeners.append(listeners)
+        stops.listeners.append(self.heartbeat.hurry)
+
+        limits = MqttLimits(settings.hosts, clock)
+        self.mqtt_api = MqttApi(mqtt, topics, self.operations, limits, max_body=settings.max_body)
+        service = Service(
+            plant_json=plant_json,
+            change_plant=change_plant,
+            asyncapi=cache(lambda: json.dumps(document(topics)).encode()),
+            readiness=lambda: readiness(mqtt, store, self.loop_lag.longest, failed=work.failed.is_set()),
+            max_body=settings.max_body,
+            metrics=exposition(self, extensions),
+            routers=[router for extension in extensions for router in extension.routers()],
+            mounted=dict(chain.from_iterable(extension.apps().items() for extension in extensions)),
+        )
+        self.app: FastAPI = make_app(self.operations, self.stream, service)
 
     @property
-    def store(self) -> Store:
-        """The store of orders."""
-        return self.engine.store
+    def leads(self) -> bool:
+        """Whether this instance certainly is the only one that uses the store."""
+        return not self.store.lead_problem
+
+    @property
+    def store_ready(self) -> bool:
+        """Whether new orders can be accepted."""
+        return self.store.ready
 
     async def begin(
         self,
@@ -125,79 +196,6 @@ class OrderService:
         await self.mqtt_api.close()
         for extension in self.extensions.values():
             await extension.end()
-
-
-def build(
-    settings: OrderServiceSettings,
-    plant: PlantModel,
-    store: Store,
-    *,
-    epoch: int = 0,
-    header_ids: HeaderIds | None = None,
-    term: Term = always,
-    change_plant: ChangePlant | None = None,
-    elected: asyncio.Event | None = None,
-    answers: Mapping[int, int] = MappingProxyType({}),  # HTTP answers by status, for the metrics
-) -> OrderService:
-    """Wire up the order service; for ``epoch`` and ``term`` see :class:`StatusPublisher` and :data:`Term`.
-
-    Raises:
-        ConfigurationError: the plant model names an unsupported version.
-    """
-    engine = make_engine(settings, plant, store, clock := SystemClock())
-    client_id, topics = _client_id(settings, epoch), FleetTopics(settings.topic_prefix)
-    beat = Heartbeat(topics, clock, epoch=epoch, store_ready=lambda: store.ready, stops=engine.stops.statuses)
-    engine.stops.listeners.append(beat.hurry)
-    hooks = LinkHooks(beat.will, lambda: chain(publisher.greeting(), devices.greeting()))
-    mqtt = MqttLink(settings.mqtt, client_id=client_id, hooks=hooks, term=term)
-    fleet = make_fleet(settings, mqtt, engine, clock, epoch=epoch, header_ids=header_ids)
-    devices = PeripheralLink(mqtt, topics, engine)
-    hosts = HostServices(engine, zones=ZoneSets(engine, fleet.send_zone_set))
-    plant_json, end_kept = plant.to_json().encode(), settings.end_kept
-    publisher = StatusPublisher(mqtt, topics, engine, plant_json=plant_json, end_kept=end_kept, epoch=epoch)
-    stream, lag = EventStream(engine, settings.events), LoopLag(clock)
-    change = change_plant or _no_change(plant)
-    core = Core(clock, store, engine, fleet, hosts, mqtt, topics, change)
-    extensions = {name: made(settings_of(settings, name, made), core) for name, made in installed().items()}
-    listeners = Listeners(list(extensions.values()))
-    engine.unit_of_work.listeners += [publisher, stream, listeners]
-    engine.unit_of_work.peripheral_listeners += [publisher, listeners]
-    engine.unit_of_work.recorders.append(record_current)
-    hosts.trail.listeners.append(listeners)
-    fleet.listeners.append(listeners)
-    sweep = RetainedSweep(settings.mqtt, client_id=f"{client_id}-sweep", engine=engine, publisher=publisher)
-    added = (handler for extension in extensions.values() for handler in extension.handlers())
-    operations = HostOperations(hosts.trail, chain(hosts.handlers(), added))
-    api = MqttApi(mqtt, topics, operations, MqttLimits(settings.hosts, clock), max_body=settings.max_body)
-    ends = Certificates(settings.http.tls_certificate, settings.mqtt.tls.certificate)
-    parts = Monitored(engine, fleet, mqtt, api, stream, lag, answers, hosts, certificates=ends)
-    service = Service(
-        plant_json=plant_json,
-        change_plant=change_plant,
-        asyncapi=cache(lambda: json.dumps(document(topics)).encode()),
-        readiness=lambda: readiness(mqtt, store, lag.longest, failed=engine.unit_of_work.failed.is_set()),
-        max_body=settings.max_body,
-        metrics=exposition(parts, extensions.values()),
-        routers=[router for extension in extensions.values() for router in extension.routers()],
-        mounted=dict(chain.from_iterable(each.apps().items() for each in extensions.values())),
-    )
-    app = make_app(operations, stream, service)
-    return OrderService(
-        engine=engine,
-        fleet=fleet,
-        publisher=publisher,
-        heartbeat=beat,
-        sweep=sweep,
-        mqtt=mqtt,
-        app=app,
-        mqtt_api=api,
-        stream=stream,
-        hosts=hosts,
-        operations=operations,
-        extensions=extensions,
-        loop_lag=lag,
-        elected=elected,
-    )
 
 
 def make_fleet(

@@ -6,7 +6,7 @@ import httpx
 import pytest
 
 from nena_order_service.routing.graph import NoRouteError
-from nena_order_service.service import OrderService, build
+from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.fleet_api.transport_order import Destination
 
@@ -77,7 +77,7 @@ async def test_locks_survive_a_restart(
 ) -> None:
     name = (await client.get("/v1/paths")).json()["paths"][0]["name"]
     await lock(client, name, locked=True)
-    again = build(settings, service.engine.plant, service.store)
+    again = OrderService(settings, service.engine.plant, service.store)
     await again.hosts.locks.load()
     assert again.hosts.locks.get(name).locked
 

@@ -10,7 +10,7 @@ import pytest
 
 from nena_order_service.fleet.robot import LinkStatus
 from nena_order_service.routing.graph import NoRouteError
-from nena_order_service.service import OrderService, build
+from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.fleet_api.transport_order import Destination
 
@@ -88,7 +88,7 @@ async def test_stops_and_their_locks_survive_a_restart(
     locked = service.engine.context.locked_paths.by_stops
     assert locked
 
-    again = build(settings, service.engine.plant, service.store)
+    again = OrderService(settings, service.engine.plant, service.store)
     await again.hosts.load()
     assert again.engine.context.locked_paths.by_stops == locked
     assert all(again.hosts.locks.get(each).locked for each in locked)

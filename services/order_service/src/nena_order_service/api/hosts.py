@@ -24,12 +24,7 @@ from nena_shared.fleet_api.requests import FleetSummary
 class HostServices:
     """The operations of each noun, and the services behind them."""
 
-    def __init__(
-        self,
-        engine: Engine,
-        *,
-        zones: ZoneSets,
-    ) -> None:
+    def __init__(self, engine: Engine, zones: ZoneSets) -> None:
         self._engine = engine
         self.zones = zones
         self.trail = Trail()

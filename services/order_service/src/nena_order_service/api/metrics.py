@@ -14,7 +14,6 @@ from time import time
 from typing import Any, ClassVar, Final, Protocol
 
 from nena_order_service.api.events import EventStream
-from nena_order_service.api.hosts import HostServices
 from nena_order_service.api.mqtt import MqttApi
 from nena_order_service.engine.engine import Engine
 from nena_order_service.fleet.link import FleetLink
@@ -68,35 +67,19 @@ class Waiting:
     leads: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Monitored:
-    """The parts of the leading order service that metrics are read from."""
+class Monitored(Running, Protocol):
+    """The leading order service, as far as metrics are read from it."""
 
     engine: Engine
     fleet: FleetLink
+    store: Store
     mqtt: MqttLink
     mqtt_api: MqttApi
     stream: EventStream
     loop_lag: LoopLag
     answers: Mapping[int, int]
     """Number of HTTP answers by status."""
-    hosts: HostServices
     certificates: Certificates
-
-    @property
-    def store(self) -> Store:
-        """The store of the orders."""
-        return self.engine.store
-
-    @property
-    def leads(self) -> bool:
-        """Whether this instance certainly is the only one that uses the store."""
-        return not self.store.lead_problem
-
-    @property
-    def store_ready(self) -> bool:
-        """Return whether new orders can be accepted."""
-        return self.store.ready
 
 
 LIMITED: Final = str(HTTPStatus.TOO_MANY_REQUESTS.value)

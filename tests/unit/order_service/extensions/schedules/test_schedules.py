@@ -13,7 +13,7 @@ import pytest
 from nena_order_service.api.mqtt import COMMANDS
 from nena_order_service.extensions.schedules import ScheduledOrders, schedules
 from nena_order_service.extensions.schedules.schedules import Schedules
-from nena_order_service.service import OrderService, build
+from nena_order_service.service import OrderService
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from support.clocks import ManualClock
@@ -171,7 +171,7 @@ async def test_restart_continues_after_the_last_run(
     await run_due(service)
     before = (await client.get(MILK_RUN)).json()
 
-    again = build(settings, service.engine.plant, service.store)
+    again = OrderService(settings, service.engine.plant, service.store)
     again.engine.clock = clock
     await again.hosts.load()
     await schedules_of(again).load()
