@@ -21,6 +21,7 @@ from nena_edge_agent.driver.port import (
     Pose,
     PoseReport,
 )
+from nena_edge_agent.nav2.commands import Server
 from nena_edge_agent.nav2.goals import GoalIdPrefix
 from nena_edge_agent.nav2.settings import Navigation
 from nena_robot_simulator.goals import Action
@@ -104,7 +105,7 @@ async def test_halt_cancels_by_id_and_waits_for_the_end(nav2: RclpyNav2, robot: 
 async def test_external_cancel_is_reported(nav2: RclpyNav2, robot: DrivenRobot) -> None:
     report = await robot.driving(goal_at(1, 5.0))
     assert robot.driver._node is not None
-    await robot.driver._node.cancel(report.goal_id)
+    await robot.driver._node.clients[Server.NAVIGATOR].cancel_goal(report.goal_id)
     nav2.end()
     assert (await robot.hears(DriveFailed)).failure is DriveFailure.CANCELED_FROM_OUTSIDE
 

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import pytest
@@ -19,22 +18,20 @@ from nena_edge_agent.driver.port import (
     Pose,
 )
 from nena_edge_agent.nav2 import action_client
-from nena_edge_agent.nav2.action_tracker import (
-    REASON_WAIT,
-    ActionSide,
-    ActionTracker,
-    FeedbackFilter,
-    PassedPoses,
-    SilenceWatch,
+from nena_edge_agent.nav2.commands import (
+    CancelGoal,
+    Command,
+    PublishGoal,
+    Report,
+    RequestResult,
+    SendGoal,
 )
-from nena_edge_agent.nav2.commands import CancelGoal, Command, PublishGoal, Report, RequestResult, SendGoal
 from nena_edge_agent.nav2.error_codes import meaning_of
-from nena_edge_agent.nav2.goals import YIELD_TIME, FeedbackReading, GoalEntry, GoalIdPrefix
-from nena_edge_agent.nav2.settings import GoalSettings, Navigation, RosSettings
-from nena_shared.clock import SystemClock
-from nena_shared.program import StartError
+from nena_edge_agent.nav2.feedback import FeedbackFilter, PassedPoses, SilenceWatch
+from nena_edge_agent.nav2.goal_tracker import REASON_WAIT, GoalTracker
+from nena_edge_agent.nav2.goals import YIELD_TIME, FeedbackReading, GoalEntry, GoalIdPrefix, GoalResult
+from nena_edge_agent.nav2.settings import GoalSettings, RosSettings
 from nena_shared.ros import GoalStatus
-from support.action_types import needs_action_types
 
 MARK = GoalIdPrefix("agent")
 THEIRS = "ff" * 16
@@ -48,7 +45,7 @@ def goal(generation: int, x: float = 5.0) -> DriveGoal:
 class Conversation:
     """A tracker that drives by the action, the time, and all of its reports."""
 
-    tracker: ActionTracker = field(default_factory=lambda: ActionTracker(GoalSettings(), MARK))
+    tracker: GoalTracker = field(default_factory=lambda: GoalTracker(GoalSettings(), MARK))
     now: float = 10.0
     said: list[Command] = field(default_factory=list)
 
@@ -73,7 +70,7 @@ class Conversation:
         self.said += self.tracker.on_goal_answer(goal_id or self.sent[-1], self.now, accepted=accepted)
 
     def result(self, goal_id: str, status: GoalStatus, code: int = 0) -> None:
-        self.said += self.tracker.on_result(goal_id, status, (code, ""), self.now)
+        self.said += self.tracker.on_result(GoalResult(goal_id, status, (code, "")), self.now)
 
     def array(self, **statuses: int) -> None:
         entries = [GoalEntry(goal_id.removeprefix("g"), GoalStatus.of(s)) for goal_id, s in statuses.items()]
@@ -215,7 +212,7 @@ def test_an_abort_for_another_clients_goal_is_told_at_once(talk: Conversation) -
 
 def test_a_result_without_a_code_as_in_humble_is_not_transient(talk: Conversation) -> None:
     goal_id = talk.driving()
-    talk.said += talk.tracker.on_result(goal_id, GoalStatus.ABORTED, None, talk.now)
+    talk.said += talk.tracker.on_result(GoalResult(goal_id, GoalStatus.ABORTED, None), talk.now)
     talk.later(REASON_WAIT + 0.1)
     (failed,) = talk.ends
     assert isinstance(failed, DriveFailed)
@@ -606,44 +603,13 @@ def test_the_silence_of_a_goal_that_has_ended_is_not_the_next_ones() -> None:
     assert len(silence.reported) == 1, "the goal before has not ended"
 
 
-pytestmark = pytest.mark.ros
-
-TRACKER = ActionTracker(GoalSettings(), GoalIdPrefix("agent"))
-
-
-def side(applied: list[Command] | None = None) -> ActionSide:
-    def apply(commands: Iterable[Command]) -> None:
-        (applied if applied is not None else []).extend(commands)
-
-    return ActionSide(TRACKER, apply=apply, on_feedback=lambda _reading: None, clock=SystemClock())
-
-
-def test_without_its_types_the_action_is_not_available(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
-    with pytest.raises(StartError, match=r"ros\.navigation = topics"):
-        side().check(RosSettings(navigation=Navigation.ACTION))
-    side().check(RosSettings(navigation=Navigation.AUTO))
-
-
-def test_without_its_types_there_is_no_client(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
-    alone = side()
-    assert alone.new_client(RosSettings()) == []
-    assert not alone.look()
-
-
-@needs_action_types
-@pytest.mark.parametrize("navigation", Navigation)
-def test_a_node_gets_an_action_client_also_for_results_and_feedback_alone(navigation: Navigation) -> None:
-    assert len(side().new_client(RosSettings(navigation=navigation))) == 1
-
-
-async def test_without_an_action_client_a_goal_gets_no_response() -> None:
-    applied: list[Command] = []
-    goal = DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), deviation_xy=0.5)
-    await side(applied).send(goal, GoalIdPrefix("agent").new())
-    side().request_result("aa")
-    assert applied == []
+@pytest.mark.ros
+async def test_a_client_without_the_types_of_its_action_sends_no_goals() -> None:
+    handlers = action_client.ActionHandlers(lambda _: None, lambda _: None, lambda _: None)
+    client = action_client.ActionClient(RosSettings(), "navigate_to_pose", None, handlers)
+    assert not client.is_ready
+    assert await client.send_goal(goal(1), MARK.new()) is None
+    client.request_result("aa")
 
 
 def test_an_abort_without_a_reason_names_likely_causes(talk: Conversation) -> None:

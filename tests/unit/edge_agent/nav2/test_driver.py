@@ -27,15 +27,16 @@ from nena_edge_agent.driver.port import (
     SessionState,
     VelocityReport,
 )
+from nena_edge_agent.nav2 import action_client, goal_tracker, presence
 from nena_edge_agent.nav2 import driver as driver_module
-from nena_edge_agent.nav2 import goal_tracker, presence
+from nena_edge_agent.nav2.commands import Server
 from nena_edge_agent.nav2.driver import Nav2Driver
 from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.parameters import Nav2Parameters
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle, Presence
-from nena_edge_agent.nav2.settings import RosAddress, RosSettings
+from nena_edge_agent.nav2.settings import Navigation, RosAddress, RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
@@ -55,6 +56,14 @@ async def test_a_machine_without_ros_gets_a_remedy(monkeypatch: pytest.MonkeyPat
         await driver.start()
     await driver.stop()
     assert told == []
+
+
+@pytest.mark.ros
+async def test_without_the_types_of_the_action_it_is_not_available(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
+    driver = Nav2Driver(RosSettings(navigation=Navigation.ACTION), "hall", [].append, ManualClock())
+    with pytest.raises(StartError, match=r"ros\.navigation = topics"):
+        await driver.start()
 
 
 @asynccontextmanager
@@ -117,6 +126,8 @@ class Station:
         self.asked: list[str] = []
         self.goals: list[Pose] = []
         self.stopped = 0
+        self.clients = {Server.NAVIGATOR: self}
+        self.is_ready = False
         monkeypatch.setattr(MapServer, "_load_in_turn", self._load)
         self.server = MapServer(RosSettings(), "hall")
 
@@ -124,8 +135,11 @@ class Station:
         """Answer never: the tests say what a check finds."""
         await asyncio.Event().wait()
 
-    async def cancel(self, _: str) -> int:
+    async def cancel_goal(self, _: str) -> int:
         return 0
+
+    def request_result(self, goal_id: str) -> None:
+        """Send no results."""
 
     async def request_pose(self) -> bool:
         return True
@@ -408,7 +422,7 @@ async def test_a_navigator_that_leaves_the_graph_is_detected_between_two_checks(
     monkeypatch.setattr(driver_module, "GLANCE", 0.01)
     async with started(monkeypatch, told) as driver:
         monkeypatch.setattr(driver, "_settings", RosSettings(watch_period=60.0))
-        monkeypatch.setattr(station, "servers", frozenset, raising=False)
+        monkeypatch.setattr(station, "server_ids", frozenset, raising=False)
         driver._on_statuses([])
         available(driver)
         driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
@@ -426,7 +440,7 @@ async def test_a_planner_that_dies_during_a_drive_stops_the_robot(
     monkeypatch.setattr(driver_module, "GLANCE", 0.01)
     async with on_the_way(monkeypatch, told) as (_, station, _):
         present = iter([frozenset({"planner"})])
-        monkeypatch.setattr(station, "servers", lambda: frozenset({"navigator"}), raising=False)
+        monkeypatch.setattr(station, "server_ids", lambda: frozenset({"navigator"}), raising=False)
         monkeypatch.setattr(station, "planners", lambda: next(present, frozenset()))
         await until(lambda: any(isinstance(each, DriveFailed) for each in told), what="its absence")
         await until(lambda: station.stopped, what="the stop")

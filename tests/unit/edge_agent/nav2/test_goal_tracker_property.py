@@ -26,7 +26,7 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.nav2.commands import CancelGoal, Command, PublishGoal, Report, RequestPose, StopMotion
 from nena_edge_agent.nav2.goal_tracker import GoalTracker
-from nena_edge_agent.nav2.goals import GoalEntry
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
 from nena_edge_agent.nav2.settings import GoalSettings
 from nena_shared.ros import GoalStatus
 from support.examples import EXAMPLES
@@ -115,7 +115,7 @@ class HonestServer:
 class TrackedRobot(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
-        self.tracker = GoalTracker(GoalSettings())
+        self.tracker = GoalTracker(GoalSettings(), GoalIdPrefix("agent"))
         self.server = HonestServer()
         self.now = 0.0
         self.generation = 0

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.driver.port import GoalReport
-from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalRegistry, PrefixedGoalRegistry
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalRegistry
 from nena_shared.ros import GoalStatus
 
 
@@ -32,13 +32,14 @@ def test_three_codes_are_an_end() -> None:
     ]
 
 
+MARK = GoalIdPrefix("agent")
 EXECUTING, SUCCEEDED, ABORTED = GoalStatus.EXECUTING, GoalStatus.SUCCEEDED, GoalStatus.ABORTED
 
 
 @pytest.fixture
 def registry() -> GoalRegistry:
     """Return a registry that knows the one old goal of its server."""
-    registry = GoalRegistry(confirmation_time=3.0, settle_time=2.0)
+    registry = GoalRegistry(MARK, confirmation_time=3.0, settle_time=2.0)
     registry.set_servers(frozenset({"gid"}), 0.0)
     registry.update([GoalEntry("old", ABORTED)], 0.0)
     return registry
@@ -74,7 +75,7 @@ def test_goal_of_ours_that_is_listed_no_more_is_lost_unless_it_had_ended(registr
 
 
 def test_earlier_goals_are_known_from_an_array_or_after_a_time() -> None:
-    registry = GoalRegistry(confirmation_time=3.0, settle_time=2.0)
+    registry = GoalRegistry(MARK, confirmation_time=3.0, settle_time=2.0)
     assert not registry.settled(100.0)
     registry.set_servers(frozenset({"gid"}), 100.0)
     assert not registry.settled(101.9)
@@ -159,12 +160,11 @@ def test_ids_are_uuids_and_differ() -> None:
     assert {len(bytes.fromhex(each)) for each in ids} == {16}
 
 
-MARK = GoalIdPrefix("agent")
 OURS, THEIRS = MARK.new(), "ff" * 16
 
 
-def prefixed_registry() -> PrefixedGoalRegistry:
-    made = PrefixedGoalRegistry(MARK, confirmation_time=3.5, settle_time=2.0)
+def prefixed_registry() -> GoalRegistry:
+    made = GoalRegistry(MARK, confirmation_time=3.5, settle_time=2.0)
     made.set_servers(frozenset({"gid"}), 0.0)
     return made
 

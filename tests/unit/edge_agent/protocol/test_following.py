@@ -9,8 +9,8 @@ import pytest
 from nena_edge_agent.driver.port import GoalReport, GoalTable, Halted, NavigationReport, OwnGoals, Pose
 from nena_edge_agent.nav2.commands import Report
 from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
-from nena_edge_agent.nav2.path_following import Trackers
 from nena_edge_agent.nav2.settings import GoalSettings
+from nena_edge_agent.nav2.trackers import Trackers
 from nena_edge_agent.protocol.capabilities import DriveStrategy
 from nena_edge_agent.protocol.events import Halt, Started
 from nena_shared.ros import GoalStatus
@@ -182,7 +182,7 @@ def test_after_a_restart_on_a_path_an_operators_goal_is_not_adopted() -> None:
     trackers, place = Trackers(GoalSettings(), GoalIdPrefix("agent")), Pose(10.0, 10.0, 1.5, "hall")
     trackers.reclaim(OwnGoals(kept.goal_ids, place, place if kept.given else None, kept.behind))
     operators = [GoalEntry("ff" * 16, GoalStatus.EXECUTING)]
-    (said,) = trackers.on_statuses(operators, 0.0)
+    (said,) = trackers.navigator.on_statuses(operators, 0.0)
     assert said == Report(GoalTable((GoalReport("ff" * 16, external=True, status="EXECUTING"),)))
     assert trackers.tick(1.0) == trackers.tick(60.0) == []
 

@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 from nena_edge_agent.driver.port import DriveGoal, DriverEvent
+
+
+class Server(StrEnum):
+    """The servers of Nav2 that drive for us, by the names of their nodes."""
+
+    NAVIGATOR = "bt_navigator"
+    CONTROLLER = "controller_server"
+    """It drives along paths of our own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,17 +25,19 @@ class PublishGoal:
 
 @dataclass(frozen=True, slots=True)
 class SendGoal:
-    """Send the goal to the action's server with this ID; the server responds."""
+    """Send the goal to the action of a server, with this ID; the server responds."""
 
     goal: DriveGoal
     goal_id: str
+    server: Server = Server.NAVIGATOR
 
 
 @dataclass(frozen=True, slots=True)
 class RequestResult:
-    """Request the result of the goal, which the action's server sends when the goal has ended."""
+    """Request the result of the goal, which the server sends when the goal has ended."""
 
     goal_id: str
+    server: Server = Server.NAVIGATOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +45,7 @@ class CancelGoal:
     """Call the cancel service for this goal only (zero stamp)."""
 
     goal_id: str
-
-
-@dataclass(frozen=True, slots=True)
-class OnPath:
-    """Execute the command on the controller's action, for a path."""
-
-    command: SendGoal | RequestResult | CancelGoal
+    server: Server = Server.NAVIGATOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,4 +65,4 @@ class Report:
     event: DriverEvent
 
 
-Command = PublishGoal | SendGoal | RequestResult | CancelGoal | OnPath | StopMotion | RequestPose | Report
+Command = PublishGoal | SendGoal | RequestResult | CancelGoal | StopMotion | RequestPose | Report

@@ -7,9 +7,10 @@ do, and the node sends and receives.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import replace
+from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -35,20 +36,20 @@ from nena_edge_agent.driver.port import (
     SessionState,
 )
 from nena_edge_agent.nav2 import presence
-from nena_edge_agent.nav2.action_tracker import ActionSide, FeedbackFilter, SilenceWatch
 from nena_edge_agent.nav2.commands import (
     CancelGoal,
     Command,
-    OnPath,
     PublishGoal,
     Report,
     RequestPose,
     RequestResult,
     SendGoal,
+    Server,
     StopMotion,
 )
-from nena_edge_agent.nav2.goal_tracker import GIVEN_UP_AFTER, STALE_XY
-from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry, GoalIdPrefix
+from nena_edge_agent.nav2.feedback import GIVEN_UP_AFTER, FeedbackFilter, SilenceWatch
+from nena_edge_agent.nav2.goal_tracker import STALE_XY, GoalTracker
+from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry, GoalIdPrefix, GoalResult
 from nena_edge_agent.nav2.keep_out import KeepOutMask
 from nena_edge_agent.nav2.localisation import (
     InitialPosition,
@@ -60,7 +61,6 @@ from nena_edge_agent.nav2.localisation import (
 )
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface, nav2_offers
-from nena_edge_agent.nav2.path_following import PathSide, Trackers
 from nena_edge_agent.nav2.poses import PoseReading, impossible, thinned
 from nena_edge_agent.nav2.robot_base import (
     Battery,
@@ -74,8 +74,9 @@ from nena_edge_agent.nav2.session_control import (
     SessionManager,
     prepare_environment,
 )
-from nena_edge_agent.nav2.settings import RosAddress, RosSettings
+from nena_edge_agent.nav2.settings import Navigation, RosAddress, RosSettings
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
+from nena_edge_agent.nav2.trackers import Trackers
 from nena_edge_agent.nav2.transforms import TransformWatch
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
@@ -142,11 +143,7 @@ class Nav2Driver:
             retry=settings.session_retry,
         )
         self._tracker = Trackers(settings.goals, GoalIdPrefix(settings.node_name))
-        self._action = ActionSide(
-            self._tracker.navigator, apply=self._apply, on_feedback=self._on_feedback, clock=clock
-        )
-        paths = PathSide(self._tracker, apply=self._apply, on_feedback=self._on_path_feedback, clock=clock)
-        self._paths = paths if nav2_offers(settings).follows_paths else None
+        self._follows_paths = nav2_offers(settings).follows_paths
         self._silence, self._planner = SilenceWatch(), presence.PlannerWatch()
         self._feedback = FeedbackFilter()
         self._initial_position = InitialPosition(settings.localisation)
@@ -180,7 +177,7 @@ class Nav2Driver:
                 "the start, or install nena-edge-agent[ros]"
             )
             raise StartError(message) from error
-        self._action.check(self._settings)
+        self._check_types()
         self._transforms.check()
         if self._settings.start_session:
             with suppress(SessionError):  # reported, and retried
@@ -190,6 +187,21 @@ class Nav2Driver:
         await self._stack.enter_async_context(self._tasks)
         self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
         self._tasks.start("watch the drive", forever("watch the drive", self._check_servers), vital=False)
+
+    def _check_types(self) -> None:
+        """Check that the installation has the types of the action, if the settings require it.
+
+        Raises:
+            StartError: they cannot be loaded.
+        """
+        from nena_edge_agent.nav2.action_client import action_type  # noqa: PLC0415 - loads rclpy
+
+        if self._settings.by_action_only and action_type(self._settings.navigation) is None:
+            message = (
+                "nav2_msgs cannot be loaded: source the robot's ROS installation with Nav2 before the start, "
+                "or set ros.navigation = topics"
+            )
+            raise StartError(message)
 
     async def stop(self) -> None:
         """Stop the robot if it still drives for us, then leave the ROS graph; no more events follow."""
@@ -207,7 +219,7 @@ class Nav2Driver:
         """Continue with a goal of an earlier run, if Nav2 still drives to it."""
         if self._limiter is not None:
             self._limiter.reclaim()
-        self._tracker.reclaim(self._frame.own_goals_to_map(goals), paths=self._paths is not None)
+        self._tracker.reclaim(self._frame.own_goals_to_map(goals), paths=self._follows_paths)
 
     def go_to(self, goal: DriveGoal) -> None:
         """Drive to ``goal``; a current goal is replaced without a stop."""
@@ -223,7 +235,7 @@ class Nav2Driver:
                 self._report_navigation(NavigationReport(available=False, reason=reason))
                 return
             self._limiter.for_goal(goal.maximum_speed)
-        if goal.behavior_tree and not self._tracker.by_action:
+        if goal.behavior_tree and not self._tracker.navigator.by_action:
             needed = self._settings.action
             problem = f"the behaviour tree '{goal.behavior_tree}' needs {needed}, which is not available"
         if problem is None:
@@ -307,6 +319,7 @@ class Nav2Driver:
             self._report(lost)
 
     async def _open_node(self, address: RosAddress) -> None:
+        from nena_edge_agent.nav2.action_client import ActionHandlers  # noqa: PLC0415 - needs rclpy
         from nena_edge_agent.nav2.node import Nav2Node  # noqa: PLC0415 - needs rclpy
         from nena_edge_agent.nav2.parameters import ParameterReader  # noqa: PLC0415 - needs rclpy
 
@@ -317,14 +330,20 @@ class Nav2Driver:
         if interface(COLLISION_MONITOR) is not None:
             self._collision = CollisionMonitor(self._settings.names.collision_monitor, self._report)
             own.append(self._collision)
-        extensions = (*self._extensions, *own, *self._action.new_client(self._settings))
-        if self._paths is not None:
-            extensions = (*extensions, self._paths.new_path_client(self._settings))
+        actions = {
+            Server.NAVIGATOR: ActionHandlers(
+                self._on_statuses, partial(self._on_result, Server.NAVIGATOR), self._on_feedback
+            )
+        }
+        if self._follows_paths:
+            actions[Server.CONTROLLER] = ActionHandlers(
+                self._on_path_statuses, partial(self._on_result, Server.CONTROLLER), self._on_path_feedback
+            )
         node = Nav2Node(
             self._settings,
-            extensions,
-            on_statuses=self._on_statuses,
-            on_other_statuses=self._action.on_other_statuses,
+            (*self._extensions, *own),
+            actions=actions,
+            on_other_statuses=self._on_other_statuses,
             on_pose=self._on_published_pose,
             on_velocity=self._on_velocity,
             on_battery=self._on_battery,
@@ -339,7 +358,7 @@ class Nav2Driver:
 
     async def _close_node(self) -> None:
         """Leave the graph after the robot has stopped."""
-        if (self._tracker.busy or self._tracker.driving) and not self._stopped:
+        if (self._tracker.busy or self._tracker.current.driving) and not self._stopped:
             await self._stop_robot()
         node, self._node = self._node, None
         if node is not None:
@@ -397,7 +416,7 @@ class Nav2Driver:
 
     async def _judge(self, seen: presence.Presence) -> None:
         """Report what the ROS graph shows of Nav2."""
-        seen = replace(seen, action=self._action.look(), planner_gone=self._planner.gone)
+        seen = replace(seen, action=self._check_action(), planner_gone=self._planner.gone)
         report = presence.judge(
             seen,
             self._settings,
@@ -413,6 +432,13 @@ class Nav2Driver:
         if self._collision is not None:
             self._collision.look()
 
+    def _check_action(self) -> bool:
+        """Check whether a server accepts goals by the action; if so, the next goal is sent to it."""
+        ready = self._node is not None and self._node.clients[Server.NAVIGATOR].is_ready
+        by_action = ready and self._settings.navigation is not Navigation.TOPICS
+        self._tracker.navigator.by_action = by_action
+        return by_action
+
     def _watch_keep_out(self) -> None:
         """Report whether Nav2 plans around the areas to avoid."""
         report = self._keep_out.look(self._clock.monotonic()) if self._keep_out and self._areas else None
@@ -424,13 +450,13 @@ class Nav2Driver:
     async def _check_servers(self) -> None:
         """Check the driving servers more often than the rest of Nav2, to stop soon after a crash."""
         await asyncio.sleep(GLANCE)
-        if self._node is not None and self._tracker.active:
-            self._see_servers(self._node.servers())
+        if self._node is not None and self._tracker.current.active:
+            self._see_servers(self._node.clients[Server.NAVIGATOR].server_ids())
             self._check_planner(self._node)
 
     def _check_planner(self, node: Nav2Node) -> None:
         if self._planner.look(node.planners()):
-            self._apply(self._tracker.on_planner_gone(self._clock.monotonic()))
+            self._apply(self._tracker.navigator.on_planner_gone(self._clock.monotonic()))
 
     def _check_transforms(self) -> None:
         lost = bool(self._transforms.problem)
@@ -483,7 +509,7 @@ class Nav2Driver:
         if self._limiter is not None and parameters.speed is not None:
             self._limiter.controller_drives(parameters.speed)
         # with topics, and on a path of our own, the robot's position is rarely updated
-        known_each = 0.0 if self._action.look() and self._paths is None else STALE_XY
+        known_each = 0.0 if self._check_action() and not self._follows_paths else STALE_XY
         self._report(parameters.limits(self._settings.goals.goal_tolerance, known_each, self._map_id))
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
@@ -495,8 +521,9 @@ class Nav2Driver:
 
     def _see_servers(self, servers: frozenset[str]) -> None:
         controllers: frozenset[str] = frozenset()
-        if self._paths is not None and self._node is not None:
-            controllers = self._paths.servers()
+        if self._node is not None and (controller := self._node.clients.get(Server.CONTROLLER)):
+            self._tracker.controller_takes_paths = controller.is_ready
+            controllers = controller.server_ids()
         self._apply(self._tracker.on_servers(servers, controllers, self._clock.monotonic()))
 
     def _report_navigation(self, report: NavigationReport) -> None:
@@ -507,7 +534,7 @@ class Nav2Driver:
 
     def _watch_drive(self) -> None:
         """Check whether the robot makes progress, and whether poses still arrive."""
-        now, driving = self._clock.monotonic(), self._tracker.driving
+        now, driving = self._clock.monotonic(), self._tracker.current.driving
         if self._localisation.forget_stale_velocity(now):
             self._report(self._localisation.velocity)
         blocked = self._movement.blocked(driving=driving, now=now)
@@ -538,7 +565,22 @@ class Nav2Driver:
             self._on_navigation(frozenset(), NavigationReport(available=False, reason=reason))
 
     def _on_statuses(self, entries: list[GoalEntry]) -> None:
-        self._apply(self._tracker.on_statuses(entries, self._clock.monotonic()))
+        self._update(Server.NAVIGATOR, lambda tracker, now: tracker.on_statuses(entries, now))
+
+    def _on_path_statuses(self, entries: list[GoalEntry]) -> None:
+        self._update(Server.CONTROLLER, lambda tracker, now: tracker.on_statuses(entries, now))
+
+    def _on_other_statuses(self, entries: list[GoalEntry]) -> None:
+        """Handle the statuses of the action that only other clients use."""
+        self._update(Server.NAVIGATOR, lambda tracker, now: tracker.on_other_statuses(entries, now))
+
+    def _on_result(self, server: Server, result: GoalResult) -> None:
+        self._update(server, lambda tracker, now: tracker.on_result(result, now))
+
+    def _update(self, server: Server, change: Callable[[GoalTracker, float], list[Command]]) -> None:
+        """Tell the tracker of a server what the server has sent."""
+        now = self._clock.monotonic()
+        self._apply(self._tracker.update(server, lambda tracker: change(tracker, now), now))
 
     def _on_published_pose(self, reading: PoseReading) -> None:
         self._localiser_watch.on_pose()
@@ -546,7 +588,7 @@ class Nav2Driver:
 
     def _on_pose(self, reading: PoseReading) -> None:
         now = self._clock.monotonic()
-        old = self._tracker.driving and self._feedback.fresh(now)
+        old = self._tracker.current.driving and self._feedback.fresh(now)
         pose = self._localisation.on_reading(reading, old=old)
         if pose is None:
             return
@@ -567,6 +609,7 @@ class Nav2Driver:
 
     def _on_feedback(self, reading: FeedbackReading) -> None:
         """Handle feedback: position, more often than the localisation, and remaining distance."""
+        self._tracker.navigator.on_places(reading.goal_id, reading.places_left)
         now = self._clock.monotonic()
         if not self._is_of_goal(reading, now):
             return
@@ -581,6 +624,7 @@ class Nav2Driver:
 
     def _on_path_feedback(self, reading: FeedbackReading) -> None:
         """Handle feedback on a path of our own: remaining distance."""
+        self._tracker.controller.on_places(reading.goal_id, reading.places_left)
         now = self._clock.monotonic()
         if self._is_of_goal(reading, now):
             self._report_progress(reading, now)
@@ -591,12 +635,13 @@ class Nav2Driver:
 
     def _is_of_goal(self, reading: FeedbackReading, now: float) -> bool:
         """Return whether feedback is of the current goal; any of our goals counts as a sign of life."""
-        if reading.goal_id in self._tracker.live:
+        tracker = self._tracker.current
+        if reading.goal_id in tracker.live:
             self._silence.heard(reading.goal_id, now)
-            self._tracker.on_feedback()
+            tracker.on_feedback()
             if self._listening is None and not self._silence.by_odometry:
                 self._listen(FEEDBACK_TIMEOUT)
-        if reading.goal_id != self._tracker.goal_id:
+        if reading.goal_id != tracker.goal_id:
             return False
         if self._limiter is not None:
             self._limiter.drives(now)
@@ -613,7 +658,7 @@ class Nav2Driver:
         now = self._clock.monotonic()
         if self._silence.by_odometry or self._stopped:
             return
-        silent = self._silence.silent_for(now, self._tracker.live)
+        silent = self._silence.silent_for(now, self._tracker.current.live)
         if self._loop.time() - due > HELD_UP:
             self._listen(HELD_UP)
         elif silent >= FEEDBACK_TIMEOUT:
@@ -626,7 +671,7 @@ class Nav2Driver:
         velocity = without_noise(measured, self._settings.goals.standstill_noise)
         for watcher in (self._tracker, self._movement, self._pose_watch):
             watcher.on_velocity(*velocity, now)
-        if silent := self._silence.on_velocity(now, self._tracker.live):
+        if silent := self._silence.on_velocity(now, self._tracker.current.live):
             self._apply(self._tracker.on_silence(silent, now))
         if self._localisation.on_velocity(velocity, now):
             self._report(self._localisation.velocity)
@@ -641,7 +686,7 @@ class Nav2Driver:
         """Report a plan for our own drive; its end distinguishes it from plans of other clients."""
         frame, points = plan
         ours = frame.removeprefix("/") == self._settings.frame
-        if ours and len(points) > 1 and self._tracker.wants(points[-1]):
+        if ours and len(points) > 1 and self._tracker.navigator.wants(points[-1]):
             self._report(PlanReport(points, self._map_id))
 
     def _report_pose(self) -> None:
@@ -652,22 +697,19 @@ class Nav2Driver:
             seconds = self._settings.localisation.pose_timeout
             problem = f"the localisation has sent no pose for more than {seconds:g} s of driving"
             report = replace(report, localized=False, problem=problem)
-        awaited = self._tracker.busy or self._tracker.driving or self._initial_position.busy
+        awaited = self._tracker.busy or self._tracker.current.driving or self._initial_position.busy
         if report and (not self._repetition.of(report, self._clock.monotonic()) or awaited):
             self._report(report)
 
     def _apply(self, commands: Iterable[Command | PublishInitialPose]) -> None:
         for command in commands:
-            if isinstance(command, OnPath) and self._paths is not None and self._node is not None:
-                self._tasks.start("follow a path", self._paths.do(command.command), vital=False)
-            else:
-                self._do(command)
+            self._execute(command)
         busy = self._tracker.busy or self._initial_position.busy
         if busy and self._ticking is None and not self._stopped:
             due = self._loop.time() + TICK
             self._ticking = self._loop.call_at(due, self._tick, due)
 
-    def _do(self, command: Command | PublishInitialPose) -> None:
+    def _execute(self, command: Command | PublishInitialPose) -> None:
         if isinstance(command, Report):
             self._report(command.event)
             return
@@ -679,21 +721,31 @@ class Nav2Driver:
                 node.publish_goal(goal.pose)
                 self._log.info("goal published", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
                 self._loop.call_soon(node.prepare_stop)
-            case SendGoal(goal, goal_id):
-                self._tasks.start("send a goal", self._action.send(goal, goal_id), vital=False)
+            case SendGoal():
+                self._tasks.start("send a goal", self._send_goal(node, command), vital=False)
                 self._loop.call_soon(node.prepare_stop)
-            case RequestResult(goal_id):
-                self._action.request_result(goal_id)
+            case RequestResult(goal_id, server):
+                node.clients[server].request_result(goal_id)
             case PublishInitialPose(pose):
                 node.publish_initial_pose(pose)
-            case CancelGoal(goal_id):
-                self._log.info("goal cancelled", goal=goal_id)
-                self._tasks.start("cancel a goal", self._cancel(node, goal_id), vital=False)
+            case CancelGoal():
+                self._tasks.start("cancel a goal", self._cancel(node, command), vital=False)
             case StopMotion():
                 self._log.warning("cancelled the goals of controller, behaviours and docking")
                 self._tasks.start("stop the robot", self._stop_motion(node), vital=False)
             case RequestPose():
                 self._tasks.start("ask for a pose", self._request_pose(node), vital=False)
+
+    async def _send_goal(self, node: Nav2Node, command: SendGoal) -> None:
+        goal, goal_id, server = command.goal, command.goal_id, command.server
+        if goal.path:
+            self._log.info("path sent", generation=goal.generation, goal=goal_id, poses=len(goal.path))
+        else:
+            self._log.info(
+                "goal sent", generation=goal.generation, goal=goal_id, x=goal.pose.x, y=goal.pose.y
+            )
+        accepted = await node.clients[server].send_goal(goal, goal_id)
+        self._update(server, lambda tracker, now: tracker.on_goal_answer(goal_id, now, accepted=accepted))
 
     async def _request_pose(self, node: Nav2Node) -> None:
         if await node.request_pose():
@@ -703,9 +755,13 @@ class Nav2Driver:
         answered = await node.stop_motion()
         self._apply(self._tracker.on_stop_answer(self._clock.monotonic(), answered=answered))
 
-    async def _cancel(self, node: Nav2Node, goal_id: str) -> None:
-        code = await node.cancel(goal_id)
-        self._apply(self._tracker.on_cancel_answer(goal_id, code, self._clock.monotonic()))
+    async def _cancel(self, node: Nav2Node, command: CancelGoal) -> None:
+        path = command.server is Server.CONTROLLER
+        self._log.info("path cancelled" if path else "goal cancelled", goal=command.goal_id)
+        code = await node.clients[command.server].cancel_goal(command.goal_id)
+        self._update(
+            command.server, lambda tracker, now: tracker.on_cancel_answer(command.goal_id, code, now)
+        )
 
     def _tick(self, due: float) -> None:
         """Check the timeouts; if the loop was delayed during a drive, first read what has arrived."""

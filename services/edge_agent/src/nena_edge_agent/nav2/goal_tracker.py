@@ -1,14 +1,16 @@
-"""Track goals sent to Nav2 by topic.
+"""Track goals sent to one of Nav2's servers, by its action or by topic.
 
 Inputs are events and the time (monotonic seconds), outputs are commands. A goal waits for Nav2 or for the end
-of a cancelled goal, is resent until the status array confirms it, is tracked by its ID, and counts as reached
-when a pose confirms it. If the navigator ignores a halt, the controller itself is stopped.
+of a cancelled goal, is resent until the server accepts it or the status array lists it, is tracked by its ID,
+and counts as reached when a pose confirms it. If the server ignores a halt, the controller itself is stopped.
+
+By the action, a goal has an ID of ours, its result has the reason for a failure, its feedback the progress.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import dist, inf
 
 from nena_edge_agent.driver.port import (
@@ -30,10 +32,15 @@ from nena_edge_agent.nav2.commands import (
     PublishGoal,
     Report,
     RequestPose,
+    RequestResult,
+    SendGoal,
+    Server,
     StopMotion,
 )
-from nena_edge_agent.nav2.goals import GoalEntry, GoalRegistry
-from nena_edge_agent.nav2.poses import agrees, near
+from nena_edge_agent.nav2.error_codes import TRANSIENT, Meaning, meaning_of
+from nena_edge_agent.nav2.feedback import GIVEN_UP_AFTER, OBEYED_AFTER, PassedPoses
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalRegistry, GoalResult
+from nena_edge_agent.nav2.poses import SAME, agrees, near
 from nena_edge_agent.nav2.robot_base import Standstill
 from nena_edge_agent.nav2.settings import GoalSettings
 from nena_shared.log import get_logger
@@ -95,6 +102,20 @@ class GoalDrive:
 
 log = get_logger(__name__)
 
+WITHOUT_REASON = (
+    "no reason reported. Probably its lifecycle manager deactivated or paused it, or one of its servers "
+    "did not answer in time: the default of 20 ms for bt_navigator's default_server_timeout is too short for "
+    "a loaded computer; set 200 to 500 ms"
+)
+"""Explanation of a goal that is aborted with error code 0."""
+REASON_WAIT = 2.0
+"""Timeout for the reason of an aborted goal after the array with its end, seconds.
+
+It is the error code of its result, or that Nav2 is no longer available, which the agent checks once a second.
+Without nav2_msgs, and in Humble, there is no code.
+"""
+FROM_END = 1.0
+"""Distance from the end of a route, m, beyond which it is not completed, whatever navigation reports."""
 UNKNOWN_GOAL_ID = 2
 """Answer of action_msgs/srv/CancelGoal for an unknown goal."""
 STALE_XY = 0.25
@@ -104,18 +125,12 @@ STALE_THETA = 0.2
 
 PLAN_TOLERANCE = 0.75
 """Metres from the goal at which Nav2 may end its plan."""
-SAME = 0.001
-"""Maximum difference between two poses of the same node, metres or radians."""
+EARLIER = "earlier"
+"""Represents a path of an earlier run: its goal ID is not journalled, but has the agent's prefix."""
 RECLAIM_TIME = 10.0
 """Seconds after a restart in which the order may still request Nav2's current goal."""
 OBEYED_WITHIN = 0.5
 """Timeout for the robot to slow down after a halt, seconds; then its controller is stopped."""
-STOPPED_AFTER = 0.5
-"""Seconds without feedback, which Nav2 sends every 10 ms, after which the controller is stopped."""
-OBEYED_AFTER = 1.0
-"""Seconds without feedback after which the drive fails if the robot has not slowed down."""
-GIVEN_UP_AFTER = 2.0
-"""Seconds without feedback after which the drive fails even if the robot has stopped."""
 RECLAIM_SERVER_WAIT = 5.0
 """Timeout for the navigator of an earlier run's goal to appear, seconds: DDS may need a while to find it.
 
@@ -138,17 +153,32 @@ class _Halt:
 
 
 class GoalTracker:
-    """Tracks goals sent by topic; its methods return the commands to execute now."""
+    """Tracks the goals of one server; its methods return the commands to execute now."""
 
-    server = "bt_navigator"
-    """The name of the driving node, for error messages."""
-
-    def __init__(self, settings: GoalSettings, *, halts_after: GoalTracker | None = None) -> None:
+    def __init__(
+        self,
+        settings: GoalSettings,
+        prefix: GoalIdPrefix,
+        server: Server = Server.NAVIGATOR,
+        *,
+        halts_after: GoalTracker | None = None,
+    ) -> None:
         """Prepare; ``halts_after``: another tracker of the robot, after which this one answers a halt."""
         self._settings = settings
+        self._server = server
+        self._prefix = prefix
         self._registry = GoalRegistry(
-            confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
+            prefix, confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
         )
+        self.by_action = False
+        """Whether goals are sent to the action; set by the driver while its server is available."""
+        self._passed = PassedPoses()
+        self._sent_for: GoalDrive | None = None
+        self._sent: list[str] = []
+        self._refused = False
+        self._result_requested = ""
+        self._reason: tuple[str, int, Meaning | None] = ("", 0, None)
+        self._aborted: tuple[str, float] | None = None
         self._standstill = Standstill()
         self._navigation = NavigationReport(available=False, reason="Nav2 has not been searched for yet")
         self._drive: GoalDrive | None = None
@@ -180,7 +210,13 @@ class GoalTracker:
         drive = self._drive
         waiting = drive is not None and (drive.goal_id is None or drive.reached_at is not None)
         stopping = self._halt is not None or bool(self._cancels) or self._runaway
-        return waiting or stopping or self._reclaimed is not None or self._arrived_at is not None
+        judging = self._aborted is not None or self._arrived_at is not None or self._registry.yields
+        return waiting or stopping or judging or self._reclaimed is not None
+
+    @property
+    def goal_id(self) -> str | None:
+        """Return the goal that Nav2 drives to for us, once it has accepted it."""
+        return self._drive.goal_id if self._drive is not None else None
 
     @property
     def driving(self) -> bool:
@@ -236,8 +272,23 @@ class GoalTracker:
         self._registry.reclaim(goals.goal_ids, goals.behind if goals.given else None)
         self._reclaimed = goals
 
+    def expect_earlier(self) -> None:
+        """Assume a goal of an earlier run until the server's status array shows whether there is one."""
+        self._registry.reclaim((EARLIER,))
+
+    def may_drive_earlier(self, now: float) -> bool:
+        """Return whether the server may drive for us, also to a goal of an earlier run."""
+        registry = self._registry
+        return bool(registry.live) or (registry.orphaned and not registry.settled(now))
+
     def go_to(self, goal: DriveGoal, now: float) -> list[Command]:
-        """Drive to ``goal``; a current goal is replaced without a stop."""
+        """Drive to ``goal`` without a stop; nothing is sent if a route through several poses leads there."""
+        drive = self._drive
+        same = drive is not None and drive is self._sent_for and drive.goal_id in self._sent
+        if drive is not None and same and self._aborted is None and self._passed.covers(goal):
+            drive.goal = goal
+            self._passed.advance()
+            return self._advance(now)
         self._drove = True
         self._drive = GoalDrive(goal, preempts=self._registry.incomplete(now))
         return self._advance(now)
@@ -269,9 +320,53 @@ class GoalTracker:
         return self._advance(now)
 
     def _bind(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
-        """Follow the new ID that is ours: of a goal sent twice, the server drives the last accepted one."""
+        """Follow the new ID that is ours: of a goal sent twice, the server drives the last accepted one.
+
+        A goal sent by the action is in the array even if the response was lost.
+        """
         if claimed:
             drive.goal_id, drive.reached_at = claimed[-1], None
+        elif drive.goal_id is None and drive is self._sent_for:
+            listed = [goal_id for goal_id in self._sent if self._registry.status(goal_id) is not None]
+            drive.goal_id = listed[-1] if listed else None
+
+    def on_other_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
+        """Handle the status array of the action that this agent does not use."""
+        foreign = self._registry.set_others(entries, now)
+        self._report_table()
+        drive = self._drive
+        if foreign and drive is not None and drive.goal_id is not None and drive.reached_at is None:
+            text = (
+                f"another program sent Nav2 a goal ({foreign}), which Nav2 rejects while it drives through "
+                "several poses: this robot pauses, so that the goal can be resent"
+            )
+            self._fail(drive, DriveFailure.TAKEN_OVER, text)
+        return self._advance(now)
+
+    def on_goal_answer(self, goal_id: str, now: float, *, accepted: bool | None) -> list[Command]:
+        """Handle the response to a sent goal; None: there was none, and the status array shows the result."""
+        drive = self._drive
+        if accepted:
+            self._registry.accept(goal_id)
+            if drive is not None and drive is self._sent_for and goal_id in self._sent:
+                drive.goal_id, drive.reached_at = goal_id, None
+            self._report_table()
+        elif accepted is False:
+            self._refused = True
+        return self._advance(now)
+
+    def on_result(self, result: GoalResult, now: float) -> list[Command]:
+        """Handle the result of a goal: its last status, and its ``error_code`` and ``error_msg``, if any."""
+        goal_id, status, reason = result.goal_id, result.status, result.reason
+        self._registry.settle(goal_id, status)
+        if status.terminal and reason is not None:
+            self._reason = (goal_id, reason[0], meaning_of(*reason))
+        if status.terminal:
+            self._report_table()
+        drive = self._drive
+        if drive is not None and drive.goal_id == goal_id and drive.reached_at is None:
+            self._follow(drive, goal_id, now, lost=False)
+        return self._advance(now)
 
     def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
         """Handle the code of a cancel call, None for no answer; the goal's status shows its effect."""
@@ -299,7 +394,7 @@ class GoalTracker:
         drive.interrupted = True
         obeys = standstill.stands(now) or now - standstill.slowed_at < OBEYED_WITHIN
         if seconds >= GIVEN_UP_AFTER or (seconds >= OBEYED_AFTER and not obeys):
-            text = f"{self.server} has sent no feedback for {seconds:.1f} s; stopping its controller"
+            text = f"{self._server} has sent no feedback for {seconds:.1f} s; stopping its controller"
             self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
         return self._advance(now)
 
@@ -310,12 +405,21 @@ class GoalTracker:
 
     def on_pose(self, pose: Pose, now: float) -> list[Command]:
         """Handle a pose of the localisation."""
+        drive = self._drive
+        if drive and drive.reached_at is None and self._passed.missed(drive.goal, pose):
+            self._send_alone(drive)
         if self._drive and self._pose:
             self._drive.on_pose(pose, self._pose, now)
         if self._pose is None:
             self._localised_at = now
         self._pose, self._pose_at = pose, now
         return self._advance(now)
+
+    def on_places(self, goal_id: str, left: int) -> None:
+        """Record the number of poses that navigation has left to reach."""
+        drive = self._drive
+        if drive is not None and drive.goal_id == goal_id:
+            self._passed.left(drive.goal, left)
 
     def forget_pose(self) -> None:
         """Discard the robot's pose: the localisation has lost it."""
@@ -371,6 +475,10 @@ class GoalTracker:
         return self._advance(now)
 
     def _advance(self, now: float) -> list[Command]:
+        self._await_reason(now)
+        if self._registry.end_yielding(now):
+            self._report_table()
+        self._request_result()
         self._answer_halt(now)
         self._judge_arrival(now)
         self._send_or_give_up(now)
@@ -382,8 +490,18 @@ class GoalTracker:
         return commands
 
     def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
-        """Apply the status of the goal; 0 to 3 mean that it is still active."""
+        """Apply the status of the goal; 0 to 3 mean that it is still active.
+
+        The end of an aborted goal is delayed until its reason is known: Nav2 aborts goals without a reason
+        when it is deactivated or stopped, and only then says so.
+        """
         status = self._registry.status(goal_id)
+        known = self._reason[0] == goal_id or self._registry.taken_over(goal_id) is not None
+        if status is GoalStatus.ABORTED and not lost and not known and self._navigation.available:
+            self._aborted = self._aborted or (goal_id, now)
+            if now - self._aborted[1] < REASON_WAIT:
+                return
+        self._aborted = None
         if lost:
             text = f"Nav2 no longer lists the goal {goal_id}: it was restarted"
             self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
@@ -395,14 +513,37 @@ class GoalTracker:
         elif status is GoalStatus.ABORTED:
             self._fail_aborted(drive, goal_id)
 
+    def _await_reason(self, now: float) -> None:
+        """End the drive to an aborted goal whose reason is known by now, or does not come."""
+        drive = self._drive
+        if self._aborted is None:
+            return
+        if drive is not None and drive.goal_id == self._aborted[0]:
+            self._follow(drive, drive.goal_id, now, lost=False)
+        else:
+            self._aborted = None
+
+    def _request_result(self) -> None:
+        """Request the result of the current goal once, also of one of an earlier run or sent by topic."""
+        goal_id = self.goal_id
+        if goal_id is not None and goal_id != self._result_requested:
+            self._result_requested = goal_id
+            self._out.append(RequestResult(goal_id, self._server))
+
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
-        other = self._registry.taken_over(goal_id)
-        if other is not None:
+        other, (failed_id, code, meaning) = self._registry.taken_over(goal_id), self._reason
+        known, text = failed_id == goal_id, f"Nav2 has aborted the goal {goal_id}"
+        if known and meaning is not None:
+            text, transient = f"{text}: {meaning.reason}", code in TRANSIENT
+            self._fail(drive, DriveFailure.ABORTED, text, hint=meaning.hint, code=code, transient=transient)
+        elif other is not None:
             text = f"the goal {goal_id} was replaced by another program's goal ({other})"
             self._fail(drive, DriveFailure.TAKEN_OVER, text)
+        elif known or not self._navigation.available:
+            self._fail(drive, DriveFailure.ABORTED, f"{text}: {WITHOUT_REASON}", transient=True)
         else:
             text = (
-                f"Nav2 has aborted the goal {goal_id}: the goal cannot be reached, the route is blocked, "
+                f"{text}: the goal cannot be reached, the route is blocked, "
                 "or the robot is not localised; Nav2's log on the robot shows which"
             )
             self._fail(drive, DriveFailure.ABORTED, text)
@@ -495,6 +636,9 @@ class GoalTracker:
         drive = self._drive
         if drive is None or drive.reached_at is None:
             return
+        if drive.goal.ahead and self._pose is not None:
+            self._judge_route(drive, self._pose, now)
+            return
         if self._pose is not None and agrees(self._pose, drive.goal):
             self._arrive(drive, now)
         elif drive.may_be_undriven and not self._may_agree(drive.goal):
@@ -507,6 +651,20 @@ class GoalTracker:
             self._arrive(drive, now)
         elif not drive.poses_are_late(now):
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
+
+    def _judge_route(self, drive: GoalDrive, pose: Pose, now: float) -> None:
+        """Wait at the end of a route until its nodes are reported as passed; drive to one that was not."""
+        if agrees(pose, drive.goal):
+            self._arrive(drive, now)
+        elif drive.may_be_undriven and not near(pose, drive.goal.ahead[-1], xy=FROM_END, theta=None):
+            self._resend(drive)
+        elif drive.reached_at is not None and now - drive.reached_at >= self._settings.pose_wait:
+            self._send_alone(drive)
+
+    def _send_alone(self, drive: GoalDrive) -> None:
+        """Resend a goal without the poses after it."""
+        log.info("a skipped node is driven to separately", generation=drive.goal.generation)
+        self._drive = GoalDrive(replace(drive.goal, ahead=()))
 
     def _resend(self, drive: GoalDrive) -> None:
         """Resend a goal that succeeded although the robot is elsewhere.
@@ -555,11 +713,20 @@ class GoalTracker:
         elif self._may_send(now) and not self._continue_earlier(drive, now) and now >= localised:
             drive.times_sent += 1
             drive.preempts = drive.preempts or self._registry.running
-            self._publish(drive, now)
+            self._send(drive, now)
 
-    def _publish(self, drive: GoalDrive, now: float) -> None:
-        self._registry.given(now)
-        self._out.append(PublishGoal(drive.goal))
+    def _send(self, drive: GoalDrive, now: float) -> None:
+        if not self.by_action:
+            self._registry.given(now)
+            self._out.append(PublishGoal(drive.goal))
+            return
+        if drive is not self._sent_for:
+            self._sent_for, self._sent, self._refused = drive, [], False
+        goal_id = self._prefix.new()
+        self._passed.begin(drive.goal)
+        self._sent.append(goal_id)
+        self._registry.sent(now)
+        self._out.append(SendGoal(drive.goal, goal_id, self._server))
 
     def _continue_earlier(self, drive: GoalDrive, now: float) -> bool:
         """Continue the goal of an earlier run, if it has the same pose and is active or succeeded."""
@@ -602,6 +769,13 @@ class GoalTracker:
         return clear and self._registry.settled(now)
 
     def _refusal(self, drive: GoalDrive) -> str:
+        if self._server is Server.CONTROLLER:
+            return (
+                f"Nav2's controller has not accepted the path, sent {drive.times_sent} times: "
+                "is controller_server active?"
+            )
+        if drive is self._sent_for and self._refused:
+            return f"Nav2 rejected the goal, sent {drive.times_sent} times: is bt_navigator active?"
         if drive.times_sent:
             return (
                 f"Nav2 has not accepted the goal, sent {drive.times_sent} times: "
@@ -621,7 +795,7 @@ class GoalTracker:
         for goal_id in unwanted:
             if now >= self._cancels.get(goal_id, now):
                 self._cancels[goal_id] = now + self._settings.cancel_time
-                self._out.append(CancelGoal(goal_id))
+                self._out.append(CancelGoal(goal_id, self._server))
 
     def _refresh_pose(self, now: float) -> None:
         """Request a pose once the robot has stopped at its goal: the last one is from before the stop."""

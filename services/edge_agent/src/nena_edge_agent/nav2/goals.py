@@ -1,7 +1,8 @@
 """The goals in Nav2's status array, and which of them are this agent's.
 
-A goal sent by topic has no ID of ours, so its owner is inferred: each goal sent may claim one new ID. A goal
-sent by the action has an ID with the agent's prefix. A server's restart invalidates all IDs.
+A goal sent to the action has an ID with the agent's prefix. A goal sent by topic gets a random ID from
+bt_navigator (``onGoalPoseReceived``), so its owner is inferred: each one sent may claim one new ID. A restart
+of the server invalidates all IDs.
 """
 
 from __future__ import annotations
@@ -46,6 +47,27 @@ class FeedbackReading:
     places_left: int = 1
 
 
+YIELD_TIME = 10.0
+"""Seconds in which another client can resend a goal that Nav2 rejected because this agent drove."""
+LENGTH = 8
+"""Number of the 16 bytes of an ID that are the same for all goals of an agent; the others are random."""
+
+
+class GoalIdPrefix:
+    """The prefix of the agent whose ROS node has the name ``node_name``; IDs are hexadecimal digits."""
+
+    def __init__(self, node_name: str) -> None:
+        self._prefix = hashlib.sha256(f"nena {node_name}".encode()).digest()[:LENGTH].hex()
+
+    def new(self) -> str:
+        """Return a new random ID."""
+        return self._prefix + secrets.token_hex(16 - LENGTH)
+
+    def matches(self, goal_id: str) -> bool:
+        """Return whether a goal is from this agent, in this run or an earlier one."""
+        return goal_id.startswith(self._prefix)
+
+
 ENDED_SHOWN = 5
 """Maximum number of ended goals in the table; Nav2 itself lists them for 15 minutes."""
 
@@ -68,13 +90,14 @@ class Goal:
 
 
 class GoalRegistry:
-    """Keeps the goals of the last status array; times are monotonic seconds.
+    """Keeps the goals of the last status array of one action; times are monotonic seconds.
 
-    A sent goal is awaited for ``confirmation_time``, and can claim an ID for twice as long. A server that has
-    been present for ``settle_time`` without an array has no earlier goals.
+    A goal sent by topic is awaited for ``confirmation_time``, and can claim an ID for twice as long. A server
+    that has been present for ``settle_time`` without an array has no earlier goals.
     """
 
-    def __init__(self, *, confirmation_time: float, settle_time: float) -> None:
+    def __init__(self, prefix: GoalIdPrefix, *, confirmation_time: float, settle_time: float) -> None:
+        self._prefix = prefix
         self._confirmation_time = confirmation_time
         self._settle_time = settle_time
         self._goals: dict[str, Goal] = {}
@@ -87,6 +110,9 @@ class GoalRegistry:
         self._claims = 0
         self._awaited = False
         self._given_at = -float("inf")
+        self._others: tuple[GoalReport, ...] = ()
+        self._others_known: dict[str, GoalStatus] | None = None
+        self._yield_until: float | None = None
         self.given_before: str | None = None
         """The last goal of an earlier run that it did not see listed, once it is listed."""
 
@@ -109,14 +135,19 @@ class GoalRegistry:
 
     @property
     def table(self) -> GoalTable:
-        """Return the goals of the last array: those that run, and the newest of those that have ended."""
+        """Return the goals that run at the other action, then those of the last array, ended ones limited."""
         rows = [
             GoalReport(goal_id, not goal.ours, goal.status.name, goal.status.terminal)
             for goal_id, goal in self._goals.items()
             if not goal.past
         ]
         shown = [row for row in rows if row.ended][-ENDED_SHOWN:]
-        return GoalTable(tuple(row for row in rows if not row.ended or row in shown))
+        return GoalTable((*self._others, *(row for row in rows if not row.ended or row in shown)))
+
+    @property
+    def yields(self) -> bool:
+        """Return whether another client may resend a goal that Nav2 rejected."""
+        return self._yield_until is not None
 
     @property
     def canceling(self) -> bool:
@@ -202,121 +233,6 @@ class GoalRegistry:
         """Return whether a goal sent by topic may still be listed: the first of two may have been lost."""
         return self._claims > 0 and now - self._given_at < 2 * self._confirmation_time
 
-    def forget(self, goal_id: str) -> None:
-        """Remove a goal that the server does not know."""
-        if goal_id in self._goals:
-            self._goals[goal_id].status = GoalStatus.ABORTED
-
-    def update(self, entries: Sequence[GoalEntry], now: float) -> StatusChanges:
-        """Handle an array; ignore a late one."""
-        self._expire(now)
-        if self._is_late(entries):
-            return StatusChanges((), frozenset())
-        first, self._array_seen = not self._array_seen, True
-        before, self._goals = self._goals, {}
-        self._find_given_before([entry.goal_id for entry in entries])
-        claimed = self._claim(
-            [entry.goal_id for entry in entries if entry.goal_id not in before], first=first
-        )
-        for entry in entries:
-            ours = self._owns(entry.goal_id, claimed)
-            goal = self._goals[entry.goal_id] = _merged(before.get(entry.goal_id), entry, ours=ours)
-            goal.past = goal.past or (first and goal.status.terminal and not ours)
-        self._orphans = frozenset()
-        lost = frozenset(
-            goal_id
-            for goal_id, goal in before.items()
-            if goal.ours and not goal.status.terminal and goal_id not in self._goals
-        )
-        return StatusChanges(claimed, lost)
-
-    def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
-        """Return whether a newer array was already received: it had a goal that this one lacks."""
-        newest = next(reversed(self._goals), None)
-        listed = {entry.goal_id for entry in entries}
-        return newest is not None and newest not in listed and listed <= self._goals.keys()
-
-    def _owns(self, goal_id: str, claimed: Sequence[str]) -> bool:
-        return goal_id in claimed or goal_id in self._orphans
-
-    def _claim(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
-        """Return the new IDs that are ours: of a first array, which lists old goals, at most the last one."""
-        strange = [goal_id for goal_id in fresh if goal_id not in self._orphans]
-        claimed = tuple((strange[-1:] if first else strange)[: self._claims])
-        self._claims -= len(claimed)
-        if claimed:
-            self._awaited = False
-        return claimed
-
-    def _find_given_before(self, listed: list[str]) -> None:
-        """Find a goal that an earlier run sent but did not see listed."""
-        behind, self._given_behind = self._given_behind, None
-        if behind is None or (behind and behind not in listed):
-            return
-        later = listed[listed.index(behind) + 1 :] if behind else listed[-1:]
-        self.given_before = next((goal_id for goal_id in later if goal_id not in self._orphans), None)
-        if self.given_before:
-            self._orphans |= {self.given_before}
-
-    def _expire(self, now: float) -> None:
-        if not self.incomplete(now):
-            self._claims = 0
-
-
-def _merged(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
-    """Return the goal updated by ``entry``; an end is final, and an unknown status is ignored."""
-    if old is None:
-        return Goal(ours, entry.status)
-    if old.status.terminal or entry.status is GoalStatus.UNKNOWN:
-        return old
-    return Goal(old.ours, entry.status, old.past)
-
-
-YIELD_TIME = 10.0
-"""Seconds in which another client can resend a goal that Nav2 rejected because this agent drove."""
-
-LENGTH = 8
-"""Number of the 16 bytes of an ID that are the same for all goals of an agent; the others are random."""
-
-
-class GoalIdPrefix:
-    """The prefix of the agent whose ROS node has the name ``node_name``; IDs are hexadecimal digits."""
-
-    def __init__(self, node_name: str) -> None:
-        self._prefix = hashlib.sha256(f"nena {node_name}".encode()).digest()[:LENGTH].hex()
-
-    def new(self) -> str:
-        """Return a new random ID."""
-        return self._prefix + secrets.token_hex(16 - LENGTH)
-
-    def matches(self, goal_id: str) -> bool:
-        """Return whether a goal is from this agent, in this run or an earlier one."""
-        return goal_id.startswith(self._prefix)
-
-
-class PrefixedGoalRegistry(GoalRegistry):
-    """A registry that recognises our goals by the prefix of their IDs, not by inference.
-
-    Goals sent by topic are still handled as in the base class.
-    """
-
-    def __init__(self, prefix: GoalIdPrefix, *, confirmation_time: float, settle_time: float) -> None:
-        super().__init__(confirmation_time=confirmation_time, settle_time=settle_time)
-        self._prefix = prefix
-        self._others: tuple[GoalReport, ...] = ()
-        self._others_known: dict[str, GoalStatus] | None = None
-        self._yield_until: float | None = None
-
-    @property
-    def table(self) -> GoalTable:
-        """Return the goals of the last array, and before them those that run at the other action."""
-        return GoalTable((*self._others, *super().table.goals))
-
-    @property
-    def yields(self) -> bool:
-        """Return whether another client may resend a goal that Nav2 rejected."""
-        return self._yield_until is not None
-
     def set_others(self, entries: Sequence[GoalEntry], now: float) -> str | None:
         """Handle the goals of the action that only others use; return a new one that interferes with ours.
 
@@ -371,17 +287,77 @@ class PrefixedGoalRegistry(GoalRegistry):
         if goal is not None and not goal.status.terminal and status.terminal:
             goal.status = status
 
+    def forget(self, goal_id: str) -> None:
+        """Remove a goal that the server does not know."""
+        if goal_id in self._goals:
+            self._goals[goal_id].status = GoalStatus.ABORTED
+
+    def update(self, entries: Sequence[GoalEntry], now: float) -> StatusChanges:
+        """Handle an array; ignore a late one."""
+        self._expire(now)
+        if self._is_late(entries):
+            return StatusChanges((), frozenset())
+        first, self._array_seen = not self._array_seen, True
+        before, self._goals = self._goals, {}
+        self._find_given_before([entry.goal_id for entry in entries])
+        claimed = self._claim(
+            [entry.goal_id for entry in entries if entry.goal_id not in before], first=first
+        )
+        for entry in entries:
+            ours = self._owns(entry.goal_id, claimed)
+            goal = self._goals[entry.goal_id] = _merged(before.get(entry.goal_id), entry, ours=ours)
+            goal.past = goal.past or (first and goal.status.terminal and not ours)
+        self._orphans = frozenset()
+        lost = frozenset(
+            goal_id
+            for goal_id, goal in before.items()
+            if goal.ours and not goal.status.terminal and goal_id not in self._goals
+        )
+        return StatusChanges(claimed, lost)
+
+    def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
+        """Return whether a newer array was already received: it had a goal that this one lacks."""
+        newest = next(reversed(self._goals), None)
+        listed = {entry.goal_id for entry in entries}
+        return newest is not None and newest not in listed and listed <= self._goals.keys()
+
     def _owns(self, goal_id: str, claimed: Sequence[str]) -> bool:
-        return self._prefix.matches(goal_id) or super()._owns(goal_id, claimed)
+        return self._prefix.matches(goal_id) or goal_id in claimed or goal_id in self._orphans
 
     def _claim(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
-        return super()._claim([each for each in fresh if not self._prefix.matches(each)], first=first)
+        """Return the new IDs that are ours: of a first array, which lists old goals, at most the last one."""
+        strange = [
+            goal_id for goal_id in fresh if goal_id not in self._orphans and not self._prefix.matches(goal_id)
+        ]
+        claimed = tuple((strange[-1:] if first else strange)[: self._claims])
+        self._claims -= len(claimed)
+        if claimed:
+            self._awaited = False
+        return claimed
 
     def _find_given_before(self, listed: list[str]) -> None:
-        """Find the goal that an earlier run sent last by its prefix; one sent by topic by its pose."""
-        newest = next((each for each in reversed(listed) if self._prefix.matches(each)), None)
-        if self._given_behind is None or newest is None:
-            super()._find_given_before(listed)
-            return
+        """Find the goal that an earlier run sent last: by its prefix, or by its place behind a known goal."""
         behind, self._given_behind = self._given_behind, None
-        self.given_before = None if newest in self._orphans or newest == behind else newest
+        newest = next((goal_id for goal_id in reversed(listed) if self._prefix.matches(goal_id)), None)
+        if behind is None or (newest is None and behind and behind not in listed):
+            return
+        if newest is not None:
+            self.given_before = None if newest in self._orphans or newest == behind else newest
+            return
+        later = listed[listed.index(behind) + 1 :] if behind else listed[-1:]
+        self.given_before = next((goal_id for goal_id in later if goal_id not in self._orphans), None)
+        if self.given_before:
+            self._orphans |= {self.given_before}
+
+    def _expire(self, now: float) -> None:
+        if not self.incomplete(now):
+            self._claims = 0
+
+
+def _merged(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
+    """Return the goal updated by ``entry``; an end is final, and an unknown status is ignored."""
+    if old is None:
+        return Goal(ours, entry.status)
+    if old.status.terminal or entry.status is GoalStatus.UNKNOWN:
+        return old
+    return Goal(old.ours, entry.status, old.past)

@@ -7,7 +7,7 @@ passed as plain data to the event loop, and messages are sent from there.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from action_msgs.msg import GoalStatusArray
@@ -21,12 +21,15 @@ from sensor_msgs.msg import BatteryState
 from std_srvs.srv import Empty, Trigger
 
 from nena_edge_agent.driver.port import Pose, SessionState
-from nena_edge_agent.nav2 import messages
+from nena_edge_agent.nav2 import action_client, messages
+from nena_edge_agent.nav2.action_client import ActionClient, ActionHandlers
+from nena_edge_agent.nav2.commands import Server
 from nena_edge_agent.nav2.goals import GoalEntry
+from nena_edge_agent.nav2.offers import FOLLOW_PATH, interface
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import LifecycleWatch, Presence, endpoints
 from nena_edge_agent.nav2.robot_base import BatteryReading
-from nena_edge_agent.nav2.session import LATCHED, RELIABLE, SENSOR, STATUS_ARRAYS, RosSession
+from nena_edge_agent.nav2.session import LATCHED, RELIABLE, SENSOR, RosSession
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.nav2.settings import RosSettings, status_of
 
@@ -39,17 +42,27 @@ class Nav2Node:
         settings: RosSettings,
         extensions: Sequence[NodeExtension] = (),
         *,
-        on_statuses: Callable[[list[GoalEntry]], None],
+        actions: Mapping[Server, ActionHandlers],
         on_other_statuses: Callable[[list[GoalEntry]], None],
         on_pose: Callable[[PoseReading], None],
         on_velocity: Callable[[tuple[float, float]], None],
         on_battery: Callable[[BatteryReading], None],
         on_plan: Callable[[tuple[str, tuple[tuple[float, float], ...]]], None],
     ) -> None:
-        """Prepare the node, in the event loop that it will work for, in which it calls the handlers."""
+        """Prepare the node, in the event loop that it will work for, in which it calls the handlers.
+
+        ``actions`` are those of the servers that drive for us.
+        """
         self._extensions = extensions
         self._settings = settings
-        self._on_statuses, self._on_other_statuses = on_statuses, on_other_statuses
+        names = {
+            Server.NAVIGATOR: (settings.action, action_client.action_type(settings.navigation)),
+            Server.CONTROLLER: (settings.names.follow_path, interface(FOLLOW_PATH)),
+        }
+        self.clients = {
+            server: ActionClient(settings, *names[server], handlers) for server, handlers in actions.items()
+        }
+        self._on_other_statuses = on_other_statuses
         self._on_pose, self._on_velocity = on_pose, on_velocity
         self._on_battery, self._on_plan = on_battery, on_plan
         self._lifecycle_watch, self._localiser_watch = LifecycleWatch(), LifecycleWatch()
@@ -85,11 +98,6 @@ class Nav2Node:
         )
         self._initial_poses.publish(message)
 
-    async def cancel(self, goal_id: str) -> int | None:
-        """Cancel one goal and return the code of the answer; None: no answer."""
-        answer = await self._call(self._cancel, messages.cancel_request(goal_id))
-        return None if answer is None else int(answer.return_code)
-
     async def stop_motion(self) -> bool:
         """Cancel all goals of servers that move the robot; return whether the controller answered."""
         request, seconds = messages.cancel_all_request(), self._settings.call_timeout
@@ -122,7 +130,7 @@ class Nav2Node:
             return None
         self._subscribe_to_volatile_poses()
         return Presence(
-            servers=self.servers(),
+            servers=self.clients[Server.NAVIGATOR].server_ids(),
             goal_listeners=self._goals.get_subscription_count(),
             lifecycle=self._lifecycle_watch.judge(
                 there=there, active=None if active is None else bool(active.success)
@@ -133,10 +141,6 @@ class Nav2Node:
                 active=None if state is None else state.current_state.id == State.PRIMARY_STATE_ACTIVE,
             ),
         )
-
-    def servers(self) -> frozenset[str]:
-        """Return the endpoint IDs of the status array's publishers."""
-        return self._publishers(status_of(self._settings.action))
 
     def planners(self) -> frozenset[str]:
         """Return the endpoint IDs of the planner's publishers; those of other nodes may come and go."""
@@ -156,7 +160,6 @@ class Nav2Node:
         self._node = node
         self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
         self._initial_poses = node.create_publisher(PoseWithCovarianceStamped, names.initial_pose, RELIABLE)
-        self._cancel = node.create_client(CancelGoal, f"{self._settings.action}/_action/cancel_goal")
         controller, *others = (f"{action}/_action/cancel_goal" for action in names.motions)
         self._controller = node.create_client(CancelGoal, controller)
         self._motions = [session.late_client(node, CancelGoal, each) for each in others]
@@ -164,7 +167,7 @@ class Nav2Node:
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._localiser = node.create_client(GetState, names.localiser)
         self._listen(node)
-        for extension in self._extensions:
+        for extension in (*self.clients.values(), *self._extensions):
             extension.enter(session, node)
 
     def _subscribe_to_volatile_poses(self) -> None:
@@ -190,15 +193,6 @@ class Nav2Node:
 
     def _listen(self, node: Any) -> None:  # noqa: ANN401
         names, subscribe = self._settings.names, self._session.subscribe
-        subscribe(
-            node,
-            GoalStatusArray,
-            status_of(self._settings.action),
-            LATCHED,
-            read=messages.status_entries,
-            handle=self._on_statuses,
-            limit=STATUS_ARRAYS,
-        )
         subscribe(
             node,
             GoalStatusArray,

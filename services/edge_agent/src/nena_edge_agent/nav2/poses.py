@@ -10,6 +10,8 @@ from nena_edge_agent.driver.port import DriveGoal, Pose
 from nena_edge_agent.nav2.settings import LocalisationSettings
 from nena_shared.ros import wrap
 
+SAME = 0.001
+"""Maximum difference between two poses of the same node, metres or radians."""
 PLAN_POINTS = 100
 """Maximum number of reported points of a plan, excluding its end."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import pytest
 
@@ -21,16 +22,17 @@ from nena_edge_agent.driver.port import (
 from nena_edge_agent.nav2.commands import (
     CancelGoal,
     Command,
-    OnPath,
     Report,
     RequestResult,
     SendGoal,
+    Server,
     StopMotion,
 )
-from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix
+from nena_edge_agent.nav2.goal_tracker import GoalTracker
+from nena_edge_agent.nav2.goals import GoalEntry, GoalIdPrefix, GoalResult
 from nena_edge_agent.nav2.offers import nav2_offers
-from nena_edge_agent.nav2.path_following import Trackers
 from nena_edge_agent.nav2.settings import GoalSettings, OfferSettings, RosSettings
+from nena_edge_agent.nav2.trackers import Trackers
 from nena_shared.ros import GoalStatus
 from support.action_types import needs_action_types
 
@@ -47,6 +49,9 @@ def place(x: float) -> Pose:
 def goal(generation: int, x: float = 5.0, *, path: bool = False) -> DriveGoal:
     way = tuple(place(x * i / 5) for i in range(6)) if path else ()
     return DriveGoal(generation, place(x), deviation_xy=0.5, path=way)
+
+
+C = TypeVar("C", SendGoal, CancelGoal)
 
 
 class Talk:
@@ -78,42 +83,50 @@ class Talk:
             self.trackers.on_velocity(speed, 0.0, self.now)
 
     def accept_path(self) -> None:
-        answer = self.trackers.controller.on_goal_answer(self.paths[-1].goal_id, self.now, accepted=True)
-        self.said += self.trackers.of_controller(answer)
+        self.answer_path(accepted=True)
+
+    def answer_path(self, *, accepted: bool) -> None:
+        goal_id = self.paths[-1].goal_id
+        self.tell(lambda tracker: tracker.on_goal_answer(goal_id, self.now, accepted=accepted))
+
+    def tell(self, change: Callable[[GoalTracker], list[Command]], at: Server = Server.CONTROLLER) -> None:
+        self.said += self.trackers.update(at, change, self.now)
 
     def accept_goal(self) -> None:
         goal_id = self.sent[-1].goal_id
         self.said += self.trackers.navigator.on_goal_answer(goal_id, self.now, accepted=True)
 
     def path_ends(self, status: GoalStatus, code: int = 0) -> None:
-        ended = self.trackers.controller.on_result(self.paths[-1].goal_id, status, (code, ""), self.now)
-        self.said += self.trackers.of_controller(ended)
+        result = GoalResult(self.paths[-1].goal_id, status, (code, ""))
+        self.tell(lambda tracker: tracker.on_result(result, self.now))
 
     def array(self, status: GoalStatus) -> None:
         """Let the navigator list its goal."""
-        self.said += self.trackers.on_statuses([GoalEntry(self.sent[-1].goal_id, status)], self.now)
+        entries = [GoalEntry(self.sent[-1].goal_id, status)]
+        self.tell(lambda tracker: tracker.on_statuses(entries, self.now), Server.NAVIGATOR)
 
     def path_array(self, status: GoalStatus) -> None:
         self.path_statuses(self.paths[-1].goal_id, status)
 
     def path_statuses(self, goal_id: str, status: GoalStatus) -> None:
         """Let the controller list one path."""
-        found = self.trackers.controller.on_statuses([GoalEntry(goal_id, status)], self.now)
-        self.said += self.trackers.of_controller(found)
+        self.tell(lambda tracker: tracker.on_statuses([GoalEntry(goal_id, status)], self.now))
 
     @property
     def paths(self) -> list[SendGoal]:
-        at_controller = [each.command for each in self.said if isinstance(each, OnPath)]
-        return [each for each in at_controller if isinstance(each, SendGoal)]
+        return [each for each in self._of_kind(SendGoal) if each.server is Server.CONTROLLER]
 
     @property
     def path_cancels(self) -> list[str]:
-        at_controller = [each.command for each in self.said if isinstance(each, OnPath)]
-        return [each.goal_id for each in at_controller if isinstance(each, CancelGoal)]
+        cancels = self._of_kind(CancelGoal)
+        return [each.goal_id for each in cancels if each.server is Server.CONTROLLER]
 
     @property
     def sent(self) -> list[SendGoal]:
-        return [each for each in self.said if isinstance(each, SendGoal)]
+        return [each for each in self._of_kind(SendGoal) if each.server is Server.NAVIGATOR]
+
+    def _of_kind(self, kind: type[C]) -> list[C]:
+        return [each for each in self.said if isinstance(each, kind)]
 
     @property
     def events(self) -> list[DriverEvent]:
@@ -140,8 +153,8 @@ def driving(talk: Talk) -> Talk:
 def test_a_path_is_sent_to_the_controller_and_its_end_is_reached(driving: Talk) -> None:
     (sent,) = driving.paths
     assert (len(sent.goal.path), MARK.matches(sent.goal_id), driving.sent) == (6, True, [])
-    assert driving.trackers.goal_id == sent.goal_id
-    assert any(isinstance(each, OnPath) and isinstance(each.command, RequestResult) for each in driving.said)
+    assert driving.trackers.current.goal_id == sent.goal_id
+    assert RequestResult(sent.goal_id, Server.CONTROLLER) in driving.said
     driving.said += driving.trackers.on_pose(place(5.0), driving.now)
     driving.path_ends(GoalStatus.SUCCEEDED)
     assert Arrived(1) in driving.events
@@ -249,8 +262,7 @@ def test_an_abort_has_the_reason_of_the_controller(driving: Talk) -> None:
 def test_a_path_that_is_refused_fails_in_the_end(talk: Talk) -> None:
     talk.go_to(goal(1, path=True))
     for _ in range(40):
-        refused = talk.trackers.controller.on_goal_answer(talk.paths[-1].goal_id, talk.now, accepted=False)
-        talk.said += talk.trackers.of_controller(refused)
+        talk.answer_path(accepted=False)
         talk.later(1.0)
     assert [each.failure for each in talk.failures] == [DriveFailure.NOT_TAKEN_UP]
     assert "is controller_server active?" in talk.failures[0].description
@@ -258,7 +270,7 @@ def test_a_path_that_is_refused_fails_in_the_end(talk: Talk) -> None:
 
 def test_a_path_replaced_by_another_clients_goal_is_taken_over(driving: Talk) -> None:
     theirs = [GoalEntry(THEIRS, GoalStatus.EXECUTING)]
-    driving.said += driving.trackers.on_statuses(theirs, driving.now)
+    driving.tell(lambda tracker: tracker.on_statuses(theirs, driving.now), Server.NAVIGATOR)
     driving.path_ends(GoalStatus.ABORTED)
     driving.later(2.0)
     assert [each.failure for each in driving.failures] == [DriveFailure.TAKEN_OVER]
