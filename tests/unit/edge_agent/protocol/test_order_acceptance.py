@@ -7,48 +7,21 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.driver.port import Circle, NoRouteReport, Pose
+from nena_edge_agent.driver.port import Circle, NoRouteReport
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import MapsReport, MessageRefused, OperatingModeSwitched, ReportState
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.order_acceptance import Situation, decide
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.order import ControlPoint, Corridor, NodePosition, Order, Trajectory
 from nena_shared.vda5050.state import Map, MapStatus, OperatingMode
 from nena_shared.vda5050.versions import RULES
-from support.robot_core import ACTIONS, CAPABILITIES, MAP, PRESS, Bench, action, at, order, position
-
-FREE = Situation(
-    session_problem="",
-    operating_mode=OperatingMode.AUTOMATIC,
-    fatal=False,
-    idle=True,
-    cancelled=False,
-    cleared=False,
-    order_id="",
-    order_update_id=0,
-    decision_point=None,
-    content=None,
-    pose=Pose(0.0, 0.0, 0.0, MAP),
-    no_route=(),
-    maps=frozenset({MAP}),
-    closed=(),
-    reached_node="",
-    instant_action_ids=frozenset(),
-    base_action_ids=frozenset(),
-)
+from support.robot_core import ACTIONS, MAP, PRESS, Bench, action, at, order, position
 
 
 def references(entry: ErrorEntry) -> dict[str, str]:
     return {each.reference_key: each.reference_value for each in entry.error_references}
-
-
-def rejection(wrong: Order, situation: Situation = FREE) -> ErrorEntry:
-    decision = decide(wrong, situation, CAPABILITIES)
-    assert isinstance(decision, ErrorEntry), decision
-    return decision
 
 
 def refused(bench: Bench, wrong: Order) -> ErrorEntry:
@@ -85,7 +58,10 @@ def test_row_1_an_order_without_an_id_is_refused_and_not_mistaken_for_the_curren
 
 @pytest.mark.clause("6.1.4.9")
 def test_row_2_a_mode_without_fleet_control_accepts_no_orders() -> None:
-    entry = rejection(order("n0", "n1"), replace(FREE, operating_mode=OperatingMode.MANUAL))
+    bench = Bench()
+    bench.do(OperatingModeSwitched(OperatingMode.MANUAL))
+
+    entry = refused(bench, order("n0", "n1"))
 
     assert entry.error_type == ErrorType.MOBILE_ROBOT_NOT_AVAILABLE
     assert entry.error_level is ErrorLevel.WARNING

@@ -8,8 +8,13 @@ import pytest
 
 from nena_edge_agent.driver.port import NavigationReport
 from nena_edge_agent.protocol.events import InstantActionsReceived, OrderReceived, Started
-from nena_edge_agent.protocol.memory import OrderHeaderMemory
-from nena_edge_agent.protocol.order_progress import CLOCK_TOLERANCE, ENDED_ORDERS_KEPT, BasePath, OrderHistory
+from nena_edge_agent.protocol.order_progress import (
+    CLOCK_TOLERANCE,
+    ENDED_ORDERS_KEPT,
+    BasePath,
+    OrderHeader,
+    OrderHistory,
+)
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.versions import RULES
@@ -217,7 +222,7 @@ def test_a_replaced_order_service_cannot_cancel() -> None:
     assert not bench.idle
     assert bench.errors == ["VALIDATION_FAILURE"]
     bench.do(InstantActionsReceived(cancel.model_copy(update={"nena_epoch": 9})))
-    assert bench.core.memory().last_order_header == OrderHeaderMemory(header_id=-1, timestamp=TIME, epoch=9)
+    assert bench.core.memory().last_order_header == OrderHeader(header_id=-1, timestamp=TIME, epoch=9)
 
 
 @pytest.mark.parametrize("epoch", [8, None])

@@ -7,10 +7,16 @@ from datetime import datetime
 
 from pydantic import BaseModel, ConfigDict
 
-from nena_edge_agent.driver.port import OwnGoals, Pose
+from nena_edge_agent.driver.port import OwnGoals
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.order_progress import BasePath, OrderHeader, OrderHistory, OrderProgress
+from nena_edge_agent.protocol.order_progress import (
+    OrderFingerprints,
+    OrderHeader,
+    OrderHistory,
+    OrderProgress,
+    PathOf,
+)
 from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.zone_sets import AccessRequest, ZoneRequests
 from nena_shared.vda5050.action import Action, ActionStatus
@@ -37,15 +43,6 @@ class ActionMemory(BaseModel):
     result: str | None
 
 
-class ContentMemory(BaseModel):
-    """Fingerprints of the last accepted order message."""
-
-    model_config = ConfigDict(frozen=True, from_attributes=True)
-
-    whole: str
-    decision_node: str
-
-
 class ProgressMemory(BaseModel):
     """The order and its progress; the fields are those of ``OrderProgress``."""
 
@@ -61,19 +58,9 @@ class ProgressMemory(BaseModel):
     cancelled: bool
     cleared: bool = False
     decision_point: tuple[str, int] | None
-    content: ContentMemory | None = None
+    content: OrderFingerprints | None = None
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
-
-
-class OrderHeaderMemory(BaseModel):
-    """Highest header values of accepted messages; the fields are those of ``OrderHeader``."""
-
-    model_config = ConfigDict(frozen=True, from_attributes=True)
-
-    header_id: int
-    timestamp: datetime | None
-    epoch: int | None = None
 
 
 class ZoneSetMemory(BaseModel):
@@ -97,17 +84,6 @@ class AccessMemory(BaseModel):
     lease_expiry: datetime | None
 
 
-class OwnGoalsMemory(BaseModel):
-    """Own goals that navigation has or may have; the fields are those of ``OwnGoals``."""
-
-    model_config = ConfigDict(frozen=True, from_attributes=True)
-
-    goal_ids: tuple[str, ...]
-    pose: Pose
-    given: Pose | None = None
-    behind: str = ""
-
-
 class Memory(BaseModel):
     """The journal's record of one robot."""
 
@@ -128,12 +104,12 @@ class Memory(BaseModel):
     zone_sets: tuple[ZoneSetMemory, ...] = ()
     zone_requests: tuple[AccessMemory, ...] = ()
     last_zone_request: int = 0
-    own_goals: OwnGoalsMemory | None = None
+    own_goals: OwnGoals | None = None
     frame: str = ""
     """The frame of all coordinates, as in ``Capabilities``."""
     ended_orders: tuple[str, ...] = ()
     """Digests of ended orders, as in ``OrderHistory``."""
-    last_order_header: OrderHeaderMemory | None = None
+    last_order_header: OrderHeader | None = None
     power: PowerPhase = PowerPhase.AWAKE
     wake_up_at: datetime | None = None
     header_ids: tuple[tuple[Topic, int], ...] = ()
@@ -142,7 +118,6 @@ class Memory(BaseModel):
 
 def memory_of(robot: RobotState) -> Memory:
     """Return the record of ``robot``: the data that must survive the end of the process."""
-    last_header = robot.history.last_header
     return Memory(
         format=FORMAT,
         progress=ProgressMemory.model_validate(robot.progress),
@@ -159,9 +134,9 @@ def memory_of(robot: RobotState) -> Memory:
         zone_sets=tuple(ZoneSetMemory(zone_set=one, enabled=on) for one, on in robot.zone_sets.held),
         zone_requests=tuple(AccessMemory.model_validate(each) for each in robot.zone_requests.requests),
         last_zone_request=robot.zone_requests.last_number,
-        own_goals=OwnGoalsMemory.model_validate(robot.goal.own) if robot.goal.own else None,
+        own_goals=robot.goal.own,
         ended_orders=robot.history.ended,
-        last_order_header=OrderHeaderMemory.model_validate(last_header) if last_header else None,
+        last_order_header=robot.history.last_header,
         power=robot.power,
         wake_up_at=robot.wake_up_at,
         header_ids=robot.header_ids,
@@ -169,16 +144,12 @@ def memory_of(robot: RobotState) -> Memory:
     )
 
 
-def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
-    """Return the state of a robot from its record."""
-    header = memory.last_order_header
+def restored(memory: Memory, capabilities: Capabilities, path_of: PathOf | None = None) -> RobotState:
+    """Return the state of a robot from its record; ``path_of`` as in ``OrderProgress``."""
     robot = RobotState(
         capabilities,
-        history=OrderHistory(
-            memory.ended_orders,
-            OrderHeader(header.header_id, header.timestamp, header.epoch) if header else None,
-        ),
-        progress=_progress(memory.progress),
+        history=OrderHistory(memory.ended_orders, memory.last_order_header),
+        progress=_progress(memory.progress, path_of),
         known_instant_ids=dict.fromkeys(memory.known_instant_ids),
         clearing=memory.clearing,
         paused=memory.paused,
@@ -194,8 +165,8 @@ def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
             (AccessRequest(**dict(each)) for each in memory.zone_requests), memory.last_zone_request
         ),
     )
-    if own := memory.own_goals:
-        robot.goal.restore(OwnGoals(own.goal_ids, own.pose, own.given, own.behind))
+    if memory.own_goals:
+        robot.goal.restore(memory.own_goals)
     robot.zone_sets.restore(tuple((each.zone_set, each.enabled) for each in memory.zone_sets))
     robot.actions.add(_record(kept) for kept in memory.actions)
     robot.instant_actions.add(_record(kept) for kept in memory.instant_actions)
@@ -211,12 +182,12 @@ def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
     return robot
 
 
-def _progress(memory: ProgressMemory) -> OrderProgress:
-    progress = OrderProgress()
+def _progress(memory: ProgressMemory, path_of: PathOf | None) -> OrderProgress:
+    progress = OrderProgress(path_of)
     for name in ProgressMemory.model_fields:
         setattr(progress, name, getattr(memory, name))
     progress.nodes, progress.edges = deque(memory.nodes), deque(memory.edges)
-    progress.base_path = BasePath(memory.nodes)
+    progress.describe_rest()
     return progress
 
 

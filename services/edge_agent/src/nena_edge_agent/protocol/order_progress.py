@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from hashlib import sha256
-from itertools import accumulate, chain, pairwise, starmap
+from itertools import accumulate, pairwise, starmap
 from math import dist
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Self
 
 from nena_shared.vda5050.base import CommandHeader, WireObject
 from nena_shared.vda5050.order import ControlPoint, Edge, Node, Order, Trajectory
@@ -26,13 +27,28 @@ class BasePath:
     def __init__(
         self, nodes: Iterable[Node] = (), paths: Mapping[int, tuple[Point, ...]] | None = None
     ) -> None:
-        self._base = [node for node in nodes if node.released]
-        self._paths = paths or {}
+        base = [node for node in nodes if node.released]
+        self._ids = tuple(node.node_id for node in base)
+        self._first = base[0].sequence_id if base else 0
+        self._points: list[ControlPoint] = []
+        self._starts: list[int] = []
+        driven: list[float] = []
+        last: tuple[Point, ...] = ()
+        for node in base:
+            place = node.node_position
+            if place is None:
+                break  # order acceptance refuses such an order
+            path = (paths or {}).get(node.sequence_id, ((place.x, place.y),))
+            self._starts.append(len(self._points))
+            self._points += starmap(_corner, path)
+            driven.append(sum(starmap(dist, pairwise((*last, *path)))) if last else 0.0)
+            last = ((place.x, place.y),)
+        self._left = list(accumulate(reversed(driven[1:]), initial=0.0))[::-1]
 
     def length_from(self, sequence_id: int) -> float:
         """Return the length in m from a node of the base to its end; 0 if unknown."""
         index = self._index_of(sequence_id)
-        return self._left[index] if index is not None and index < len(self._left) else 0.0
+        return self._left[index] if index is not None else 0.0
 
     def path(self, last: Node | None, sequence_id: int) -> PlannedPath | None:
         """Return the planned path (section 6.6.2) from ``last`` through the nodes from ``sequence_id`` on.
@@ -40,7 +56,7 @@ class BasePath:
         None if no base is left, or one of its nodes has no position.
         """
         index = self._index_of(sequence_id)
-        if index is None or len(self._corners) != len(self._base):
+        if index is None:
             return None
         place = last.node_position if last else None
         first = (_corner(place.x, place.y),) if place else ()
@@ -51,46 +67,10 @@ class BasePath:
         return PlannedPath(trajectory=trajectory, traversed_nodes=self._ids[index:])
 
     def _index_of(self, sequence_id: int) -> int | None:
-        """Return the index of a node in the base: sequenceIds of nodes rise by 2 without gaps."""
-        index = (sequence_id - self._base[0].sequence_id) // 2 if self._base else -1
-        return index if 0 <= index < len(self._base) else None
-
-    @cached_property
-    def _ids(self) -> tuple[str, ...]:
-        return tuple(node.node_id for node in self._base)
-
-    @cached_property
-    def _corners(self) -> tuple[ControlPoint, ...]:
-        places = (node.node_position for node in self._base)
-        return tuple(_corner(place.x, place.y) for place in places if place)
-
-    @cached_property
-    def _approaches(self) -> list[tuple[ControlPoint, ...]]:
-        """Return the points that lead to each node of the base: its path, or only the node."""
-        own = self._paths
-        return [
-            tuple(starmap(_corner, own[node.sequence_id])) if node.sequence_id in own else (corner,)
-            for node, corner in zip(self._base, self._corners, strict=True)
-        ]
-
-    @cached_property
-    def _points(self) -> tuple[ControlPoint, ...]:
-        return tuple(chain.from_iterable(self._approaches))
-
-    @cached_property
-    def _starts(self) -> list[int]:
-        """Return the index of the first point that leads to each node."""
-        return [0, *accumulate(map(len, self._approaches))]
-
-    @cached_property
-    def _left(self) -> list[float]:
-        """Return the length from each corner to the last one, m."""
-        corners, left = self._corners, [0.0] * len(self._corners)
-        for index in range(len(corners) - 2, -1, -1):
-            here, there = corners[index], corners[index + 1]
-            path = self._paths.get(self._base[index + 1].sequence_id, ((there.x, there.y),))
-            left[index] = left[index + 1] + sum(starmap(dist, pairwise(((here.x, here.y), *path))))
-        return left
+        """Return the index of a node in the base: sequenceIds of nodes rise by 2 without gaps (7.3)."""
+        index = (sequence_id - self._first) // 2
+        complete = len(self._starts) == len(self._ids)
+        return index if complete and 0 <= index < len(self._ids) else None
 
 
 @lru_cache(maxsize=1024)
@@ -111,35 +91,21 @@ PathOf = Callable[[Edge, Node | None, Node], tuple[Point, ...]]
 _HEADER = frozenset(CommandHeader.model_fields)
 
 
-class OrderFingerprints(Protocol):
-    """Fingerprints of the last accepted order message."""
+@dataclass(frozen=True, slots=True)
+class OrderFingerprints:
+    """Fingerprints of the last accepted order message.
 
-    @property
-    def whole(self) -> str:
-        """Return the fingerprint of the message without its header."""
-        ...
+    ``whole`` is that of the message without its header, ``decision_node`` that of its last released node,
+    where an update begins.
+    """
 
-    @property
-    def decision_node(self) -> str:
-        """Return the fingerprint of its last released node, where an update begins."""
-        ...
+    whole: str
+    decision_node: str
 
-
-class LazyFingerprints:
-    """Fingerprints of a message, computed on demand because most orders are never repeated."""
-
-    def __init__(self, order: Order) -> None:
-        self._order = order
-
-    @cached_property
-    def whole(self) -> str:
-        """Return the fingerprint of the message without its header."""
-        return fingerprint(self._order)
-
-    @cached_property
-    def decision_node(self) -> str:
-        """Return the fingerprint of its last released node."""
-        return fingerprint(next(node for node in reversed(self._order.nodes) if node.released))
+    @classmethod
+    def of_order(cls, order: Order) -> Self:
+        """Return the fingerprints of an order message."""
+        return cls(fingerprint(order), fingerprint(last_released(order.nodes)))
 
 
 def fingerprint(message: WireObject) -> str:
@@ -160,7 +126,8 @@ NO_HEADER_ID: Final = -1
 """Lower than any headerId."""
 
 
-class OrderHeader(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class OrderHeader:
     """The highest header values of accepted messages (section 7.2).
 
     ``header_id`` and ``timestamp`` are those of orders; ``header_id`` counts within the current epoch if the
@@ -273,7 +240,8 @@ class OrderProgress:
         cleared: the order ended early: it was cancelled (``cancelled``) or the operating mode changed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, path_of: PathOf | None = None) -> None:
+        """Prepare; ``path_of`` returns the paths of a robot that follows them."""
         self.order_id = ""
         self.order_update_id = 0
         self.last_node: Node | None = None
@@ -288,18 +256,19 @@ class OrderProgress:
         self.nodes: deque[Node] = deque()
         self.edges: deque[Edge] = deque()
         self.base_path = BasePath()
-        self._path_of: PathOf | None = None
-        self.revision = 0
-        self._node_states: dict[int, NodeState] = {}
-        self._edge_states: dict[int, EdgeState] = {}
-
-    def follow_paths(self, path_of: PathOf) -> None:
-        """Set the function that returns the path along an edge, and recompute the base's path."""
+        self.node_states: tuple[NodeState, ...] = ()
+        """The remaining nodes, as reported in the state."""
+        self.edge_states: tuple[EdgeState, ...] = ()
         self._path_of = path_of
-        self._measure()
+        self.revision = 0
 
-    def _measure(self) -> None:
-        """Compute the path through the base; the first edge begins at the last node."""
+    def describe_rest(self) -> None:
+        """Compute what the state reports of the rest of the order; its first edge begins at the last node."""
+        self.node_states = tuple(map(_node_state, self.nodes))
+        followed = self._path_of is not None
+        self.edge_states = tuple(
+            _edge_state(edge, edge.trajectory if followed else None) for edge in self.edges
+        )
         paths: dict[int, tuple[Point, ...]] = {}
         before = self.last_node
         for edge, node in zip(self.edges, self.nodes, strict=False):
@@ -316,7 +285,7 @@ class OrderProgress:
         self.edges.clear()
         self._append(order)
         self._reach(order.nodes[0])
-        self._measure()
+        self.describe_rest()
 
     def extend(self, order: Order) -> None:
         """Replace the horizon by an update that begins at the decision point (section 6.1.2)."""
@@ -329,7 +298,7 @@ class OrderProgress:
         while self.edges and not self.edges[-1].released:
             self.edges.pop()
         self._append(order)
-        self._measure()
+        self.describe_rest()
         self.revision += 1
 
     @property
@@ -357,6 +326,7 @@ class OrderProgress:
     def traverse(self) -> tuple[Node, Edge]:
         """Count the next node as traversed (section 6.6.2); return it, and the edge that led there."""
         node, edge = self.nodes.popleft(), self.edges.popleft()
+        self.node_states, self.edge_states = self.node_states[1:], self.edge_states[1:]
         self._reach(node)
         return node, edge
 
@@ -367,6 +337,7 @@ class OrderProgress:
         """
         self.nodes.clear()
         self.edges.clear()
+        self.node_states, self.edge_states = (), ()
         self.edge_entered = False
         self.cancelled, self.cleared = self.cancelled or cancelled, True
         self.revision += 1
@@ -380,38 +351,16 @@ class OrderProgress:
         self.revision += 1
 
     @property
-    def node_states(self) -> tuple[NodeState, ...]:
-        """Return the remaining nodes, as reported in the state."""
-        states = self._node_states
-        return tuple(states.get(node.sequence_id) or self._cached_node_state(node) for node in self.nodes)
-
-    @property
-    def edge_states(self) -> tuple[EdgeState, ...]:
-        """Return the remaining edges, as reported in the state."""
-        states = self._edge_states
-        return tuple(states.get(edge.sequence_id) or self._cached_edge_state(edge) for edge in self.edges)
-
-    @property
     def planned_path(self) -> PlannedPath | None:
         """Return the path through the rest of the base, as reported in the state."""
         return self.base_path.path(self.last_node, self.nodes[0].sequence_id) if self.nodes else None
 
-    def _cached_node_state(self, node: Node) -> NodeState:
-        self._node_states[node.sequence_id] = shown = _node_state(node)
-        return shown
-
-    def _cached_edge_state(self, edge: Edge) -> EdgeState:
-        trajectory = edge.trajectory if self._path_of is not None else None
-        self._edge_states[edge.sequence_id] = shown = _edge_state(edge, trajectory)
-        return shown
-
     def _append(self, order: Order) -> None:
-        self._node_states.clear()
-        self._edge_states.clear()
         self.nodes.extend(order.nodes[1:])
         self.edges.extend(order.edges)
-        self.decision_point = _decision_point(order.nodes)
-        self.content = LazyFingerprints(order)
+        decision_node = last_released(order.nodes)
+        self.decision_point = decision_node.node_id, decision_node.sequence_id
+        self.content = OrderFingerprints.of_order(order)
 
     def _reach(self, node: Node) -> None:
         self.last_node, self.last_node_id = node, node.node_id
@@ -420,8 +369,9 @@ class OrderProgress:
         self.revision += 1
 
 
-def _decision_point(nodes: Iterable[Node]) -> tuple[str, int]:
-    return next((node.node_id, node.sequence_id) for node in reversed(tuple(nodes)) if node.released)
+def last_released(nodes: Sequence[Node]) -> Node:
+    """Return the last node of the base: the decision point, where an update begins (section 6.1.2)."""
+    return next(node for node in reversed(nodes) if node.released)
 
 
 def _node_state(node: Node) -> NodeState:

@@ -7,19 +7,13 @@ from collections.abc import Iterable
 from pydantic import JsonValue
 
 from nena_edge_agent.protocol import actions, driving
-from nena_edge_agent.protocol.action_states import ActionRecord, loaded_after
-from nena_edge_agent.protocol.conditions import session_problem
+from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.declaration import CANCEL_ORDER
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import OperatingModeSwitched
 from nena_edge_agent.protocol.geometry import is_within_deviation
-from nena_edge_agent.protocol.order_acceptance import (
-    Acceptance,
-    Situation,
-    decide,
-)
-from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
-from nena_edge_agent.protocol.zone_sets import CLOSED
+from nena_edge_agent.protocol.order_acceptance import Acceptance, decide
+from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
@@ -39,7 +33,7 @@ def receive(robot: RobotState, order: Order, *, dated: bool = True) -> None:
     """
     if _waits_for_disk(robot, order):
         return
-    decision = decide(order, _situation(robot, dated=dated), robot.capabilities)
+    decision = decide(order, robot, dated=dated)
     robot.history.begin_epoch(order.nena_epoch, robot.utc_now)
     match decision:
         case Acceptance.BEGIN:
@@ -59,45 +53,6 @@ def _waits_for_disk(robot: RobotState, order: Order) -> bool:
     return held and bool(robot.journal_problem)
 
 
-def _situation(robot: RobotState, *, dated: bool) -> Situation:
-    progress = robot.progress
-    return Situation(
-        operating_mode=robot.next_mode,
-        session_problem=session_problem(robot),
-        fatal=robot.fatal,
-        idle=robot.idle and not robot.clearing,
-        cancelled=progress.cancelled or robot.clearing,
-        cleared=progress.cleared,
-        order_id=progress.order_id,
-        order_update_id=progress.order_update_id,
-        decision_point=progress.decision_point,
-        content=progress.content,
-        pose=robot.reports.localized_pose,
-        no_route=robot.reports.no_route,
-        maps=robot.map_ids,
-        closed=tuple(each for each in robot.zone_sets.enabled if each.zone.zone_type in CLOSED),
-        reached_node=progress.last_node_id if progress.on_last_node else "",
-        instant_action_ids=frozenset(record.action.action_id for record in robot.instant_actions),
-        base_action_ids=frozenset(
-            record.action.action_id for record in robot.actions if not _in_horizon(robot, record)
-        ),
-        loaded=_loaded_at_the_end(robot),
-        history=robot.history,
-        dated=dated,
-        tolerance=robot.reports.limits.tolerance if robot.reports.limits else None,
-        about_to_hibernate=robot.power is PowerPhase.FALLING_ASLEEP,
-    )
-
-
-def _loaded_at_the_end(robot: RobotState) -> bool:
-    to_do = (
-        record.action
-        for record in robot.actions
-        if not record.status.ended and not _in_horizon(robot, record)
-    )
-    return loaded_after(to_do, robot.capabilities.actions, loaded=bool(robot.loads))
-
-
 def _begin(robot: RobotState, order: Order) -> None:
     _clear_errors(robot)
     if not robot.capabilities.rules.instant_states_until_cleared:
@@ -114,7 +69,7 @@ def _begin(robot: RobotState, order: Order) -> None:
 def _extend(robot: RobotState, order: Order) -> None:
     """Extend the base; the actions of the stitching node do not run again."""
     _clear_errors(robot)
-    robot.actions.remove(lambda record: _in_horizon(robot, record))
+    robot.actions.remove(robot.is_in_horizon)
     robot.history.accept(order, robot.utc_now)
     robot.progress.extend(order)
     robot.actions.add(_records(order.nodes[1:], order.edges))
@@ -123,11 +78,6 @@ def _extend(robot: RobotState, order: Order) -> None:
 def _clear_errors(robot: RobotState) -> None:
     robot.errors.end(Until.ORDER_ACCEPTED, Until.ORDER_OVER)
     robot.goal.forget_failures()
-
-
-def _in_horizon(robot: RobotState, record: ActionRecord) -> bool:
-    decision_point = robot.progress.decision_point
-    return decision_point is not None and record.sequence_id > decision_point[1]
 
 
 def _records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]:

@@ -25,6 +25,7 @@ from nena_edge_agent.protocol.conditions import check_conditions
 from nena_edge_agent.protocol.declaration import CANCEL_ORDER, START_PAUSE
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.memory import Memory, memory_of, restored
+from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_edge_agent.protocol.robot_state import PowerPhase, RobotState
 from nena_edge_agent.protocol.state import make_state, make_visualization
 from nena_shared.vda5050.action import ActionStatus
@@ -48,9 +49,13 @@ class RobotCore:
     """
 
     def __init__(self, capabilities: Capabilities, memory: Memory | None = None) -> None:
-        self._robot = restored(memory, capabilities) if memory else RobotState(capabilities)
+        path_of = None
         if capabilities.follows_paths:
-            self._robot.progress.follow_paths(partial(edge_paths.planned_corners, capabilities=capabilities))
+            path_of = partial(edge_paths.planned_corners, capabilities=capabilities)
+        if memory:
+            self._robot = restored(memory, capabilities, path_of)
+        else:
+            self._robot = RobotState(capabilities, OrderProgress(path_of))
         self._shown = self._visible()
 
     def handle(self, event: events.Event, now: float) -> tuple[events.Effect, ...]:

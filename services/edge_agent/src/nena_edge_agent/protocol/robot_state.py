@@ -370,6 +370,16 @@ class RobotState:
         """Return whether the robot is idle: nothing of the order is left to do (section 6.6.8)."""
         return not self.progress.nodes and not self.progress.edges and self.actions.all_ended
 
+    def is_in_horizon(self, record: ActionRecord) -> bool:
+        """Return whether an action of the order is not released yet."""
+        decision_point = self.progress.decision_point
+        return decision_point is not None and record.sequence_id > decision_point[1]
+
+    @property
+    def base_actions(self) -> list[ActionRecord]:
+        """Return the actions of the order that are released."""
+        return [record for record in self.actions if not self.is_in_horizon(record)]
+
     @property
     def waits_for_external_goal(self) -> bool:
         """Return whether the order waits until another program's goal has ended."""
