@@ -45,7 +45,7 @@ def test_its_load_sensor_is_valid() -> None:
     settings = EdgeAgentSettings(**tomllib.loads(block))
 
     assert settings.actions.load_sensor is not None
-    LoadSensor(settings.actions.load_sensor, DryRos())
+    LoadSensor(settings.actions.load_sensor, DryRos(), print)
 
 
 def test_its_plugin_settings_are_valid() -> None:

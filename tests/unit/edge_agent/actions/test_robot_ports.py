@@ -121,12 +121,7 @@ SETTINGS = LoadSensorSettings(topic="load")
 
 def sensor(settings: LoadSensorSettings = SETTINGS) -> tuple[ScriptedRos, list[bool]]:
     ros, told = ScriptedRos(), []
-    made = LoadSensor(settings, ros)
-
-    def tell(event: LoadSensed) -> None:
-        told.append(event.loaded)
-
-    made.on_reading = tell
+    LoadSensor(settings, ros, lambda event: told.append(event.loaded))
     return ros, told
 
 
@@ -160,9 +155,9 @@ def test_an_unknown_message_field_is_an_error_with_its_location() -> None:
     with pytest.raises(
         ConfigurationError, match=r"actions\.load_sensor\.loaded\.dat: std_msgs/msg/Bool has no"
     ):
-        LoadSensor(LoadSensorSettings(topic="load", loaded={"dat": True}), ScriptedRos())
+        LoadSensor(LoadSensorSettings(topic="load", loaded={"dat": True}), ScriptedRos(), print)
     with pytest.raises(ConfigurationError, match=r"actions\.load_sensor\.type: type '.*' is not installed"):
-        LoadSensor(LoadSensorSettings(topic="load", type="acme_msgs/msg/Load"), ScriptedRos())
+        LoadSensor(LoadSensorSettings(topic="load", type="acme_msgs/msg/Load"), ScriptedRos(), print)
 
 
 def test_a_robot_without_ros_has_no_sensor() -> None:

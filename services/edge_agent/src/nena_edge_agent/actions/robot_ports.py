@@ -135,14 +135,16 @@ REPEAT_INTERVAL = 1.0
 
 
 class LoadSensor:
-    """Reports the sensor's value: at once if it has changed, otherwise at intervals.
+    """Reports the sensor's value to ``put``: at once if it has changed, otherwise at intervals.
 
     Raises:
         ConfigurationError: the load sensor's message does not match its type.
 
     """
 
-    def __init__(self, settings: LoadSensorSettings, port: RosPort) -> None:
+    def __init__(
+        self, settings: LoadSensorSettings, port: RosPort, put: Callable[[LoadSensed], None]
+    ) -> None:
         nothing = ActionValues(OperationBase(action_type=PATH))
         try:
             shape = message_type(settings.type)
@@ -152,14 +154,14 @@ class LoadSensor:
         self._loaded = template.filled({})
         self._reported: bool | None = None
         self._reported_at = -inf
-        self.on_reading: Callable[[LoadSensed], None] | None = None
+        self._put = put
         port.subscribe(settings.topic, settings.type, self._on_message, qos=settings.qos)
 
     def _on_message(self, message: Fields) -> None:
         loaded, now = matches(message, self._loaded), asyncio.get_running_loop().time()
-        if self.on_reading and (loaded is not self._reported or now - self._reported_at >= REPEAT_INTERVAL):
+        if loaded is not self._reported or now - self._reported_at >= REPEAT_INTERVAL:
             self._reported, self._reported_at = loaded, now
-            self.on_reading(LoadSensed(loaded=loaded))
+            self._put(LoadSensed(loaded=loaded))
 
 
 Put = Callable[[Event], None]
@@ -167,29 +169,26 @@ DriverMaker = Callable[[Put, Pose | None], Driver]
 
 
 class RobotPorts:
-    """The ports of one robot for plug-ins; ``ros`` is None without ROS.
-
-    Raises:
-        ConfigurationError: the load sensor's message does not match its type.
-
-    """
+    """The ports of one robot for plug-ins; ``ros`` is None without ROS."""
 
     def __init__(self, ros: RosPort | None, settings: ActionSettings) -> None:
         self.ros = ros
         self.drive = ActionDrive()
-        sensor = settings.load_sensor if ros else None
-        self._sensor = LoadSensor(sensor, ros) if sensor and ros else None
+        self._sensor = settings.load_sensor
 
     def joined(self, make_driver: DriverMaker) -> DriverMaker:
-        """Return a factory of drivers whose events these ports observe."""
+        """Return a factory of drivers whose events these ports observe.
+
+        It raises ConfigurationError if the load sensor's message does not match its type.
+        """
 
         def make(put: Put, last_place: Pose | None) -> Driver:
             def on_event(event: Event) -> None:
                 self.drive.observe(event)
                 put(event)
 
-            if self._sensor:
-                self._sensor.on_reading = put
+            if self._sensor and self.ros:
+                LoadSensor(self._sensor, self.ros, put)
             driver = make_driver(on_event, last_place)
             self.drive.attach(driver)
             return driver
