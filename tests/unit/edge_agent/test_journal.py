@@ -302,7 +302,7 @@ def test_a_journal_of_any_length_is_read_correctly_or_not_at_all(tmp_path: Path)
     found = set()
     for content in (*(whole[:end] for end in range(len(whole))), *(whole + b"x" * n for n in range(1, 99))):
         try:
-            found.add(journal_module._newest(content)[1].rstrip())
+            found.add(journal_module._newest_record(content)[1].rstrip())
         except ValueError:
             found.add(b"nothing")
 

@@ -91,19 +91,24 @@ def make_factsheet(
     """Return the factsheet (section 7.10); ``limits`` are navigation's, None: not reported."""
     return factsheet.Factsheet(
         **header,
-        type_specification=_type(settings, capabilities),
-        physical_parameters=_physical(settings),
-        protocol_limits=_limits(settings, capabilities.maximum_nodes),
+        type_specification=_type_specification(settings, capabilities),
+        physical_parameters=_physical_parameters(settings),
+        protocol_limits=_protocol_limits(settings, capabilities.maximum_nodes),
         protocol_features=factsheet.ProtocolFeatures(
             optional_parameters=supported(capabilities, limits),
-            mobile_robot_actions=tuple(_action(each, capabilities.rules) for each in _offered(capabilities)),
+            mobile_robot_actions=tuple(
+                _action_description(declaration, capabilities.rules)
+                for declaration in _offered_actions(capabilities)
+            ),
         ),
-        mobile_robot_geometry=_geometry(settings, limits.contour if limits else ()),
-        load_specification=_loads(capabilities),
+        mobile_robot_geometry=_robot_geometry(settings, limits.contour if limits else ()),
+        load_specification=_load_specification(capabilities),
     )
 
 
-def _type(settings: EdgeAgentSettings, capabilities: Capabilities) -> factsheet.TypeSpecification:
+def _type_specification(
+    settings: EdgeAgentSettings, capabilities: Capabilities
+) -> factsheet.TypeSpecification:
     description = settings.description
     return factsheet.TypeSpecification(
         series_name=description.series_name,
@@ -119,7 +124,7 @@ def _type(settings: EdgeAgentSettings, capabilities: Capabilities) -> factsheet.
     )
 
 
-def _physical(settings: EdgeAgentSettings) -> factsheet.PhysicalParameters:
+def _physical_parameters(settings: EdgeAgentSettings) -> factsheet.PhysicalParameters:
     description = settings.description
     return factsheet.PhysicalParameters(
         minimum_speed=0.0,
@@ -135,7 +140,7 @@ def _physical(settings: EdgeAgentSettings) -> factsheet.PhysicalParameters:
     )
 
 
-def _limits(settings: EdgeAgentSettings, maximum_nodes: int) -> factsheet.ProtocolLimits:
+def _protocol_limits(settings: EdgeAgentSettings, maximum_nodes: int) -> factsheet.ProtocolLimits:
     interval = settings.interval
     return factsheet.ProtocolLimits(
         maximum_string_lengths=factsheet.MaximumStringLengths(maximum_message_length=MAXIMUM_PAYLOAD),
@@ -154,17 +159,18 @@ def _limits(settings: EdgeAgentSettings, maximum_nodes: int) -> factsheet.Protoc
     )
 
 
-def _offered(capabilities: Capabilities) -> list[ActionDeclaration]:
-    return [each for each in capabilities.actions.values() if not each.unavailable]
+def _offered_actions(capabilities: Capabilities) -> list[ActionDeclaration]:
+    return [declaration for declaration in capabilities.actions.values() if not declaration.unavailable]
 
 
-def _action(declaration: ActionDeclaration, rules: Rules) -> factsheet.MobileRobotAction:
+def _action_description(declaration: ActionDeclaration, rules: Rules) -> factsheet.MobileRobotAction:
     return factsheet.MobileRobotAction(
         action_type=declaration.action_type,
         action_description=declaration.description or None,
         action_scopes=declaration.scopes,
         action_parameters=tuple(
-            _parameter(each, _listed_key(declaration, each, rules)) for each in declaration.parameters
+            _parameter_description(parameter, _listed_key(declaration, parameter, rules))
+            for parameter in declaration.parameters
         ),
         action_result=declaration.result or None,
         blocking_types=(BlockingType.NONE,) if declaration.only_instant else declaration.blocking_types,
@@ -179,7 +185,7 @@ def _listed_key(declaration: ActionDeclaration, parameter: Parameter, rules: Rul
     return rules.load_handling_device_key if device else parameter.key
 
 
-def _parameter(parameter: Parameter, key: str) -> factsheet.ActionParameterDescription:
+def _parameter_description(parameter: Parameter, key: str) -> factsheet.ActionParameterDescription:
     return factsheet.ActionParameterDescription(
         key=key,
         value_data_type=parameter.data_type,
@@ -188,7 +194,7 @@ def _parameter(parameter: Parameter, key: str) -> factsheet.ActionParameterDescr
     )
 
 
-def _geometry(
+def _robot_geometry(
     settings: EdgeAgentSettings, contour: tuple[tuple[float, float], ...]
 ) -> factsheet.MobileRobotGeometry:
     """Return the robot's outline from navigation, else the rectangle from the settings."""
@@ -200,6 +206,6 @@ def _geometry(
     )
 
 
-def _loads(capabilities: Capabilities) -> factsheet.LoadSpecification:
-    carries = any(each.load for each in _offered(capabilities))
+def _load_specification(capabilities: Capabilities) -> factsheet.LoadSpecification:
+    carries = any(declaration.load for declaration in _offered_actions(capabilities))
     return factsheet.LoadSpecification(load_positions=("platform",) if carries else ())

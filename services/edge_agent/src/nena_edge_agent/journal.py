@@ -37,7 +37,7 @@ def lock_journal(folder: Path, robot: RobotKey) -> Iterator[None]:
     Raises:
         StartError: another program holds the lock, or the folder cannot be used.
     """
-    path = _expanded(folder) / f"{_file_name(robot)}.lock"
+    path = _expand_home(folder) / f"{_file_name(robot)}.lock"
     with ExitStack() as stack:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -72,7 +72,7 @@ class Journal:
     ) -> None:
         """Create the journal; ``on_record`` gets each record, in the thread of :meth:`write`."""
         self._on_record = on_record
-        self._folder = _expanded(folder)
+        self._folder = _expand_home(folder)
         self._file = self._folder / f"{_file_name(robot)}.journal"
         self._number = 0
         """Number of the last record on disk."""
@@ -99,11 +99,11 @@ class Journal:
         remedy = f"remove {self._file} and restart the agent"
         try:
             content = self._file.read_bytes()
-            self._number, record = _newest(content)
-            self._begun = max(self._number, _highest(content))
-            found = {"format": FORMAT} | json.loads(record)
-            if found["format"] == FORMAT:
-                return Memory.model_validate_json(json.dumps(found))
+            self._number, record = _newest_record(content)
+            self._begun = max(self._number, _highest_number(content))
+            content = {"format": FORMAT} | json.loads(record)
+            if content["format"] == FORMAT:
+                return Memory.model_validate_json(json.dumps(content))
         except OSError as error:
             message = f"the journal cannot be read ({error.strerror}): {remedy}"
             raise UnreadableJournalError(message) from error
@@ -122,8 +122,8 @@ class Journal:
             OSError: the record could not be written; the old one is kept.
         """
         self._on_record(record)
-        self._begun = number = self._next()
-        if not self._overwrite(number, record):
+        self._begun = number = self._next_number()
+        if not self._overwrite_record(number, record):
             self._make_file(number, record)
             self._number, self._made = number, True
 
@@ -140,7 +140,7 @@ class Journal:
             self._made = False
         self._number = self._begun
 
-    def _next(self) -> int:
+    def _next_number(self) -> int:
         """Return an unused record number for the half without the last record.
 
         With a used number, blocks of a failed record and of the next one would look like one record.
@@ -148,12 +148,12 @@ class Journal:
         free = self._begun + 1
         return free if (free - self._number) % 2 else free + 1
 
-    def _overwrite(self, number: int, record: bytes) -> bool:
+    def _overwrite_record(self, number: int, record: bytes) -> bool:
         """Overwrite the older record; return False if the file is missing or too small."""
         with suppress(FileNotFoundError), self._file.open("r+b", buffering=0) as file:
             half = os.fstat(file.fileno()).st_size // 2
             if len(record) <= half // BLOCK * (BLOCK - LABEL):
-                if os.pwrite(file.fileno(), _framed(number, record, half), number % 2 * half) < half:
+                if os.pwrite(file.fileno(), _frame_record(number, record, half), number % 2 * half) < half:
                     raise OSError(errno.EIO, "the disk took only a part of the record")
                 return True
         return False
@@ -161,7 +161,7 @@ class Journal:
     def _make_file(self, number: int, record: bytes) -> None:
         half = max(MINIMUM_RECORD_SPACE, 1 << (2 * len(record)).bit_length())
         halves = [b" " * half, b" " * half]
-        halves[number % 2] = _framed(number, record, half)
+        halves[number % 2] = _frame_record(number, record, half)
         new = self._file.with_suffix(".new")
         with new.open("wb") as file:
             file.write(b"".join(halves))
@@ -188,7 +188,7 @@ def read_journal(journal: Journal | None) -> tuple[Memory | None, str]:
         return None, str(error)
 
 
-def _framed(number: int, record: bytes, size: int) -> bytes:
+def _frame_record(number: int, record: bytes, size: int) -> bytes:
     """Return a record as blocks, ``size`` bytes in total, each with its checksum and the record's number."""
     room, count = BLOCK - LABEL, size // BLOCK
     parts = (record[start : start + room].ljust(room) for start in range(0, count * room, room))
@@ -196,7 +196,7 @@ def _framed(number: int, record: bytes, size: int) -> bytes:
     return b"".join(b"%08x %b" % (crc32(body, count), body) for body in bodies)
 
 
-def _newest(content: bytes) -> tuple[int, bytes]:
+def _newest_record(content: bytes) -> tuple[int, bytes]:
     """Return the number and content of the last complete record, without an interrupted one after it.
 
     Raises:
@@ -204,12 +204,12 @@ def _newest(content: bytes) -> tuple[int, bytes]:
     """
     half = len(content) // 2
     halves = content[:half], content[half:]
-    records = [_read(each) for each in halves]
-    found = max(each for each in records if each)
-    other = halves[1 - records.index(found)]
-    if None in records and not _is_of_an_earlier_release(halves[records.index(found)]):
-        _check_interrupted(other, found[0])
-    return found
+    records = [_read(record) for record in halves]
+    newest = max(record for record in records if record)
+    other_half = halves[1 - records.index(newest)]
+    if None in records and not _is_of_an_earlier_release(halves[records.index(newest)]):
+        _check_interrupted(other_half, newest[0])
+    return newest
 
 
 def _check_interrupted(half: bytes, newest: int) -> None:
@@ -219,26 +219,26 @@ def _check_interrupted(half: bytes, newest: int) -> None:
         ValueError: it was a complete, newer record, which is now damaged.
 
     """
-    numbers = _numbers(half)
+    numbers = _block_numbers(half)
     if None in numbers and not any(number is not None and number <= newest for number in numbers):
         message = f"a record after {newest} is damaged"
         raise ValueError(message)
 
 
-def _blocks(half: bytes) -> list[bytes]:
+def _blocks_of(half: bytes) -> list[bytes]:
     return [half[start : start + BLOCK] for start in range(0, len(half), BLOCK)]
 
 
-def _numbers(half: bytes) -> list[int | None]:
+def _block_numbers(half: bytes) -> list[int | None]:
     """Return the record number of each block; 0 if the block was never written, None if it is damaged.
 
     A checksum also covers the count of blocks, so a truncated file counts as damaged.
     """
-    blocks = _blocks(half)
-    return [_number(block, len(blocks)) for block in blocks]
+    blocks = _blocks_of(half)
+    return [_block_number(block, len(blocks)) for block in blocks]
 
 
-def _number(block: bytes, count: int) -> int | None:
+def _block_number(block: bytes, count: int) -> int | None:
     if block == b" " * BLOCK:
         return 0
     body = block[CHECKSUM:]
@@ -246,10 +246,10 @@ def _number(block: bytes, count: int) -> int | None:
     return int(body[: LABEL - CHECKSUM]) if fits else None
 
 
-def _highest(content: bytes) -> int:
+def _highest_number(content: bytes) -> int:
     """Return the highest number of an undamaged block, even of an interrupted record."""
     half = len(content) // 2
-    numbers = (*_numbers(content[:half]), *_numbers(content[half:]))
+    numbers = (*_block_numbers(content[:half]), *_block_numbers(content[half:]))
     return max((number for number in numbers if number), default=0)
 
 
@@ -258,9 +258,9 @@ def _read(half: bytes) -> tuple[int, bytes] | None:
     if _is_of_an_earlier_release(half):
         first, _, record = half[CHECKSUM:].partition(b"\n")
         return int(first), record
-    numbers = set(_numbers(half))
+    numbers = set(_block_numbers(half))
     number = numbers.pop() if len(numbers) == 1 else None
-    return (number, b"".join(block[LABEL:] for block in _blocks(half))) if number else None
+    return (number, b"".join(block[LABEL:] for block in _blocks_of(half))) if number else None
 
 
 def _is_of_an_earlier_release(half: bytes) -> bool:
@@ -277,7 +277,7 @@ def _file_name(robot: RobotKey) -> str:
     return f"{manufacturer}.{quote(robot.serial_number, safe=' :')}"
 
 
-def _expanded(folder: Path) -> Path:
+def _expand_home(folder: Path) -> Path:
     """Replace ``~`` by the home directory.
 
     Raises:
@@ -355,18 +355,18 @@ class Recorder:
 
     async def write(self, version: Version, memory: Callable[[], Memory]) -> None:
         """Start to write a changed memory; return when it survives the process, or the disk has failed."""
-        if self._journal is None or version == self._durable or self._hangs:
+        if self._journal is None or version == self._durable or self._disk_hangs:
             return  # a newer record must not overtake an older one on a disk that hangs
         loop = asyncio.get_running_loop()
         self._begun, self._deadline = version, loop.time() + WRITE_TIMEOUT
         self._written = self._durable = None  # a failed record may have overwritten the previous one
         written: SimpleQueue[bool] = SimpleQueue()
-        self._record = loop.run_in_executor(None, _work, self._journal, record_of(memory()), written)
-        self._record.add_done_callback(_consume)
+        self._record = loop.run_in_executor(None, _write_record, self._journal, record_of(memory()), written)
+        self._record.add_done_callback(_consume_result)
         try:
             outlives = written.get(timeout=INLINE_WAIT)
         except Empty:
-            outlives = await asyncio.to_thread(_await, written, WRITE_TIMEOUT)
+            outlives = await asyncio.to_thread(_await_write, written, WRITE_TIMEOUT)
         self._written = version if outlives else None
 
     async def sync(self) -> None:
@@ -395,11 +395,11 @@ class Recorder:
         return self._journal is None or version == self._durable
 
     @property
-    def _hangs(self) -> bool:
+    def _disk_hangs(self) -> bool:
         return self._record is not None and not self._record.done()
 
 
-def _work(journal: Journal, record: bytes, written: SimpleQueue[bool]) -> None:
+def _write_record(journal: Journal, record: bytes, written: SimpleQueue[bool]) -> None:
     """Write a record in a thread: report when the kernel has it, then wait for the disk."""
     taken = False
     try:
@@ -410,7 +410,7 @@ def _work(journal: Journal, record: bytes, written: SimpleQueue[bool]) -> None:
     journal.sync()
 
 
-def _await(written: SimpleQueue[bool], seconds: float) -> bool:
+def _await_write(written: SimpleQueue[bool], seconds: float) -> bool:
     """Wait for the result of a write, at most ``seconds``; blocks its thread."""
     try:
         return written.get(timeout=seconds)
@@ -418,7 +418,7 @@ def _await(written: SimpleQueue[bool], seconds: float) -> bool:
         return False
 
 
-def _consume(record: asyncio.Future[None]) -> None:
+def _consume_result(record: asyncio.Future[None]) -> None:
     """Consume the result of a record that is no longer awaited."""
     if not record.cancelled():
         record.exception()

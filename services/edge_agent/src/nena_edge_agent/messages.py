@@ -155,21 +155,21 @@ class RobotMessages:
         the connect must not remain ONLINE.
         """
         message = Connection(**self.headers.make(Topic.CONNECTION), connection_state=state)
-        return self._outbound(Topic.CONNECTION, message, qos=1, retain=True, keep=True)
+        return self._outbound_message(Topic.CONNECTION, message, qos=1, retain=True, keep=True)
 
     def factsheet(self, limits: DriveLimits | None = None) -> Outbound:
         """Return the factsheet message (section 6.10), retained; ``limits`` are those of navigation."""
         header = self.headers.make(Topic.FACTSHEET)
         message = make_factsheet(header, self._settings, self._capabilities, limits)
-        return self._outbound(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
+        return self._outbound_message(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
 
     def state(self, message: State, *, keep: bool) -> Outbound:
         """Return the state message (section 6.6); ``keep``: queue it until the link can send it."""
-        return self._outbound(Topic.STATE, message, qos=self._settings.qos, keep=keep)
+        return self._outbound_message(Topic.STATE, message, qos=self._settings.qos, keep=keep)
 
     def visualization(self, message: Visualization) -> Outbound:
         """Return the visualization message (section 6.7), which is dropped if the link is down."""
-        return self._outbound(Topic.VISUALIZATION, message, qos=0)
+        return self._outbound_message(Topic.VISUALIZATION, message, qos=0)
 
     def map(self, found: MapImage) -> Outbound:
         """Return the message with the robot's map, retained; it is queued until the link can send it."""
@@ -177,7 +177,7 @@ class RobotMessages:
         topic = FleetTopics(self._settings.topic_prefix).robot_map(self._robot)
         return Outbound(topic, payload, retain=True)
 
-    def _outbound(
+    def _outbound_message(
         self, topic: Topic, message: Header, *, qos: int, retain: bool = False, keep: bool = False
     ) -> Outbound:
         return Outbound(self.topic(topic), self.codec.encode(message), qos=qos, retain=retain, keep=keep)
@@ -248,30 +248,30 @@ class Inbox:
 
     def take_order(self, message: Inbound) -> None:
         """Read a message of the topic order (VDA 5050 3.0 section 7.3)."""
-        order = self._read(Order, message, Topic.ORDER)
+        order = self._read_message(Order, message, Topic.ORDER)
         if order is not None:
             self._log.info("order received", order=order.order_id, update=order.order_update_id)
             self._put(OrderReceived(order, self._clock.now(), dated=self._dated))
 
     def take_instant_actions(self, message: Inbound) -> None:
         """Read a message of the topic instantActions (VDA 5050 3.0 section 7.4)."""
-        actions = self._read(InstantActions, message, Topic.INSTANT_ACTIONS)
+        actions = self._read_message(InstantActions, message, Topic.INSTANT_ACTIONS)
         if actions is not None:
             self._put(InstantActionsReceived(actions, self._clock.now()))
 
     def take_zone_set(self, message: Inbound) -> None:
         """Read a message of the topic zoneSet (VDA 5050 3.0 section 7.6)."""
-        transfer = self._read(ZoneSetTransfer, message, Topic.ZONE_SET)
+        transfer = self._read_message(ZoneSetTransfer, message, Topic.ZONE_SET)
         if transfer is not None:
             self._put(ZoneSetReceived(transfer))
 
     def take_responses(self, message: Inbound) -> None:
         """Read a message of the topic responses (VDA 5050 3.0 section 7.5)."""
-        responses = self._read(Responses, message, Topic.RESPONSES)
+        responses = self._read_message(Responses, message, Topic.RESPONSES)
         if responses is not None:
             self._put(ResponsesReceived(responses, self._clock.now()))
 
-    def _read(self, kind: type[M], message: Inbound, topic: Topic) -> M | None:
+    def _read_message(self, kind: type[M], message: Inbound, topic: Topic) -> M | None:
         if not message.payload:
             self._log.debug("empty message ignored: it clears a retained one", topic=topic)
             return None
@@ -280,20 +280,20 @@ class Inbox:
             self._log.warning("retained command ignored; it may be old", topic=message.topic)
             return None
         try:
-            read = self._decode(kind, message.payload, topic)
+            read = self._decode_message(kind, message.payload, topic)
         except MalformedMessageError as malformed:
             self.counts.malformed += 1
-            self._refuse(str(malformed), topic, malformed.references)
+            self._refuse_message(str(malformed), topic, malformed.references)
             return None
         if RobotKey(read.manufacturer, read.serial_number) != self._robot:
             self.counts.misdirected += 1
             to = f"{read.manufacturer}/{read.serial_number}"
-            self._refuse(f"the header names the robot {to}", topic, {"headerId": str(read.header_id)})
+            self._refuse_message(f"the header names the robot {to}", topic, {"headerId": str(read.header_id)})
             return None
         self.counts.taken += 1
         return read
 
-    def _decode(self, kind: type[M], payload: bytes, topic: Topic) -> M:
+    def _decode_message(self, kind: type[M], payload: bytes, topic: Topic) -> M:
         self._dated = True
         if self._strict:
             return self._codec.decode(kind, payload)
@@ -302,18 +302,19 @@ class Inbox:
         repairs += texts
         if repairs:
             self.counts.repaired += 1
-            self._dated = not any(each.kind is RepairKind.TIME_OF_ARRIVAL for each in repairs)
+            self._dated = not any(repair.kind is RepairKind.TIME_OF_ARRIVAL for repair in repairs)
             self._deviations.note(self._robot, topic.value, repairs)
         return read
 
     def _with_values(self, message: M) -> tuple[M, tuple[Repair, ...]]:
         """Return the message with action parameters converted to their types if they were sent as strings."""
-        found: list[Repair] = []
+        repairs: list[Repair] = []
         changes: dict[str, object] = {}
 
         def read(actions: tuple[Action, ...], at: str) -> tuple[Action, ...]:
             return tuple(
-                self._read_action(each, f"{at}actions.actionParameters.value", found) for each in actions
+                self._read_action(action, f"{at}actions.actionParameters.value", repairs)
+                for action in actions
             )
 
         if isinstance(message, InstantActions):
@@ -321,40 +322,40 @@ class Inbox:
         elif isinstance(message, Order):
             changes = {
                 "nodes": tuple(
-                    each.model_copy(update={"actions": read(each.actions, "nodes.")})
-                    for each in message.nodes
+                    node.model_copy(update={"actions": read(node.actions, "nodes.")})
+                    for node in message.nodes
                 ),
                 "edges": tuple(
-                    each.model_copy(update={"actions": read(each.actions, "edges.")})
-                    for each in message.edges
+                    edge.model_copy(update={"actions": read(edge.actions, "edges.")})
+                    for edge in message.edges
                 ),
             }
-        return message.model_copy(update=changes), tuple(dict.fromkeys(found))
+        return message.model_copy(update=changes), tuple(dict.fromkeys(repairs))
 
     def _read_action(self, action: Action, at: str, found: list[Repair]) -> Action:
         declared = self._actions.get(action.action_type)
         changed = declared.read(action) if declared else action
-        for before, after in zip(action.action_parameters, changed.action_parameters, strict=True):
-            if after.value is not before.value:
-                boolean = isinstance(after.value, bool)
+        for old, new in zip(action.action_parameters, changed.action_parameters, strict=True):
+            if new.value is not old.value:
+                boolean = isinstance(new.value, bool)
                 kind = RepairKind.TEXT_AS_BOOLEAN if boolean else RepairKind.TEXT_AS_NUMBER
-                found.append(Repair(at, kind, quoted(before.value)))
+                found.append(Repair(at, kind, quoted(old.value)))
         return changed
 
-    def _refuse(self, problem: str, topic: Topic, references: dict[str, str]) -> None:
+    def _refuse_message(self, problem: str, topic: Topic, references: dict[str, str]) -> None:
         self._log.warning("message refused", topic=topic.value, problem=problem, **references)
         until = _UNTIL.get(topic, Until.ORDER_ACCEPTED)
-        self._put(MessageRefused(_refusal(problem, topic, references), until))
+        self._put(MessageRefused(_refusal_entry(problem, topic, references), until))
 
 
-def _refusal(problem: str, topic: Topic, references: dict[str, str]) -> ErrorEntry:
+def _refusal_entry(problem: str, topic: Topic, references: dict[str, str]) -> ErrorEntry:
     entry = error(
         ErrorType.VALIDATION_FAILURE,
         problem,
         hint="correct the message and send it again; nothing was changed",
         topic=topic.value,
     )
-    known = tuple(
+    named = tuple(
         ErrorReference(reference_key=key, reference_value=value) for key, value in references.items()
     )
-    return entry.model_copy(update={"error_references": (*entry.error_references, *known)})
+    return entry.model_copy(update={"error_references": (*entry.error_references, *named)})

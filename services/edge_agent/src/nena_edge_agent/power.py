@@ -68,16 +68,16 @@ class PowerSettings(SettingsGroup):
 
     def command(self, kind: PowerCommand) -> Command:
         """Return the command of this kind; empty if none is set."""
-        found: Command = getattr(self, kind.value)
-        return found
+        command: Command = getattr(self, kind.value)
+        return command
 
     def problems(self) -> dict[PowerCommand, str]:
         """Return the problems of the commands, by setting: programs that cannot be run."""
-        found = {kind: _problem(self.command(kind)) for kind in PowerCommand}
-        return {kind: problem for kind, problem in found.items() if problem}
+        problems = {kind: _command_problem(self.command(kind)) for kind in PowerCommand}
+        return {kind: problem for kind, problem in problems.items() if problem}
 
 
-def _problem(command: Command) -> str:
+def _command_problem(command: Command) -> str:
     if not command or shutil.which(command[0]):
         return ""
     if Path(command[0]).exists():
@@ -97,10 +97,10 @@ async def run_command(
     if not command:
         return ""
     with _output_file() as output:
-        problem = await _run(settings, command, output, {**os.environ, **(environment or {})})
+        problem = await _run_process(settings, command, output, {**os.environ, **(environment or {})})
         if problem:
             log.warning(
-                "power command failed", setting=f"power.{kind}", problem=problem, output=_tail(output)
+                "power command failed", setting=f"power.{kind}", problem=problem, output=_output_tail(output)
             )
         else:
             log.info("power command ended", setting=f"power.{kind}")
@@ -116,7 +116,7 @@ def _output_file() -> AbstractContextManager[IO[bytes] | None]:
         return nullcontext()
 
 
-async def _run(
+async def _run_process(
     settings: PowerSettings, command: Command, output: IO[bytes] | None, environment: Mapping[str, str]
 ) -> str:
     written = asyncio.subprocess.DEVNULL if output is None else output
@@ -136,16 +136,16 @@ async def _run(
             code = await process.wait()
     except TimeoutError:
         problem = f"{command[0]} did not end within {settings.command_timeout:g} s"
-        return problem if await _kill(process) else f"{problem} and cannot be killed"
+        return problem if await _kill_group(process) else f"{problem} and cannot be killed"
     except asyncio.CancelledError:
-        await _kill(process)
+        await _kill_group(process)
         raise
     if code < 0:
         return f"{command[0]} was ended by signal {-code}"
     return f"{command[0]} ended with exit code {code}" if code else ""
 
 
-async def _kill(process: asyncio.subprocess.Process) -> bool:
+async def _kill_group(process: asyncio.subprocess.Process) -> bool:
     """Kill a command and all its child processes; return whether it has ended."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
@@ -155,7 +155,7 @@ async def _kill(process: asyncio.subprocess.Process) -> bool:
     return process.returncode is not None
 
 
-def _tail(output: IO[bytes] | None) -> str:
+def _output_tail(output: IO[bytes] | None) -> str:
     """Return the end of a command's output."""
     if output is None:
         return ""

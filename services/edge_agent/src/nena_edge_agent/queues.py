@@ -113,12 +113,12 @@ class Postponed:
             if isinstance(effect, STARTS):
                 self._waiting.append(effect)
             else:
-                self._waiting = [each for each in self._waiting if not _ends(effect, each)]
+                self._waiting = [start for start in self._waiting if not _ends_start(effect, start)]
                 now.append(effect)
         return now
 
 
-def _ends(effect: events.Effect, waiting: events.Effect) -> bool:
+def _ends_start(effect: events.Effect, waiting: events.Effect) -> bool:
     """Return whether ``effect`` stops what ``waiting`` would start."""
     match effect, waiting:
         case events.Halt(), events.Drive():

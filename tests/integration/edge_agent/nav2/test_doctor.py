@@ -45,7 +45,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def expect(monkeypatch: pytest.MonkeyPatch, enough: Callable[[_Probe], object]) -> None:
     """End the observation once ``enough`` is seen; waiting for the missing parts would be pointless."""
-    monkeypatch.setattr(_Probe, "_complete", enough)
+    monkeypatch.setattr(_Probe, "_is_complete", enough)
 
 
 def first_missing(view: RosView, settings: RosSettings) -> LinkFinding:
@@ -118,7 +118,7 @@ async def test_moved_agent_is_found_in_its_current_session(
 
 
 async def test_robot_in_another_namespace(domain_id: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    expect(monkeypatch, lambda probe: probe._elsewhere())
+    expect(monkeypatch, lambda probe: probe._statuses_elsewhere())
     settings = RosSettings(namespace="r2", domain_id=domain_id)
     with simulated_robot(domain_id, "r1"):
         view = await look(settings)
@@ -129,7 +129,7 @@ async def test_robot_in_another_namespace(domain_id: int, monkeypatch: pytest.Mo
 
 
 async def test_domain_without_nav2(domain_id: int, peer: RosPeer, monkeypatch: pytest.MonkeyPatch) -> None:
-    expect(monkeypatch, lambda probe: probe._nodes())
+    expect(monkeypatch, lambda probe: probe._node_names())
     settings = RosSettings(domain_id=domain_id)
 
     view = await look(settings)
@@ -152,7 +152,7 @@ async def test_robot_that_is_not_localised(domain_id: int, monkeypatch: pytest.M
     expect(
         monkeypatch,
         lambda probe: (
-            probe._servers()
+            probe._count_servers()
             and probe._grid
             and probe._lifecycle.service_is_ready()
             and probe._goals.get_subscription_count()

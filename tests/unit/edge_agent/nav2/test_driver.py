@@ -216,7 +216,7 @@ async def test_a_check_running_while_a_map_is_enabled_does_not_make_navigation_a
         monkeypatch.setattr(driver, "_settings", RosSettings(watch_period=0.05))
         driver._on_statuses([])
         driver.go_to(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
-        await driver._watch()
+        await driver._watch_nav2()
         assert (station.goals, station.asked) == ([], ["attic.yaml"])
         monkeypatch.setattr(driver, "_node", None)
         station.let_answer.set()

@@ -55,7 +55,7 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
     mqtt = settings.mqtt
     mqtt.secret()
     place = f"{mqtt.host}:{mqtt.port}"
-    problem = await _reach(mqtt)
+    problem = await _try_connection(mqtt)
     if problem:
         remedy = "check mqtt.host and mqtt.port, the broker, and firewalls"
         first = missing(Link.BROKER, f"{place} is unreachable: {problem}", remedy)
@@ -70,11 +70,11 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
         let_in = ok(Link.LOGIN, f"logged in {as_whom(mqtt)}")
         plant_maps = await probe.plant_maps()
         refused = probe.refused
-    access = _access(settings, refused, await asyncio.to_thread(_ask_to_write, settings))
+    access = _access_findings(settings, refused, await asyncio.to_thread(_ask_to_write, settings))
     return BrokerView([reached, let_in, access], plant_maps)
 
 
-async def _reach(mqtt: MqttSettings) -> str:
+async def _try_connection(mqtt: MqttSettings) -> str:
     """Open and close a connection; return the problem as text, empty if there is none."""
     try:
         async with asyncio.timeout(ANSWER_WITHIN):
@@ -109,7 +109,7 @@ class _BrokerProbe:
         """Connect for the duration of the block; yield the problem as text, empty if there is none."""
         work = asyncio.create_task(self._link.run(), name="doctor's link")
         try:
-            yield await self._outcome()
+            yield await self._await_outcome()
         finally:
             await end(work)
 
@@ -126,7 +126,7 @@ class _BrokerProbe:
         except TimeoutError:
             return frozenset()
 
-    async def _outcome(self) -> str:
+    async def _await_outcome(self) -> str:
         for _ in range(int(ANSWER_WITHIN / 0.02)):
             if self._answered.is_set():
                 return ""
@@ -157,12 +157,12 @@ def map_ids(plant: bytes) -> frozenset[str]:
 
 def _map_ids(part: object) -> list[str]:
     if isinstance(part, list):
-        return [each for inner in part for each in _map_ids(inner)]
+        return [map_id for inner in part for map_id in _map_ids(inner)]
     if not isinstance(part, dict):
         return []
-    found = [each for inner in part.values() for each in _map_ids(inner)]
+    map_ids = [map_id for inner in part.values() for map_id in _map_ids(inner)]
     own = part.get(MAP_PROPERTY)
-    return [*found, own] if isinstance(own, str) else found
+    return [*map_ids, own] if isinstance(own, str) else map_ids
 
 
 def _topics_read(settings: EdgeAgentSettings) -> tuple[Topic, ...]:
@@ -185,7 +185,7 @@ def _not_let_in(mqtt: MqttSettings, problem: str) -> LinkFinding:
     return missing(Link.LOGIN, f"the broker rejected {who}: {problem}", remedy)
 
 
-def _access(settings: EdgeAgentSettings, refused: list[str], not_written: str) -> LinkFinding:
+def _access_findings(settings: EdgeAgentSettings, refused: list[str], not_written: str) -> LinkFinding:
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     scheme = topics_for(settings.version, settings.interface_name)
     subtree = f"{scheme.interface_name}/{scheme.major_version}/{robot}"
@@ -218,7 +218,7 @@ def _ask_to_write(settings: EdgeAgentSettings) -> str:
         if code.is_failure:
             answered.set()
         else:
-            client.publish(topic, _visualization(settings, robot), qos=1)
+            client.publish(topic, _visualization_message(settings, robot), qos=1)
 
     client = Client(
         CallbackAPIVersion.VERSION2, client_id=f"{client_id(settings)}-5", protocol=MQTTProtocolVersion.MQTTv5
@@ -239,7 +239,7 @@ def _ask_to_write(settings: EdgeAgentSettings) -> str:
     return refusals[0] if refusals else ""
 
 
-def _visualization(settings: EdgeAgentSettings, robot: RobotKey) -> bytes:
+def _visualization_message(settings: EdgeAgentSettings, robot: RobotKey) -> bytes:
     codec = codec_for(settings.version)
     headers = HeaderMaker(robot, version=codec.version, clock=SystemClock())
     return codec.encode(Visualization(**headers.make(Topic.VISUALIZATION), reference_state_header_id=0))

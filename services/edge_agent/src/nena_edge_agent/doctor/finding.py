@@ -61,10 +61,10 @@ def unknown(links: Iterable[Link], text: str) -> list[LinkFinding]:
 def report(findings: Sequence[LinkFinding]) -> str:
     """Return the findings as text: one line each, and a second one with the remedy if there is one."""
     lines = []
-    for each in findings:
-        lines.append(f"{each.verdict:<9} {each.link:<13} {each.text}")
-        if each.remedy:
-            lines.append(f"{'':<9} {'':<13} -> {each.remedy}")
-    first = next((each.link for each in findings if each.verdict is LinkVerdict.MISSING), None)
+    for finding in findings:
+        lines.append(f"{finding.verdict:<9} {finding.link:<13} {finding.text}")
+        if finding.remedy:
+            lines.append(f"{'':<9} {'':<13} -> {finding.remedy}")
+    first = next((finding.link for finding in findings if finding.verdict is LinkVerdict.MISSING), None)
     lines.append(f"The first missing link: {first}." if first else "No link is missing.")
     return "\n".join(lines) + "\n"

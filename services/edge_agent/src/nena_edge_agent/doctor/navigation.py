@@ -111,12 +111,12 @@ def judge_robot(view: RosView, settings: RosSettings) -> list[LinkFinding]:
 
     Localisation is checked before Nav2, whose planner does not become active without a pose.
     """
-    findings = [_domain(view, settings)]
+    findings = [_domain_finding(view, settings)]
     if findings[-1].verdict is LinkVerdict.OK:
-        findings.append(_namespace(view, settings))
+        findings.append(_namespace_finding(view, settings))
     if findings[-1].link is Link.NAMESPACE and findings[-1].verdict is LinkVerdict.OK:
-        findings.append(_localisation(view, settings))
-        findings.append(_navigation(view, settings))
+        findings.append(_localisation_finding(view, settings))
+        findings.append(_navigation_finding(view, settings))
     return [*findings, *unknown(ROS_LINKS[len(findings) :], f"needs the {findings[-1].link}")]
 
 
@@ -125,7 +125,7 @@ def judge_map(
 ) -> LinkFinding:
     """Check the map ID that fleet control must use, and Nav2's map; ``view`` None: a loopback robot."""
     if plant_maps and map_id not in plant_maps:
-        names = ", ".join(f"'{each}'" for each in sorted(plant_maps))
+        names = ", ".join(f"'{map_id}'" for map_id in sorted(plant_maps))
         remedy = "set map_id to this map's name in the plant model, or vda5050:mapId there to the robot's"
         return missing(Link.MAP, f"map_id is '{map_id}', and the plant model has {names}", remedy)
     agreed = f"map_id is '{map_id}', {'as in the plant model' if plant_maps else 'orders must use this name'}"
@@ -152,15 +152,15 @@ def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> LinkFinding:
     return ok(Link.MAP, f"{agreed}; Nav2's map is {grid.width:.0f} m by {grid.height:.0f} m")
 
 
-def _domain(view: RosView, settings: RosSettings) -> LinkFinding:
+def _domain_finding(view: RosView, settings: RosSettings) -> LinkFinding:
     if view.nodes:
         shown = ", ".join(view.nodes[:NODES_SHOWN]) + (", ..." if len(view.nodes) > NODES_SHOWN else "")
         return ok(Link.DOMAIN, f"{len(view.nodes)} nodes in domain {settings.domain_id}: {shown}")
     text = f"no other nodes in domain {settings.domain_id}"
     if view.busy_domains:
-        found = ", ".join(map(str, view.busy_domains))
+        domains = ", ".join(map(str, view.busy_domains))
         return missing(
-            Link.DOMAIN, f"{text}, but nodes are visible in {found}", "set ros.domain_id to the robot's"
+            Link.DOMAIN, f"{text}, but nodes are visible in {domains}", "set ros.domain_id to the robot's"
         )
     remedy = (
         "set ros.domain_id to the robot's ROS_DOMAIN_ID; check that the robot's nodes run, that both have "
@@ -169,17 +169,19 @@ def _domain(view: RosView, settings: RosSettings) -> LinkFinding:
     return missing(Link.DOMAIN, text, remedy)
 
 
-def _namespace(view: RosView, settings: RosSettings) -> LinkFinding:
+def _namespace_finding(view: RosView, settings: RosSettings) -> LinkFinding:
     if view.servers:
         return ok(Link.NAMESPACE, f"{settings.namespace} has {settings.names.status}")
     text = f"no node publishes {settings.names.status} in namespace {settings.namespace}"
     if view.elsewhere:
-        found = ", ".join(view.elsewhere)
-        return missing(Link.NAMESPACE, f"{text}, but one does in {found}", "set ros.namespace to the robot's")
+        namespaces = ", ".join(view.elsewhere)
+        return missing(
+            Link.NAMESPACE, f"{text}, but one does in {namespaces}", "set ros.namespace to the robot's"
+        )
     return missing(Link.NAMESPACE, text, "start Nav2 on the robot; ros.names.action names its action")
 
 
-def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
+def _navigation_finding(view: RosView, settings: RosSettings) -> LinkFinding:
     names = settings.names
     if view.lifecycle in (Lifecycle.INACTIVE, Lifecycle.SILENT) and view.pose is None:
         state = (
@@ -197,8 +199,8 @@ def _navigation(view: RosView, settings: RosSettings) -> LinkFinding:
     if not view.goal_listeners:
         remedy = "check that bt_navigator is configured and active; ros.names.goal_pose names the topic"
         return missing(Link.NAVIGATION, f"no node subscribes to {names.goal_pose}", remedy)
-    known = "active" if view.lifecycle is Lifecycle.ACTIVE else "available; it has no lifecycle manager"
-    text = f"{known}, and accepts goals on {names.goal_pose}{_drives(view)}"
+    state = "active" if view.lifecycle is Lifecycle.ACTIVE else "available; it has no lifecycle manager"
+    text = f"{state}, and accepts goals on {names.goal_pose}{_describe_drives(view)}"
     return _with_settings(view, settings, text)
 
 
@@ -222,7 +224,7 @@ def _with_settings(view: RosView, settings: RosSettings, text: str) -> LinkFindi
     return LinkFinding(Link.NAVIGATION, LinkVerdict.DOUBTFUL, f"{text}, and {problem}", remedy)
 
 
-def _drives(view: RosView) -> str:
+def _describe_drives(view: RosView) -> str:
     """Return Nav2's parameters and its collision monitor as text."""
     notes = []
     if view.tolerance is not None:
@@ -234,10 +236,10 @@ def _drives(view: RosView) -> str:
         notes.append(f"waits {view.server_timeout:g} ms for its servers{better}")
     if view.collision_monitor:
         notes.append("has a collision monitor, which reports a stop only when it begins or ends")
-    return "".join(f"; {each}" for each in notes)
+    return "".join(f"; {note}" for note in notes)
 
 
-def _localisation(view: RosView, settings: RosSettings) -> LinkFinding:
+def _localisation_finding(view: RosView, settings: RosSettings) -> LinkFinding:
     pose, names = view.pose, settings.names
     if pose is None:
         remedy = (
@@ -250,12 +252,12 @@ def _localisation(view: RosView, settings: RosSettings) -> LinkFinding:
         return missing(Link.LOCALISATION, text, "set ros.frame to the frame of the localisation")
     place = f"{pose.x:.2f} m, {pose.y:.2f} m, {math.degrees(pose.yaw):.0f} degrees"
     if not localized(pose, settings.localisation):
-        text = f"the robot's position is uncertain: {place}: {_spread(pose)}"
+        text = f"the robot's position is uncertain: {place}: {_describe_spread(pose)}"
         return missing(Link.LOCALISATION, text, "set the initial position, or drive the robot around by hand")
-    return ok(Link.LOCALISATION, f"the robot is at {place}, {_spread(pose)}")
+    return ok(Link.LOCALISATION, f"the robot is at {place}, {_describe_spread(pose)}")
 
 
-def _spread(pose: PoseReading) -> str:
+def _describe_spread(pose: PoseReading) -> str:
     variances = (pose.x_variance, pose.y_variance, pose.yaw_variance)
     if not all(variance >= 0 for variance in variances):
         return "with invalid variances"

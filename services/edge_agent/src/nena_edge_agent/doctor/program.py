@@ -44,7 +44,7 @@ def main(argv: Sequence[str]) -> int:
     except ConfigurationError as error:
         return report_misconfigured(PROGRAM, error)
     sys.stdout.write(report(findings))
-    return EXIT_FAILED if any(each.verdict is LinkVerdict.MISSING for each in findings) else 0
+    return EXIT_FAILED if any(finding.verdict is LinkVerdict.MISSING for finding in findings) else 0
 
 
 async def examine(settings: EdgeAgentSettings) -> list[LinkFinding]:

@@ -46,10 +46,14 @@ async def look(settings: RosSettings) -> RosView:
     if view.nodes:
         return view
     likely = {0, _domain_of_environment()} - {settings.domain_id}
-    return RosView(busy_domains=tuple([each for each in sorted(likely) if await _inhabited(settings, each)]))
+    return RosView(
+        busy_domains=tuple(
+            [domain_id for domain_id in sorted(likely) if await _is_inhabited(settings, domain_id)]
+        )
+    )
 
 
-async def _inhabited(settings: RosSettings, domain_id: int) -> bool:
+async def _is_inhabited(settings: RosSettings, domain_id: int) -> bool:
     probe = _Probe(settings.model_copy(update={"domain_id": domain_id}))
     async with probe.running():
         return await probe.sees_nodes(LOOK_ELSEWHERE)
@@ -79,7 +83,7 @@ class _Probe:
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         """Join the ROS graph for the duration of the block; raises like :func:`look`."""
-        await self._session.start(self._furnish)
+        await self._session.start(self._create_subscriptions)
         try:
             yield
         finally:
@@ -87,19 +91,19 @@ class _Probe:
 
     async def sees_nodes(self, seconds: float) -> bool:
         """Wait up to ``seconds`` for other nodes; return whether there are any."""
-        return await _until(lambda: bool(self._nodes()), seconds)
+        return await _wait_until(lambda: bool(self._node_names()), seconds)
 
     async def look(self) -> RosView:
         """Observe until everything is seen or the time is over, and return the result."""
-        await _until(self._complete, LOOK_FOR)
+        await _wait_until(self._is_complete, LOOK_FOR)
         if self._pose is None:
             await self._session.call(self._fresh_pose, Empty.Request(), seconds=self._settings.call_timeout)
-            await _until(lambda: self._pose is not None, POSE_WAIT)
+            await _wait_until(lambda: self._pose is not None, POSE_WAIT)
         parameters = await self._parameters.read()
         return RosView(
-            nodes=self._nodes(),
-            servers=self._servers(),
-            elsewhere=self._elsewhere(),
+            nodes=self._node_names(),
+            servers=self._count_servers(),
+            elsewhere=self._statuses_elsewhere(),
             goal_listeners=self._goals.get_subscription_count(),
             lifecycle=await self._lifecycle_state(),
             pose=self._pose,
@@ -114,24 +118,27 @@ class _Probe:
             clock_offset=self._clock_offset,
         )
 
-    def _complete(self) -> bool:
+    def _is_complete(self) -> bool:
         seen = (self._pose, self._grid, self._clock_offset)
         ready = self._lifecycle.service_is_ready() and self._goals.get_subscription_count()
         paths = self._path_servers() or not self._settings.nav2.follow_path
         zones = not self._unused_mask()
-        return bool(self._nodes() and self._servers() and ready and paths and zones) and None not in seen
+        return (
+            bool(self._node_names() and self._count_servers() and ready and paths and zones)
+            and None not in seen
+        )
 
-    def _nodes(self) -> tuple[str, ...]:
-        found = self._node.get_node_names_and_namespaces()
+    def _node_names(self) -> tuple[str, ...]:
+        names = self._node.get_node_names_and_namespaces()
         return tuple(
             sorted(
                 f"{space.rstrip('/')}/{name}"
-                for name, space in found
+                for name, space in names
                 if not name.startswith("_") and name not in self._own
             )
         )
 
-    def _servers(self) -> int:
+    def _count_servers(self) -> int:
         return len(self._node.get_publishers_info_by_topic(self._settings.names.status))
 
     def _path_servers(self) -> int:
@@ -145,7 +152,7 @@ class _Probe:
             return ""
         return unused_mask(self._node, names, *self._own)
 
-    def _elsewhere(self) -> tuple[str, ...]:
+    def _statuses_elsewhere(self) -> tuple[str, ...]:
         end = "/" + self._settings.names.status.removeprefix("/")
         here = self._node.resolve_topic_name(self._settings.names.status)
         topics = [name for name, _ in self._node.get_topic_names_and_types()]
@@ -164,7 +171,7 @@ class _Probe:
             return Lifecycle.SILENT
         return Lifecycle.ACTIVE if answer.success else Lifecycle.INACTIVE
 
-    def _furnish(self, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+    def _create_subscriptions(self, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         names, subscribe = self._settings.names, self._session.subscribe
         self._node = node
         self._parameters.enter(self._session, node)
@@ -182,8 +189,8 @@ class _Probe:
             )
         # Robots of a fleet often share one map outside their namespaces.
         for topic in {node.resolve_topic_name("map"), "/map"}:
-            subscribe(node, OccupancyGrid, topic, LATCHED, read=_grid, handle=self._grid_came)
-        subscribe(node, Odometry, names.odometry, SENSOR, read=_offset, handle=self._odometry_came)
+            subscribe(node, OccupancyGrid, topic, LATCHED, read=_grid_of, handle=self._grid_came)
+        subscribe(node, Odometry, names.odometry, SENSOR, read=_clock_offset_of, handle=self._odometry_came)
 
     def _pose_came(self, reading: PoseReading) -> None:
         self._pose = reading
@@ -195,7 +202,7 @@ class _Probe:
         self._clock_offset = offset
 
 
-def _grid(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
+def _grid_of(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
     """Read a nav_msgs/OccupancyGrid."""
     info = message.info
     corner = info.origin.position
@@ -208,13 +215,13 @@ def _grid(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
     )
 
 
-def _offset(message: Any) -> float:  # noqa: ANN401
+def _clock_offset_of(message: Any) -> float:  # noqa: ANN401
     """Return how far the stamp of a nav_msgs/Odometry is ahead of the current time, s."""
     stamp = message.header.stamp
     return float(stamp.sec + stamp.nanosec / messages.NANOSECONDS - time.time())
 
 
-async def _until(condition: Callable[[], bool], seconds: float) -> bool:
+async def _wait_until(condition: Callable[[], bool], seconds: float) -> bool:
     """Wait up to ``seconds`` for ``condition``; return whether it holds."""
     for _ in range(int(seconds / 0.05)):
         if condition():

@@ -69,8 +69,8 @@ class PlantFrame:
 
     def own_goals_to_map(self, goals: OwnGoals) -> OwnGoals:
         """Convert own goals of an earlier run to the robot's map."""
-        given = self.to_map(goals.given) if goals.given else None
-        return replace(goals, pose=self.to_map(goals.pose), given=given)
+        sent = self.to_map(goals.given) if goals.given else None
+        return replace(goals, pose=self.to_map(goals.pose), given=sent)
 
     def area_to_map(self, area: Area) -> Area:
         """Convert an area to the robot's map."""

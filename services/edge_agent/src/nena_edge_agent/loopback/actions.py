@@ -60,19 +60,21 @@ def simulated_actions() -> tuple[ActionPlugin, ...]:
     """Create the simulated actions of one robot."""
     return (
         SimulatedAction(
-            _declare("waitUninterrupted", "Waits, and can be neither paused nor cancelled.", stoppable=False),
+            _declare_action(
+                "waitUninterrupted", "Waits, and can be neither paused nor cancelled.", stoppable=False
+            ),
             lambda _: None,
         ),
         SimulatedAction(
-            _declare("failAlways", "Fails after its duration."),
+            _declare_action("failAlways", "Fails after its duration."),
             lambda _: "simulated failure of failAlways",
         ),
         SimulatedAction(
-            _declare("failOnce", "Fails the first time, succeeds the second time, and so on."),
+            _declare_action("failOnce", "Fails the first time, succeeds the second time, and so on."),
             AlternatingOutcome(),
         ),
         SimulatedAction(
-            _declare(
+            _declare_action(
                 "needParameter",
                 "Needs the parameter 'count'; refused without it.",
                 Parameter("count", ValueDataType.INTEGER, description="any whole number"),
@@ -82,7 +84,7 @@ def simulated_actions() -> tuple[ActionPlugin, ...]:
     )
 
 
-def _declare(
+def _declare_action(
     action_type: str, description: str, *parameters: Parameter, stoppable: bool = True
 ) -> ActionDeclaration:
     return ActionDeclaration(

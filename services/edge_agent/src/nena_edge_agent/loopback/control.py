@@ -290,9 +290,9 @@ class SimulationControl:
             case SwitchFieldViolation() | PressEmergencyStop() | AcknowledgeEmergencyStop():
                 _change_safety(robot, command)
             case SwitchOperatingMode() | SwitchError() | SwitchPauseButton() | ReleaseTrigger():
-                robot.put(_event(command))
+                robot.put(_event_of(command))
             case _:
-                _drive(robot.driver, command)
+                _command_driver(robot.driver, command)
 
 
 def _change_safety(
@@ -311,7 +311,7 @@ def _change_safety(
     robot.put(robot.safety)
 
 
-def _event(command: SwitchOperatingMode | SwitchError | SwitchPauseButton | ReleaseTrigger) -> Event:
+def _event_of(command: SwitchOperatingMode | SwitchError | SwitchPauseButton | ReleaseTrigger) -> Event:
     match command:
         case SwitchOperatingMode(mode=mode):
             return OperatingModeSwitched(mode)
@@ -323,7 +323,7 @@ def _event(command: SwitchOperatingMode | SwitchError | SwitchPauseButton | Rele
             return LocalTrigger(trigger_type)
 
 
-def _drive(driver: LoopbackDriver, command: AnyCommand) -> None:
+def _command_driver(driver: LoopbackDriver, command: AnyCommand) -> None:
     match command:
         case SwitchLocalization(localized=localized):
             driver.set_localized(localized=localized)
@@ -380,12 +380,12 @@ class ControlApi:
         control = self._controls.get(place)
         if control is None or not message.payload:
             return
-        problems = _execute(control, message)
+        problems = _execute_message(control, message)
         log.info("control command", topic=message.topic, accepted=not problems, problems=problems)
-        self._link.publish(Outbound(f"{place}/answer", _answer(message.payload, problems), keep=False))
+        self._link.publish(Outbound(f"{place}/answer", _answer_of(message.payload, problems), keep=False))
 
 
-def _execute(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
+def _execute_message(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
     """Apply a command; return its problems if it is refused."""
     if message.retained:
         return ("retained commands are ignored because they may be old; send it without the retain flag",)
@@ -398,7 +398,7 @@ def _execute(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
     return ()
 
 
-def _answer(payload: bytes, problems: tuple[str, ...]) -> bytes:
+def _answer_of(payload: bytes, problems: tuple[str, ...]) -> bytes:
     """Return the answer, with the ID and name of the command if they are readable."""
     answer: dict[str, Any] = {"accepted": not problems}
     if problems:

@@ -84,22 +84,22 @@ class Motion:
             return self._pose(0.0, self.start.theta + elapsed * rate), 0.0, rate
         elapsed -= self._first_turn_time
         if elapsed < self._line_time:
-            return self._pose(elapsed * self.speed, self._direction), self.speed, 0.0
+            return self._pose(elapsed * self.speed, self._line_direction), self.speed, 0.0
         elapsed -= self._line_time
         if elapsed * self.rate < abs(self._last_turn):
             rate = copysign(self.rate, self._last_turn)
-            return self._pose(self.length, self._direction + elapsed * rate), 0.0, rate
-        return self._pose(self.length, self._direction + self._last_turn), 0.0, 0.0
+            return self._pose(self.length, self._line_direction + elapsed * rate), 0.0, rate
+        return self._pose(self.length, self._line_direction + self._last_turn), 0.0, 0.0
 
     @property
-    def _direction(self) -> float:
+    def _line_direction(self) -> float:
         if self.length == 0:
             return self.start.theta
         return atan2(self.goal.y - self.start.y, self.goal.x - self.start.x)
 
     @property
     def _first_turn(self) -> float:
-        return turn(self.start.theta, self._direction)
+        return turn(self.start.theta, self._line_direction)
 
     @property
     def _first_turn_time(self) -> float:
@@ -111,13 +111,13 @@ class Motion:
 
     @property
     def _last_turn(self) -> float:
-        return turn(self._direction, self.goal.theta) if self.turn_at_end else 0.0
+        return turn(self._line_direction, self.goal.theta) if self.turn_at_end else 0.0
 
     def _pose(self, along: float, theta: float) -> port.Pose:
         """Return the pose ``along`` metres from the start, exactly on the goal at the end of the line."""
         done = along >= self.length
-        x = self.goal.x if done else self.start.x + along * cos(self._direction)
-        y = self.goal.y if done else self.start.y + along * sin(self._direction)
+        x = self.goal.x if done else self.start.x + along * cos(self._line_direction)
+        y = self.goal.y if done else self.start.y + along * sin(self._line_direction)
         return port.Pose(x, y, turn(0.0, theta), self.goal.map_id)
 
 
@@ -215,7 +215,7 @@ class LoopbackDriver:
     def go_to(self, goal: port.DriveGoal) -> None:
         """Drive straight to ``goal`` from where the robot is."""
         self._stop_here()
-        if problem := self._problem(goal):
+        if problem := self._goal_problem(goal):
             self._call_soon(
                 lambda: self._emit(port.DriveFailed(goal.generation, port.DriveFailure.ABORTED, problem))
             )
@@ -231,7 +231,7 @@ class LoopbackDriver:
             rate=self._settings.turn_rate,
             turn_at_end=goal.deviation_theta is not None,
         )
-        self._wait()
+        self._await_step()
 
     def halt(self) -> None:
         """Brake and drop the goal."""
@@ -241,10 +241,10 @@ class LoopbackDriver:
         slowing = braking(motion, now, self._settings.deceleration) if motion else None
         self._stop_here()
         if slowing is None:
-            self._call_soon(self._halted)
+            self._call_soon(self._confirm_halt)
         else:
             self._motion = slowing
-            self._wait()
+            self._await_step()
 
     def reclaim(self, goals: port.OwnGoals) -> None:
         """Do nothing: goals end with the program."""
@@ -330,7 +330,7 @@ class LoopbackDriver:
         self._battery.set_level(self._clock.monotonic(), charge)
         self._report_battery()
 
-    def _problem(self, goal: port.DriveGoal) -> str | None:
+    def _goal_problem(self, goal: port.DriveGoal) -> str | None:
         """Return why ``goal`` cannot be reached."""
         if goal.pose.map_id != self._pose.map_id:
             return f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
@@ -344,29 +344,29 @@ class LoopbackDriver:
             self._timer.cancel()
             self._timer = None
         if self._motion is not None:
-            self._move(self._motion)
+            self._move_along(self._motion)
         self._goal, self._motion = None, None
 
-    def _move(self, motion: Motion | Braking) -> tuple[float, float]:
+    def _move_along(self, motion: Motion | Braking) -> tuple[float, float]:
         """Move the robot along ``motion``; return speed and turning rate."""
-        before = self._pose
+        start = self._pose
         self._pose, vx, omega = motion.at(self._clock.monotonic())
-        self._battery.drive(dist((before.x, before.y), (self._pose.x, self._pose.y)))
+        self._battery.drive(dist((start.x, start.y), (self._pose.x, self._pose.y)))
         return vx, omega
 
-    def _wait(self) -> None:
+    def _await_step(self) -> None:
         if self._motion is not None:
             left = max(0.0, self._motion.end - self._clock.monotonic())
             delay = min(left, self._settings.pose_interval)
-            self._timer = asyncio.get_running_loop().call_later(delay, self._step)
+            self._timer = asyncio.get_running_loop().call_later(delay, self._take_step)
 
-    def _step(self) -> None:
+    def _take_step(self) -> None:
         self._timer = None
         motion, goal = self._motion, self._goal
         if motion is None:
             return
         over = self._clock.monotonic() >= motion.end
-        vx, omega = self._move(motion)
+        vx, omega = self._move_along(motion)
         if over:
             self._goal, self._motion = None, None
             vx = omega = 0.0
@@ -375,14 +375,14 @@ class LoopbackDriver:
             self._emit(port.Arrived(goal.generation) if goal else port.Halted())
         if self._reported_charge - self._charge >= BATTERY_STEP:
             self._report_battery()
-        self._wait()
+        self._await_step()
 
     def _wait_for_charge(self) -> None:
         if self._battery.charging and self._charge < FULL:
             delay = BATTERY_STEP / self._settings.charge_rate
-            self._charge_timer = asyncio.get_running_loop().call_later(delay, self._charged)
+            self._charge_timer = asyncio.get_running_loop().call_later(delay, self._report_charge)
 
-    def _charged(self) -> None:
+    def _report_charge(self) -> None:
         self._charge_timer = None
         self._report_battery()
         self._wait_for_charge()
@@ -396,7 +396,7 @@ class LoopbackDriver:
     def _charge(self) -> float:
         return self._battery.level(self._clock.monotonic())
 
-    def _halted(self) -> None:
+    def _confirm_halt(self) -> None:
         self._report_pose(0.0, 0.0)
         self._emit(port.Halted())
 

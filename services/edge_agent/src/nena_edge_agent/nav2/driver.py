@@ -99,7 +99,7 @@ READINGS = 5
 """Maximum number of attempts to read Nav2's parameters while one of them is unknown."""
 
 
-def _unless(problem: str, report: NavigationReport) -> NavigationReport:
+def _unless_prevented(problem: str, report: NavigationReport) -> NavigationReport:
     """Return ``report``, with ``problem`` as the reason if navigation is otherwise available."""
     return NavigationReport(available=False, reason=problem) if problem and report.available else report
 
@@ -185,7 +185,7 @@ class Nav2Driver:
         else:
             self.session.report_stopped()
         await self._stack.enter_async_context(self._tasks)
-        self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
+        self._tasks.start("watch Nav2", forever("watch Nav2", self._watch_nav2), vital=False)
         self._tasks.start("watch the drive", forever("watch the drive", self._check_servers), vital=False)
 
     def _check_types(self) -> None:
@@ -227,9 +227,9 @@ class Nav2Driver:
         problem = impossible(goal.pose, self._map_id)
         if self._limiter is not None:
             if reason := self._limiter.problem(goal.maximum_speed):
-                self._apply(self._tracker.drop(now))
+                self._execute_all(self._tracker.drop(now))
                 if goal.generation < 0:  # a plug-in's drive, which is not resent
-                    self._report(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, reason))
+                    self._report_event(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, reason))
                     return
                 self._too_fast = reason
                 self._report_navigation(NavigationReport(available=False, reason=reason))
@@ -239,19 +239,19 @@ class Nav2Driver:
             needed = self._settings.action
             problem = f"the behaviour tree '{goal.behavior_tree}' needs {needed}, which is not available"
         if problem is None:
-            self._apply(self._tracker.go_to(goal, now))
+            self._execute_all(self._tracker.go_to(goal, now))
             if len(goal.path) > 1:
-                places = tuple((each.x, each.y) for each in goal.path)
-                self._report(PlanReport(thinned(places), self._map_id))
+                places = tuple((pose.x, pose.y) for pose in goal.path)
+                self._report_event(PlanReport(thinned(places), self._map_id))
         else:
-            self._apply(self._tracker.drop(now))
-            self._report(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
+            self._execute_all(self._tracker.drop(now))
+            self._report_event(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
 
     def halt(self) -> None:
         """Cancel the current goal; ``Halted`` follows at standstill."""
         self._too_fast = ""
         self._halted.clear()
-        self._apply(self._tracker.halt(self._clock.monotonic()))
+        self._execute_all(self._tracker.halt(self._clock.monotonic()))
 
     def limit_speed(self, speed: float | None) -> None:
         """Limit the speed of Nav2's controller, m/s; called only if it accepts a limit."""
@@ -278,9 +278,9 @@ class Nav2Driver:
         pose = self._frame.to_map(pose)
         problem = impossible(pose, self._map_id)
         if problem is not None:
-            self._report(PositionInitialized(succeeded=False, description=problem))
+            self._report_event(PositionInitialized(succeeded=False, description=problem))
             return
-        self._apply(self._initial_position.ask(pose, self._clock.monotonic()))
+        self._execute_all(self._initial_position.ask(pose, self._clock.monotonic()))
 
     @property
     def drives(self) -> bool:
@@ -288,9 +288,9 @@ class Nav2Driver:
         return self._tracker.may_drive
 
     def await_map(self, reason: str) -> None:
-        """Send no goal until Nav2 has the map being loaded; :meth:`_watch` detects it."""
+        """Send no goal until Nav2 has the map being loaded; :meth:`_watch_nav2` detects it."""
         report = NavigationReport(available=False, reason=reason)
-        self._apply(self._tracker.on_navigation(report, self._clock.monotonic()))
+        self._execute_all(self._tracker.on_navigation(report, self._clock.monotonic()))
         self._report_navigation(report)
 
     def use_map(self, map_id: str) -> None:
@@ -301,10 +301,10 @@ class Nav2Driver:
         """
         waiting = self._tracker.wanted
         if waiting is not None:
-            self._apply(self._tracker.drop(self._clock.monotonic()))
+            self._execute_all(self._tracker.drop(self._clock.monotonic()))
             if waiting.generation < 0:  # a plug-in's drive, which is not resent
                 text = f"the map '{map_id}' was enabled before the drive began"
-                self._report(DriveFailed(waiting.generation, DriveFailure.NOT_TAKEN_UP, text))
+                self._report_event(DriveFailed(waiting.generation, DriveFailure.NOT_TAKEN_UP, text))
         report = self._localisation.report()
         self._map_id, self._unplaced = map_id, True
         self._forget_position()
@@ -316,7 +316,7 @@ class Nav2Driver:
             problem = f"the map '{self._map_id}' was enabled, but the position on it is not set"
             pose = replace(report.pose, map_id=self._map_id)
             lost = PoseReport(pose, localized=False, vx=report.vx, omega=report.omega, problem=problem)
-            self._report(lost)
+            self._report_event(lost)
 
     async def _open_node(self, address: RosAddress) -> None:
         from nena_edge_agent.nav2.action_client import ActionHandlers  # noqa: PLC0415 - needs rclpy
@@ -325,10 +325,10 @@ class Nav2Driver:
 
         self._settings = address.applied(self._settings)
         self._parameters = ParameterReader(self._settings)
-        found = (self._transforms, self._parameters, self._limiter, self._map_server, self._keep_out)
-        own: list[NodeExtension] = [each for each in found if each is not None]
+        parts = (self._transforms, self._parameters, self._limiter, self._map_server, self._keep_out)
+        own: list[NodeExtension] = [part for part in parts if part is not None]
         if interface(COLLISION_MONITOR) is not None:
-            self._collision = CollisionMonitor(self._settings.names.collision_monitor, self._report)
+            self._collision = CollisionMonitor(self._settings.names.collision_monitor, self._report_event)
             own.append(self._collision)
         actions = {
             Server.NAVIGATOR: ActionHandlers(
@@ -366,16 +366,16 @@ class Nav2Driver:
 
     def _lose_position(self, problem: str, *, moves: bool = False) -> None:
         """Report that the robot's position is unknown; ``moves``: the odometry still shows its velocity."""
-        before, report = self._localisation, self._localisation.lost(problem, moves=moves)
+        previous, report = self._localisation, self._localisation.lost(problem, moves=moves)
         self._forget_position()
         self._tracker.forget_pose()
         if moves:
-            self._localisation.keep_velocity(before)
+            self._localisation.keep_velocity(previous)
         if report is not None:
             self._log.warning("the robot's position is no longer known", reason=problem)
-            self._report(report)
+            self._report_event(report)
         elif not moves:
-            self._report(self._localisation.velocity)
+            self._report_event(self._localisation.velocity)
 
     def _forget_position(self) -> None:
         """Discard the robot's position: it may be another robot, or may have been moved."""
@@ -394,7 +394,7 @@ class Nav2Driver:
         if problem is not None:
             self._lose_position(problem, moves=True)
             self._localiser_watch = watch
-            self._apply([RequestPose()])
+            self._execute_all([RequestPose()])
 
     async def _stop_robot(self) -> None:
         self.halt()
@@ -403,7 +403,7 @@ class Nav2Driver:
                 "the robot may still drive: Nav2 did not stop it in time", seconds=self._settings.stop_timeout
             )
 
-    async def _watch(self) -> None:
+    async def _watch_nav2(self) -> None:
         """Check Nav2 once, after restarting a failed session."""
         await self.session.look()
         async with self.session.step:
@@ -411,10 +411,10 @@ class Nav2Driver:
                 self._check_transforms()
                 self._check_planner(self._node)
                 if (seen := await self._node.presence()) is not None:
-                    await self._judge(seen)
+                    await self._report_presence(seen)
         await asyncio.sleep(self._settings.watch_period)
 
-    async def _judge(self, seen: presence.Presence) -> None:
+    async def _report_presence(self, seen: presence.Presence) -> None:
         """Report what the ROS graph shows of Nav2."""
         seen = replace(seen, action=self._check_action(), planner_gone=self._planner.gone)
         report = presence.judge(
@@ -445,7 +445,7 @@ class Nav2Driver:
         if report is not None and report != self._kept_out:
             self._kept_out = report
             self._log.info("keep-out mask is used" if not report.problem else "keep-out mask is not used")
-            self._report(report)
+            self._report_event(report)
 
     async def _check_servers(self) -> None:
         """Check the driving servers more often than the rest of Nav2, to stop soon after a crash."""
@@ -456,7 +456,7 @@ class Nav2Driver:
 
     def _check_planner(self, node: Nav2Node) -> None:
         if self._planner.look(node.planners()):
-            self._apply(self._tracker.navigator.on_planner_gone(self._clock.monotonic()))
+            self._execute_all(self._tracker.navigator.on_planner_gone(self._clock.monotonic()))
 
     def _check_transforms(self) -> None:
         lost = bool(self._transforms.problem)
@@ -473,7 +473,7 @@ class Nav2Driver:
         self._limiter.look()
         if self._limiter.listened:
             self._too_fast = ""
-        return _unless(self._too_fast, report)
+        return _unless_prevented(self._too_fast, report)
 
     def _with_map(self, report: NavigationReport) -> NavigationReport:
         """Wait for Nav2 to load the enabled map."""
@@ -487,11 +487,11 @@ class Nav2Driver:
         if wanted is None or not wanted.path or self._tracker.controller_takes_paths:
             return report
         action = self._settings.names.follow_path
-        return _unless(f"no node serves the action {action}: is controller_server running?", report)
+        return _unless_prevented(f"no node serves the action {action}: is controller_server running?", report)
 
     def _while_map_stays(self, report: NavigationReport) -> NavigationReport:
         """Return an up-to-date report: another map may have been enabled since the report."""
-        return _unless(self._map_server.problem if self._map_server is not None else "", report)
+        return _unless_prevented(self._map_server.problem if self._map_server is not None else "", report)
 
     async def _read_limits(self, report: NavigationReport) -> None:
         """Read Nav2's goal tolerance and limits each time that it becomes available.
@@ -504,17 +504,17 @@ class Nav2Driver:
         if not report.available or self._readings == 0 or self._parameters is None:
             return
         parameters = await self._parameters.read()
-        known = parameters.complete and parameters.speed is not None
-        self._readings = 0 if known else self._readings - 1
+        complete = parameters.complete and parameters.speed is not None
+        self._readings = 0 if complete else self._readings - 1
         if self._limiter is not None and parameters.speed is not None:
             self._limiter.controller_drives(parameters.speed)
         # with topics, and on a path of our own, the robot's position is rarely updated
         known_each = 0.0 if self._check_action() and not self._follows_paths else STALE_XY
-        self._report(parameters.limits(self._settings.goals.goal_tolerance, known_each, self._map_id))
+        self._report_event(parameters.limits(self._settings.goals.goal_tolerance, known_each, self._map_id))
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
         self._see_servers(servers)
-        self._apply(self._tracker.on_navigation(report, self._clock.monotonic()))
+        self._execute_all(self._tracker.on_navigation(report, self._clock.monotonic()))
         if report.available:
             self._looking_since = -inf
         self._report_navigation(report)
@@ -524,28 +524,28 @@ class Nav2Driver:
         if self._node is not None and (controller := self._node.clients.get(Server.CONTROLLER)):
             self._tracker.controller_takes_paths = controller.is_ready
             controllers = controller.server_ids()
-        self._apply(self._tracker.on_servers(servers, controllers, self._clock.monotonic()))
+        self._execute_all(self._tracker.on_servers(servers, controllers, self._clock.monotonic()))
 
     def _report_navigation(self, report: NavigationReport) -> None:
         if report != self._navigation:
             self._navigation = report
             self._log.info("navigation", available=report.available, reason=report.reason)
-            self._report(report)
+            self._report_event(report)
 
     def _watch_drive(self) -> None:
         """Check whether the robot makes progress, and whether poses still arrive."""
         now, driving = self._clock.monotonic(), self._tracker.current.driving
         if self._localisation.forget_stale_velocity(now):
-            self._report(self._localisation.velocity)
+            self._report_event(self._localisation.velocity)
         blocked = self._movement.blocked(driving=driving, now=now)
         if blocked != self._blocked:
             self._blocked = blocked
             self._log.info("movement", blocked=blocked)
-            self._report(BlockedReport(blocked, self._settings.goals.blocked_after))
+            self._report_event(BlockedReport(blocked, self._settings.goals.blocked_after))
         report, lost = self._localisation.report(), self._pose_watch.lost
         unsure = report is not None and not report.localized
         if self._pose_watch.look(driving=driving, unsure=unsure, now=now):
-            self._apply([RequestPose()])
+            self._execute_all([RequestPose()])
         if self._pose_watch.lost:
             self._tracker.forget_pose()  # also one from feedback: goals wait for the localisation
             if not lost:
@@ -557,7 +557,7 @@ class Nav2Driver:
 
     def _on_session(self, report: SessionReport) -> None:
         """Report the session; without one Nav2 is unavailable, and with a new one it is searched for."""
-        self._report(report)
+        self._report_event(report)
         if report.state in (SessionState.NOT_ACTIVE, SessionState.FAILED):
             self._lose_position("its ROS session is not active")
             text = f"its ROS session is {report.state}"
@@ -565,22 +565,22 @@ class Nav2Driver:
             self._on_navigation(frozenset(), NavigationReport(available=False, reason=reason))
 
     def _on_statuses(self, entries: list[GoalEntry]) -> None:
-        self._update(Server.NAVIGATOR, lambda tracker, now: tracker.on_statuses(entries, now))
+        self._tell_tracker(Server.NAVIGATOR, lambda tracker, now: tracker.on_statuses(entries, now))
 
     def _on_path_statuses(self, entries: list[GoalEntry]) -> None:
-        self._update(Server.CONTROLLER, lambda tracker, now: tracker.on_statuses(entries, now))
+        self._tell_tracker(Server.CONTROLLER, lambda tracker, now: tracker.on_statuses(entries, now))
 
     def _on_other_statuses(self, entries: list[GoalEntry]) -> None:
         """Handle the statuses of the action that only other clients use."""
-        self._update(Server.NAVIGATOR, lambda tracker, now: tracker.on_other_statuses(entries, now))
+        self._tell_tracker(Server.NAVIGATOR, lambda tracker, now: tracker.on_other_statuses(entries, now))
 
     def _on_result(self, server: Server, result: GoalResult) -> None:
-        self._update(server, lambda tracker, now: tracker.on_result(result, now))
+        self._tell_tracker(server, lambda tracker, now: tracker.on_result(result, now))
 
-    def _update(self, server: Server, change: Callable[[GoalTracker, float], list[Command]]) -> None:
+    def _tell_tracker(self, server: Server, change: Callable[[GoalTracker, float], list[Command]]) -> None:
         """Tell the tracker of a server what the server has sent."""
         now = self._clock.monotonic()
-        self._apply(self._tracker.update(server, lambda tracker: change(tracker, now), now))
+        self._execute_all(self._tracker.update(server, lambda tracker: change(tracker, now), now))
 
     def _on_published_pose(self, reading: PoseReading) -> None:
         self._localiser_watch.on_pose()
@@ -604,8 +604,8 @@ class Nav2Driver:
         self._movement.on_pose(pose, now)
         self._pose_watch.on_pose(now)
         self._report_pose()
-        self._apply(self._tracker.on_pose(pose, now))
-        self._apply(confirmed)
+        self._execute_all(self._tracker.on_pose(pose, now))
+        self._execute_all(confirmed)
 
     def _on_feedback(self, reading: FeedbackReading) -> None:
         """Handle feedback: position, more often than the localisation, and remaining distance."""
@@ -618,7 +618,7 @@ class Nav2Driver:
             if pose is not None:
                 self._movement.on_pose(pose, now)
                 self._report_pose()
-                self._apply(self._tracker.on_pose(pose, now))
+                self._execute_all(self._tracker.on_pose(pose, now))
         self._movement.on_recoveries(reading.recoveries)
         self._report_progress(reading, now)
 
@@ -631,7 +631,7 @@ class Nav2Driver:
 
     def _report_progress(self, reading: FeedbackReading, now: float) -> None:
         if progress := self._feedback.progress(reading, self._map_id, now):
-            self._report(progress)
+            self._report_event(progress)
 
     def _is_of_goal(self, reading: FeedbackReading, now: float) -> bool:
         """Return whether feedback is of the current goal; any of our goals counts as a sign of life."""
@@ -640,14 +640,14 @@ class Nav2Driver:
             self._silence.heard(reading.goal_id, now)
             tracker.on_feedback()
             if self._listening is None and not self._silence.by_odometry:
-                self._listen(FEEDBACK_TIMEOUT)
+                self._await_feedback(FEEDBACK_TIMEOUT)
         if reading.goal_id != tracker.goal_id:
             return False
         if self._limiter is not None:
             self._limiter.drives(now)
         return True
 
-    def _listen(self, seconds: float) -> None:
+    def _await_feedback(self, seconds: float) -> None:
         """Check after ``seconds`` whether feedback still arrives."""
         due = self._loop.time() + seconds
         self._listening = self._loop.call_at(due, self._check_feedback, due)
@@ -660,11 +660,11 @@ class Nav2Driver:
             return
         silent = self._silence.silent_for(now, self._tracker.current.live)
         if self._loop.time() - due > HELD_UP:
-            self._listen(HELD_UP)
+            self._await_feedback(HELD_UP)
         elif silent >= FEEDBACK_TIMEOUT:
-            self._apply(self._tracker.on_silence(silent, now))
+            self._execute_all(self._tracker.on_silence(silent, now))
         elif silent > 0.0:
-            self._listen(FEEDBACK_TIMEOUT - silent)
+            self._await_feedback(FEEDBACK_TIMEOUT - silent)
 
     def _on_velocity(self, measured: tuple[float, float]) -> None:
         now = self._clock.monotonic()
@@ -672,22 +672,22 @@ class Nav2Driver:
         for watcher in (self._tracker, self._movement, self._pose_watch):
             watcher.on_velocity(*velocity, now)
         if silent := self._silence.on_velocity(now, self._tracker.current.live):
-            self._apply(self._tracker.on_silence(silent, now))
+            self._execute_all(self._tracker.on_silence(silent, now))
         if self._localisation.on_velocity(velocity, now):
-            self._report(self._localisation.velocity)
+            self._report_event(self._localisation.velocity)
             self._report_pose()
 
     def _on_battery(self, reading: BatteryReading) -> None:
         report = self._battery.report(reading)
         if report is not None:
-            self._report(report)
+            self._report_event(report)
 
     def _on_plan(self, plan: tuple[str, tuple[tuple[float, float], ...]]) -> None:
         """Report a plan for our own drive; its end distinguishes it from plans of other clients."""
         frame, points = plan
         ours = frame.removeprefix("/") == self._settings.frame
         if ours and len(points) > 1 and self._tracker.navigator.wants(points[-1]):
-            self._report(PlanReport(points, self._map_id))
+            self._report_event(PlanReport(points, self._map_id))
 
     def _report_pose(self) -> None:
         report = self._localisation.report()
@@ -699,19 +699,19 @@ class Nav2Driver:
             report = replace(report, localized=False, problem=problem)
         awaited = self._tracker.busy or self._tracker.current.driving or self._initial_position.busy
         if report and (not self._repetition.of(report, self._clock.monotonic()) or awaited):
-            self._report(report)
+            self._report_event(report)
 
-    def _apply(self, commands: Iterable[Command | PublishInitialPose]) -> None:
+    def _execute_all(self, commands: Iterable[Command | PublishInitialPose]) -> None:
         for command in commands:
-            self._execute(command)
+            self._execute_command(command)
         busy = self._tracker.busy or self._initial_position.busy
         if busy and self._ticking is None and not self._stopped:
             due = self._loop.time() + TICK
-            self._ticking = self._loop.call_at(due, self._tick, due)
+            self._ticking = self._loop.call_at(due, self._check_timeouts, due)
 
-    def _execute(self, command: Command | PublishInitialPose) -> None:
+    def _execute_command(self, command: Command | PublishInitialPose) -> None:
         if isinstance(command, Report):
-            self._report(command.event)
+            self._report_event(command.event)
             return
         node = self._node
         if node is None:
@@ -729,7 +729,7 @@ class Nav2Driver:
             case PublishInitialPose(pose):
                 node.publish_initial_pose(pose)
             case CancelGoal():
-                self._tasks.start("cancel a goal", self._cancel(node, command), vital=False)
+                self._tasks.start("cancel a goal", self._cancel_goal(node, command), vital=False)
             case StopMotion():
                 self._log.warning("cancelled the goals of controller, behaviours and docking")
                 self._tasks.start("stop the robot", self._stop_motion(node), vital=False)
@@ -745,7 +745,9 @@ class Nav2Driver:
                 "goal sent", generation=goal.generation, goal=goal_id, x=goal.pose.x, y=goal.pose.y
             )
         accepted = await node.clients[server].send_goal(goal, goal_id)
-        self._update(server, lambda tracker, now: tracker.on_goal_answer(goal_id, now, accepted=accepted))
+        self._tell_tracker(
+            server, lambda tracker, now: tracker.on_goal_answer(goal_id, now, accepted=accepted)
+        )
 
     async def _request_pose(self, node: Nav2Node) -> None:
         if await node.request_pose():
@@ -753,26 +755,26 @@ class Nav2Driver:
 
     async def _stop_motion(self, node: Nav2Node) -> None:
         answered = await node.stop_motion()
-        self._apply(self._tracker.on_stop_answer(self._clock.monotonic(), answered=answered))
+        self._execute_all(self._tracker.on_stop_answer(self._clock.monotonic(), answered=answered))
 
-    async def _cancel(self, node: Nav2Node, command: CancelGoal) -> None:
+    async def _cancel_goal(self, node: Nav2Node, command: CancelGoal) -> None:
         path = command.server is Server.CONTROLLER
         self._log.info("path cancelled" if path else "goal cancelled", goal=command.goal_id)
         code = await node.clients[command.server].cancel_goal(command.goal_id)
-        self._update(
+        self._tell_tracker(
             command.server, lambda tracker, now: tracker.on_cancel_answer(command.goal_id, code, now)
         )
 
-    def _tick(self, due: float) -> None:
+    def _check_timeouts(self, due: float) -> None:
         """Check the timeouts; if the loop was delayed during a drive, first read what has arrived."""
         self._ticking = None
         if self._tracker.wanted is not None and self._loop.time() - due > HELD_UP:
-            self._ticking = self._loop.call_later(HELD_UP, self._tick, inf)
+            self._ticking = self._loop.call_later(HELD_UP, self._check_timeouts, inf)
             return
         now = self._clock.monotonic()
-        self._apply([*self._initial_position.tick(now), *self._tracker.tick(now)])
+        self._execute_all([*self._initial_position.tick(now), *self._tracker.tick(now)])
 
-    def _report(self, event: DriverEvent) -> None:
+    def _report_event(self, event: DriverEvent) -> None:
         if isinstance(event, Halted):
             self._halted.set()
         if self._limiter is not None:

@@ -72,9 +72,9 @@ def meaning_of(code: int, message: str = "") -> Meaning | None:
     """Return the meaning of an ``error_code``, with Nav2's own ``error_msg``; None: no reason."""
     if not code and not message:
         return None
-    known = _MEANINGS.get(code)
-    if known is None and code // SEVERAL == 3:  # noqa: PLR2004 - 3xx: see SEVERAL
-        known = _MEANINGS.get(code - SEVERAL)
+    meaning = _MEANINGS.get(code)
+    if meaning is None and code // SEVERAL == 3:  # noqa: PLR2004 - 3xx: see SEVERAL
+        meaning = _MEANINGS.get(code - SEVERAL)
     family = next((text for first, text in reversed(_FAMILIES.items()) if code >= first), _UNKNOWN)
-    text, hint = known or Meaning(family)
+    text, hint = meaning or Meaning(family)
     return Meaning(f"{text} (error code {code}{f': {message}' if message else ''})", hint)

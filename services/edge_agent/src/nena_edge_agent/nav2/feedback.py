@@ -42,7 +42,7 @@ class PassedPoses:
         if len(self._places) <= 1 or len(wanted) > len(self._places):
             return False
         rest = self._places[-len(wanted) :]
-        same = (near(one, other, xy=SAME, theta=None) for one, other in zip(wanted, rest, strict=True))
+        same = (near(pose, place, xy=SAME, theta=None) for pose, place in zip(wanted, rest, strict=True))
         return all(same)
 
     def left(self, goal: DriveGoal, places: int) -> None:
@@ -102,12 +102,12 @@ class SilenceWatch:
 
         ``live`` are our goals that have not ended.
         """
-        before, self._odometry_at = self._odometry_at, now
+        previous_at, self._odometry_at = self._odometry_at, now
         if self._heard_at is None or self._goal_id not in live:
             self._heard_at = None
             return 0.0
-        self._silent_for += min(now - max(before, self._heard_at), COUNTED)
-        passed = sum(self._silent_for >= each for each in SILENCES)
+        self._silent_for += min(now - max(previous_at, self._heard_at), COUNTED)
+        passed = sum(self._silent_for >= limit for limit in SILENCES)
         if passed <= self._reported:
             return 0.0
         self._reported = passed

@@ -243,8 +243,8 @@ class GoalTracker:
     def may_drive(self) -> bool:
         """Return whether Nav2 drives for us, or may still start a goal that was sent."""
         drive = self._drive
-        given = drive is not None and drive.reached_at is None and drive.tries > 0
-        return given or bool(self._registry.live)
+        sent = drive is not None and drive.reached_at is None and drive.tries > 0
+        return sent or bool(self._registry.live)
 
     @property
     def others_run(self) -> bool:
@@ -288,15 +288,15 @@ class GoalTracker:
         if drive is not None and same and self._aborted is None and self._passed.covers(goal):
             drive.goal = goal
             self._passed.advance()
-            return self._advance(now)
+            return self._advance_all(now)
         self._drove = True
         self._drive = GoalDrive(goal, preempts=self._registry.incomplete(now))
-        return self._advance(now)
+        return self._advance_all(now)
 
     def drop(self, now: float) -> list[Command]:
         """Cancel the current goal without an answer: the goal that was to replace it cannot be sent."""
         self._drive = self._reclaimed = None
-        return self._advance(now)
+        return self._advance_all(now)
 
     def halt(self, now: float) -> list[Command]:
         """Drop the goal and stop; answered by ``Halted`` or ``HaltFailed``."""
@@ -305,7 +305,7 @@ class GoalTracker:
             self._halt, self._stop_answered = _Halt(now, now, may_move=self._drove), False
         elif self._halt.failed:
             self._halt.since, self._halt.failed = now, False
-        return self._advance(now)
+        return self._advance_all(now)
 
     def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Handle a status array: all goals that the server remembers."""
@@ -314,12 +314,12 @@ class GoalTracker:
         self._report_table()
         drive = self._drive
         if drive is not None and drive.times_sent:
-            self._bind(drive, changes.claimed)
+            self._bind_goal_id(drive, changes.claimed)
         if drive is not None and drive.goal_id is not None and drive.reached_at is None:
-            self._follow(drive, drive.goal_id, now, lost=drive.goal_id in changes.lost)
-        return self._advance(now)
+            self._follow_status(drive, drive.goal_id, now, lost=drive.goal_id in changes.lost)
+        return self._advance_all(now)
 
-    def _bind(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
+    def _bind_goal_id(self, drive: GoalDrive, claimed: tuple[str, ...]) -> None:
         """Follow the new ID that is ours: of a goal sent twice, the server drives the last accepted one.
 
         A goal sent by the action is in the array even if the response was lost.
@@ -340,8 +340,8 @@ class GoalTracker:
                 f"another program sent Nav2 a goal ({foreign}), which Nav2 rejects while it drives through "
                 "several poses: this robot pauses, so that the goal can be resent"
             )
-            self._fail(drive, DriveFailure.TAKEN_OVER, text)
-        return self._advance(now)
+            self._fail_drive(drive, DriveFailure.TAKEN_OVER, text)
+        return self._advance_all(now)
 
     def on_goal_answer(self, goal_id: str, now: float, *, accepted: bool | None) -> list[Command]:
         """Handle the response to a sent goal; None: there was none, and the status array shows the result."""
@@ -353,7 +353,7 @@ class GoalTracker:
             self._report_table()
         elif accepted is False:
             self._refused = True
-        return self._advance(now)
+        return self._advance_all(now)
 
     def on_result(self, result: GoalResult, now: float) -> list[Command]:
         """Handle the result of a goal: its last status, and its ``error_code`` and ``error_msg``, if any."""
@@ -365,8 +365,8 @@ class GoalTracker:
             self._report_table()
         drive = self._drive
         if drive is not None and drive.goal_id == goal_id and drive.reached_at is None:
-            self._follow(drive, goal_id, now, lost=False)
-        return self._advance(now)
+            self._follow_status(drive, goal_id, now, lost=False)
+        return self._advance_all(now)
 
     def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
         """Handle the code of a cancel call, None for no answer; the goal's status shows its effect."""
@@ -374,12 +374,12 @@ class GoalTracker:
             self._registry.forget(goal_id)
         elif code is None:
             log.warning("no answer to a cancel request", goal=goal_id)
-        return self._advance(now)
+        return self._advance_all(now)
 
     def on_stop_answer(self, now: float, *, answered: bool) -> list[Command]:
         """Record whether the controller has answered that its goals are cancelled."""
         self._stop_answered = self._stop_answered or answered
-        return self._advance(now)
+        return self._advance_all(now)
 
     def on_silence(self, seconds: float, now: float) -> list[Command]:
         """Stop the controller: the server that drives for us has sent no feedback for ``seconds``.
@@ -390,13 +390,13 @@ class GoalTracker:
         self._run_away(now, silent=self._silent or not self._runaway)
         drive, standstill = self._drive, self._standstill
         if drive is None:
-            return self._advance(now)
+            return self._advance_all(now)
         drive.interrupted = True
         obeys = standstill.stands(now) or now - standstill.slowed_at < OBEYED_WITHIN
         if seconds >= GIVEN_UP_AFTER or (seconds >= OBEYED_AFTER and not obeys):
             text = f"{self._server} has sent no feedback for {seconds:.1f} s; stopping its controller"
-            self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
-        return self._advance(now)
+            self._fail_drive(drive, DriveFailure.NAVIGATION_GONE, text)
+        return self._advance_all(now)
 
     def on_feedback(self) -> None:
         """Record feedback for a goal of ours: a navigator that was only silent for a while may drive on."""
@@ -413,7 +413,7 @@ class GoalTracker:
         if self._pose is None:
             self._localised_at = now
         self._pose, self._pose_at = pose, now
-        return self._advance(now)
+        return self._advance_all(now)
 
     def on_places(self, goal_id: str, left: int) -> None:
         """Record the number of poses that navigation has left to reach."""
@@ -447,18 +447,18 @@ class GoalTracker:
         if gone and drive is not None and drive.reached_at is None:
             if drive.goal_id is not None:
                 text = "Nav2 stopped or restarted during the drive"
-                self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
+                self._fail_drive(drive, DriveFailure.NAVIGATION_GONE, text)
             else:
                 drive.counted_from, drive.give_up_at = drive.times_sent, None
-        return self._advance(now)
+        return self._advance_all(now)
 
     def on_planner_gone(self, now: float) -> list[Command]:
         """Stop the robot: the planner has died, and Nav2 would drive on until it needs the planner."""
         drive = self._drive
         if drive is not None and drive.goal_id is not None and drive.reached_at is None:
             self._run_away(now)
-            self._fail(drive, DriveFailure.NAVIGATION_GONE, "Nav2's planner stopped during the drive")
-        return self._advance(now)
+            self._fail_drive(drive, DriveFailure.NAVIGATION_GONE, "Nav2's planner stopped during the drive")
+        return self._advance_all(now)
 
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
         """Record whether goals can be sent."""
@@ -468,13 +468,13 @@ class GoalTracker:
         if lost and self._drive is not None:
             self._drive.interrupted = True
         self._navigation = report
-        return self._advance(now)
+        return self._advance_all(now)
 
     def tick(self, now: float) -> list[Command]:
         """Advance the time."""
-        return self._advance(now)
+        return self._advance_all(now)
 
-    def _advance(self, now: float) -> list[Command]:
+    def _advance_all(self, now: float) -> list[Command]:
         self._await_reason(now)
         if self._registry.end_yielding(now):
             self._report_table()
@@ -489,27 +489,27 @@ class GoalTracker:
         commands, self._out = self._out, []
         return commands
 
-    def _follow(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
+    def _follow_status(self, drive: GoalDrive, goal_id: str, now: float, *, lost: bool) -> None:
         """Apply the status of the goal; 0 to 3 mean that it is still active.
 
         The end of an aborted goal is delayed until its reason is known: Nav2 aborts goals without a reason
         when it is deactivated or stopped, and only then says so.
         """
         status = self._registry.status(goal_id)
-        known = self._reason[0] == goal_id or self._registry.taken_over(goal_id) is not None
-        if status is GoalStatus.ABORTED and not lost and not known and self._navigation.available:
+        explained = self._reason[0] == goal_id or self._registry.taken_over(goal_id) is not None
+        if status is GoalStatus.ABORTED and not lost and not explained and self._navigation.available:
             self._aborted = self._aborted or (goal_id, now)
             if now - self._aborted[1] < REASON_WAIT:
                 return
         self._aborted = None
         if lost:
             text = f"Nav2 no longer lists the goal {goal_id}: it was restarted"
-            self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
+            self._fail_drive(drive, DriveFailure.NAVIGATION_GONE, text)
         elif status is GoalStatus.SUCCEEDED:
             drive.reached_at = now
         elif status is GoalStatus.CANCELED:
             text = f"the goal {goal_id} was cancelled by another program"
-            self._fail(drive, DriveFailure.CANCELED_FROM_OUTSIDE, text)
+            self._fail_drive(drive, DriveFailure.CANCELED_FROM_OUTSIDE, text)
         elif status is GoalStatus.ABORTED:
             self._fail_aborted(drive, goal_id)
 
@@ -519,7 +519,7 @@ class GoalTracker:
         if self._aborted is None:
             return
         if drive is not None and drive.goal_id == self._aborted[0]:
-            self._follow(drive, drive.goal_id, now, lost=False)
+            self._follow_status(drive, drive.goal_id, now, lost=False)
         else:
             self._aborted = None
 
@@ -531,22 +531,24 @@ class GoalTracker:
             self._out.append(RequestResult(goal_id, self._server))
 
     def _fail_aborted(self, drive: GoalDrive, goal_id: str) -> None:
-        other, (failed_id, code, meaning) = self._registry.taken_over(goal_id), self._reason
-        known, text = failed_id == goal_id, f"Nav2 has aborted the goal {goal_id}"
-        if known and meaning is not None:
+        successor, (failed_id, code, meaning) = self._registry.taken_over(goal_id), self._reason
+        explained, text = failed_id == goal_id, f"Nav2 has aborted the goal {goal_id}"
+        if explained and meaning is not None:
             text, transient = f"{text}: {meaning.reason}", code in TRANSIENT
-            self._fail(drive, DriveFailure.ABORTED, text, hint=meaning.hint, code=code, transient=transient)
-        elif other is not None:
-            text = f"the goal {goal_id} was replaced by another program's goal ({other})"
-            self._fail(drive, DriveFailure.TAKEN_OVER, text)
-        elif known or not self._navigation.available:
-            self._fail(drive, DriveFailure.ABORTED, f"{text}: {WITHOUT_REASON}", transient=True)
+            self._fail_drive(
+                drive, DriveFailure.ABORTED, text, hint=meaning.hint, code=code, transient=transient
+            )
+        elif successor is not None:
+            text = f"the goal {goal_id} was replaced by another program's goal ({successor})"
+            self._fail_drive(drive, DriveFailure.TAKEN_OVER, text)
+        elif explained or not self._navigation.available:
+            self._fail_drive(drive, DriveFailure.ABORTED, f"{text}: {WITHOUT_REASON}", transient=True)
         else:
             text = (
                 f"{text}: the goal cannot be reached, the route is blocked, "
                 "or the robot is not localised; Nav2's log on the robot shows which"
             )
-            self._fail(drive, DriveFailure.ABORTED, text)
+            self._fail_drive(drive, DriveFailure.ABORTED, text)
 
     def _answer_halt(self, now: float) -> None:
         """Confirm a halt once the robot is at standstill; fail it if it keeps moving or is not confirmed."""
@@ -554,7 +556,7 @@ class GoalTracker:
         if halt is None:
             return
         halt.may_move = halt.may_move or registry.orphaned or self._runaway or self._standstill.moving
-        if registry.awaiting(now) or registry.may_still_drive(now) or self._searching(halt, now):
+        if registry.awaiting(now) or registry.may_still_drive(now) or self._searches_navigator(halt, now):
             halt.since = now
             unsettled = True
         else:
@@ -563,19 +565,19 @@ class GoalTracker:
             halt.may_move, halt.quiet_at = True, None
         elif halt.quiet_at is None:
             halt.quiet_at = now
-        if self._stands(halt, now):
+        if self._stands_without_goals(halt, now):
             if self._halts_after is not None and self._halts_after.halting:
                 return
             self._halt, self._drove = None, False
-            self._report(Halted())
+            self._report_event(Halted())
             return
         began = max(halt.since, halt.quiet_at or halt.since, self._standstill.slowed_at)
         overdue = now - began >= self._settings.standstill_timeout
         if overdue and not halt.failed and not self._standstill.stands(now):
             halt.failed = True
-            self._report(HaltFailed(self._why_not_halted(now)))
+            self._report_event(HaltFailed(self._why_not_halted(now)))
 
-    def _stands(self, halt: _Halt, now: float) -> bool:
+    def _stands_without_goals(self, halt: _Halt, now: float) -> bool:
         """Return whether the robot is at standstill and no goal of ours will move it.
 
         Without odometry: a robot that was not driving, or after a while one whose servers have confirmed the
@@ -590,7 +592,7 @@ class GoalTracker:
             return False
         return not halt.may_move or now - halt.quiet_at >= self._settings.standstill_timeout
 
-    def _searching(self, halt: _Halt, now: float) -> bool:
+    def _searches_navigator(self, halt: _Halt, now: float) -> bool:
         """Return whether the navigator of an earlier run's goals may still be found after the start."""
         since = halt.asked_at if self._no_server_since is None else self._no_server_since
         return self._registry.orphaned and not self._server_found and now - since < RECLAIM_SERVER_WAIT
@@ -640,24 +642,24 @@ class GoalTracker:
             self._judge_route(drive, self._pose, now)
             return
         if self._pose is not None and agrees(self._pose, drive.goal):
-            self._arrive(drive, now)
+            self._report_arrival(drive, now)
         elif drive.may_be_undriven and not self._may_agree(drive.goal):
-            self._resend(drive)
+            self._resend_undriven(drive)
         elif drive.pose_may_come(now, self._settings.pose_wait):
             self._request_pose(drive, now)
         elif drive.may_be_undriven:
-            self._resend(drive)
+            self._resend_undriven(drive)
         elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
-            self._arrive(drive, now)
+            self._report_arrival(drive, now)
         elif not drive.poses_are_late(now):
-            self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
+            self._fail_drive(drive, DriveFailure.OUTSIDE_TOLERANCE, self._describe_disagreement(drive.goal))
 
     def _judge_route(self, drive: GoalDrive, pose: Pose, now: float) -> None:
         """Wait at the end of a route until its nodes are reported as passed; drive to one that was not."""
         if agrees(pose, drive.goal):
-            self._arrive(drive, now)
+            self._report_arrival(drive, now)
         elif drive.may_be_undriven and not near(pose, drive.goal.ahead[-1], xy=FROM_END, theta=None):
-            self._resend(drive)
+            self._resend_undriven(drive)
         elif drive.reached_at is not None and now - drive.reached_at >= self._settings.pose_wait:
             self._send_alone(drive)
 
@@ -666,7 +668,7 @@ class GoalTracker:
         log.info("a skipped node is driven to separately", generation=drive.goal.generation)
         self._drive = GoalDrive(replace(drive.goal, ahead=()))
 
-    def _resend(self, drive: GoalDrive) -> None:
+    def _resend_undriven(self, drive: GoalDrive) -> None:
         """Resend a goal that succeeded although the robot is elsewhere.
 
         Nav2 replans once a second (through poses: every 3 s), and not sooner for a new goal: until then, the
@@ -686,7 +688,7 @@ class GoalTracker:
         pose = self._pose
         return pose is not None and agrees(pose, goal, xy_slack=STALE_XY, theta_slack=STALE_THETA)
 
-    def _disagreement(self, goal: DriveGoal) -> str:
+    def _describe_disagreement(self, goal: DriveGoal) -> str:
         if self._pose is None:
             return "Nav2 reports the goal as reached, but the robot's pose is not known"
         return (
@@ -709,13 +711,13 @@ class GoalTracker:
         if self._registry.awaiting(now):
             return
         if now >= drive.give_up_at or drive.tries > self._settings.resends:
-            self._fail(drive, DriveFailure.NOT_TAKEN_UP, self._refusal(drive))
+            self._fail_drive(drive, DriveFailure.NOT_TAKEN_UP, self._describe_refusal(drive))
         elif self._may_send(now) and not self._continue_earlier(drive, now) and now >= localised:
             drive.times_sent += 1
             drive.preempts = drive.preempts or self._registry.running
-            self._send(drive, now)
+            self._send_goal(drive, now)
 
-    def _send(self, drive: GoalDrive, now: float) -> None:
+    def _send_goal(self, drive: GoalDrive, now: float) -> None:
         if not self.by_action:
             self._registry.given(now)
             self._out.append(PublishGoal(drive.goal))
@@ -731,7 +733,7 @@ class GoalTracker:
     def _continue_earlier(self, drive: GoalDrive, now: float) -> bool:
         """Continue the goal of an earlier run, if it has the same pose and is active or succeeded."""
         goals, self._reclaimed = self._reclaimed, None
-        goal_id, place = self._earlier(goals) if goals else (None, None)
+        goal_id, place = self._earlier_goal(goals) if goals else (None, None)
         if goal_id is None or place is None or not _same_place(place, drive.goal):
             return False
         status = self._registry.status(goal_id)
@@ -746,7 +748,7 @@ class GoalTracker:
         drive.reached_at = now if reached else None
         return True
 
-    def _earlier(self, goals: OwnGoals) -> tuple[str | None, Pose | None]:
+    def _earlier_goal(self, goals: OwnGoals) -> tuple[str | None, Pose | None]:
         """Return the newest goal of an earlier run that may still be active, and its pose."""
         if self._registry.given_before:
             return self._registry.given_before, goals.given
@@ -768,7 +770,7 @@ class GoalTracker:
         )
         return clear and self._registry.settled(now)
 
-    def _refusal(self, drive: GoalDrive) -> str:
+    def _describe_refusal(self, drive: GoalDrive) -> str:
         if self._server is Server.CONTROLLER:
             return (
                 f"Nav2's controller has not accepted the path, sent {drive.times_sent} times: "
@@ -808,11 +810,11 @@ class GoalTracker:
             self._arrived_at = None
             self._out.append(RequestPose())
 
-    def _arrive(self, drive: GoalDrive, now: float) -> None:
+    def _report_arrival(self, drive: GoalDrive, now: float) -> None:
         self._drive, self._arrived_at = None, now
-        self._report(Arrived(drive.goal.generation))
+        self._report_event(Arrived(drive.goal.generation))
 
-    def _fail(
+    def _fail_drive(
         self,
         drive: GoalDrive,
         failure: DriveFailure,
@@ -826,16 +828,16 @@ class GoalTracker:
         self._drive = None
         transient = transient or failure is DriveFailure.NAVIGATION_GONE
         log.info("drive failed", generation=drive.goal.generation, reason=description, transient=transient)
-        self._report(DriveFailed(drive.goal.generation, failure, description, hint, code, transient))
+        self._report_event(DriveFailed(drive.goal.generation, failure, description, hint, code, transient))
 
     def _report_table(self) -> None:
         """Report the listed goals before their effects on a drive."""
         table = self._registry.table
         if table != self._table:
             self._table = table
-            self._report(table)
+            self._report_event(table)
 
-    def _report(self, event: DriverEvent) -> None:
+    def _report_event(self, event: DriverEvent) -> None:
         self._out.append(Report(event))
 
 

@@ -172,8 +172,8 @@ class GoalRegistry:
         """Return the ID of a running external goal that was accepted after ``goal_id``."""
         ids = list(self._goals)
         later = ids[ids.index(goal_id) + 1 :] if goal_id in self._goals else []
-        running = (other for other in later if not self._goals[other].status.terminal)
-        return next((other for other in running if not self._goals[other].ours), None)
+        running = (later_id for later_id in later if not self._goals[later_id].status.terminal)
+        return next((later_id for later_id in running if not self._goals[later_id].ours), None)
 
     def settled(self, now: float) -> bool:
         """Return whether the earlier goals are known, so that a new ID can be distinguished from them."""
@@ -220,7 +220,7 @@ class GoalRegistry:
 
     def given(self, now: float) -> None:
         """Record that a goal is sent at ``now``."""
-        self._expire(now)
+        self._expire_claims(now)
         self._claims += 1
         self._awaited = True
         self._given_at = now
@@ -239,16 +239,18 @@ class GoalRegistry:
         Nav2 drives for one action at a time, and aborts a goal of the other one within milliseconds. Such a
         goal counts as active for :data:`YIELD_TIME`, in which it can be resent.
         """
-        foreign = {each.goal_id: each.status for each in entries if not self._prefix.matches(each.goal_id)}
-        known, self._others_known = self._others_known, foreign
+        foreign = {
+            entry.goal_id: entry.status for entry in entries if not self._prefix.matches(entry.goal_id)
+        }
+        listed, self._others_known = self._others_known, foreign
         running = [goal_id for goal_id, status in foreign.items() if not status.terminal]
         since = self._servers_since
-        latched = known is None and (since is None or now - since < self._settle_time)
-        before = foreign if latched else known or {}
+        latched = listed is None and (since is None or now - since < self._settle_time)
+        previous = foreign if latched else listed or {}
         refused = [
             goal_id
             for goal_id, status in foreign.items()
-            if status is GoalStatus.ABORTED and not (goal_id in before and before[goal_id].terminal)
+            if status is GoalStatus.ABORTED and not (goal_id in previous and previous[goal_id].terminal)
         ]
         if running:
             self._yield_until, shown = None, running
@@ -261,7 +263,7 @@ class GoalRegistry:
         self._others = tuple(
             GoalReport(goal_id, external=True, status=foreign[goal_id].name) for goal_id in shown
         )
-        fresh = [goal_id for goal_id in shown if goal_id not in before]
+        fresh = [goal_id for goal_id in shown if goal_id not in previous]
         return fresh[-1] if fresh and self.live else None
 
     def end_yielding(self, now: float) -> bool:
@@ -273,7 +275,7 @@ class GoalRegistry:
 
     def sent(self, now: float) -> None:
         """Record that a goal with an ID of ours is sent; its answer is awaited."""
-        self._expire(now)
+        self._expire_claims(now)
         self._awaited, self._given_at = True, now
 
     def accept(self, goal_id: str) -> None:
@@ -294,23 +296,23 @@ class GoalRegistry:
 
     def update(self, entries: Sequence[GoalEntry], now: float) -> StatusChanges:
         """Handle an array; ignore a late one."""
-        self._expire(now)
+        self._expire_claims(now)
         if self._is_late(entries):
             return StatusChanges((), frozenset())
         first, self._array_seen = not self._array_seen, True
-        before, self._goals = self._goals, {}
+        previous, self._goals = self._goals, {}
         self._find_given_before([entry.goal_id for entry in entries])
-        claimed = self._claim(
-            [entry.goal_id for entry in entries if entry.goal_id not in before], first=first
+        claimed = self._claim_ids(
+            [entry.goal_id for entry in entries if entry.goal_id not in previous], first=first
         )
         for entry in entries:
-            ours = self._owns(entry.goal_id, claimed)
-            goal = self._goals[entry.goal_id] = _merged(before.get(entry.goal_id), entry, ours=ours)
+            ours = self._is_ours(entry.goal_id, claimed)
+            goal = self._goals[entry.goal_id] = _merge_status(previous.get(entry.goal_id), entry, ours=ours)
             goal.past = goal.past or (first and goal.status.terminal and not ours)
         self._orphans = frozenset()
         lost = frozenset(
             goal_id
-            for goal_id, goal in before.items()
+            for goal_id, goal in previous.items()
             if goal.ours and not goal.status.terminal and goal_id not in self._goals
         )
         return StatusChanges(claimed, lost)
@@ -321,10 +323,10 @@ class GoalRegistry:
         listed = {entry.goal_id for entry in entries}
         return newest is not None and newest not in listed and listed <= self._goals.keys()
 
-    def _owns(self, goal_id: str, claimed: Sequence[str]) -> bool:
+    def _is_ours(self, goal_id: str, claimed: Sequence[str]) -> bool:
         return self._prefix.matches(goal_id) or goal_id in claimed or goal_id in self._orphans
 
-    def _claim(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
+    def _claim_ids(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
         """Return the new IDs that are ours: of a first array, which lists old goals, at most the last one."""
         strange = [
             goal_id for goal_id in fresh if goal_id not in self._orphans and not self._prefix.matches(goal_id)
@@ -349,12 +351,12 @@ class GoalRegistry:
         if self.given_before:
             self._orphans |= {self.given_before}
 
-    def _expire(self, now: float) -> None:
+    def _expire_claims(self, now: float) -> None:
         if not self.incomplete(now):
             self._claims = 0
 
 
-def _merged(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
+def _merge_status(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
     """Return the goal updated by ``entry``; an end is final, and an unknown status is ignored."""
     if old is None:
         return Goal(ours, entry.status)

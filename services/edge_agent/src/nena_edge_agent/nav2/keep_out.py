@@ -59,12 +59,12 @@ def mask_of(polygons: Sequence[Sequence[Point]], resolution: float) -> Mask:
     for polygon in polygons:
         corners = [((x - least_x) / cell, (y - least_y) / cell) for x, y in polygon]
         sides = list(pairwise([*corners, corners[0]]))
-        _fill(rows, sides)
-        _draw(rows, sides)
+        _fill_areas(rows, sides)
+        _draw_sides(rows, sides)
     return Mask(least_x, least_y, cell, width, height, b"".join(rows))
 
 
-def _fill(rows: list[bytearray], sides: list[tuple[Point, Point]]) -> None:
+def _fill_areas(rows: list[bytearray], sides: list[tuple[Point, Point]]) -> None:
     """Close the cells whose centre is inside."""
     for number, row in enumerate(rows):
         middle = number + 0.5
@@ -79,7 +79,7 @@ def _fill(rows: list[bytearray], sides: list[tuple[Point, Point]]) -> None:
                 row[first : last + 1] = bytes([CLOSED]) * (last + 1 - first)
 
 
-def _draw(rows: list[bytearray], sides: Iterable[tuple[Point, Point]]) -> None:
+def _draw_sides(rows: list[bytearray], sides: Iterable[tuple[Point, Point]]) -> None:
     """Close the cells that a side crosses: a narrow area may contain no cell's centre."""
     for (x1, y1), (x2, y2) in sides:
         steps = int(2 * math.dist((x1, y1), (x2, y2))) + 1
@@ -99,9 +99,9 @@ def unused_mask(node: Any, names: RosNames, *own: str) -> str:  # noqa: ANN401 -
     A node has to subscribe to both topics: programs that display a mask do not need its description. ``own``
     are names of nodes that do not count.
     """
-    info, mask = (node.resolve_topic_name(each) for each in (names.zone_filter_info, names.zone_mask))
-    informed = _readers(node, info, own)
-    if informed & _readers(node, mask, own) or (informed and not node.count_publishers(mask)):
+    info, mask = (node.resolve_topic_name(topic) for topic in (names.zone_filter_info, names.zone_mask))
+    informed = _subscribed_nodes(node, info, own)
+    if informed & _subscribed_nodes(node, mask, own) or (informed and not node.count_publishers(mask)):
         return ""
     if informed:
         return f"a node subscribes to {info}, but not to the mask {mask} that it names"
@@ -117,16 +117,16 @@ def misplaced_filter(node: Any, names: RosNames) -> str:  # noqa: ANN401
     """
     space, _, name = node.resolve_topic_name(names.zone_filter_info).rpartition("/")
     topics = (topic for topic, _ in node.get_topic_names_and_types())
-    ours = (each for each in topics if each.startswith(f"{space}/") and each.endswith(f"_costmap/{name}"))
-    return next((each for each in ours if node.count_subscribers(each)), "")
+    ours = (topic for topic in topics if topic.startswith(f"{space}/") and topic.endswith(f"_costmap/{name}"))
+    return next((topic for topic in ours if node.count_subscribers(topic)), "")
 
 
-def _readers(node: Any, topic: str, own: Collection[str]) -> set[tuple[str, str]]:  # noqa: ANN401
+def _subscribed_nodes(node: Any, topic: str, own: Collection[str]) -> set[tuple[str, str]]:  # noqa: ANN401
     """Return namespace and name of each node that subscribes to a topic."""
     return {
-        (each.node_namespace, each.node_name)
-        for each in node.get_subscriptions_info_by_topic(topic)
-        if each.node_name not in own and not each.node_name.startswith(NO_COSTMAPS)
+        (subscription.node_namespace, subscription.node_name)
+        for subscription in node.get_subscriptions_info_by_topic(topic)
+        if subscription.node_name not in own and not subscription.node_name.startswith(NO_COSTMAPS)
     }
 
 
@@ -148,7 +148,7 @@ class KeepOutMask:
         """Use a new node; publish on it once there is a mask."""
         self._session, self._node, self._masks, self._unused_since = session, node, None, None
         if self._mask is not None:
-            self._publish(self._mask)
+            self._publish_mask(self._mask)
 
     async def show(self, areas: Collection[Area], map_id: str) -> None:
         """Publish the areas of one map as the only ones to avoid.
@@ -158,7 +158,7 @@ class KeepOutMask:
         """
         if not areas and self._mask is None and not self._wanted:
             return
-        polygons = [each.points for each in areas if each.map_id == map_id]
+        polygons = [area.points for area in areas if area.map_id == map_id]
         self._wanted = polygons
         mask = await asyncio.to_thread(mask_of, polygons, self._settings.nav2.mask_resolution)
         if polygons is not self._wanted:
@@ -166,7 +166,7 @@ class KeepOutMask:
         self._mask = mask
         log.info("keep-out mask", areas=len(polygons), width=self._mask.width, height=self._mask.height)
         if self._session is not None and self._session.state is SessionState.ACTIVE:
-            self._publish(self._mask)
+            self._publish_mask(self._mask)
 
     def look(self, now: float) -> KeepOutReport | None:
         """Return whether a node plans around the mask; None if that is not known yet, or none is published.
@@ -193,7 +193,7 @@ class KeepOutMask:
         self._masks = self._node.create_publisher(OccupancyGrid, names.zone_mask, LATCHED)
         self._infos = self._node.create_publisher(self._info, names.zone_filter_info, LATCHED)
 
-    def _publish(self, mask: Mask) -> None:
+    def _publish_mask(self, mask: Mask) -> None:
         if self._masks is None:
             self._create_publishers()
         grid = self._grid()

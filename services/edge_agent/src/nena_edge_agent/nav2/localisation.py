@@ -51,7 +51,7 @@ class Localisation:
             return None
         self._reading = reading
         self._nearer = self._nearer if old else None
-        return self._nearer or self._pose(reading)
+        return self._nearer or self._pose_of(reading)
 
     def on_nearer(self, x: float, y: float, yaw: float, frame: str) -> Pose | None:
         """Handle a position (m, rad) newer than the pose, whose covariance stays valid; return it.
@@ -70,8 +70,8 @@ class Localisation:
 
     def on_velocity(self, velocity: tuple[float, float], now: float) -> bool:
         """Handle a velocity, m/s forward and rad/s; return whether the robot has just started or stopped."""
-        before, self._velocity, self._velocity_at = self._velocity, velocity, now
-        return before is None or _moves(before) is not _moves(velocity)
+        previous, self._velocity, self._velocity_at = self._velocity, velocity, now
+        return previous is None or _is_moving(previous) is not _is_moving(velocity)
 
     def forget_stale_velocity(self, now: float) -> bool:
         """Forget a velocity that no odometry has confirmed for a second; return whether there was one."""
@@ -86,8 +86,8 @@ class Localisation:
             return None
         vx, omega = self._velocity or (None, None)
         sure = localized(self._reading, self._settings.localisation)
-        problem = "" if sure else _spread(self._reading)
-        pose = self._nearer or self._pose(self._reading)
+        problem = "" if sure else _describe_spread(self._reading)
+        pose = self._nearer or self._pose_of(self._reading)
         return PoseReport(pose, localized=sure, vx=vx, omega=omega, problem=problem)
 
     def lost(self, problem: str, *, moves: bool) -> PoseReport | None:
@@ -102,7 +102,7 @@ class Localisation:
         """Take over the odometry's velocity from ``before``."""
         self._velocity, self._velocity_at = before._velocity, before._velocity_at
 
-    def _pose(self, reading: PoseReading) -> Pose:
+    def _pose_of(self, reading: PoseReading) -> Pose:
         return Pose(reading.x, reading.y, reading.yaw, self._map_id)
 
     def _log_frame(self, frame: str) -> None:
@@ -134,7 +134,10 @@ class Repetition:
 
 
 def _say_the_same(one: PoseReport, other: PoseReport) -> bool:
-    facts = [(each.pose.map_id, each.localized, each.vx, each.omega, each.problem) for each in (one, other)]
+    facts = [
+        (report.pose.map_id, report.localized, report.vx, report.omega, report.problem)
+        for report in (one, other)
+    ]
     return facts[0] == facts[1] and near(one.pose, other.pose, xy=SAME, theta=SAME)
 
 
@@ -159,15 +162,15 @@ class LocaliserWatch:
 
         Return why the pose is invalid, None if it is still valid.
         """
-        before, was_missed, was_inactive = self._publishers, self._missed, self._inactive
-        ran = bool(before) or self._heard
+        previous, was_missed, was_inactive = self._publishers, self._missed, self._inactive
+        ran = bool(previous) or self._heard
         self._missed, self._inactive = ran and not publishers, inactive
         if self._missed and not was_missed:
             return None  # all of Nav2 may be stopping, and that is reported first
         self._publishers, self._heard = publishers, False
         if self._missed:
             return "the localisation is not running: nothing publishes its pose"
-        if before and publishers - before:
+        if previous and publishers - previous:
             return "the localisation was restarted; its earlier pose is no longer used"
         if inactive and not was_inactive:
             return "the localisation is not active"
@@ -178,14 +181,14 @@ def _is_past(reading: PoseReading, newest: PoseReading) -> bool:
     return reading == newest or 0 < newest.stamp - reading.stamp < CLOCK_JUMP
 
 
-def _spread(reading: PoseReading) -> str:
+def _describe_spread(reading: PoseReading) -> str:
     """Describe the uncertainty of the localisation; a negative variance is treated as 0."""
-    deviations = [math.sqrt(max(0.0, each)) for each in (reading.x_variance, reading.y_variance)]
+    deviations = [math.sqrt(max(0.0, variance)) for variance in (reading.x_variance, reading.y_variance)]
     turn = math.sqrt(max(0.0, reading.yaw_variance))
     return f"the localisation is uncertain: position ± {max(deviations):.2f} m, heading ± {turn:.2f} rad"
 
 
-def _moves(velocity: tuple[float, float]) -> bool:
+def _is_moving(velocity: tuple[float, float]) -> bool:
     return any(abs(part) >= STANDING for part in velocity)
 
 
@@ -246,9 +249,9 @@ class InitialPosition:
             attempt.again_at = now + self._settings.initial_wait
             return [PublishInitialPose(attempt.pose)]
         self._attempt = None
-        return [Report(PositionInitialized(succeeded=False, description=self._failure(attempt)))]
+        return [Report(PositionInitialized(succeeded=False, description=self._describe_failure(attempt)))]
 
-    def _failure(self, attempt: _Attempt) -> str:
+    def _describe_failure(self, attempt: _Attempt) -> str:
         if self._latest is None:
             return (
                 f"the localisation has sent no pose after {attempt.given} initial positions: "

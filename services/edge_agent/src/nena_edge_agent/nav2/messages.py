@@ -1,7 +1,7 @@
 """Build outgoing ROS messages, and read incoming ones.
 
 rclpy accepts any object in a numeric field and sends its memory as garbage, so each outgoing number passes
-through :func:`_number`.
+through :func:`_finite_number`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def goal_message(pose: Pose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries
     """
     message = PoseStamped()
     message.header.frame_id = frame
-    message.pose = _pose(pose)
+    message.pose = _pose_message(pose)
     return message
 
 
@@ -51,10 +51,10 @@ def initial_pose_message(pose: Pose, frame: str, *, xy_variance: float, theta_va
     """
     message = PoseWithCovarianceStamped()
     message.header.frame_id = frame
-    message.pose.pose = _pose(pose)
-    message.pose.covariance[X_VARIANCE] = _number(xy_variance)
-    message.pose.covariance[Y_VARIANCE] = _number(xy_variance)
-    message.pose.covariance[YAW_VARIANCE] = _number(theta_variance)
+    message.pose.pose = _pose_message(pose)
+    message.pose.covariance[X_VARIANCE] = _finite_number(xy_variance)
+    message.pose.covariance[Y_VARIANCE] = _finite_number(xy_variance)
+    message.pose.covariance[YAW_VARIANCE] = _finite_number(theta_variance)
     return message
 
 
@@ -70,15 +70,17 @@ def cancel_all_request() -> Any:  # noqa: ANN401
     return CancelGoal.Request()
 
 
-def _pose(pose: Pose) -> PoseMessage:
+def _pose_message(pose: Pose) -> PoseMessage:
     message = PoseMessage()
-    message.position.x = _number(pose.x)
-    message.position.y = _number(pose.y)
-    message.orientation.z, message.orientation.w = map(_number, quaternion_of(_number(pose.theta)))
+    message.position.x = _finite_number(pose.x)
+    message.position.y = _finite_number(pose.y)
+    message.orientation.z, message.orientation.w = map(
+        _finite_number, quaternion_of(_finite_number(pose.theta))
+    )
     return message
 
 
-def _number(value: SupportsFloat) -> float:
+def _finite_number(value: SupportsFloat) -> float:
     number = float(value)
     if not math.isfinite(number):
         raise NotFiniteError(number)
@@ -132,7 +134,7 @@ def plan_points(message: Any) -> tuple[str, tuple[tuple[float, float], ...]]:  #
         UnusablePoseError: a point is not finite.
 
     """
-    points = thinned([(each.pose.position.x, each.pose.position.y) for each in message.poses])
+    points = thinned([(pose.pose.position.x, pose.pose.position.y) for pose in message.poses])
     if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
         text = "a plan with an invalid point"
         raise UnusablePoseError(text)

@@ -77,7 +77,7 @@ class Nav2Node:
         Raises:
             SessionError: ROS refuses.
         """
-        await self._session.start(self._populate, on_failure=on_failure)
+        await self._session.start(self._create_endpoints, on_failure=on_failure)
 
     async def stop(self) -> None:
         """Leave the ROS graph."""
@@ -102,7 +102,7 @@ class Nav2Node:
         """Cancel all goals of servers that move the robot; return whether the controller answered."""
         request, seconds = messages.cancel_all_request(), self._settings.call_timeout
         answered, *_ = await asyncio.gather(
-            self._call(self._controller, request),
+            self._call_service(self._controller, request),
             *(client.call(request, seconds=seconds) for client in self._motions),
         )
         return answered is not None
@@ -124,7 +124,8 @@ class Nav2Node:
         """
         there, localiser = self._lifecycle.service_is_ready(), self._localiser.service_is_ready()
         active, state = await asyncio.gather(
-            self._call(self._lifecycle, Trigger.Request()), self._call(self._localiser, GetState.Request())
+            self._call_service(self._lifecycle, Trigger.Request()),
+            self._call_service(self._localiser, GetState.Request()),
         )
         if self._session.state is not SessionState.ACTIVE:
             return None
@@ -135,7 +136,7 @@ class Nav2Node:
             lifecycle=self._lifecycle_watch.judge(
                 there=there, active=None if active is None else bool(active.success)
             ),
-            localisers=self._publishers(self._settings.names.pose),
+            localisers=self._publisher_ids(self._settings.names.pose),
             localiser=self._localiser_watch.judge(
                 there=localiser,
                 active=None if state is None else state.current_state.id == State.PRIMARY_STATE_ACTIVE,
@@ -145,28 +146,28 @@ class Nav2Node:
     def planners(self) -> frozenset[str]:
         """Return the endpoint IDs of the planner's publishers; those of other nodes may come and go."""
         names = self._settings.names
-        found = self._node.get_publishers_info_by_topic(names.plan)
-        return endpoints(found, node_name=names.planner.rpartition("/")[2])
+        publishers = self._node.get_publishers_info_by_topic(names.plan)
+        return endpoints(publishers, node_name=names.planner.rpartition("/")[2])
 
-    def _publishers(self, topic: str) -> frozenset[str]:
+    def _publisher_ids(self, topic: str) -> frozenset[str]:
         """Return the endpoint IDs of a topic's publishers."""
         return endpoints(self._node.get_publishers_info_by_topic(topic))
 
-    async def _call(self, client: Any, request: Any) -> Any:  # noqa: ANN401 - rclpy carries no types
+    async def _call_service(self, client: Any, request: Any) -> Any:  # noqa: ANN401 - rclpy carries no types
         return await self._session.call(client, request, seconds=self._settings.call_timeout)
 
-    def _populate(self, node: Any) -> None:  # noqa: ANN401
+    def _create_endpoints(self, node: Any) -> None:  # noqa: ANN401
         names, session = self._settings.names, self._session
         self._node = node
         self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
         self._initial_poses = node.create_publisher(PoseWithCovarianceStamped, names.initial_pose, RELIABLE)
         controller, *others = (f"{action}/_action/cancel_goal" for action in names.motions)
         self._controller = node.create_client(CancelGoal, controller)
-        self._motions = [session.late_client(node, CancelGoal, each) for each in others]
+        self._motions = [session.late_client(node, CancelGoal, name) for name in others]
         self._fresh_pose = session.late_client(node, Empty, names.fresh_pose)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._localiser = node.create_client(GetState, names.localiser)
-        self._listen(node)
+        self._create_subscriptions(node)
         for extension in (*self.clients.values(), *self._extensions):
             extension.enter(session, node)
 
@@ -176,7 +177,9 @@ class Nav2Node:
         With both from the start, each pose of AMCL would arrive twice.
         """
         publishers = self._node.get_publishers_info_by_topic(self._settings.names.pose)
-        latches = (each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in publishers)
+        latches = (
+            publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for publisher in publishers
+        )
         if not self._volatile_poses and not all(latches):
             self._volatile_poses = True
             self._subscribe_to_pose(SENSOR)
@@ -191,7 +194,7 @@ class Nav2Node:
             handle=self._on_pose,
         )
 
-    def _listen(self, node: Any) -> None:  # noqa: ANN401
+    def _create_subscriptions(self, node: Any) -> None:  # noqa: ANN401
         names, subscribe = self._settings.names, self._session.subscribe
         subscribe(
             node,

@@ -90,52 +90,52 @@ class ParameterReader:
         for client in (self._controller, self._navigator, self._costmap):
             client.prepare()  # they search for their servers at the same time
         checker, follower = await asyncio.gather(
-            self._first(self._controller, "goal_checker_plugins", "general_goal_checker"),
-            self._first(self._controller, "controller_plugins", "FollowPath"),
+            self._read_first(self._controller, "goal_checker_plugins", "general_goal_checker"),
+            self._read_first(self._controller, "controller_plugins", "FollowPath"),
         )
         numbers = await asyncio.gather(
-            self._number(self._controller, f"{checker}.xy_goal_tolerance"),
-            self._number(self._controller, f"{checker}.yaw_goal_tolerance"),
-            self._number(self._controller, f"{follower}.approach_velocity_scaling_dist"),
-            self._number(self._navigator, "default_server_timeout"),
+            self._read_number(self._controller, f"{checker}.xy_goal_tolerance"),
+            self._read_number(self._controller, f"{checker}.yaw_goal_tolerance"),
+            self._read_number(self._controller, f"{follower}.approach_velocity_scaling_dist"),
+            self._read_number(self._navigator, "default_server_timeout"),
         )
         speeds = await asyncio.gather(
-            *(self._number(self._controller, f"{follower}.{each}") for each in SPEEDS)
+            *(self._read_number(self._controller, f"{follower}.{name}") for name in SPEEDS)
         )
-        speed = next((each for each in speeds if each is not None and each > 0), None)
-        contour = await self._contour()
+        speed = next((value for value in speeds if value is not None and value > 0), None)
+        contour = await self._read_contour()
         return Nav2Parameters(*numbers, speed=speed, contour=contour, complete=self._answered)
 
-    async def _contour(self) -> Contour:
+    async def _read_contour(self) -> Contour:
         text, radius = await asyncio.gather(
-            self._ask(self._costmap, "footprint"), self._number(self._costmap, "robot_radius")
+            self._read_parameter(self._costmap, "footprint"), self._read_number(self._costmap, "robot_radius")
         )
         return contour_of(text if isinstance(text, str) else "", radius)
 
-    async def _first(self, client: LateClient, name: str, default: str) -> str:
+    async def _read_first(self, client: LateClient, name: str, default: str) -> str:
         """Return the first plug-in of a list."""
-        value = await self._ask(client, name)
+        value = await self._read_parameter(client, name)
         return value[0] if isinstance(value, list) and value else default
 
-    async def _number(self, client: LateClient, name: str) -> float | None:
-        value = await self._ask(client, name)
+    async def _read_number(self, client: LateClient, name: str) -> float | None:
+        value = await self._read_parameter(client, name)
         return float(value) if isinstance(value, int | float) else None
 
-    async def _ask(self, client: LateClient, name: str) -> Value:
+    async def _read_parameter(self, client: LateClient, name: str) -> Value:
         """Read one parameter: asked for several, a server that lacks one of them returns none."""
         request = GetParameters.Request(names=[name])
         answer = await client.call(request, seconds=self._settings.call_timeout)
         self._answered = self._answered and answer is not None
-        found = None if answer is None or not answer.values else answer.values[0]
-        if found is None:
+        value = None if answer is None or not answer.values else answer.values[0]
+        if value is None:
             return None
-        match found.type:
+        match value.type:
             case ParameterType.PARAMETER_DOUBLE:
-                return float(found.double_value)
+                return float(value.double_value)
             case ParameterType.PARAMETER_INTEGER:
-                return int(found.integer_value)
+                return int(value.integer_value)
             case ParameterType.PARAMETER_STRING:
-                return str(found.string_value)
+                return str(value.string_value)
             case ParameterType.PARAMETER_STRING_ARRAY:
-                return list(found.string_array_value)
+                return list(value.string_array_value)
         return None

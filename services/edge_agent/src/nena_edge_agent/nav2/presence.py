@@ -69,9 +69,9 @@ class Presence:
 def endpoints(publishers: Iterable[Any], *, node_name: str | None = None) -> frozenset[str]:
     """Return the endpoint IDs of publishers in the ROS graph, of the nodes called ``node_name`` if given."""
     return frozenset(
-        bytes(each.endpoint_gid).hex()
-        for each in publishers
-        if node_name is None or each.node_name == node_name
+        bytes(publisher.endpoint_gid).hex()
+        for publisher in publishers
+        if node_name is None or publisher.node_name == node_name
     )
 
 
@@ -118,10 +118,10 @@ def judge(
     presence: Presence, settings: RosSettings, *, pose_known: bool, seconds: float = math.inf
 ) -> NavigationReport:
     """Return whether goals can be sent now; ``seconds`` is how long Nav2 has been searched for."""
-    missing = _missing(presence, settings, pose_known=pose_known)
+    missing = _missing_part(presence, settings, pose_known=pose_known)
     there = presence.servers and _takes_goals(presence, settings) and pose_known
     if missing and not there and seconds < DISCOVERY and presence.lifecycle in INCONCLUSIVE:
-        missing = f"the agent has just started and is searching for Nav2 {_where(settings)}"
+        missing = f"the agent has just started and is searching for Nav2 {_describe_place(settings)}"
         return NavigationReport(available=False, reason=missing, starting=True)
     return NavigationReport(available=missing is None, reason=missing or "")
 
@@ -132,8 +132,8 @@ def _takes_goals(presence: Presence, settings: RosSettings) -> bool:
     return by_topic or (presence.action and settings.navigation is not Navigation.TOPICS)
 
 
-def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
-    names, where = settings.names, _where(settings)
+def _missing_part(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
+    names, where = settings.names, _describe_place(settings)
     if not presence.servers:
         return f"no node publishes {status_of(settings.action)} {where}: is Nav2 running there?"
     if not _takes_goals(presence, settings):
@@ -141,12 +141,12 @@ def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> 
         if settings.by_action_only:
             doing = f"serves the action {settings.action}"
         return f"no node {doing} {where}: is bt_navigator configured?"
-    return _inactive(presence, settings, pose_known=pose_known)
+    return _inactive_part(presence, settings, pose_known=pose_known)
 
 
-def _inactive(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
+def _inactive_part(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
     """Return what a Nav2 that is present still lacks."""
-    names, where = settings.names, _where(settings)
+    names, where = settings.names, _describe_place(settings)
     problem = LIFECYCLE_PROBLEMS.get(presence.lifecycle)
     if problem and not pose_known:
         return f"no pose received on {names.pose} {where}, and Nav2 is not active: {POSE_FIRST}"
@@ -164,5 +164,5 @@ def _inactive(presence: Presence, settings: RosSettings, *, pose_known: bool) ->
     return None
 
 
-def _where(settings: RosSettings) -> str:
+def _describe_place(settings: RosSettings) -> str:
     return f"in namespace {settings.namespace}, domain {settings.domain_id}"

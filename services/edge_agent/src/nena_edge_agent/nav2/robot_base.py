@@ -187,8 +187,8 @@ class Battery:
         return BatteryReport(
             state_of_charge=min(100.0, max(0.0, percent)),
             charging=reading.status == STATUS_CHARGING,
-            voltage=_measured(reading.voltage),
-            current=_measured(reading.current),
+            voltage=_if_measured(reading.voltage),
+            current=_if_measured(reading.current),
         )
 
     def _check_scale(self, percentage: float) -> None:
@@ -201,7 +201,7 @@ class Battery:
             )
 
 
-def _measured(value: float) -> float | None:
+def _if_measured(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 

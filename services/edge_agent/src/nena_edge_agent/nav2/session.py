@@ -46,9 +46,9 @@ class RosMailbox(Generic[T]):
             self._items.append(item)
             post, self._posted = not self._posted, True
         if post:
-            self._post(self._empty)
+            self._post(self._deliver_items)
 
-    def _empty(self) -> None:
+    def _deliver_items(self) -> None:
         with self._lock:
             items = list(self._items)
             self._items.clear()
@@ -109,7 +109,7 @@ class RosSession:
         """
         self.state = SessionState.INITIATING
         self._thread = threading.Thread(
-            target=self._run, args=(populate,), name=f"ros {self._node_name}", daemon=True
+            target=self._run_thread, args=(populate,), name=f"ros {self._node_name}", daemon=True
         )
         self._thread.start()
         try:
@@ -210,13 +210,13 @@ class RosSession:
         else:  # in the thread: one that had noticed the event before this call would have closed the executor
             self._executor.create_task(self._stop.set)
 
-    def _run(self, populate: Callable[[Any], None]) -> None:
+    def _run_thread(self, populate: Callable[[Any], None]) -> None:
         """Run the session's thread: open, spin, close."""
         reason = "its thread has ended"
         try:
             with ExitStack() as stack:
                 try:
-                    executor = self._open(stack, populate)
+                    executor = self._open_node(stack, populate)
                     self.post(self._become_active)
                     while not self._stop.is_set():
                         executor.spin_once()
@@ -227,20 +227,20 @@ class RosSession:
                     reason = str(error) or type(error).__name__
                     self._tell_failure(reason)
         finally:
-            self.post(lambda: self._end(reason))
+            self.post(lambda: self._end_session(reason))
 
     def _tell_failure(self, reason: str) -> None:
         """Tell the loop before the node is destroyed: nothing in the loop uses it afterwards."""
         told = threading.Event()
 
         def tell() -> None:
-            self._end(reason)
+            self._end_session(reason)
             told.set()
 
         self.post(tell)
         told.wait(LOOP_TIMEOUT)
 
-    def _open(self, stack: ExitStack, populate: Callable[[Any], None]) -> SingleThreadedExecutor:
+    def _open_node(self, stack: ExitStack, populate: Callable[[Any], None]) -> SingleThreadedExecutor:
         context = stack.enter_context(ros.joined_domain(self._domain_id))
         node = Node(
             self._node_name,
@@ -263,7 +263,7 @@ class RosSession:
             self.state = SessionState.ACTIVE
         self._began.set()
 
-    def _end(self, reason: str) -> None:
+    def _end_session(self, reason: str) -> None:
         if self._ended.is_set():
             return
         asked = self._stop.is_set()
@@ -303,11 +303,11 @@ class LateClient:
         if self._client is None:
             return None
         loop = asyncio.get_running_loop()
-        while not self._found():
+        while not self._found_server():
             if loop.time() - self._created_at >= seconds:
                 break
             await asyncio.sleep(LOOK_PERIOD)
         return await self._session.call(self._client, request, seconds=seconds)
 
-    def _found(self) -> bool:
+    def _found_server(self) -> bool:
         return self._session.state is not SessionState.ACTIVE or bool(self._client.service_is_ready())

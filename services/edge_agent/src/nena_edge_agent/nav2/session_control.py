@@ -109,7 +109,7 @@ class SessionManager:
 
     def report_stopped(self) -> None:
         """Report that the session waits to be started."""
-        self._become(SessionState.NOT_ACTIVE)
+        self._change_state(SessionState.NOT_ACTIVE)
 
     async def start(self) -> None:
         """Start the session, unless it is active.
@@ -119,12 +119,12 @@ class SessionManager:
         """
         async with self.step:
             if self.state is not SessionState.ACTIVE:
-                await self._open()
+                await self._open_session()
 
     async def stop(self) -> None:
         """End the session, or the attempts to start it."""
         async with self.step:
-            await self._close()
+            await self._close_session()
 
     async def move(self, address: RosAddress) -> None:
         """Move to another address in the ROS graph; a wanted session is restarted there.
@@ -134,10 +134,10 @@ class SessionManager:
         """
         async with self.step:
             wanted = self.wanted
-            await self._close()
+            await self._close_session()
             self.address = address
             if wanted:
-                await self._open()
+                await self._open_session()
             else:
                 self.report_stopped()
 
@@ -147,45 +147,45 @@ class SessionManager:
             return
         async with self.step:
             if self.state is SessionState.FAILED:
-                await self._try()
+                await self._retry_start()
 
     def failed(self, reason: str) -> None:
         """Record that the session has ended unexpectedly."""
         if self.state is SessionState.ACTIVE:
             self._again_at = self._clock.monotonic()
-            self._become(SessionState.FAILED, reason)
+            self._change_state(SessionState.FAILED, reason)
 
-    async def _try(self) -> None:
+    async def _retry_start(self) -> None:
         try:
-            await self._open()
+            await self._open_session()
         except SessionError as error:
             log.warning("ROS session could not start", address=str(self.address), reason=error.reason)
 
-    async def _open(self) -> None:
-        self._become(SessionState.INITIATING)
+    async def _open_session(self) -> None:
+        self._change_state(SessionState.INITIATING)
         try:
             await self._begin(self.address)
         except SessionError as error:
             pause = min(self._retry * 2.0**self._tries, LONGEST_RETRY)
             self._tries += 1
             self._again_at = self._clock.monotonic() + pause
-            self._become(SessionState.FAILED, error.reason)
+            self._change_state(SessionState.FAILED, error.reason)
             raise
         except BaseException:
-            self._become(SessionState.NOT_ACTIVE)
+            self._change_state(SessionState.NOT_ACTIVE)
             raise
         self._tries = 0
-        self._become(SessionState.ACTIVE)
+        self._change_state(SessionState.ACTIVE)
 
-    async def _close(self) -> None:
+    async def _close_session(self) -> None:
         if self.state is SessionState.ACTIVE:
-            self._become(SessionState.TERMINATING)
+            self._change_state(SessionState.TERMINATING)
             await self._end()
         self._tries = 0
         if self.wanted:
-            self._become(SessionState.NOT_ACTIVE)
+            self._change_state(SessionState.NOT_ACTIVE)
 
-    def _become(self, state: SessionState, reason: str = "") -> None:
+    def _change_state(self, state: SessionState, reason: str = "") -> None:
         self.state, self.reason = state, reason
         log.info("ROS session", state=state.value, address=str(self.address), reason=reason)
         self._on_change(SessionReport(state, self.address.namespace, self.address.domain_id, reason))

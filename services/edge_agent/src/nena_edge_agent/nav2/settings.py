@@ -376,7 +376,7 @@ class RosAddress:
                 domain_id=self.domain_id if domain_id is None else domain_id,
             )
         except ValidationError as error:
-            problems = (f"{each['loc'][-1]}: {each['msg']}" for each in error.errors())
+            problems = (f"{problem['loc'][-1]}: {problem['msg']}" for problem in error.errors())
             raise BadAddressError("; ".join(problems)) from None
 
     def applied(self, settings: RosSettings) -> RosSettings:

@@ -66,14 +66,14 @@ class SpeedLimiter:
                 noted=self._own_speed,
             )
             self._own_speed = speed
-            self._send()
+            self._send_limit()
 
     @property
     def limit(self) -> float:
         """Return the current limit, m/s; 0: none."""
-        given = (each for each in (self._of_goal, self._of_place) if each is not None)
+        limits = (limit for limit in (self._of_goal, self._of_place) if limit is not None)
         # in this order, NaN becomes the lowest limit as well; with a negative one, the robot would reverse
-        lowest = min((max(SLOWEST, each) for each in given), default=self._own_speed)
+        lowest = min((max(SLOWEST, limit) for limit in limits), default=self._own_speed)
         return NO_LIMIT if lowest >= self._own_speed else lowest
 
     def reclaim(self) -> None:
@@ -93,7 +93,7 @@ class SpeedLimiter:
     def for_goal(self, limit: float | None) -> None:
         """Set the limit of the current goal, m/s; None: no limit."""
         self._of_goal, self._reclaimed = limit, False
-        self._repeat()
+        self._repeat_limit()
 
     def on_event(self, event: DriverEvent) -> None:
         """End the goal's limit if the robot no longer drives to a goal of ours."""
@@ -108,40 +108,40 @@ class SpeedLimiter:
     def for_place(self, limit: float | None) -> None:
         """Set the limit at the robot's current or next position, m/s; None: no limit."""
         self._of_place = limit
-        self._send()
+        self._send_limit()
 
     def look(self) -> None:
         """Send the limit to a controller that has appeared since the last check, and repeat a current one."""
-        if self._session is None or not self._active:
+        if self._session is None or not self._is_active:
             return
-        found = self._node.get_subscriptions_info_by_topic(self._topic)
-        listeners = frozenset(bytes(each.endpoint_gid) for each in found)
+        subscriptions = self._node.get_subscriptions_info_by_topic(self._topic)
+        listeners = frozenset(bytes(subscription.endpoint_gid) for subscription in subscriptions)
         if listeners - self._listeners:
             self._sent = None
         self._listeners = listeners
-        self._repeat()
+        self._repeat_limit()
 
     def drives(self, now: float) -> None:
         """Repeat a current limit while the robot drives; ``now`` is the monotonic time in s."""
         if now - self._repeated_at >= REPEATED_AFTER:
             self._repeated_at = now
-            self._repeat()
+            self._repeat_limit()
 
     @property
-    def _active(self) -> bool:
+    def _is_active(self) -> bool:
         return self._session is not None and self._session.state is SessionState.ACTIVE
 
     @property
     def listened(self) -> bool:
         """Return whether a controller accepts limits."""
-        return self._active and self._publisher.get_subscription_count() > 0
+        return self._is_active and self._publisher.get_subscription_count() > 0
 
-    def _repeat(self) -> None:
+    def _repeat_limit(self) -> None:
         if self.limit != NO_LIMIT:
             self._sent = None
-        self._send()
+        self._send_limit()
 
-    def _send(self) -> None:
+    def _send_limit(self) -> None:
         limit = self.limit
         if self._reclaimed or limit == self._sent or not self.listened:
             return

@@ -64,12 +64,14 @@ class Chain:
 
     def put(self, transforms: tuple[Transform, ...], now: float) -> bool:
         """Store transforms; return whether one of them may move the robot."""
-        for each in transforms:
-            self._known[each.child] = (each, now)
+        for transform in transforms:
+            self._known[transform.child] = (transform, now)
         if len(self._known) > MOST_FRAMES and math.isfinite(now):
-            known = self._known.items()
-            self._known = {child: each for child, each in known if now - each[1] <= self._timeout}
-        return any(each.child == self._bottom or each.parent == self._top for each in transforms)
+            entries = self._known.items()
+            self._known = {child: entry for child, entry in entries if now - entry[1] <= self._timeout}
+        return any(
+            transform.child == self._bottom or transform.parent == self._top for transform in transforms
+        )
 
     def pose(self, now: float) -> PoseReading | None:
         """Return the robot's pose, None if a transform is missing or too old."""
@@ -78,28 +80,28 @@ class Chain:
             if frame == self._top:
                 self.missing = ""
                 return PoseReading(x, y, wrap(yaw), self._top, stamp, 0.0, 0.0, 0.0)
-            found, at = self._known.get(frame, (None, 0.0))
-            if found is None or now - at > self._timeout:
+            transform, at = self._known.get(frame, (None, 0.0))
+            if transform is None or now - at > self._timeout:
                 break
-            cos, sin = math.cos(found.yaw), math.sin(found.yaw)
-            x, y = found.x + cos * x - sin * y, found.y + sin * x + cos * y
-            yaw, stamp, frame = yaw + found.yaw, max(stamp, found.stamp), found.parent
+            cos, sin = math.cos(transform.yaw), math.sin(transform.yaw)
+            x, y = transform.x + cos * x - sin * y, transform.y + sin * x + cos * y
+            yaw, stamp, frame = yaw + transform.yaw, max(stamp, transform.stamp), transform.parent
         self.missing = f"no transform from the frame {self._top} to {frame}"
         return None
 
 
 def transforms_of(message: Any) -> tuple[Transform, ...]:  # noqa: ANN401 - rclpy carries no types
     """Read a tf2_msgs/TFMessage; transforms with invalid numbers are left out."""
-    found = []
-    for each in message.transforms:
-        place, turn = each.transform.translation, each.transform.rotation
+    readings = []
+    for stamped in message.transforms:
+        place, turn = stamped.transform.translation, stamped.transform.rotation
         yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
         if yaw is None or not math.isfinite(place.x + place.y):
             continue
-        stamp = each.header.stamp.sec * 1_000_000_000 + each.header.stamp.nanosec
-        parent, child = each.header.frame_id.removeprefix("/"), each.child_frame_id.removeprefix("/")
-        found.append(Transform(parent, child, place.x, place.y, yaw, stamp))
-    return tuple(found)
+        stamp = stamped.header.stamp.sec * 1_000_000_000 + stamped.header.stamp.nanosec
+        parent, child = stamped.header.frame_id.removeprefix("/"), stamped.child_frame_id.removeprefix("/")
+        readings.append(Transform(parent, child, place.x, place.y, yaw, stamp))
+    return tuple(readings)
 
 
 class TransformWatch:
@@ -156,13 +158,13 @@ class TransformWatch:
         self._looks = 0 if published else self._looks + 1
         if published and self._subscriptions:
             log.info("using poses from the topic", topic=topic)
-            for each in self._subscriptions:
-                self._node.destroy_subscription(each)
+            for subscription in self._subscriptions:
+                self._node.destroy_subscription(subscription)
             self._subscriptions, self._reported = [], None
         elif not self._subscriptions and (self._looks >= LOOKS or source is PoseSource.TF):
-            self._listen(self._session)
+            self._subscribe_transforms(self._session)
 
-    def _listen(self, session: RosSession) -> None:
+    def _subscribe_transforms(self, session: RosSession) -> None:
         from nena_edge_agent.nav2.session import LATCHED, SENSOR  # noqa: PLC0415 - needs rclpy
 
         kind, names = interface(TRANSFORMS), self._settings.names

@@ -69,7 +69,7 @@ class ActionStates:
         for record in records:
             self._records[record.action.action_id] = record
             self._shown.pop(record.action.action_id, None)
-        self._changed()
+        self._note_change()
 
     def remove(self, unwanted: Callable[[ActionRecord], bool]) -> None:
         """Remove every action for which ``unwanted`` returns True."""
@@ -77,7 +77,7 @@ class ActionStates:
         if len(kept) != len(self._records):
             self._records = kept
             self._shown = {key: shown for key, shown in self._shown.items() if key in kept}
-            self._changed()
+            self._note_change()
 
     def change(self, action_id: str, status: ActionStatus, result: str | None = None) -> bool:
         """Set a status if figure 21 allows it; return whether anything has changed (section 6.6.9)."""
@@ -88,13 +88,13 @@ class ActionStates:
             return False
         record.status = status
         record.result = result if result is not None else record.result
-        self._touch(action_id)
+        self._forget_shown(action_id)
         return True
 
     def restart(self, action_id: str) -> None:
         """Reset an action to INITIALIZING: after a restart of the agent, its plug-in starts it again."""
         self._records[action_id].status = ActionStatus.INITIALIZING
-        self._touch(action_id)
+        self._forget_shown(action_id)
 
     @property
     def all_ended(self) -> bool:
@@ -105,33 +105,33 @@ class ActionStates:
     def states(self) -> tuple[ActionState, ...]:
         """Return the action states for the state message (section 6.6.9)."""
         if self._states is None:
-            self._states = tuple(self._shown.get(key) or self._show(key) for key in self._records)
+            self._states = tuple(self._shown.get(key) or self._show_state(key) for key in self._records)
         return self._states
 
-    def _show(self, action_id: str) -> ActionState:
-        self._shown[action_id] = shown = _state(self._records[action_id])
+    def _show_state(self, action_id: str) -> ActionState:
+        self._shown[action_id] = shown = _state_of(self._records[action_id])
         return shown
 
-    def _touch(self, action_id: str) -> None:
+    def _forget_shown(self, action_id: str) -> None:
         self._shown.pop(action_id, None)
-        self._changed()
+        self._note_change()
 
-    def _changed(self) -> None:
+    def _note_change(self) -> None:
         self.revision += 1
         self._states = None
 
 
-def _state(record: ActionRecord) -> ActionState:
+def _state_of(record: ActionRecord) -> ActionState:
     return ActionState(
         action_id=record.action.action_id,
         action_type=record.action.action_type,
-        action_descriptor=_short(record.action.action_descriptor),
+        action_descriptor=_short_descriptor(record.action.action_descriptor),
         action_status=record.status,
         action_result=record.result,
     )
 
 
-def _short(descriptor: str | None) -> str | None:
+def _short_descriptor(descriptor: str | None) -> str | None:
     return None if descriptor is None else descriptor[:DESCRIPTOR_LIMIT]
 
 
@@ -194,7 +194,11 @@ def loads_after(
     """Return the robot's loads after ``action``, given ``loads`` before it."""
     match declaration.load if declaration else None:
         case LoadChange.TAKE:
-            return (Load(load_id=_text(action, "loadId"), load_type=_text(action, "loadType")),)
+            return (
+                Load(
+                    load_id=_text_parameter(action, "loadId"), load_type=_text_parameter(action, "loadType")
+                ),
+            )
         case LoadChange.GIVE:
             return ()
         case _:
@@ -232,6 +236,6 @@ def loads_by_sensor(loads: tuple[Load, ...], *, loaded: bool) -> tuple[Load, ...
     return loads or (UNKNOWN_LOAD,)
 
 
-def _text(action: Action, key: str) -> str | None:
+def _text_parameter(action: Action, key: str) -> str | None:
     value = action.parameter(key)
     return None if value is None else str(value)

@@ -47,22 +47,24 @@ def schedule(robot: RobotState) -> None:
 
     A drive succeeds within navigation's goal tolerance, where the robot still moves.
     """
-    while startable := _startable(robot):  # an action that ends at once may unblock others
+    while startable := _startable_records(robot):  # an action that ends at once may unblock others
         stands = robot.stands
-        ready = [each for each in startable if stands or not robot.needs_standstill(each)]
+        ready = [record for record in startable if stands or not robot.needs_standstill(record)]
         for record in ready:
-            _begin(robot, record)
+            _begin_action(robot, record)
         if not ready:
             if not _standstill_overdue(robot):
                 return
-            fail_waiting(robot, f"the robot did not stop within {STANDSTILL_TIMEOUT:.0f} s: {_motion(robot)}")
+            fail_waiting(
+                robot, f"the robot did not stop within {STANDSTILL_TIMEOUT:.0f} s: {_describe_motion(robot)}"
+            )
     robot.standstill_by = None
 
 
 def fail_waiting(robot: RobotState, reason: str) -> None:
     """Fail the actions that wait until the robot stands."""
     robot.standstill_by = None
-    for record in _startable(robot):
+    for record in _startable_records(robot):
         if robot.needs_standstill(record):
             apply_report(robot, ActionReport(record.action.action_id, ActionStatus.FAILED, reason))
 
@@ -77,7 +79,7 @@ def apply_report(robot: RobotState, report: ActionReport) -> None:
     if report.loads is not None:
         robot.loads = report.loads
     elif record and report.status is ActionStatus.FINISHED:
-        robot.loads = loads_after(record.action, _declaration(robot, record), robot.loads)
+        robot.loads = loads_after(record.action, _declaration_of(robot, record), robot.loads)
     robot.charging = robot.charging if report.charging is None else report.charging
     robot.maps = robot.maps if report.maps is None else report.maps
     if report.error:
@@ -89,15 +91,15 @@ def apply_report(robot: RobotState, report: ActionReport) -> None:
     if record and states is robot.actions:
         _apply_hold(robot, record)
     if record and report.status is ActionStatus.FAILED and states is robot.instant_actions:
-        robot.errors.report(_failure(robot, record), Until.INSTANT_ACTION_ACCEPTED)
+        robot.errors.report(_failure_entry(robot, record), Until.INSTANT_ACTION_ACCEPTED)
     elif record and report.status is ActionStatus.FAILED and not robot.clearing:
-        robot.errors.report(_failure(robot, record), Until.ORDER_OVER)
+        robot.errors.report(_failure_entry(robot, record), Until.ORDER_OVER)
 
 
 def pause(robot: RobotState) -> None:
     """Pause every running action that can be paused."""
     for record in robot.actions:
-        if record.status is ActionStatus.RUNNING and _declares(robot, record, "pause_allowed"):
+        if record.status is ActionStatus.RUNNING and _declares_trait(robot, record, "pause_allowed"):
             robot.effects.append(PauseAction(record.action.action_id))
 
 
@@ -117,8 +119,10 @@ def cancel_all(robot: RobotState) -> None:
         action_id = record.action.action_id
         waits = record.action.action_type == WAIT_FOR_TRIGGER
         if record.status in (ActionStatus.WAITING, ActionStatus.RETRIABLE) or waits:
-            _end(robot, record, ActionStatus.FAILED, "the order was cancelled")
-        elif record.active and (action_id in robot.restarts or _declares(robot, record, "cancel_allowed")):
+            _end_action(robot, record, ActionStatus.FAILED, "the order was cancelled")
+        elif record.active and (
+            action_id in robot.restarts or _declares_trait(robot, record, "cancel_allowed")
+        ):
             robot.effects.append(CancelAction(action_id))
 
 
@@ -136,11 +140,11 @@ def end_with_edge(robot: RobotState, edge: Edge) -> None:
 def continue_after_restart(robot: RobotState) -> None:
     """Start interrupted actions again if their declaration allows it; fail the others."""
     for states in (robot.actions, robot.instant_actions):
-        for record in [each for each in states if each.active]:
+        for record in [candidate for candidate in states if candidate.active]:
             if record.status is ActionStatus.RETRIABLE:
-                robot.errors.report(_failure(robot, record), Until.ORDER_OVER)
+                robot.errors.report(_failure_entry(robot, record), Until.ORDER_OVER)
             elif record.action.action_type not in PREDEFINED:  # the core continues its own actions
-                _continue(robot, states, record)
+                _continue_action(robot, states, record)
 
 
 # retry and skipRetry (sections 6.2.3 and 6.6.9)
@@ -151,12 +155,12 @@ def retry(robot: RobotState, action: Action) -> str | None:
 
     Return the reason for a refusal, None on success.
     """
-    record, problem = _retriable(robot, action)
+    record, problem = _find_retriable(robot, action)
     if record is None:
         return problem
     if robot.held:
         return "the robot is paused; resume it first"
-    robot.errors.withdraw(_failure(robot, record))
+    robot.errors.withdraw(_failure_entry(robot, record))
     robot.actions.change(record.action.action_id, ActionStatus.INITIALIZING, "")
     robot.restarts.add(record.action.action_id)
     schedule(robot)
@@ -168,16 +172,16 @@ def skip_retry(robot: RobotState, action: Action) -> str | None:
 
     Return the reason for a refusal, None on success.
     """
-    record, problem = _retriable(robot, action)
+    record, problem = _find_retriable(robot, action)
     if record is None:
         return problem
-    _end(robot, record, ActionStatus.FAILED, record.result)
-    robot.errors.report(_failure(robot, record), Until.ORDER_OVER)
+    _end_action(robot, record, ActionStatus.FAILED, record.result)
+    robot.errors.report(_failure_entry(robot, record), Until.ORDER_OVER)
     schedule(robot)
     return None
 
 
-def _retriable(robot: RobotState, action: Action) -> tuple[ActionRecord | None, str]:
+def _find_retriable(robot: RobotState, action: Action) -> tuple[ActionRecord | None, str]:
     wanted = str(action.parameter("actionId"))
     record = robot.actions.get(wanted)
     if record is None:
@@ -194,7 +198,7 @@ def release(robot: RobotState, trigger_type: str) -> bool:
     """Finish all actions that wait for ``trigger_type`` (section 6.2.3); return whether there were any."""
     waiting = [record for record in robot.actions if _waits_for(record, trigger_type)]
     for record in waiting:
-        _end(robot, record, ActionStatus.FINISHED, f"released by {trigger_type}")
+        _end_action(robot, record, ActionStatus.FINISHED, f"released by {trigger_type}")
     schedule(robot)
     return bool(waiting)
 
@@ -230,7 +234,7 @@ def _waits_for(record: ActionRecord, trigger_type: str) -> bool:
 # Helpers
 
 
-def _startable(robot: RobotState) -> list[ActionRecord]:
+def _startable_records(robot: RobotState) -> list[ActionRecord]:
     """Return the actions that start now, or as soon as the robot stands."""
     runnable = () if robot.held or robot.clearing else robot.queue.runnable()
     records = (
@@ -263,7 +267,7 @@ def _standstill_overdue(robot: RobotState) -> bool:
     return robot.now >= robot.standstill_by and not robot.goal.moving
 
 
-def _motion(robot: RobotState) -> str:
+def _describe_motion(robot: RobotState) -> str:
     """Return what is known of the robot's movement."""
     if goals := robot.reports.goals.external:
         return f"navigation is driving to another program's goal ({goals[0].goal_id})"
@@ -273,15 +277,15 @@ def _motion(robot: RobotState) -> str:
     return f"its odometry shows {velocity.vx:.2f} m/s, {velocity.omega or 0.0:.2f} rad/s"
 
 
-def _begin(robot: RobotState, record: ActionRecord) -> None:
+def _begin_action(robot: RobotState, record: ActionRecord) -> None:
     action_id = record.action.action_id
     robot.restarts.discard(action_id)
     states = robot.instant_actions if record.scope is ActionScope.INSTANT else robot.actions
     states.change(action_id, ActionStatus.INITIALIZING)
-    _start(robot, record)
+    _start_action(robot, record)
 
 
-def _start(robot: RobotState, record: ActionRecord) -> None:
+def _start_action(robot: RobotState, record: ActionRecord) -> None:
     action_id = record.action.action_id
     core_action = CORE_ACTIONS.get(record.action.action_type)
     if record.scope is not ActionScope.INSTANT and core_action:
@@ -293,7 +297,7 @@ def _start(robot: RobotState, record: ActionRecord) -> None:
         robot.effects.append(StartAction(record.action, robot.loads))
 
 
-def _end(robot: RobotState, record: ActionRecord, status: ActionStatus, result: str | None) -> None:
+def _end_action(robot: RobotState, record: ActionRecord, status: ActionStatus, result: str | None) -> None:
     """End an order action that is not running in a plug-in."""
     robot.actions.change(record.action.action_id, status, result)
     robot.queue.remove(record.action.action_id)
@@ -315,23 +319,27 @@ def _is_retriable(robot: RobotState, report: ActionReport) -> bool:
 def _apply_hold(robot: RobotState, record: ActionRecord) -> None:
     """Pause an action that has started during a pause; resume one that was paused after its end."""
     action_id = record.action.action_id
-    if robot.held and record.status is ActionStatus.RUNNING and _declares(robot, record, "pause_allowed"):
+    if (
+        robot.held
+        and record.status is ActionStatus.RUNNING
+        and _declares_trait(robot, record, "pause_allowed")
+    ):
         robot.effects.append(PauseAction(action_id))
     elif not robot.held and record.status is ActionStatus.PAUSED:
         robot.effects.append(ResumeAction(action_id))
 
 
-def _continue(robot: RobotState, states: ActionStates, record: ActionRecord) -> None:
+def _continue_action(robot: RobotState, states: ActionStates, record: ActionRecord) -> None:
     action_id = record.action.action_id
     if _starts_after_pause(robot, record):
         robot.restarts.add(action_id)
         robot.actions.change(action_id, ActionStatus.PAUSED)
-    elif _declares(robot, record, "restartable") and not robot.clearing:
+    elif _declares_trait(robot, record, "restartable") and not robot.clearing:
         states.restart(action_id)
         if robot.needs_standstill(record):
             robot.restarts.add(action_id)  # what the robot does is unknown
         else:
-            _start(robot, record)
+            _start_action(robot, record)
     else:
         result = "the agent was interrupted while the action was running"
         apply_report(robot, ActionReport(action_id, ActionStatus.FAILED, result))
@@ -340,40 +348,44 @@ def _continue(robot: RobotState, states: ActionStates, record: ActionRecord) -> 
 def _starts_after_pause(robot: RobotState, record: ActionRecord) -> bool:
     """Return whether the action may start again, but only after the pause."""
     waits = robot.held and not robot.clearing and record.scope is not ActionScope.INSTANT
-    return waits and _declares(robot, record, "restartable") and _declares(robot, record, "pause_allowed")
+    return (
+        waits
+        and _declares_trait(robot, record, "restartable")
+        and _declares_trait(robot, record, "pause_allowed")
+    )
 
 
 def _load_problem(robot: RobotState, record: ActionRecord) -> str | None:
     """Return why the load prevents the action, if it does: an earlier action may have failed."""
-    declaration = _declaration(robot, record)
+    declaration = _declaration_of(robot, record)
     return declaration.load_problem(loaded=bool(robot.loads)) if declaration else None
 
 
 def _end_edge_action(robot: RobotState, record: ActionRecord) -> None:
     action_id = record.action.action_id
     if record.status is ActionStatus.RETRIABLE:
-        _end(robot, record, ActionStatus.FAILED, record.result)
-        robot.errors.report(_failure(robot, record), Until.ORDER_OVER)  # a retry is no longer possible
+        _end_action(robot, record, ActionStatus.FAILED, record.result)
+        robot.errors.report(_failure_entry(robot, record), Until.ORDER_OVER)  # a retry is no longer possible
         return
-    if record.active and not _declares(robot, record, "cancel_allowed"):
+    if record.active and not _declares_trait(robot, record, "cancel_allowed"):
         return
     if record.active:
         robot.effects.append(CancelAction(action_id))
-    succeeds = record.active and _declares(robot, record, "open_ended")
+    succeeds = record.active and _declares_trait(robot, record, "open_ended")
     status = ActionStatus.FINISHED if succeeds else ActionStatus.FAILED
     result = None if succeeds else "the edge ended before the action"
     apply_report(robot, ActionReport(action_id, status, result))
 
 
-def _declares(robot: RobotState, record: ActionRecord, trait: str) -> bool:
-    return bool(getattr(_declaration(robot, record), trait, False))
+def _declares_trait(robot: RobotState, record: ActionRecord, trait: str) -> bool:
+    return bool(getattr(_declaration_of(robot, record), trait, False))
 
 
-def _declaration(robot: RobotState, record: ActionRecord) -> ActionDeclaration | None:
+def _declaration_of(robot: RobotState, record: ActionRecord) -> ActionDeclaration | None:
     return robot.capabilities.actions.get(record.action.action_type)
 
 
-def _failure(robot: RobotState, record: ActionRecord) -> ErrorEntry:
+def _failure_entry(robot: RobotState, record: ActionRecord) -> ErrorEntry:
     """Return the error of a failed action: a warning, because the order continues."""
     order_id = robot.progress.order_id or None
     hint = "the order continues; cancel it, or send the action again in another order"

@@ -123,7 +123,7 @@ _ALWAYS: tuple[OptionalParameter, ...] = (
 )
 
 
-def _speed(edge: Edge, capabilities: Capabilities) -> bool:
+def _unreachable_speed(edge: Edge, capabilities: Capabilities) -> bool:
     """Return whether the robot cannot keep to the edge's speed limit; nothing can drive at 0 m/s."""
     limit = edge.maximum_speed
     if limit is None or limit >= capabilities.maximum_speed:
@@ -131,19 +131,19 @@ def _speed(edge: Edge, capabilities: Capabilities) -> bool:
     return limit == 0 or not capabilities.limits_speed
 
 
-def _orientation(edge: Edge, _: Capabilities) -> bool:
+def _unsupported_orientation(edge: Edge, _: Capabilities) -> bool:
     return edge.orientation is not None and (
         edge.orientation != 0 or edge.orientation_type is OrientationType.GLOBAL
     )
 
 
 DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
-    SPEED: _speed,
+    SPEED: _unreachable_speed,
     "edges.maximumMobileRobotHeight": lambda edge, _: edge.maximum_mobile_robot_height is not None,
     "edges.minimumLoadHandlingDeviceHeight": lambda edge, _: (
         edge.minimum_load_handling_device_height is not None
     ),
-    "edges.orientation": _orientation,
+    "edges.orientation": _unsupported_orientation,
     "edges.direction": lambda edge, _: bool(edge.direction),
     "edges.reachOrientationBeforeEntering": lambda edge, _: bool(edge.reach_orientation_before_entering),
     "edges.maximumRotationSpeed": lambda edge, _: edge.maximum_rotation_speed is not None,
@@ -179,7 +179,7 @@ def supported(capabilities: Capabilities, limits: DriveLimits | None = None) -> 
         more += [TRAJECTORY, CORRIDOR, f"{CORRIDOR}.corridorReferencePoint", f"{CORRIDOR}.releaseRequired"]
     if ActionStatus.RETRIABLE in capabilities.rules.action_statuses:
         more += ["nodes.actions.retriable", "edges.actions.retriable"]
-    listed = (OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in more)
+    listed = (OptionalParameter(parameter=f"order.{name}", support=Support.SUPPORTED) for name in more)
     return (*_ALWAYS, *deviations, *listed)
 
 
@@ -190,11 +190,11 @@ def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | N
     """
     if order.zone_set_id and ZONE_SET not in capabilities.tolerated_parameters:
         return ZONE_SET, None
-    return next(_unsupported(order, capabilities), None)
+    return next(_first_unsupported(order, capabilities), None)
 
 
-def _unsupported(order: Order, capabilities: Capabilities) -> Iterator[tuple[str, Edge]]:
-    demands = [each for each in DEMANDS.items() if each[0] not in capabilities.tolerated_parameters]
+def _first_unsupported(order: Order, capabilities: Capabilities) -> Iterator[tuple[str, Edge]]:
+    demands = [demand for demand in DEMANDS.items() if demand[0] not in capabilities.tolerated_parameters]
     for edge in order.edges:
         for name, demanded in demands:
             if demanded(edge, capabilities):

@@ -44,20 +44,20 @@ SESSION_CHANGES = (STOP_ROS_SESSION, CONFIGURE_ROS_SESSION)
 
 def check_conditions(robot: RobotState) -> None:
     """Report or withdraw the errors of current conditions (section 6.6.5)."""
-    robot.errors.set_condition(ErrorType.LOCALIZATION_ERROR, _localization(robot))
-    robot.errors.set_condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(robot))
+    robot.errors.set_condition(ErrorType.LOCALIZATION_ERROR, _localization_error(robot))
+    robot.errors.set_condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation_error(robot))
     robot.errors.set_condition(ROBOT_NOT_STOPPED, _not_stopped(robot))
-    robot.errors.set_condition(MOVES_WITHOUT_ORDER, _adrift(robot))
-    robot.errors.set_condition(ROBOT_BLOCKED, _blocked(robot))
-    robot.errors.set_condition(COLLISION_STOP, _collision(robot))
-    robot.errors.set_condition(DRIVE_RECOVERS, _recovery(robot))
-    robot.errors.set_condition(DRIVE_RETRIED, _retry(robot))
-    robot.errors.set_condition(DEVIATION_TOO_SMALL, _deviation(robot))
+    robot.errors.set_condition(MOVES_WITHOUT_ORDER, _adrift_error(robot))
+    robot.errors.set_condition(ROBOT_BLOCKED, _blocked_error(robot))
+    robot.errors.set_condition(COLLISION_STOP, _collision_error(robot))
+    robot.errors.set_condition(DRIVE_RECOVERS, _recovery_error(robot))
+    robot.errors.set_condition(DRIVE_RETRIED, _retry_error(robot))
+    robot.errors.set_condition(DEVIATION_TOO_SMALL, _deviation_error(robot))
     robot.errors.set_condition(ErrorType.OUTSIDE_OF_CORRIDOR, edge_paths.outside_of_corridor(robot))
     robot.errors.set_condition(EXTERNAL_GOAL, _external_goal(robot))
-    robot.errors.set_condition(JOURNAL_NOT_WRITTEN, _journal(robot))
-    robot.errors.set_condition(SUBSCRIPTION_REFUSED, _subscriptions(robot))
-    robot.errors.set_condition(ACTION_PLUGIN_UNUSABLE, _plugins(robot))
+    robot.errors.set_condition(JOURNAL_NOT_WRITTEN, _journal_error(robot))
+    robot.errors.set_condition(SUBSCRIPTION_REFUSED, _subscriptions_error(robot))
+    robot.errors.set_condition(ACTION_PLUGIN_UNUSABLE, _plugins_error(robot))
     robot.errors.set_condition(ErrorType.INSTANT_ACTION_STATES_FULL, _instant_actions(robot))
     takes_orders = robot.next_mode.takes_orders and not session_problem(robot)
     if takes_orders and robot.power is PowerPhase.AWAKE and not robot.fatal:
@@ -122,7 +122,7 @@ def journal_lost(problem: str) -> ErrorEntry:
     ).with_level(ErrorLevel.FATAL)
 
 
-def _localization(robot: RobotState) -> ErrorEntry | None:
+def _localization_error(robot: RobotState) -> ErrorEntry | None:
     pose = robot.reports.pose
     unknown_in_order = pose is None and robot.progress.next_node is not None
     if (pose is None or pose.localized) and not unknown_in_order:
@@ -142,7 +142,7 @@ def _pose_problem(pose: PoseReport | None) -> str:
     return f": {pose.problem}" if pose and pose.problem else ""
 
 
-def _navigation(robot: RobotState) -> ErrorEntry | None:
+def _navigation_error(robot: RobotState) -> ErrorEntry | None:
     """Report missing navigation, also without an order, so that fleet control sends none."""
     navigation = robot.reports.navigation
     order_id = robot.progress.order_id if robot.progress.next_node else None
@@ -171,7 +171,7 @@ def _not_stopped(robot: RobotState) -> ErrorEntry | None:
     ).with_level(ErrorLevel.FATAL)
 
 
-def _adrift(robot: RobotState) -> ErrorEntry | None:
+def _adrift_error(robot: RobotState) -> ErrorEntry | None:
     """Report that a person must look at a robot that moves although nobody has told it to."""
     if not driving.is_adrift(robot):
         return None
@@ -184,7 +184,7 @@ def _adrift(robot: RobotState) -> ErrorEntry | None:
     ).with_level(ErrorLevel.FATAL)
 
 
-def _blocked(robot: RobotState) -> ErrorEntry | None:
+def _blocked_error(robot: RobotState) -> ErrorEntry | None:
     blocked, node = robot.reports.blocked, robot.progress.next_node
     if blocked is None or node is None:
         return None
@@ -197,7 +197,7 @@ def _blocked(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _collision(robot: RobotState) -> ErrorEntry | None:
+def _collision_error(robot: RobotState) -> ErrorEntry | None:
     """Report that the collision monitor stops the robot on its route."""
     stop, node = robot.reports.collision, robot.progress.next_node
     if stop is None or not stop.stops or node is None or robot.goal.target is None:
@@ -211,7 +211,7 @@ def _collision(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _recovery(robot: RobotState) -> ErrorEntry | None:
+def _recovery_error(robot: RobotState) -> ErrorEntry | None:
     """Report a recovery of navigation for ``RECOVERY_REPORT_TIME`` seconds."""
     progress, node, at = robot.reports.progress, robot.progress.next_node, robot.reports.recovered_at
     if progress is None or not progress.recoveries or node is None or at is None:
@@ -228,7 +228,7 @@ def _recovery(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _retry(robot: RobotState) -> ErrorEntry | None:
+def _retry_error(robot: RobotState) -> ErrorEntry | None:
     """Report a drive that is retried, until it succeeds or fails permanently."""
     node, goal = robot.progress.next_node, robot.goal
     if not goal.failures or goal.failed_at is not None or node is None:
@@ -242,15 +242,15 @@ def _retry(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _deviation(robot: RobotState) -> ErrorEntry | None:
+def _deviation_error(robot: RobotState) -> ErrorEntry | None:
     """Report the next node whose allowed deviation is below Nav2's goal tolerance."""
     limits = robot.reports.limits
     if limits is None:
         return None
     for node in robot.progress.nodes:
-        found = node.node_position and _too_small(node.node_position, limits, robot.capabilities)
-        if found:
-            text, parameter = found
+        small = node.node_position and _too_small(node.node_position, limits, robot.capabilities)
+        if small:
+            text, parameter = small
             return error(
                 DEVIATION_TOO_SMALL,
                 f"node '{node.node_id}' allows a deviation of {text}: the drive can fail",
@@ -290,7 +290,7 @@ def _external_goal(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _journal(robot: RobotState) -> ErrorEntry | None:
+def _journal_error(robot: RobotState) -> ErrorEntry | None:
     if not robot.journal_problem:
         return None
     return error(
@@ -301,7 +301,7 @@ def _journal(robot: RobotState) -> ErrorEntry | None:
     ).with_level(ErrorLevel.FATAL)
 
 
-def _subscriptions(robot: RobotState) -> ErrorEntry | None:
+def _subscriptions_error(robot: RobotState) -> ErrorEntry | None:
     if not robot.refused_topics:
         return None
     return error(
@@ -311,7 +311,7 @@ def _subscriptions(robot: RobotState) -> ErrorEntry | None:
     ).with_level(ErrorLevel.URGENT)
 
 
-def _plugins(robot: RobotState) -> ErrorEntry | None:
+def _plugins_error(robot: RobotState) -> ErrorEntry | None:
     if not robot.plugin_problems:
         return None
     return error(

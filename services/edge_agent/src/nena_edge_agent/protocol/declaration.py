@@ -42,14 +42,14 @@ class LoadChange(StrEnum):
     """Unloads the robot, which must be loaded."""
 
 
-def _number(text: str) -> float:
+def _read_number(text: str) -> float:
     value = float(text)
     if "_" in text or not isfinite(value):
         raise ValueError(text)
     return value
 
 
-def _integer(text: str) -> int:
+def _read_integer(text: str) -> int:
     if "_" in text:
         raise ValueError(text)
     return int(text)
@@ -57,8 +57,8 @@ def _integer(text: str) -> int:
 
 _FROM_TEXT: Final[Mapping[ValueDataType, Callable[[str], JsonValue]]] = MappingProxyType(
     {
-        ValueDataType.NUMBER: _number,
-        ValueDataType.INTEGER: _integer,
+        ValueDataType.NUMBER: _read_number,
+        ValueDataType.INTEGER: _read_integer,
         ValueDataType.BOOL: lambda text: {"true": True, "false": False}[text.strip().lower()],
     }
 )
@@ -83,10 +83,10 @@ class Parameter:
         """
         if value is None or (value == [] and self.data_type is ValueDataType.ARRAY):
             return f"parameter '{self.key}' is missing" if self.required else None
-        if not _fits(value, self.data_type):
+        if not _fits_type(value, self.data_type):
             return f"parameter '{self.key}' must be of type {self.data_type}"
         if self.choices and value not in self.choices:
-            return f"parameter '{self.key}' must be one of {self._listed}"
+            return f"parameter '{self.key}' must be one of {self._list_choices}"
         return self._range_problem(value)
 
     def read(self, value: JsonValue) -> JsonValue:
@@ -104,25 +104,29 @@ class Parameter:
     @property
     def words(self) -> str:
         """Return the description, followed by the allowed values."""
-        limits = [self.description, self._range, f"one of {self._listed}" if self.choices else ""]
-        return ", ".join(each for each in limits if each)
+        limits = [
+            self.description,
+            self._describe_range,
+            f"one of {self._list_choices}" if self.choices else "",
+        ]
+        return ", ".join(limit for limit in limits if limit)
 
     @property
-    def _listed(self) -> str:
+    def _list_choices(self) -> str:
         return ", ".join(map(str, self.choices))
 
     @property
-    def _range(self) -> str:
+    def _describe_range(self) -> str:
         least = "" if self.minimum is None else f"at least {self.minimum:g}"
         most = "" if self.maximum is None else f"at most {self.maximum:g}"
-        return " and ".join(each for each in (least, most) if each)
+        return " and ".join(limit for limit in (least, most) if limit)
 
     def _range_problem(self, value: JsonValue) -> str | None:
         if not isinstance(value, int | float):
             return None
         low = self.minimum is not None and value < self.minimum
         high = self.maximum is not None and value > self.maximum
-        return f"parameter '{self.key}' must be {self._range}" if low or high else None
+        return f"parameter '{self.key}' must be {self._describe_range}" if low or high else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,19 +174,19 @@ class ActionDeclaration:
             return f"action '{self.action_type}' is not possible with scope {scope}, only {allowed}"
         if scope is not ActionScope.INSTANT and action.blocking_type not in self.blocking_types:
             return f"action '{self.action_type}' cannot have the blocking type {action.blocking_type}"
-        problems = (each.problem(action.parameter(each.key)) for each in self.parameters)
-        found = _device_conflict(action) or next((each for each in problems if each), None)
-        if found is None and self.check is not None:
-            found = self.check(action)
-        return found and f"action '{self.action_type}': {found}"
+        problems = (parameter.problem(action.parameter(parameter.key)) for parameter in self.parameters)
+        problem = _device_conflict(action) or next((text for text in problems if text), None)
+        if problem is None and self.check is not None:
+            problem = self.check(action)
+        return problem and f"action '{self.action_type}': {problem}"
 
     def read(self, action: Action) -> Action:
         """Return the action with its parameter values converted by :meth:`Parameter.read`.
 
         The load handling device of pick and drop gets the declared key: 3.0.1 has renamed it.
         """
-        declared = {each.key: each for each in self.parameters}
-        key = next((each for each in LOAD_HANDLING_DEVICE if each in declared), None)
+        declared = {parameter.key: parameter for parameter in self.parameters}
+        key = next((name for name in LOAD_HANDLING_DEVICE if name in declared), None)
         if key is not None and action.action_type in STATION_ACTIONS:
             action = _with_device_key(action, key)
         return action.with_values(
@@ -200,20 +204,23 @@ class ActionDeclaration:
 
 def _device_conflict(action: Action) -> str | None:
     """Return the problem of a pick or drop that names different load handling devices by its two keys."""
-    given = [action.parameter(each) for each in LOAD_HANDLING_DEVICE]
-    if action.action_type not in STATION_ACTIONS or None in given or given[0] == given[1]:
+    values = [action.parameter(key) for key in LOAD_HANDLING_DEVICE]
+    if action.action_type not in STATION_ACTIONS or None in values or values[0] == values[1]:
         return None
     return f"parameters {' and '.join(LOAD_HANDLING_DEVICE)} name different load handling devices"
 
 
 def _with_device_key(action: Action, key: str) -> Action:
-    if all(each.key == key or each.key not in LOAD_HANDLING_DEVICE for each in action.action_parameters):
+    if all(
+        parameter.key == key or parameter.key not in LOAD_HANDLING_DEVICE
+        for parameter in action.action_parameters
+    ):
         return action
     if _device_conflict(action):
         return action  # refused later
     parameters = tuple(
-        each.model_copy(update={"key": key}) if each.key in LOAD_HANDLING_DEVICE else each
-        for each in action.action_parameters
+        parameter.model_copy(update={"key": key}) if parameter.key in LOAD_HANDLING_DEVICE else parameter
+        for parameter in action.action_parameters
     )
     return action.model_copy(update={"action_parameters": parameters})
 
@@ -228,7 +235,7 @@ _PYTHON_TYPES: dict[ValueDataType, tuple[type, ...]] = {
 }
 
 
-def _fits(value: JsonValue, data_type: ValueDataType) -> bool:
+def _fits_type(value: JsonValue, data_type: ValueDataType) -> bool:
     """Return whether ``value`` has the type; a number must fit a float64 (section 7.1)."""
     if type(value) not in _PYTHON_TYPES[data_type]:
         return False
@@ -275,15 +282,17 @@ _ZONE_SET = (Parameter("zoneSetId", ValueDataType.STRING),)
 
 
 def _wake_up_problem(action: Action) -> str | None:
-    given = action.parameter(WAKE_UP_TIME)
-    if given is None or wake_up_time(action) is not None:
+    value = action.parameter(WAKE_UP_TIME)
+    if value is None or wake_up_time(action) is not None:
         return None
     return (
-        f"parameter '{WAKE_UP_TIME}' is '{str(given)[:40]}', not a UTC time such as 2026-01-31T05:30:00.000Z"
+        f"parameter '{WAKE_UP_TIME}' is '{str(value)[:40]}', not a UTC time such as 2026-01-31T05:30:00.000Z"
     )
 
 
-def _instant(action_type: str, description: str, parameters: tuple[Parameter, ...] = ()) -> ActionDeclaration:
+def _instant_action(
+    action_type: str, description: str, parameters: tuple[Parameter, ...] = ()
+) -> ActionDeclaration:
     return ActionDeclaration(
         action_type, scopes=(ActionScope.INSTANT,), parameters=parameters, description=description
     )
@@ -301,36 +310,36 @@ def _instant_or_node(
 
 
 PREDEFINED: dict[str, ActionDeclaration] = {
-    each.action_type: each
-    for each in (
-        _instant(
+    declaration.action_type: declaration
+    for declaration in (
+        _instant_action(
             CANCEL_ORDER,
             "Stops the robot where it is and ends the order.",
             (Parameter("orderId", ValueDataType.STRING, required=False),),
         ),
-        _instant(START_PAUSE, "Stops driving and pauses actions that can be paused."),
-        _instant(STOP_PAUSE, "Resumes driving and paused actions."),
-        _instant(STATE_REQUEST, "Requests a state message."),
-        _instant(FACTSHEET_REQUEST, "Requests a factsheet message."),
-        _instant(INITIALIZE_POSITION, "Sets the robot's pose in the localisation.", _POSITION),
+        _instant_action(START_PAUSE, "Stops driving and pauses actions that can be paused."),
+        _instant_action(STOP_PAUSE, "Resumes driving and paused actions."),
+        _instant_action(STATE_REQUEST, "Requests a state message."),
+        _instant_action(FACTSHEET_REQUEST, "Requests a factsheet message."),
+        _instant_action(INITIALIZE_POSITION, "Sets the robot's pose in the localisation.", _POSITION),
         _instant_or_node(CLEAR_INSTANT_ACTIONS, "Removes ended instant actions from the state."),
         _instant_or_node(
             ENABLE_ZONE_SET, "Enables a zone set and disables the other sets of its map.", _ZONE_SET
         ),
-        _instant(DELETE_ZONE_SET, "Deletes a zone set that is not enabled.", _ZONE_SET),
-        _instant(RETRY, "Starts a RETRIABLE action again.", _RETRIABLE_ACTION),
-        _instant(SKIP_RETRY, "Ends a RETRIABLE action as FAILED.", _RETRIABLE_ACTION),
-        _instant(TRIGGER, "Releases the actions that wait for fleet control."),
+        _instant_action(DELETE_ZONE_SET, "Deletes a zone set that is not enabled.", _ZONE_SET),
+        _instant_action(RETRY, "Starts a RETRIABLE action again.", _RETRIABLE_ACTION),
+        _instant_action(SKIP_RETRY, "Ends a RETRIABLE action as FAILED.", _RETRIABLE_ACTION),
+        _instant_action(TRIGGER, "Releases the actions that wait for fleet control."),
         replace(
-            _instant(
+            _instant_action(
                 START_HIBERNATION,
                 "Ends the order, reports it, and goes to a low-power mode without states.",
                 (Parameter(WAKE_UP_TIME, ValueDataType.STRING, required=False, description="UTC, ISO 8601"),),
             ),
             check=_wake_up_problem,
         ),
-        _instant(STOP_HIBERNATION, "Wakes the robot."),
-        replace(_instant(SHUTDOWN, "Disconnects and shuts the robot down."), needs_idle=True),
+        _instant_action(STOP_HIBERNATION, "Wakes the robot."),
+        replace(_instant_action(SHUTDOWN, "Disconnects and shuts the robot down."), needs_idle=True),
         ActionDeclaration(
             WAIT_FOR_TRIGGER,
             scopes=(ActionScope.NODE,),
@@ -363,4 +372,4 @@ def supported_actions(
         unknown |= MAP_ACTIONS
     if not rules.zones:
         unknown |= {ENABLE_ZONE_SET, DELETE_ZONE_SET, DOWNLOAD_ZONE_SET}
-    return {name: each for name, each in declarations.items() if name not in unknown}
+    return {name: declaration for name, declaration in declarations.items() if name not in unknown}

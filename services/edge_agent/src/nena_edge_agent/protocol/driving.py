@@ -59,7 +59,7 @@ def advance(robot: RobotState) -> None:
     while _may_drive(robot):
         if goals := robot.reports.goals.external:
             text = f"navigation is driving to another program's goal ({goals[0].goal_id})"
-            _fail(robot, port.DriveFailure.TAKEN_OVER, text)
+            _fail_drive(robot, port.DriveFailure.TAKEN_OVER, text)
             return
         _enter_edge(robot)
         if not robot.driving_allowed or not _drive_to_next_node(robot):
@@ -104,11 +104,11 @@ def new_base_request(robot: RobotState) -> bool:
     if not robot.progress.horizon_left or robot.clearing:
         return False
     capabilities = robot.capabilities
-    before = capabilities.base_request_distance
+    request_distance = capabilities.base_request_distance
     if capabilities.strategy is DriveStrategy.PASS_THROUGH:
         driven = capabilities.maximum_speed * capabilities.base_request_time
-        before = max(before, _hand_over(robot) + driven)
-    return _base_length_left(robot) <= before
+        request_distance = max(request_distance, _hand_over(robot) + driven)
+    return _base_length_left(robot) <= request_distance
 
 
 # Reports of the driver
@@ -117,7 +117,7 @@ def new_base_request(robot: RobotState) -> bool:
 def arrived(robot: RobotState, event: port.Arrived) -> None:
     """Count the goal's node as traversed (section 6.6.2)."""
     if robot.goal.is_current(event.generation):
-        _traverse(robot)
+        _traverse_node(robot)
 
 
 def failed(robot: RobotState, event: port.DriveFailed) -> None:
@@ -141,7 +141,7 @@ def failed(robot: RobotState, event: port.DriveFailed) -> None:
         problem = f"{event.description} ({event.failure})"
         robot.goal.retry(robot.now + wait, problem, retries)
     else:
-        _fail(robot, event.failure, event.description, event.hint, event.code)
+        _fail_drive(robot, event.failure, event.description, event.hint, event.code)
 
 
 def halted(robot: RobotState) -> None:
@@ -171,7 +171,7 @@ def pose_changed(robot: RobotState) -> None:
     node = robot.progress.next_node
     passing = robot.capabilities.strategy is DriveStrategy.PASS_THROUGH
     if passing and node and robot.goal.target is not None and _may_pass(robot, node):
-        _traverse(robot)
+        _traverse_node(robot)
 
 
 def watch_movement(robot: RobotState) -> None:
@@ -325,7 +325,7 @@ def _drive_to_next_node(robot: RobotState) -> bool:
     if node is None or node.node_position is None or pose is None:
         return False  # impossible: order acceptance and the callers exclude it
     if _is_already_at(robot, node.node_position, pose):
-        _traverse(robot)
+        _traverse_node(robot)
         return True
     _send_goal(robot, node, node.node_position, pose)
     return False
@@ -350,7 +350,7 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: port.Pose) -> po
     capabilities = robot.capabilities
     allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
     path = edge_paths.path_poses(robot, pose, position)
-    along = path[-1].theta if path else _heading(pose, position)
+    along = path[-1].theta if path else _travel_heading(pose, position)
     theta = position.theta if position.theta is not None else along
     return port.DriveGoal(
         generation=robot.goal.generation,
@@ -366,18 +366,18 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: port.Pose) -> po
 
 def _behavior_tree(edge: Edge) -> str:
     """Return the behaviour tree named by an action of ``edge``; empty: navigation's default."""
-    found = (each for each in edge.actions if each.action_type == USE_BEHAVIOR_TREE)
-    return next((str(each.parameter(BEHAVIOR_TREE)) for each in found), "")
+    trees = (action for action in edge.actions if action.action_type == USE_BEHAVIOR_TREE)
+    return next((str(action.parameter(BEHAVIOR_TREE)) for action in trees), "")
 
 
-def _heading(pose: port.Pose, position: NodePosition) -> float:
+def _travel_heading(pose: port.Pose, position: NodePosition) -> float:
     """Return the direction from ``pose`` to ``position``, rad; the robot's heading if both coincide."""
     if distance(pose, position) == 0:
         return pose.theta
     return atan2(position.y - pose.y, position.x - pose.x)
 
 
-def _traverse(robot: RobotState) -> None:
+def _traverse_node(robot: RobotState) -> None:
     robot.goal.target = None
     robot.goal.settle()
     robot.goal.forget_failures()
@@ -387,7 +387,7 @@ def _traverse(robot: RobotState) -> None:
     actions.enqueue(robot, node.actions)
 
 
-def _fail(
+def _fail_drive(
     robot: RobotState, failure: port.DriveFailure, description: str, hint: str = "", code: int = 0
 ) -> None:
     node = robot.progress.nodes[0]
@@ -432,19 +432,19 @@ def _poses_ahead(robot: RobotState) -> tuple[port.Pose, ...]:
     progress = robot.progress
     if progress.edges and edge_paths.follows(progress.edges[0], capabilities):
         return ()
-    before: port.Pose | NodePosition = (progress.last_node and progress.last_node.node_position) or pose
+    previous: port.Pose | NodePosition = (progress.last_node and progress.last_node.node_position) or pose
     poses: list[port.Pose] = []
     edges = islice(progress.edges, 1, POSES_AHEAD + 1)
     tree = _behavior_tree(progress.edges[0]) if progress.edges else ""
     for node, edge, beyond in zip(progress.nodes, edges, islice(progress.nodes, 1, None), strict=False):
         here, there = node.node_position, beyond.node_position
-        if here is None or there is None or not _can_pass_through(node, edge, before, there, capabilities):
+        if here is None or there is None or not _can_pass_through(node, edge, previous, there, capabilities):
             break
         if zones.first_barred(robot, here, there) is not None or _behavior_tree(edge) != tree:
             break
         theta = there.theta if there.theta is not None else atan2(there.y - here.y, there.x - here.x)
         poses.append(port.Pose(there.x, there.y, theta, there.map_id))
-        before = here
+        previous = here
     return tuple(poses)
 
 
@@ -489,8 +489,8 @@ def limit_speed(robot: RobotState) -> None:
     pose = robot.reports.localized_pose
     if not robot.capabilities.limits_speed or pose is None:
         return
-    robot.edge_ends = tuple(each for each in robot.edge_ends if each.is_ahead_of(pose))
-    left = (each.maximum_speed for each in robot.edge_ends)
+    robot.edge_ends = tuple(end for end in robot.edge_ends if end.is_ahead_of(pose))
+    left = (end.maximum_speed for end in robot.edge_ends)
     limit = min((*zones.speed_limits(robot), *_edge_speed_limits(robot), *left), default=None)
     if limit != robot.speed_limit:
         robot.speed_limit = limit
@@ -504,7 +504,7 @@ def _edge_speed_limits(robot: RobotState) -> list[float]:
     if pose is None or not passes:
         return []
     place: port.Pose | NodePosition = pose
-    found: list[float] = []
+    limits: list[float] = []
     left = robot.capabilities.braking_distance
     for node, edge in zip(robot.progress.nodes, islice(robot.progress.edges, 1, None), strict=False):
         position = node.node_position
@@ -514,6 +514,6 @@ def _edge_speed_limits(robot: RobotState) -> list[float]:
         if left < 0:
             break
         if edge.maximum_speed is not None:
-            found.append(edge.maximum_speed)
+            limits.append(edge.maximum_speed)
         place = position
-    return found
+    return limits

@@ -72,16 +72,16 @@ def fault(
     """
     if end is None:
         return None  # another check refuses the order
-    found = (
+    problem = (
         _straight_fault(start, end)
         if edge.trajectory is None
         else _trajectory_fault(edge.trajectory, start, end)
     )
     corridor = edge.corridor
-    if found is None and edge.trajectory is not None:
-        found = _loop_fault(path_between(edge, start, end), tolerance or DEFAULT_TOLERANCE)
-    if found or corridor is None or corridor.release_required:
-        return found
+    if problem is None and edge.trajectory is not None:
+        problem = _loop_fault(path_between(edge, start, end), tolerance or DEFAULT_TOLERANCE)
+    if problem or corridor is None or corridor.release_required:
+        return problem
     if _fits_corridor(path_between(edge, start, end), corridor, footprint):
         return None
     text = f"the corridor of edge '{edge.edge_id}' is too narrow for the robot"
@@ -104,7 +104,7 @@ def _length_fault(length: float) -> Fault | None:
 
 def _trajectory_fault(trajectory: Trajectory, start: NodePosition | None, end: NodePosition) -> Fault | None:
     try:
-        spline = _spline(trajectory)
+        spline = _spline_of(trajectory)
     except _InvalidTrajectoryError as problem:
         text = f"its trajectory {problem}"
         return Fault(
@@ -127,8 +127,8 @@ def _trajectory_fault(trajectory: Trajectory, start: NodePosition | None, end: N
 def _loop_fault(path: Sequence[Point], tolerance: float) -> Fault | None:
     """Refuse a path that passes its own end: controllers finish as soon as the robot is near the end."""
     left = 0.0
-    for after, before in pairwise(reversed(path)):
-        left += dist(before, after)
+    for farther, before in pairwise(reversed(path)):
+        left += dist(before, farther)
         away = dist(before, path[-1])
         if away <= tolerance and left > tolerance + DETOUR:
             text = f"its trajectory passes {away:.2f} m from its end, {left:.1f} m before it ends"
@@ -136,7 +136,7 @@ def _loop_fault(path: Sequence[Point], tolerance: float) -> Fault | None:
     return None
 
 
-def _spline(trajectory: Trajectory) -> PathTrajectory:
+def _spline_of(trajectory: Trajectory) -> PathTrajectory:
     """Return the trajectory as a NURBS, with defaults filled in.
 
     Raises:
@@ -151,8 +151,8 @@ def _spline(trajectory: Trajectory) -> PathTrajectory:
             degree=degree,
             knot_vector=knots or (),
             control_points=tuple(
-                TrajectoryPoint(x=each.x, y=each.y, weight=1.0 if each.weight is None else each.weight)
-                for each in points
+                TrajectoryPoint(x=point.x, y=point.y, weight=1.0 if point.weight is None else point.weight)
+                for point in points
             ),
         )
     except ValidationError as invalid:
@@ -173,7 +173,7 @@ def path_between(edge: Edge, start: NodePosition | None, end: NodePosition) -> t
     It is empty if the edge is invalid, which is possible after a change of the settings.
     """
     begin = (start.x, start.y) if start and edge.trajectory is None else None
-    return _sampled(edge.trajectory, begin, (end.x, end.y))
+    return _sample_path(edge.trajectory, begin, (end.x, end.y))
 
 
 def planned_corners(
@@ -188,10 +188,10 @@ def planned_corners(
 
 
 @lru_cache(maxsize=256)
-def _sampled(trajectory: Trajectory | None, start: Point | None, end: Point) -> tuple[Point, ...]:
+def _sample_path(trajectory: Trajectory | None, start: Point | None, end: Point) -> tuple[Point, ...]:
     if trajectory is not None:
         try:
-            return (*curve.steps(_spline(trajectory), STEP)[:-1], end)
+            return (*curve.steps(_spline_of(trajectory), STEP)[:-1], end)
         except _InvalidTrajectoryError:
             return ()
     if start is None:
@@ -203,18 +203,18 @@ def _sampled(trajectory: Trajectory | None, start: Point | None, end: Point) -> 
 
 def remaining(path: Sequence[Point], place: Point) -> tuple[Point, ...]:
     """Return the part of a path from ``place`` on; if the path crosses itself there, the longer part."""
-    away = [dist(each, place) for each in path]
+    away = [dist(point, place) for point in path]
     limit = min(away) + STEP / 2
-    index = next(index for index, each in enumerate(away) if each <= limit)
+    index = next(index for index, length in enumerate(away) if length <= limit)
     return tuple(path[min(index, max(0, len(path) - 2)) :])
 
 
 def first_part(path: Sequence[Point], length: float) -> tuple[Point, ...]:
     """Return the first part of a path, at least ``length`` m long."""
     kept = list(path[:1])
-    for before, after in pairwise(path):
-        length -= dist(before, after)
-        kept.append(after)
+    for start, end in pairwise(path):
+        length -= dist(start, end)
+        kept.append(end)
         if length <= 0:
             break
     return tuple(kept)
@@ -280,7 +280,7 @@ def metres_outside(
         widths = (corridor.left_width, corridor.right_width)
         if corridor.corridor_reference_point is CorridorReferencePoint.CONTOUR:
             places = footprint.at(pose)[0]
-    offsets = [offset(path, each) for each in places]
+    offsets = [offset(path, corner) for corner in places]
     return max(0.0, max(offsets) - widths[0], -min(offsets) - widths[1])
 
 
@@ -299,12 +299,12 @@ def path_of_edge(robot: RobotState, index: int = 0) -> tuple[Point, ...]:
     progress = robot.progress
     edge = next(islice(progress.edges, index, None), None)
     node = next(islice(progress.nodes, index, None), None)
-    before = progress.last_node if index == 0 else next(islice(progress.nodes, index - 1, None), None)
+    previous = progress.last_node if index == 0 else next(islice(progress.nodes, index - 1, None), None)
     if edge is None or node is None or node.node_position is None:
         return ()
     if not follows(edge, robot.capabilities):
         return ()
-    return path_between(edge, before.node_position if before else None, node.node_position)
+    return path_between(edge, previous.node_position if previous else None, node.node_position)
 
 
 def path_poses(robot: RobotState, pose: Pose, position: NodePosition) -> tuple[Pose, ...]:
@@ -327,12 +327,12 @@ def path_poses(robot: RobotState, pose: Pose, position: NodePosition) -> tuple[P
 
 def has_left_path(robot: RobotState) -> bool:
     """Return whether the robot is too far from the path of its edge to drive."""
-    return _deviation(robot) > 0.0
+    return _deviation_from_path(robot) > 0.0
 
 
 def outside_of_corridor(robot: RobotState) -> ErrorEntry | None:
     """Return the error of a robot that has left its corridor or trajectory (section 6.6.5), if it has."""
-    metres = _deviation(robot)
+    metres = _deviation_from_path(robot)
     if metres <= 0.0:
         return None
     edge = robot.progress.edges[0]
@@ -348,17 +348,17 @@ def outside_of_corridor(robot: RobotState) -> ErrorEntry | None:
     )
 
 
-def _deviation(robot: RobotState) -> float:
+def _deviation_from_path(robot: RobotState) -> float:
     pose, path = robot.reports.localized_pose, path_of_edge(robot)
     if pose is None or not path or not robot.progress.edges[0].released:
         return 0.0
-    if any(_at(robot, pose, node) for node in (robot.progress.last_node, robot.progress.next_node)):
+    if any(_is_at_node(robot, pose, node) for node in (robot.progress.last_node, robot.progress.next_node)):
         return 0.0
     corridor = robot.progress.edges[0].corridor
     return metres_outside(corners(path), corridor, pose, robot.capabilities.footprint)
 
 
-def _at(robot: RobotState, pose: Pose, node: Node | None) -> bool:
+def _is_at_node(robot: RobotState, pose: Pose, node: Node | None) -> bool:
     position = node.node_position if node else None
     return position is not None and is_within_deviation(
         pose, position, robot.capabilities.default_deviation_xy

@@ -57,7 +57,7 @@ class ActiveErrors:
         while len(self._active) >= LIMIT:
             del self._active[self._least_needed()]
         self._active[key] = (error, until)
-        self._changed()
+        self._note_change()
 
     def end(self, *causes: Until) -> None:
         """Remove every error that one of ``causes`` ends (section 6.6.5)."""
@@ -65,12 +65,12 @@ class ActiveErrors:
         for key in ended:
             del self._active[key]
         if ended:
-            self._changed()
+            self._note_change()
 
     def withdraw(self, error: ErrorEntry) -> None:
         """Remove ``error``; one that is not active is ignored."""
         if self._active.pop(error_key(error), None):
-            self._changed()
+            self._note_change()
 
     @property
     def stop_robot(self) -> bool:
@@ -82,19 +82,19 @@ class ActiveErrors:
         if error is None and not self._active:
             return
         if error is None or self._other_than(error):
-            old = [key for key in self._conditions if key[0] == kind]
+            old = [key for key in self._condition_keys if key[0] == kind]
             for key in old:
                 del self._active[key]
             if old:
-                self._changed()
+                self._note_change()
         if error is not None:
             self.report(error, Until.CONDITION_OVER)
 
     def _other_than(self, error: ErrorEntry) -> bool:
-        return any(key[0] == error.error_type and key != error_key(error) for key in self._conditions)
+        return any(key[0] == error.error_type and key != error_key(error) for key in self._condition_keys)
 
     @property
-    def _conditions(self) -> list[ErrorKey]:
+    def _condition_keys(self) -> list[ErrorKey]:
         return [key for key, (_, until) in self._active.items() if until is Until.CONDITION_OVER]
 
     def _least_needed(self) -> ErrorKey:
@@ -105,14 +105,16 @@ class ActiveErrors:
         refusals = (key for key, (_, until) in self._active.items() if until in REFUSED)
         return next(refusals, next(iter(self._active)))
 
-    def _changed(self) -> None:
+    def _note_change(self) -> None:
         self.revision += 1
         self.entries = tuple(entry for entry, _ in self._active.values())
         reported = {entry.error_level for entry, until in self._active.values() if until is Until.WITHDRAWN}
-        self.worst_reported = next((each for each in reversed(ErrorLevel) if each in reported), None)
+        self.worst_reported = next((level for level in reversed(ErrorLevel) if level in reported), None)
 
 
 def error_key(error: ErrorEntry) -> ErrorKey:
     """Return the key of an error: its type, and its references without the headerId."""
-    references = ((each.reference_key, each.reference_value) for each in error.error_references)
-    return error.error_type, frozenset(each for each in references if each[0] != "headerId")
+    references = (
+        (reference.reference_key, reference.reference_value) for reference in error.error_references
+    )
+    return error.error_type, frozenset(reference for reference in references if reference[0] != "headerId")

@@ -46,7 +46,7 @@ def turning_circle(centre: Point, *, length: float, width: float) -> Polygon:
     """Return an octagon around the area covered by a rectangle that turns about its centre."""
     radius = hypot(length, width) / 2 / cos(pi / 8)
     angles = (pi / 8 + index * pi / 4 for index in range(8))
-    return tuple((centre[0] + radius * cos(each), centre[1] + radius * sin(each)) for each in angles)
+    return tuple((centre[0] + radius * cos(angle), centre[1] + radius * sin(angle)) for angle in angles)
 
 
 def bounding_box(polygon: Polygon) -> BoundingBox:
@@ -63,7 +63,7 @@ def boxes_intersect(one: BoundingBox, other: BoundingBox) -> bool:
 def overlap(one: Polygon, other: Polygon) -> bool:
     """Return whether two polygons intersect."""
     return (
-        any(_cross(*side, *cut) for side in _sides(one) for cut in _sides(other))
+        any(_segments_cross(*side, *cut) for side in _sides_of(one) for cut in _sides_of(other))
         or contains(one, other[0])
         or contains(other, one[0])
     )
@@ -73,7 +73,7 @@ def contains(polygon: Polygon, point: Point) -> bool:
     """Return whether ``point`` is inside ``polygon``; undefined on the border."""
     x, y = point
     inside = False
-    for (x1, y1), (x2, y2) in _sides(polygon):
+    for (x1, y1), (x2, y2) in _sides_of(polygon):
         if (y1 > y) != (y2 > y) and x < x1 + (y - y1) * (x2 - x1) / (y2 - y1):
             inside = not inside
     return inside
@@ -81,36 +81,36 @@ def contains(polygon: Polygon, point: Point) -> bool:
 
 def is_simple(polygon: Polygon) -> bool:
     """Return whether no two sides touch except neighbours at their corner, and the polygon has an area."""
-    sides = list(_sides(polygon))
+    sides = list(_sides_of(polygon))
     last = len(sides) - 1
     apart = ((i, j) for i, j in combinations(range(len(sides)), 2) if j - i > 1 and (i, j) != (0, last))
-    return bool(_area(polygon)) and not any(_cross(*sides[i], *sides[j]) for i, j in apart)
+    return bool(_signed_area(polygon)) and not any(_segments_cross(*sides[i], *sides[j]) for i, j in apart)
 
 
-def _sides(polygon: Polygon) -> Iterator[tuple[Point, Point]]:
+def _sides_of(polygon: Polygon) -> Iterator[tuple[Point, Point]]:
     return zip(polygon, (*polygon[1:], polygon[0]), strict=True)
 
 
-def _area(polygon: Polygon) -> float:
-    return sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in _sides(polygon)) / 2
+def _signed_area(polygon: Polygon) -> float:
+    return sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in _sides_of(polygon)) / 2
 
 
-def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+def _segments_cross(a: Point, b: Point, c: Point, d: Point) -> bool:
     """Return whether the segments a-b and c-d have a point in common."""
-    one, two = _turn(a, b, c), _turn(a, b, d)
-    three, four = _turn(c, d, a), _turn(c, d, b)
-    if one * two < 0 and three * four < 0:
+    first, second = _turn_area(a, b, c), _turn_area(a, b, d)
+    third, fourth = _turn_area(c, d, a), _turn_area(c, d, b)
+    if first * second < 0 and third * fourth < 0:
         return True
-    ends = ((one, a, b, c), (two, a, b, d), (three, c, d, a), (four, c, d, b))
-    return any(turn == 0 and _between(start, end, point) for turn, start, end, point in ends)
+    ends = ((first, a, b, c), (second, a, b, d), (third, c, d, a), (fourth, c, d, b))
+    return any(turn == 0 and _is_between(start, end, point) for turn, start, end, point in ends)
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
+def _turn_area(a: Point, b: Point, c: Point) -> float:
     """Return twice the area of the triangle; positive if c is to the left of a-b."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _between(start: Point, end: Point, point: Point) -> bool:
+def _is_between(start: Point, end: Point, point: Point) -> bool:
     """Return whether ``point``, on the line through ``start`` and ``end``, is between them."""
     return all(min(s, e) <= p <= max(s, e) for s, e, p in zip(start, end, point, strict=True))
 
@@ -193,5 +193,5 @@ class Footprint:
         ]
         return (
             *(rectangle(start, end, **size, theta=0.0) for start, end in pairwise(corners)),
-            *(turning_circle(each, **size) for each in (*sharp, *corners[-1:])),
+            *(turning_circle(corner, **size) for corner in (*sharp, *corners[-1:])),
         )

@@ -81,15 +81,15 @@ def receive(robot: RobotState, message: InstantActions) -> None:
     for action in message.actions:
         if action.action_id in robot.known_instant_ids:
             continue
-        _remember(robot, action)
-        if problem := _problem(robot, action):
+        _remember_action(robot, action)
+        if problem := _action_problem(robot, action):
             hint = "the factsheet lists the robot's actions"
-            _refuse(robot, action, problem, hint=hint, header_id=message.header_id)
+            _refuse_action(robot, action, problem, hint=hint, header_id=message.header_id)
         else:
-            _start(robot, action)
+            _start_action(robot, action)
 
 
-def _problem(robot: RobotState, action: Action) -> str | None:
+def _action_problem(robot: RobotState, action: Action) -> str | None:
     if action.action_id in robot.actions:
         return "the actionId is used by an action of the order"
     if problem := _mode_problem(robot, action):
@@ -124,7 +124,7 @@ def _mode_problem(robot: RobotState, action: Action) -> str | None:
     return f"the robot is in mode {mode}"
 
 
-def _start(robot: RobotState, action: Action) -> None:
+def _start_action(robot: RobotState, action: Action) -> None:
     robot.errors.end(Until.INSTANT_ACTION_ACCEPTED)
     if action.action_type in CORE_ACTIONS:
         _do_core_action(robot, action)
@@ -164,7 +164,7 @@ def _do_core_action(robot: RobotState, action: Action) -> None:  # noqa: C901, P
             problem = (actions.retry if retries else actions.skip_retry)(robot, action)
             if problem:
                 hint = "the robot's state shows which actions are RETRIABLE"
-                _refuse(robot, action, problem, hint=hint)
+                _refuse_action(robot, action, problem, hint=hint)
             else:
                 change(action_id, ActionStatus.FINISHED)
         case declaration.TRIGGER:  # it releases all actions that wait for fleet control, as 3.0.1 specifies
@@ -174,15 +174,15 @@ def _do_core_action(robot: RobotState, action: Action) -> None:  # noqa: C901, P
                 change(action_id, ActionStatus.FAILED, "no action waits for a trigger of fleet control")
         case vda_actions.START_HIBERNATION:
             if problem := power.start_hibernation(robot, action):
-                _refuse(robot, action, problem, hint="send a later wakeUpTime, and check the clocks")
+                _refuse_action(robot, action, problem, hint="send a later wakeUpTime, and check the clocks")
         case vda_actions.STOP_HIBERNATION:
             power.stop_hibernation(robot, action)
         case vda_actions.SHUTDOWN:
             if problem := power.shut_down(robot, action):
-                _refuse(robot, action, problem, hint="the robot's state shows what it is doing")
+                _refuse_action(robot, action, problem, hint="the robot's state shows what it is doing")
 
 
-def _refuse(
+def _refuse_action(
     robot: RobotState, action: Action, problem: str, *, hint: str, header_id: int | None = None
 ) -> None:
     """Fail ``action``, and report why until the next instant action is accepted (section 6.6.5.4)."""
@@ -209,7 +209,7 @@ def _refuse_message(robot: RobotState, message: InstantActions) -> None:
     robot.errors.report(entry, Until.INSTANT_ACTION_ACCEPTED)
 
 
-def _remember(robot: RobotState, action: Action) -> None:
+def _remember_action(robot: RobotState, action: Action) -> None:
     robot.known_instant_ids[action.action_id] = None
     while len(robot.known_instant_ids) > IDS_KNOWN:
         del robot.known_instant_ids[next(iter(robot.known_instant_ids))]
@@ -277,8 +277,13 @@ def _initialize_position(robot: RobotState, action: Action) -> None:
         robot.instant_actions.change(action.action_id, ActionStatus.FAILED, problem)
         return
     robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
-    robot.position_request = PositionRequest(_text(action, "lastNodeId"), robot.now)
-    pose = Pose(_number(action, "x"), _number(action, "y"), _number(action, "theta"), _text(action, "mapId"))
+    robot.position_request = PositionRequest(_text_parameter(action, "lastNodeId"), robot.now)
+    pose = Pose(
+        _number_parameter(action, "x"),
+        _number_parameter(action, "y"),
+        _number_parameter(action, "theta"),
+        _text_parameter(action, "mapId"),
+    )
     robot.effects.append(SetPosition(pose))
 
 
@@ -311,10 +316,10 @@ def advance_position(robot: RobotState) -> None:
 
 
 def _position_problem(robot: RobotState, action: Action) -> str | None:
-    node_id, map_id = _text(action, "lastNodeId"), _text(action, "mapId")
+    node_id, map_id = _text_parameter(action, "lastNodeId"), _text_parameter(action, "mapId")
     if map_id not in robot.map_ids:
         return f"the robot has {map_list(robot.map_ids)}, not '{map_id}'"
-    if abs(_number(action, "theta")) > ANGLE_LIMIT:
+    if abs(_number_parameter(action, "theta")) > ANGLE_LIMIT:
         return "theta must be within -π and π"
     if robot.goal.moving and not _waits_for_navigation(robot):
         return "the robot is driving; pause it or cancel its order first"
@@ -337,11 +342,11 @@ def _waits_for_navigation(robot: RobotState) -> bool:
     return velocity.vx is not None or not robot.goal.halting
 
 
-def _number(action: Action, key: str) -> float:
+def _number_parameter(action: Action, key: str) -> float:
     value = action.parameter(key)
     return float(value) if isinstance(value, int | float) else 0.0
 
 
-def _text(action: Action, key: str) -> str:
+def _text_parameter(action: Action, key: str) -> str:
     value = action.parameter(key)
     return value if isinstance(value, str) else ""

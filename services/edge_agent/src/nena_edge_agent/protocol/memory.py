@@ -121,9 +121,9 @@ def memory_of(robot: RobotState) -> Memory:
     return Memory(
         format=FORMAT,
         progress=ProgressMemory.model_validate(robot.progress),
-        actions=tuple(_kept(record) for record in robot.actions),
+        actions=tuple(_action_memory(record) for record in robot.actions),
         queue=tuple(robot.queue),
-        instant_actions=tuple(_kept(record) for record in robot.instant_actions),
+        instant_actions=tuple(_action_memory(record) for record in robot.instant_actions),
         known_instant_ids=tuple(robot.known_instant_ids),
         clearing=robot.clearing,
         paused=robot.paused,
@@ -131,8 +131,10 @@ def memory_of(robot: RobotState) -> Memory:
         loads=robot.loads,
         operating_mode=robot.operating_mode,
         wanted_mode=robot.wanted_mode,
-        zone_sets=tuple(ZoneSetMemory(zone_set=one, enabled=on) for one, on in robot.zone_sets.held),
-        zone_requests=tuple(AccessMemory.model_validate(each) for each in robot.zone_requests.requests),
+        zone_sets=tuple(
+            ZoneSetMemory(zone_set=zone_set, enabled=on) for zone_set, on in robot.zone_sets.held
+        ),
+        zone_requests=tuple(AccessMemory.model_validate(request) for request in robot.zone_requests.requests),
         last_zone_request=robot.zone_requests.last_number,
         own_goals=robot.goal.own,
         ended_orders=robot.history.ended,
@@ -149,7 +151,7 @@ def restored(memory: Memory, capabilities: Capabilities, path_of: PathOf | None 
     robot = RobotState(
         capabilities,
         history=OrderHistory(memory.ended_orders, memory.last_order_header),
-        progress=_progress(memory.progress, path_of),
+        progress=_restored_progress(memory.progress, path_of),
         known_instant_ids=dict.fromkeys(memory.known_instant_ids),
         clearing=memory.clearing,
         paused=memory.paused,
@@ -162,14 +164,14 @@ def restored(memory: Memory, capabilities: Capabilities, path_of: PathOf | None 
         wake_up_at=memory.wake_up_at,
         header_ids=memory.header_ids,
         zone_requests=ZoneRequests(
-            (AccessRequest(**dict(each)) for each in memory.zone_requests), memory.last_zone_request
+            (AccessRequest(**dict(request)) for request in memory.zone_requests), memory.last_zone_request
         ),
     )
     if memory.own_goals:
         robot.goal.restore(memory.own_goals)
-    robot.zone_sets.restore(tuple((each.zone_set, each.enabled) for each in memory.zone_sets))
-    robot.actions.add(_record(kept) for kept in memory.actions)
-    robot.instant_actions.add(_record(kept) for kept in memory.instant_actions)
+    robot.zone_sets.restore(tuple((held.zone_set, held.enabled) for held in memory.zone_sets))
+    robot.actions.add(_restored_action(kept) for kept in memory.actions)
+    robot.instant_actions.add(_restored_action(kept) for kept in memory.instant_actions)
     queued = (robot.actions.get(action_id) for action_id in memory.queue)
     robot.queue.append(record.action for record in queued if record)
     robot.instant_queue.append(
@@ -182,7 +184,7 @@ def restored(memory: Memory, capabilities: Capabilities, path_of: PathOf | None 
     return robot
 
 
-def _progress(memory: ProgressMemory, path_of: PathOf | None) -> OrderProgress:
+def _restored_progress(memory: ProgressMemory, path_of: PathOf | None) -> OrderProgress:
     progress = OrderProgress(path_of)
     for name in ProgressMemory.model_fields:
         setattr(progress, name, getattr(memory, name))
@@ -191,7 +193,7 @@ def _progress(memory: ProgressMemory, path_of: PathOf | None) -> OrderProgress:
     return progress
 
 
-def _kept(record: ActionRecord) -> ActionMemory:
+def _action_memory(record: ActionRecord) -> ActionMemory:
     """Return the stored form of an action; an ended one needs no parameters."""
     action = record.action
     if record.status.ended and action.action_parameters:
@@ -205,5 +207,5 @@ def _kept(record: ActionRecord) -> ActionMemory:
     )
 
 
-def _record(kept: ActionMemory) -> ActionRecord:
+def _restored_action(kept: ActionMemory) -> ActionRecord:
     return ActionRecord(kept.action, kept.scope, kept.sequence_id, kept.status, kept.result)

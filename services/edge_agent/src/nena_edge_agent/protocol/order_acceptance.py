@@ -80,10 +80,10 @@ def _size_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
 
 def _parameter_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     """Check 4: the optional fields."""
-    found = unsupported(order, robot.capabilities)
-    if found is None:
+    parameter = unsupported(order, robot.capabilities)
+    if parameter is None:
         return None
-    name, edge = found
+    name, edge = parameter
     return refusal(
         ErrorType.UNSUPPORTED_PARAMETER,
         order,
@@ -98,10 +98,10 @@ def _path_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     """Check that each trajectory and corridor is valid and connects its nodes."""
     limits = robot.reports.limits
     tolerance = limits.tolerance if limits else None
-    for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
+    for edge, (start, node) in zip(order.edges, pairwise(order.nodes), strict=False):
         if not edge_paths.follows(edge, robot.capabilities):
             continue
-        ends = before.node_position, node.node_position
+        ends = start.node_position, node.node_position
         fault = edge_paths.fault(edge, *ends, robot.capabilities.footprint, tolerance)
         if fault is not None:
             text = f"edge '{edge.edge_id}': {fault.text}"
@@ -137,10 +137,10 @@ def load_fault(order: Order, robot: RobotState, *, skip: int = 0) -> ErrorEntry 
     placed = [(node.sequence_id, node.actions) for node in order.nodes[skip:]]
     placed += [(edge.sequence_id, edge.actions) for edge in order.edges]
     in_order = chain.from_iterable(actions for _, actions in sorted(placed, key=lambda each: each[0]))
-    found = first_load_problem(in_order, robot.capabilities.actions, loaded=_loaded_at_the_end(robot))
-    if found is None:
+    refused = first_load_problem(in_order, robot.capabilities.actions, loaded=_loaded_at_the_end(robot))
+    if refused is None:
         return None
-    action, problem = found
+    action, problem = refused
     hint = "the state's loads show what the robot carries; send matching actions"
     return refusal(ErrorType.INVALID_ORDER_ACTION, order, problem, hint=hint, action_id=action.action_id)
 
@@ -168,9 +168,9 @@ def map_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
 
 def route_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     """Check A5: a route leads to each node; the robot is at the first one (section 6.1.4.8)."""
-    closed = tuple(each for each in robot.zone_sets.enabled if each.zone.zone_type in CLOSED)
-    for edge, (before, node) in zip(order.edges, pairwise(order.nodes), strict=False):
-        start = _start(before, node, robot)
+    closed = tuple(zone for zone in robot.zone_sets.enabled if zone.zone.zone_type in CLOSED)
+    for edge, (previous, node) in zip(order.edges, pairwise(order.nodes), strict=False):
+        start = _edge_start(previous, node, robot)
         fault = _reach_fault(start, node, robot)
         fault = fault or _closed_fault(edge, start, node, robot, closed)
         if fault is not None:
@@ -179,7 +179,7 @@ def route_fault(order: Order, robot: RobotState) -> ErrorEntry | None:
     return None
 
 
-def _start(before: Node, node: Node, robot: RobotState) -> NodePosition | None:
+def _edge_start(before: Node, node: Node, robot: RobotState) -> NodePosition | None:
     """Return the start of the edge to ``node``, on its map if an action before it changes the map."""
     start, end = before.node_position, node.node_position
     if start is None or end is None or start.map_id == end.map_id:
@@ -190,12 +190,12 @@ def _start(before: Node, node: Node, robot: RobotState) -> NodePosition | None:
 def _changes_map(node: Node, map_id: str, robot: RobotState) -> bool:
     """Return whether an action of ``node`` enables a map and sets the robot's position on it."""
     declared = robot.capabilities.actions.get(ENABLE_MAP)
-    places = declared is not None and any(each.key == "theta" for each in declared.parameters)
+    places = declared is not None and any(parameter.key == "theta" for parameter in declared.parameters)
     return places and any(
-        each.action_type == ENABLE_MAP
-        and each.parameter("mapId") == map_id
-        and each.parameter("theta") is not None
-        for each in node.actions
+        action.action_type == ENABLE_MAP
+        and action.parameter("mapId") == map_id
+        and action.parameter("theta") is not None
+        for action in node.actions
     )
 
 
@@ -240,7 +240,7 @@ def _closed_fault(
 
 def map_list(maps: Iterable[str]) -> str:
     """Return the names of maps as text."""
-    return ", ".join(f"'{each}'" for each in sorted(maps)) or "none"
+    return ", ".join(f"'{name}'" for name in sorted(maps)) or "none"
 
 
 def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) -> ErrorEntry | None:

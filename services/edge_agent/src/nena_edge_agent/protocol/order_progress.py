@@ -40,7 +40,7 @@ class BasePath:
                 break  # order acceptance refuses such an order
             path = (paths or {}).get(node.sequence_id, ((place.x, place.y),))
             self._starts.append(len(self._points))
-            self._points += starmap(_corner, path)
+            self._points += starmap(_control_point, path)
             driven.append(sum(starmap(dist, pairwise((*last, *path)))) if last else 0.0)
             last = ((place.x, place.y),)
         self._left = list(accumulate(reversed(driven[1:]), initial=0.0))[::-1]
@@ -59,11 +59,11 @@ class BasePath:
         if index is None:
             return None
         place = last.node_position if last else None
-        first = (_corner(place.x, place.y),) if place else ()
+        first = (_control_point(place.x, place.y),) if place else ()
         points = (*first, *self._points[self._starts[index] :])
         if len(points) <= 1:
             return None
-        trajectory = Trajectory(degree=1, knot_vector=_knots(len(points)), control_points=points)
+        trajectory = Trajectory(degree=1, knot_vector=_polyline_knots(len(points)), control_points=points)
         return PlannedPath(trajectory=trajectory, traversed_nodes=self._ids[index:])
 
     def _index_of(self, sequence_id: int) -> int | None:
@@ -74,12 +74,12 @@ class BasePath:
 
 
 @lru_cache(maxsize=1024)
-def _corner(x: float, y: float) -> ControlPoint:
+def _control_point(x: float, y: float) -> ControlPoint:
     return ControlPoint(x=x, y=y)
 
 
 @lru_cache(maxsize=256)
-def _knots(points: int) -> tuple[float, ...]:
+def _polyline_knots(points: int) -> tuple[float, ...]:
     """Return the knots of a polyline (a NURBS of degree 1) with this number of points."""
     steps = points - 1
     return (0.0, *(index / steps for index in range(steps + 1)), 1.0)
@@ -158,7 +158,7 @@ class OrderHistory:
         """Store an order that is replaced by a new one; an empty ``order_id`` means there was none."""
         if not order_id:
             return
-        self._ended[_digest(order_id)] = None
+        self._ended[_order_digest(order_id)] = None
         while len(self._ended) > ENDED_ORDERS_KEPT:
             del self._ended[next(iter(self._ended))]
 
@@ -171,7 +171,7 @@ class OrderHistory:
         self.begin_epoch(order.nena_epoch, utc)
         last = self.last_header or OrderHeader(NO_HEADER_ID, None)
         credible = utc is None or order.timestamp <= utc + CLOCK_TOLERANCE
-        times = [each for each in (last.timestamp, order.timestamp if credible else None) if each]
+        times = [time for time in (last.timestamp, order.timestamp if credible else None) if time]
         counts = order.nena_epoch is None or order.nena_epoch == last.epoch
         header_id = max(last.header_id, order.header_id) if counts else last.header_id
         self.last_header = OrderHeader(header_id, max(times, default=None), last.epoch)
@@ -202,12 +202,13 @@ class OrderHistory:
         be set back, so a replay is a message with both a lower headerId and an older timestamp. If the
         timestamp is unreadable (``dated`` False), the headerId decides, unless the last sender used epochs.
         """
-        if _digest(order.order_id) in self._ended:
+        if _order_digest(order.order_id) in self._ended:
             return f"order '{order.order_id}' was received before and has ended"
         last = self.last_header
         if last is None or not self._is_older(order, last, dated=dated):
             return None
-        return f"the message ({_describe(order)}) is older than the last accepted order ({_describe(last)})"
+        new, old = _describe_header(order), _describe_header(last)
+        return f"the message ({new}) is older than the last accepted order ({old})"
 
     def _is_older(self, order: Order, last: OrderHeader, *, dated: bool) -> bool:
         if order.nena_epoch is not None:
@@ -219,12 +220,12 @@ class OrderHistory:
         return last.timestamp is not None and order.timestamp < last.timestamp - CLOCK_TOLERANCE
 
 
-def _describe(header: OrderHeader | Order) -> str:
+def _describe_header(header: OrderHeader | Order) -> str:
     time = f"{header.timestamp:%Y-%m-%dT%H:%M:%SZ}" if header.timestamp else "no time"
     return f"headerId {header.header_id}, {time}"
 
 
-def _digest(order_id: str) -> str:
+def _order_digest(order_id: str) -> str:
     return sha256(order_id.encode()).hexdigest()[:32]
 
 
@@ -270,11 +271,11 @@ class OrderProgress:
             _edge_state(edge, edge.trajectory if followed else None) for edge in self.edges
         )
         paths: dict[int, tuple[Point, ...]] = {}
-        before = self.last_node
+        start = self.last_node
         for edge, node in zip(self.edges, self.nodes, strict=False):
-            if self._path_of is not None and node.released and (path := self._path_of(edge, before, node)):
+            if self._path_of is not None and node.released and (path := self._path_of(edge, start, node)):
                 paths[node.sequence_id] = path
-            before = node
+            start = node
         self.base_path = BasePath(self.nodes, paths)
 
     def begin(self, order: Order) -> None:
@@ -283,8 +284,8 @@ class OrderProgress:
         self.cancelled = self.cleared = False
         self.nodes.clear()
         self.edges.clear()
-        self._append(order)
-        self._reach(order.nodes[0])
+        self._append_order(order)
+        self._reach_node(order.nodes[0])
         self.describe_rest()
 
     def extend(self, order: Order) -> None:
@@ -292,12 +293,12 @@ class OrderProgress:
         self.order_update_id = order.order_update_id
         if self.cleared:
             self.cleared = False
-            self._reach(order.nodes[0])
+            self._reach_node(order.nodes[0])
         while self.nodes and not self.nodes[-1].released:
             self.nodes.pop()
         while self.edges and not self.edges[-1].released:
             self.edges.pop()
-        self._append(order)
+        self._append_order(order)
         self.describe_rest()
         self.revision += 1
 
@@ -327,7 +328,7 @@ class OrderProgress:
         """Count the next node as traversed (section 6.6.2); return it, and the edge that led there."""
         node, edge = self.nodes.popleft(), self.edges.popleft()
         self.node_states, self.edge_states = self.node_states[1:], self.edge_states[1:]
-        self._reach(node)
+        self._reach_node(node)
         return node, edge
 
     def clear(self, *, cancelled: bool) -> None:
@@ -355,14 +356,14 @@ class OrderProgress:
         """Return the path through the rest of the base, as reported in the state."""
         return self.base_path.path(self.last_node, self.nodes[0].sequence_id) if self.nodes else None
 
-    def _append(self, order: Order) -> None:
+    def _append_order(self, order: Order) -> None:
         self.nodes.extend(order.nodes[1:])
         self.edges.extend(order.edges)
         decision_node = last_released(order.nodes)
         self.decision_point = decision_node.node_id, decision_node.sequence_id
         self.content = OrderFingerprints.of_order(order)
 
-    def _reach(self, node: Node) -> None:
+    def _reach_node(self, node: Node) -> None:
         self.last_node, self.last_node_id = node, node.node_id
         self.last_node_sequence_id = node.sequence_id
         self.on_last_node, self.edge_entered = True, False

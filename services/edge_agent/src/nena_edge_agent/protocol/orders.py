@@ -37,9 +37,9 @@ def receive(robot: RobotState, order: Order, *, dated: bool = True) -> None:
     robot.history.begin_epoch(order.nena_epoch, robot.utc_now)
     match decision:
         case Acceptance.BEGIN:
-            _begin(robot, order)
+            _begin_order(robot, order)
         case Acceptance.EXTEND:
-            _extend(robot, order)
+            _extend_order(robot, order)
         case ErrorEntry() as entry:
             robot.errors.report(entry, _REPORTED_UNTIL.get(entry.error_type, Until.ORDER_ACCEPTED))
         case Acceptance.IGNORE:
@@ -53,7 +53,7 @@ def _waits_for_disk(robot: RobotState, order: Order) -> bool:
     return held and bool(robot.journal_problem)
 
 
-def _begin(robot: RobotState, order: Order) -> None:
+def _begin_order(robot: RobotState, order: Order) -> None:
     _clear_errors(robot)
     if not robot.capabilities.rules.instant_states_until_cleared:
         robot.instant_actions.remove(lambda record: record.status.ended)
@@ -62,17 +62,17 @@ def _begin(robot: RobotState, order: Order) -> None:
     robot.history.end(robot.progress.order_id)
     robot.history.accept(order, robot.utc_now)
     robot.progress.begin(order)
-    robot.actions.add(_records(order.nodes, order.edges))
+    robot.actions.add(_action_records(order.nodes, order.edges))
     actions.enqueue(robot, order.nodes[0].actions)
 
 
-def _extend(robot: RobotState, order: Order) -> None:
+def _extend_order(robot: RobotState, order: Order) -> None:
     """Extend the base; the actions of the stitching node do not run again."""
     _clear_errors(robot)
     robot.actions.remove(robot.is_in_horizon)
     robot.history.accept(order, robot.utc_now)
     robot.progress.extend(order)
-    robot.actions.add(_records(order.nodes[1:], order.edges))
+    robot.actions.add(_action_records(order.nodes[1:], order.edges))
 
 
 def _clear_errors(robot: RobotState) -> None:
@@ -80,7 +80,7 @@ def _clear_errors(robot: RobotState) -> None:
     robot.goal.forget_failures()
 
 
-def _records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]:
+def _action_records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]:
     """Return the actions' records in driving order."""
     on_nodes = (
         ActionRecord(action, ActionScope.NODE, node.sequence_id) for node in nodes for action in node.actions

@@ -52,7 +52,7 @@ def stop_hibernation(robot: RobotState, action: Action) -> None:
     """Wake the robot; if it is awake, finish at once."""
     if robot.power.silent:
         robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
-        _wake(robot)
+        _wake_robot(robot)
     else:
         _stay_awake(robot, "revoked by stopHibernation")
         robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
@@ -87,8 +87,10 @@ def filter_event(robot: RobotState, event: events.Event) -> events.Event:
     match event:
         case events.InstantActionsReceived(message):
             wakes = robot.power is not PowerPhase.SHUTTING_DOWN
-            taken = tuple(each for each in message.actions if wakes and each.action_type == STOP_HIBERNATION)
-            if rest := [each.action_type for each in message.actions if each not in taken]:
+            taken = tuple(
+                action for action in message.actions if wakes and action.action_type == STOP_HIBERNATION
+            )
+            if rest := [action.action_type for action in message.actions if action not in taken]:
                 robot.effects.append(events.LogIgnored(f"instant actions: {', '.join(rest)}"))
             return replace(event, message=message.model_copy(update={"actions": taken}))
         case events.OrderReceived(order):
@@ -115,7 +117,7 @@ def advance(robot: RobotState) -> None:
     now = robot.utc_now
     if robot.wake_up_at is not None and now is not None and now >= robot.wake_up_at:
         if robot.power is PowerPhase.HIBERNATING:
-            _wake(robot)
+            _wake_robot(robot)
         elif not robot.power.silent:
             _stay_awake(robot, "the wake-up time has passed before the robot could hibernate")
     if robot.journal_problem and robot.power in (PowerPhase.FALLING_ASLEEP, PowerPhase.SIGNING_OFF):
@@ -145,7 +147,7 @@ def _motion_problem(robot: RobotState) -> str | None:
 
 def _running_actions_problem(robot: RobotState) -> str | None:
     """Return which instant actions are running, if any: no state could report their end."""
-    running = {each.action.action_type for each in robot.instant_actions if not each.status.ended}
+    running = {record.action.action_type for record in robot.instant_actions if not record.status.ended}
     others = ", ".join(sorted(running - {START_HIBERNATION}))
     return f"instant actions are running ({others})" if others else None
 
@@ -162,9 +164,9 @@ def signed_off(robot: RobotState, _: events.SignedOff) -> None:
 def command_ended(robot: RobotState, event: events.PowerReport) -> None:
     """Handle the end of a power command; if it has failed, the robot is awake or wakes up."""
     if event.problem:
-        robot.errors.report(_failure(event), Until.ORDER_ACCEPTED)
+        robot.errors.report(_failure_entry(event), Until.ORDER_ACCEPTED)
     if event.command is events.PowerCommand.HIBERNATE and event.problem:
-        _wake(robot)
+        _wake_robot(robot)
     if event.command is events.PowerCommand.WAKE and robot.power is PowerPhase.WAKING:
         robot.power, robot.wake_up_at = PowerPhase.AWAKE, None
         status = ActionStatus.FAILED if event.problem else ActionStatus.FINISHED
@@ -193,7 +195,7 @@ def continue_after_restart(robot: RobotState) -> None:
         robot.effects.append(events.Wake())
 
 
-def _wake(robot: RobotState) -> None:
+def _wake_robot(robot: RobotState) -> None:
     if robot.power is PowerPhase.HIBERNATING:
         robot.power = PowerPhase.WAKING
         robot.effects.append(events.Wake())
@@ -204,7 +206,7 @@ def _stay_awake(robot: RobotState, reason: str) -> None:
     robot.power, robot.wake_up_at = PowerPhase.AWAKE, None
 
 
-def _failure(event: events.PowerReport) -> ErrorEntry:
+def _failure_entry(event: events.PowerReport) -> ErrorEntry:
     return error(
         POWER_COMMAND_FAILED,
         f"power.{event.command} failed, and the robot is awake: {event.problem}",

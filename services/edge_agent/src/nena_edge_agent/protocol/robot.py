@@ -56,7 +56,7 @@ class RobotCore:
             self._robot = restored(memory, capabilities, path_of)
         else:
             self._robot = RobotState(capabilities, OrderProgress(path_of))
-        self._shown = self._visible()
+        self._shown = self._visible_values()
 
     def handle(self, event: events.Event, now: float) -> tuple[events.Effect, ...]:
         """Handle ``event`` at the monotonic time ``now``, s, and return its effects."""
@@ -81,7 +81,7 @@ class RobotCore:
         driving.limit_speed(robot)
         route_progress.advance(robot)
         check_conditions(robot)
-        shown = self._visible()
+        shown = self._visible_values()
         if robot.power.silent:
             return tuple(robot.effects)
         if shown != self._shown or isinstance(event, REQUESTS):
@@ -143,13 +143,13 @@ class RobotCore:
     @property
     def durable_version(self) -> tuple[object, ...]:
         """Return a value that changes whenever :meth:`memory` does."""
-        return (*self._durable(), self._robot.header_ids)
+        return (*self._durable_values(), self._robot.header_ids)
 
     def memory(self) -> Memory:
         """Return the data that must survive the end of the process."""
         return memory_of(self._robot)
 
-    def _durable(self) -> tuple[object, ...]:
+    def _durable_values(self) -> tuple[object, ...]:
         """Return the values of :attr:`durable_version` without the header IDs."""
         robot = self._robot
         return (
@@ -169,12 +169,12 @@ class RobotCore:
             robot.goal.own,
         )
 
-    def _visible(self) -> tuple[object, ...]:
+    def _visible_values(self) -> tuple[object, ...]:
         """Return the values whose change triggers a state (section 6.6)."""
         robot = self._robot
         pose, battery = robot.reports.pose, robot.reports.battery
         return (
-            *self._durable(),
+            *self._durable_values(),
             robot.errors.revision,
             robot.goal.moving,
             robot.reports.velocity.moves,

@@ -127,7 +127,11 @@ class CurrentGoal:
         if self.path:
             self.own = port.OwnGoals(own.goal_ids, own.pose)
         else:
-            again = self.result_pending and own.given is not None and _position(own.given) == _position(pose)
+            again = (
+                self.result_pending
+                and own.given is not None
+                and _position_of(own.given) == _position_of(pose)
+            )
             self.own = port.OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
         self.pose, self.result_pending = pose, True
 
@@ -186,8 +190,8 @@ class EdgeEnd:
         """Return whether a robot at ``pose`` has neither passed the node nor left its surroundings."""
         node, since = self.node, self.pose
         x, y = pose.x - node.x, pose.y - node.y
-        before = x * (node.x - since.x) + y * (node.y - since.y) < 0
-        return before and hypot(x, y) <= self.radius and pose.map_id == node.map_id
+        ahead = x * (node.x - since.x) + y * (node.y - since.y) < 0
+        return ahead and hypot(x, y) <= self.radius and pose.map_id == node.map_id
 
 
 @dataclass(slots=True)
@@ -346,12 +350,12 @@ class RobotState:
 
     def __post_init__(self) -> None:
         """Add what depends on the capabilities: the configured map, zone sets and the link."""
-        one = Map(
+        configured = Map(
             map_id=self.capabilities.map_id,
             map_version=self.capabilities.map_version,
             map_status=MapStatus.ENABLED,
         )
-        self.maps = (one,)
+        self.maps = (configured,)
         self.zone_sets = ZoneSets(self.capabilities.zones)
         self.link = LinkWatch(self.capabilities.link_loss, self.capabilities.link_loss_timeout)
 
@@ -363,7 +367,7 @@ class RobotState:
     @property
     def map_ids(self) -> frozenset[str]:
         """Return the mapIds of the maps on the robot."""
-        return frozenset(each.map_id for each in self.maps)
+        return frozenset(robot_map.map_id for robot_map in self.maps)
 
     @property
     def idle(self) -> bool:
@@ -482,5 +486,5 @@ class RobotState:
             self.instant_actions.change(action_id, status, result)
 
 
-def _position(pose: port.Pose) -> tuple[float, float, str]:
+def _position_of(pose: port.Pose) -> tuple[float, float, str]:
     return pose.x, pose.y, pose.map_id

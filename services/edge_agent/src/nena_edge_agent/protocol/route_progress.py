@@ -100,15 +100,18 @@ def information(robot: RobotState) -> tuple[Information, ...]:
     VDA 5050 3.0 section 6.6.4.
     """
     distances = {"goal": to_goal(robot), "order": to_end(robot)}
-    known = {name: found for name, found in distances.items() if found}
-    if not known:
+    driven = {name: length for name, length in distances.items() if length}
+    if not driven:
         return ()
-    references = [each for name, found in known.items() for each in _references(name, found)]
+    references = [
+        reference for name, length in driven.items() for reference in _distance_references(name, length)
+    ]
     drive = robot.reports.progress
     if drive and drive.recoveries and robot.goal.target is not None:
-        references.append(_reference("recoveries", str(drive.recoveries)))
+        references.append(_error_reference("recoveries", str(drive.recoveries)))
     sentences = [
-        f"{found.left:.1f} m of the {name} left, {found.percent} % driven" for name, found in known.items()
+        f"{length.left:.1f} m of the {name} left, {length.percent} % driven"
+        for name, length in driven.items()
     ]
     return (
         Information(
@@ -131,8 +134,8 @@ def intermediate_path(robot: RobotState, start: datetime) -> IntermediatePath | 
     if plan is None or speed <= 0:
         return None
     lengths = [0.0]
-    for one, other in pairwise(plan.points):
-        lengths.append(lengths[-1] + dist(one, other))
+    for start_point, end_point in pairwise(plan.points):
+        lengths.append(lengths[-1] + dist(start_point, end_point))
     points = (
         PathPoint(x=x, y=y, eta=start + timedelta(seconds=length / speed))
         for (x, y), length in zip(plan.points, lengths, strict=True)
@@ -144,7 +147,7 @@ def _left_to(robot: RobotState, goal: Pose, pose: Pose) -> float:
     """Return the distance left to a goal: along the plan, else as navigation reports it, else straight."""
     plan, progress = current_plan(robot), robot.reports.progress
     if plan:
-        return _along(plan, pose)
+        return _length_along(plan, pose)
     return progress.left if progress and progress.left is not None else distance(pose, goal)
 
 
@@ -157,7 +160,7 @@ def _from_node(robot: RobotState) -> float:
     return distance(position, pose)
 
 
-def _along(plan: PlanReport, pose: Pose) -> float:
+def _length_along(plan: PlanReport, pose: Pose) -> float:
     """Return the length of ``plan`` that is left, from its point nearest to the robot."""
     here = (pose.x, pose.y)
     nearest = min(range(len(plan.points)), key=lambda index: dist(plan.points[index], here))
@@ -165,13 +168,13 @@ def _along(plan: PlanReport, pose: Pose) -> float:
     return sum(dist(start, end) for start, end in pairwise(rest)) + dist(here, rest[0])
 
 
-def _references(name: str, found: Distance) -> tuple[ErrorReference, ErrorReference]:
+def _distance_references(name: str, found: Distance) -> tuple[ErrorReference, ErrorReference]:
     return (
-        _reference(f"{name}DistanceLeft", f"{found.left:.2f}"),
-        _reference(f"{name}Percent", str(found.percent)),
+        _error_reference(f"{name}DistanceLeft", f"{found.left:.2f}"),
+        _error_reference(f"{name}Percent", str(found.percent)),
     )
 
 
 @lru_cache(maxsize=1024)
-def _reference(key: str, value: str) -> ErrorReference:
+def _error_reference(key: str, value: str) -> ErrorReference:
     return ErrorReference(reference_key=key, reference_value=value)

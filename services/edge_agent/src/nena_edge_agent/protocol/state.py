@@ -55,7 +55,7 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
         mobile_robot_position=position(robot.reports),
         velocity=velocity(robot.reports),
         loads=robot.loads,
-        driving=_drives(robot),
+        driving=_is_driving(robot),
         paused=robot.paused or robot.reports.pause_button,
         new_base_request=driving.new_base_request(robot),
         action_states=robot.actions.states,
@@ -65,7 +65,7 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
         errors=robot.errors.entries,
         information=(
             *route_progress.information(robot),
-            *_information(robot.reports.goals),
+            *_goal_information(robot.reports.goals),
             *session_information(robot.reports.session),
             *collision_information(robot),
         ),
@@ -73,7 +73,7 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
     )
 
 
-def _drives(robot: RobotState) -> bool:
+def _is_driving(robot: RobotState) -> bool:
     """Return whether the robot drives, or may drive because no odometry has arrived since a restart.
 
     A robot whose goal waits for navigation does not drive if its odometry confirms standstill.
@@ -149,7 +149,7 @@ def _power_supply(battery: BatteryReport | None, *, charging: bool) -> PowerSupp
     )
 
 
-def _information(table: GoalTable) -> tuple[Information, ...]:
+def _goal_information(table: GoalTable) -> tuple[Information, ...]:
     """Return an information entry for each goal of navigation, with its sender (section 6.6.4)."""
     return tuple(
         Information(
@@ -159,11 +159,11 @@ def _information(table: GoalTable) -> tuple[Information, ...]:
                 ErrorReference(reference_key="goalId", reference_value=goal.goal_id),
                 ErrorReference(reference_key="status", reference_value=goal.status),
             ),
-            info_descriptor=f"a goal of {_sender(goal)} is {goal.status}",
+            info_descriptor=f"a goal of {_describe_sender(goal)} is {goal.status}",
         )
         for goal in table.goals
     )
 
 
-def _sender(goal: GoalReport) -> str:
+def _describe_sender(goal: GoalReport) -> str:
     return "another program" if goal.external else "this robot's agent"

@@ -28,18 +28,19 @@ def zones_in(area: Iterable[Polygon], map_id: str, zones: Iterable[EnabledZone])
     """Return the zones of one map that intersect ``area``."""
     parts = [(part, bounding_box(part)) for part in area]
     return [
-        each
-        for each in zones
-        if each.map_id == map_id
+        enabled
+        for enabled in zones
+        if enabled.map_id == map_id
         and any(
-            boxes_intersect(box, each.bounding_box) and overlap(part, each.contour) for part, box in parts
+            boxes_intersect(box, enabled.bounding_box) and overlap(part, enabled.contour)
+            for part, box in parts
         )
     ]
 
 
 def first_closed(zones: Iterable[EnabledZone]) -> EnabledZone | None:
     """Return the first of ``zones`` that the robot must not enter."""
-    return next((each for each in zones if each.zone.zone_type in CLOSED), None)
+    return next((zone for zone in zones if zone.zone.zone_type in CLOSED), None)
 
 
 MAXIMUM_ZONE_SETS: Final = 10
@@ -89,13 +90,13 @@ class ZoneSets:
     @property
     def held(self) -> tuple[tuple[ZoneSet, bool], ...]:
         """Return all sets, and whether each is enabled."""
-        return tuple((each, self._is_enabled(each)) for each in self._sets.values())
+        return tuple((zone_set, self._is_enabled(zone_set)) for zone_set in self._sets.values())
 
     def restore(self, held: tuple[tuple[ZoneSet, bool], ...]) -> None:
         """Restore what :attr:`held` returned."""
-        self._sets = {each.zone_set_id: each for each, _ in held}
-        self._enabled = {each.map_id: each.zone_set_id for each, enabled in held if enabled}
-        self._changed()
+        self._sets = {zone_set.zone_set_id: zone_set for zone_set, _ in held}
+        self._enabled = {zone_set.map_id: zone_set.zone_set_id for zone_set, enabled in held if enabled}
+        self._note_change()
 
     def add(self, zone_set: ZoneSet) -> None:
         """Add a set as DISABLED (section 6.4).
@@ -110,9 +111,9 @@ class ZoneSets:
             message = f"the robot can store {MAXIMUM_ZONE_SETS} zone sets of {MAXIMUM_ZONES} zones each"
             raise ZoneSetLimitError(message)
         for zone in zone_set.zones:
-            self._check(zone)
+            self._check_zone(zone)
         self._sets[zone_set.zone_set_id] = zone_set
-        self._changed()
+        self._note_change()
 
     def enable(self, zone_set_id: str) -> None:
         """Enable a set, and disable the other one of its map (section 6.4.2).
@@ -120,9 +121,9 @@ class ZoneSets:
         Raises:
             ZoneSetRefusedError: the robot does not have it.
         """
-        zone_set = self._find(zone_set_id)
+        zone_set = self._find_zone_set(zone_set_id)
         self._enabled[zone_set.map_id] = zone_set_id
-        self._changed()
+        self._note_change()
 
     def zones_of(self, zone_set_id: str) -> tuple[EnabledZone, ...]:
         """Return the zones that a set has once it is enabled; none if the robot does not have it."""
@@ -135,53 +136,56 @@ class ZoneSets:
         Raises:
             ZoneSetRefusedError: the robot does not have it, or it is enabled.
         """
-        if self._is_enabled(self._find(zone_set_id)):
+        if self._is_enabled(self._find_zone_set(zone_set_id)):
             message = f"zone set '{zone_set_id}' is enabled; enable another one of its map first"
             raise ZoneSetRefusedError(message)
         del self._sets[zone_set_id]
-        self._changed()
+        self._note_change()
 
-    def _find(self, zone_set_id: str) -> ZoneSet:
+    def _find_zone_set(self, zone_set_id: str) -> ZoneSet:
         if zone_set_id not in self._sets:
             message = f"the robot has no zone set '{zone_set_id}'"
             raise ZoneSetRefusedError(message)
         return self._sets[zone_set_id]
 
-    def _check(self, zone: Zone) -> None:
+    def _check_zone(self, zone: Zone) -> None:
         if zone.zone_type not in self._supported:
             message = f"zone '{zone.zone_id}' is of type {zone.zone_type}, which the robot does not support"
             raise ZoneSetRefusedError(message)
         if len(zone.vertices) > MAXIMUM_VERTICES:
             message = f"zone '{zone.zone_id}' has more than {MAXIMUM_VERTICES} vertices"
             raise ZoneSetLimitError(message)
-        if not is_simple(_contour(zone)):
+        if not is_simple(_contour_of(zone)):
             message = f"the contour of zone '{zone.zone_id}' crosses itself or has no area"
             raise ZoneSetRefusedError(message)
 
     def _is_enabled(self, zone_set: ZoneSet) -> bool:
         return self._enabled.get(zone_set.map_id) == zone_set.zone_set_id
 
-    def _changed(self) -> None:
+    def _note_change(self) -> None:
         self.revision += 1
         self.enabled = tuple(
-            _enabled_zone(each, zone) for each, enabled in self.held if enabled for zone in each.zones
+            _enabled_zone(zone_set, zone)
+            for zone_set, enabled in self.held
+            if enabled
+            for zone in zone_set.zones
         )
         self.states = tuple(
             ZoneSetState(
-                zone_set_id=each.zone_set_id,
-                map_id=each.map_id,
+                zone_set_id=zone_set.zone_set_id,
+                map_id=zone_set.map_id,
                 zone_set_status=RobotZoneSetStatus.ENABLED if enabled else RobotZoneSetStatus.DISABLED,
             )
-            for each, enabled in self.held
+            for zone_set, enabled in self.held
         )
 
 
 def _enabled_zone(zone_set: ZoneSet, zone: Zone) -> EnabledZone:
-    contour = _contour(zone)
+    contour = _contour_of(zone)
     return EnabledZone(zone_set.map_id, zone_set.zone_set_id, zone, contour, bounding_box(contour))
 
 
-def _contour(zone: Zone) -> Polygon:
+def _contour_of(zone: Zone) -> Polygon:
     return tuple((vertex.x, vertex.y) for vertex in zone.vertices)
 
 
@@ -216,7 +220,7 @@ class ZoneRequests:
     """The active requests, at most one per zone (section 6.9); request IDs are never used twice."""
 
     def __init__(self, requests: Iterable[AccessRequest] = (), last_number: int = 0) -> None:
-        self._requests = {each.key: each for each in requests}
+        self._requests = {request.key: request for request in requests}
         self._rejected_at: dict[ZoneKey, float] = {}
         self.last_number = last_number
         self.revision = 0
@@ -231,19 +235,19 @@ class ZoneRequests:
         """Return the requests as reported in the state."""
         return tuple(
             ZoneRequest(
-                request_id=each.request_id,
+                request_id=request.request_id,
                 request_type=ZoneRequestType.ACCESS,
-                zone_id=each.zone_id,
-                zone_set_id=each.zone_set_id,
-                request_status=each.status,
+                zone_id=request.zone_id,
+                zone_set_id=request.zone_set_id,
+                request_status=request.status,
             )
-            for each in self._requests.values()
+            for request in self._requests.values()
         )
 
     @property
     def waits(self) -> bool:
         """Return whether a lease or a delay is running."""
-        return bool(self._rejected_at) or any(each.lease_expiry for each in self._requests.values())
+        return bool(self._rejected_at) or any(request.lease_expiry for request in self._requests.values())
 
     def status(self, key: ZoneKey) -> RequestStatus | None:
         """Return the status of the request for a zone, None without a request."""
@@ -260,7 +264,7 @@ class ZoneRequests:
             return
         match response.grant_type:
             case GrantType.GRANTED:
-                self._put(request.with_status(RequestStatus.GRANTED, response.lease_expiry))
+                self._put_request(request.with_status(RequestStatus.GRANTED, response.lease_expiry))
             case GrantType.REJECTED:
                 granted = request.status is not RequestStatus.REQUESTED
                 self._end_grant(request, RequestStatus.REVOKED, inside if granted else frozenset())
@@ -278,13 +282,13 @@ class ZoneRequests:
         for zone in zones:
             if zone.key not in self._requests and zone.key not in self._rejected_at:
                 self.last_number += 1
-                self._put(AccessRequest(*zone.key, request_id=f"zone-{self.last_number}"))
+                self._put_request(AccessRequest(*zone.key, request_id=f"zone-{self.last_number}"))
 
     def keep_only(self, keys: frozenset[ZoneKey], inside: frozenset[ZoneKey] = frozenset()) -> None:
         """Drop all requests except those for ``keys``; keep a lost one only while the robot is inside."""
         for key, request in list(self._requests.items()):
             if key not in keys or (request.status in LOST and key not in inside):
-                self._remove(key)
+                self._remove_request(key)
 
     def expire(self, utc: datetime, inside: frozenset[ZoneKey]) -> None:
         """End the grants that have expired at ``utc`` (section 6.9)."""
@@ -296,15 +300,15 @@ class ZoneRequests:
     def _end_grant(self, request: AccessRequest, status: RequestStatus, inside: frozenset[ZoneKey]) -> None:
         """Report the loss of a grant while the robot is in the zone; otherwise drop the request."""
         if request.key in inside:
-            self._put(request.with_status(status))
+            self._put_request(request.with_status(status))
         else:
-            self._remove(request.key)
+            self._remove_request(request.key)
 
-    def _put(self, request: AccessRequest) -> None:
+    def _put_request(self, request: AccessRequest) -> None:
         if self._requests.get(request.key) != request:
             self._requests[request.key] = request
             self.revision += 1
 
-    def _remove(self, key: ZoneKey) -> None:
+    def _remove_request(self, key: ZoneKey) -> None:
         if self._requests.pop(key, None):
             self.revision += 1

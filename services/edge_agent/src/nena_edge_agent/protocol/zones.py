@@ -53,7 +53,7 @@ def accept(robot: RobotState, zone_set: ZoneSet) -> str | None:
     try:
         robot.zone_sets.add(zone_set)
     except ZoneSetRefusedError as problem:
-        robot.errors.report(_refusal(zone_set.zone_set_id, problem), Until.ZONE_SET_ACCEPTED)
+        robot.errors.report(_refusal_entry(zone_set.zone_set_id, problem), Until.ZONE_SET_ACCEPTED)
         return str(problem)
     robot.errors.end(Until.ZONE_SET_ACCEPTED)
     return None
@@ -74,7 +74,7 @@ def enable(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]
 def _may_enable(robot: RobotState, request: ZoneSetRequest) -> bool:
     """Return whether navigation plans around the BLOCKED zones of a set, or need not."""
     answer = robot.reports.keep_out
-    needed = robot.capabilities.keeps_out and _blocked(robot.zone_sets.zones_of(request.zone_set_id))
+    needed = robot.capabilities.keeps_out and _blocked_zones(robot.zone_sets.zones_of(request.zone_set_id))
     return not needed or (answer is not None and not answer.problem)
 
 
@@ -88,7 +88,9 @@ def end_requests(robot: RobotState) -> list[ActionReport]:
             end = ActionStatus.FAILED, answer.problem if answer else NO_ANSWER
         else:
             continue
-        robot.zone_set_requests = tuple(each for each in robot.zone_set_requests if each is not request)
+        robot.zone_set_requests = tuple(
+            running for running in robot.zone_set_requests if running is not request
+        )
         ended.append(ActionReport(request.action_id, *end))
     return ended
 
@@ -115,7 +117,7 @@ def _result_of(change: Callable[[], None]) -> tuple[ActionStatus, str | None]:
     return ActionStatus.FINISHED, None
 
 
-def _refusal(zone_set_id: str, problem: ZoneSetRefusedError) -> ErrorEntry:
+def _refusal_entry(zone_set_id: str, problem: ZoneSetRefusedError) -> ErrorEntry:
     return error(
         _ERROR_TYPES.get(type(problem), ErrorType.VALIDATION_FAILURE),
         str(problem),
@@ -149,9 +151,9 @@ def advance(robot: RobotState) -> None:
     if not relevant and not robot.zones_checked:
         return  # run once more after the last zone, to withdraw its errors and requests
     robot.zones_checked = relevant
-    inside = _inside(robot)
+    inside = _zones_inside(robot)
     _update_requests(robot, inside)
-    robot.errors.set_condition(ErrorType.BLOCKED_ZONE_VIOLATION, _violation(inside))
+    robot.errors.set_condition(ErrorType.BLOCKED_ZONE_VIOLATION, _violation_entry(inside))
     robot.errors.set_condition(ErrorType.RELEASE_LOST, _lost_release(robot, inside))
     robot.errors.set_condition(ErrorType.RELEASE_LOSS_HANDLING, _handled_loss(robot, inside))
     robot.errors.set_condition(ErrorType.NODE_UNREACHABLE, _closed_path(robot))
@@ -164,8 +166,8 @@ def _update_requests(robot: RobotState, inside: list[EnabledZone]) -> None:
         return
     if robot.reports.localized_pose is None:
         return  # the robot may be in any of them
-    wanted, kept = _release_zones_ahead(robot), _keys(inside)
-    robot.zone_requests.keep_only(_keys(wanted) | kept, kept)
+    wanted, kept = _release_zones_ahead(robot), _release_keys(inside)
+    robot.zone_requests.keep_only(_release_keys(wanted) | kept, kept)
     if not robot.clearing:
         robot.zone_requests.request(wanted, robot.now)
 
@@ -173,13 +175,13 @@ def _update_requests(robot: RobotState, inside: list[EnabledZone]) -> None:
 def _release_zones_ahead(robot: RobotState) -> list[EnabledZone]:
     """Return the RELEASE zones on the next edges of the base."""
     start: Pose | NodePosition | None = robot.reports.localized_pose
-    found: list[EnabledZone] = []
+    release_zones: list[EnabledZone] = []
     for index, node in enumerate(islice(robot.progress.nodes, EDGES_AHEAD)):
         if not node.released or start is None or node.node_position is None:
             break
-        found += _of_type(_on_path(robot, start, node.node_position, index), ZoneType.RELEASE)
+        release_zones += _of_type(_on_path(robot, start, node.node_position, index), ZoneType.RELEASE)
         start = node.node_position
-    return found
+    return release_zones
 
 
 # Effects on driving (section 6.4)
@@ -193,7 +195,7 @@ def first_barred(
     The path is straight unless the robot follows one along the remaining edge with the index ``edge``.
     """
     zones = _on_path(robot, start, end, edge)
-    return first_closed(zones) or next((each for each in zones if not _is_open(robot, each)), None)
+    return first_closed(zones) or next((closed for closed in zones if not _is_open(robot, closed)), None)
 
 
 def must_stop(robot: RobotState) -> bool:
@@ -201,7 +203,7 @@ def must_stop(robot: RobotState) -> bool:
     pose, node = robot.reports.localized_pose, robot.progress.next_node
     if not robot.zone_sets.enabled or pose is None:
         return False
-    if _not_avoided(robot) or _blocked(_inside(robot)):
+    if _not_avoided(robot) or _blocked_zones(_zones_inside(robot)):
         return True
     return bool(node and node.node_position and first_barred(robot, pose, node.node_position, edge=0))
 
@@ -209,7 +211,7 @@ def must_stop(robot: RobotState) -> bool:
 def awaits_keep_out(robot: RobotState) -> bool:
     """Return whether it is not known yet, as after a restart, if navigation plans around enabled zones."""
     unknown = robot.capabilities.keeps_out and robot.reports.keep_out is None
-    return unknown and bool(_blocked(robot.zone_sets.enabled))
+    return unknown and bool(_blocked_zones(robot.zone_sets.enabled))
 
 
 def keep_out(robot: RobotState) -> None:
@@ -218,10 +220,10 @@ def keep_out(robot: RobotState) -> None:
     if not robot.capabilities.keeps_out or revision == robot.areas_revision:
         return
     robot.areas_revision = revision
-    blocked = _blocked(robot.zone_sets.enabled)
+    blocked = _blocked_zones(robot.zone_sets.enabled)
     for request in robot.zone_set_requests:
-        blocked += _blocked(robot.zone_sets.zones_of(request.zone_set_id))
-    areas = tuple(dict.fromkeys(Area(each.map_id, each.contour) for each in blocked))
+        blocked += _blocked_zones(robot.zone_sets.zones_of(request.zone_set_id))
+    areas = tuple(dict.fromkeys(Area(zone.map_id, zone.contour) for zone in blocked))
     if areas != robot.areas:
         robot.areas = areas
         robot.effects.append(KeepOut(areas))
@@ -235,8 +237,8 @@ def speed_limits(robot: RobotState) -> list[float]:
     if pose is None or not robot.zone_sets.enabled:
         return []
     end = node.node_position if node else None
-    zones = _on_path_while_braking(robot, pose, end) if end else _inside(robot)
-    return [each.zone.maximum_speed or 0.0 for each in _of_type(zones, ZoneType.SPEED_LIMIT)]
+    zones = _on_path_while_braking(robot, pose, end) if end else _zones_inside(robot)
+    return [zone.zone.maximum_speed or 0.0 for zone in _of_type(zones, ZoneType.SPEED_LIMIT)]
 
 
 def _on_path_while_braking(robot: RobotState, pose: Pose, end: NodePosition) -> list[EnabledZone]:
@@ -274,7 +276,7 @@ def _on_path(
     return zones_in(area, end.map_id, robot.zone_sets.enabled)
 
 
-def _inside(robot: RobotState) -> list[EnabledZone]:
+def _zones_inside(robot: RobotState) -> list[EnabledZone]:
     pose = robot.reports.localized_pose
     if not robot.zone_sets.enabled or pose is None:
         return []
@@ -284,8 +286,8 @@ def _inside(robot: RobotState) -> list[EnabledZone]:
 def _possibly_inside(robot: RobotState) -> frozenset[ZoneKey]:
     """Return the RELEASE zones that the robot is in; if it is not localised, all requested ones."""
     if robot.reports.localized_pose is None:
-        return frozenset(each.key for each in robot.zone_requests.requests)
-    return _keys(_inside(robot))
+        return frozenset(zone_request.key for zone_request in robot.zone_requests.requests)
+    return _release_keys(_zones_inside(robot))
 
 
 def _is_open(robot: RobotState, zone: EnabledZone) -> bool:
@@ -294,7 +296,7 @@ def _is_open(robot: RobotState, zone: EnabledZone) -> bool:
         return True
     status = robot.zone_requests.status(zone.key)
     if status in LOST:
-        return _may_continue(robot, zone) and zone.key in _keys(_inside(robot))
+        return _may_continue(robot, zone) and zone.key in _release_keys(_zones_inside(robot))
     return status is RequestStatus.GRANTED
 
 
@@ -304,12 +306,12 @@ def _may_continue(robot: RobotState, zone: EnabledZone) -> bool:
         case ZoneReleaseLossBehavior.CONTINUE:
             return True
         case ZoneReleaseLossBehavior.EVACUATE:
-            return _leaves(robot, zone)
+            return _leaves_zone(robot, zone)
         case _:
             return False
 
 
-def _leaves(robot: RobotState, zone: EnabledZone) -> bool:
+def _leaves_zone(robot: RobotState, zone: EnabledZone) -> bool:
     """Return whether the base ends outside ``zone``, so that driving on evacuates it."""
     base = [node.node_position for node in robot.progress.nodes if node.released]
     end = base[-1] if base else None
@@ -320,8 +322,8 @@ def _leaves(robot: RobotState, zone: EnabledZone) -> bool:
 
 
 def _lost_release(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | None:
-    lost = (each for each in inside if robot.zone_requests.status(each.key) in LOST)
-    zone = next((each for each in lost if not _may_continue(robot, each)), None)
+    lost = (zone_left for zone_left in inside if robot.zone_requests.status(zone_left.key) in LOST)
+    zone = next((lost_zone for lost_zone in lost if not _may_continue(robot, lost_zone)), None)
     if zone is None:
         return None
     return error(
@@ -336,8 +338,8 @@ def _handled_loss(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | 
     """Report that the robot drives in a zone whose release was lost, if releaseLossBehavior allows it."""
     if not robot.progress.nodes:
         return None
-    lost = (each for each in inside if robot.zone_requests.status(each.key) in LOST)
-    zone = next((each for each in lost if _may_continue(robot, each)), None)
+    lost = (zone_left for zone_left in inside if robot.zone_requests.status(zone_left.key) in LOST)
+    zone = next((lost_zone for lost_zone in lost if _may_continue(robot, lost_zone)), None)
     if zone is None:
         return None
     evacuates = zone.zone.release_loss_behavior is ZoneReleaseLossBehavior.EVACUATE
@@ -371,7 +373,7 @@ def _closed_path(robot: RobotState) -> ErrorEntry | None:
 def _not_avoided(robot: RobotState) -> ErrorEntry | None:
     """Report that navigation does not plan around the BLOCKED zones of the enabled sets."""
     answer = robot.reports.keep_out
-    if answer is None or not answer.problem or not _blocked(robot.zone_sets.enabled):
+    if answer is None or not answer.problem or not _blocked_zones(robot.zone_sets.enabled):
         return None
     return error(
         NOT_AVOIDED,
@@ -380,8 +382,8 @@ def _not_avoided(robot: RobotState) -> ErrorEntry | None:
     ).with_level(ErrorLevel.CRITICAL)
 
 
-def _violation(inside: list[EnabledZone]) -> ErrorEntry | None:
-    zone = next(iter(_blocked(inside)), None)
+def _violation_entry(inside: list[EnabledZone]) -> ErrorEntry | None:
+    zone = next(iter(_blocked_zones(inside)), None)
     if zone is None:
         return None
     return error(
@@ -392,13 +394,13 @@ def _violation(inside: list[EnabledZone]) -> ErrorEntry | None:
     )
 
 
-def _keys(zones: list[EnabledZone]) -> frozenset[ZoneKey]:
-    return frozenset(each.key for each in zones if each.zone.zone_type is ZoneType.RELEASE)
+def _release_keys(zones: list[EnabledZone]) -> frozenset[ZoneKey]:
+    return frozenset(zone.key for zone in zones if zone.zone.zone_type is ZoneType.RELEASE)
 
 
-def _blocked(zones: Iterable[EnabledZone]) -> list[EnabledZone]:
+def _blocked_zones(zones: Iterable[EnabledZone]) -> list[EnabledZone]:
     return _of_type(zones, ZoneType.BLOCKED)
 
 
 def _of_type(zones: Iterable[EnabledZone], wanted: ZoneType) -> list[EnabledZone]:
-    return [each for each in zones if each.zone.zone_type is wanted]
+    return [zone for zone in zones if zone.zone.zone_type is wanted]
