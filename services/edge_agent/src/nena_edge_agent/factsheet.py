@@ -116,6 +116,7 @@ def _type_specification(
         mobile_robot_class=description.robot_class,
         maximum_load_mass=description.maximum_load_mass,
         localization_types=description.localization_types,
+        # Nav2 plans freely; only a followed trajectory or corridor is a virtual line (7.10).
         navigation_types=(
             "FREELY_NAVIGATING",
             *(("VIRTUAL_LINE_GUIDED",) if capabilities.follows_paths else ()),

@@ -167,6 +167,7 @@ class Journal:
             file.write(b"".join(halves))
             file.flush()
             os.fsync(file.fileno())
+        # A file is replaced at once or not at all: a crash leaves the old one.
         new.replace(self._file)
 
 

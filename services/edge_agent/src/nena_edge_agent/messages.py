@@ -77,6 +77,7 @@ class HeaderMaker:
         """
         for topic in TOPICS:
             left = (self._reserved.get(topic, 0) - self._counts[topic]) % WRAP
+            # Modulo 2^32, as headerIds count (7.2).
             if not RESERVE // 2 <= left <= RESERVE:
                 self._reserved[topic] = (self._counts[topic] + RESERVE) % WRAP
         return tuple(self._reserved.items())
@@ -272,9 +273,11 @@ class Inbox:
             self._put(ResponsesReceived(responses, self._clock.now()))
 
     def _read_message(self, kind: type[M], message: Inbound, topic: Topic) -> M | None:
+        # An empty retained message deletes the retained one (MQTT 3.1.1, 3.3.1.3).
         if not message.payload:
             self._log.debug("empty message ignored: it clears a retained one", topic=topic)
             return None
+        # It would be executed again after each reconnect.
         if message.retained:
             self.counts.retained += 1
             self._log.warning("retained command ignored; it may be old", topic=message.topic)

@@ -127,6 +127,7 @@ async def _run_process(
             stdout=written,
             stderr=written,
             env=environment,
+            # Its own process group, so that a killed command leaves no children.
             start_new_session=True,
         )
     except OSError as error:

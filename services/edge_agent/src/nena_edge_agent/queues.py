@@ -57,6 +57,7 @@ class Mailbox:
 
     def take(self) -> list[events.Event]:
         """Remove and return all waiting events, in their order."""
+        # A pose must not be overtaken by an answer that it explains.
         self._flush_newest()
         taken = list(self._events)
         self._events.clear()
@@ -76,6 +77,7 @@ class Mailbox:
     async def wait(self, seconds: float) -> None:
         """Wait for an event, at most ``seconds``."""
         if self._filled.is_set() or seconds <= 0:
+            # A busy robot must not starve the link and the driver, which run in the same loop.
             await asyncio.sleep(ROUND_PAUSE)
             return
         await set_within(self._filled, seconds)

@@ -87,6 +87,7 @@ class PlantFrame:
                 to_plant = self.on(map_id).to_plant
                 places = (to_plant(geometry.MapPlace(x, y)) for x, y in points)
                 return PlanReport(tuple((place.x_m, place.y_m) for place in places), map_id)
+            # A transform may scale: lengths are in metres of the map, speeds are equal in both.
             case DriveProgress(left, _, map_id):
                 return replace(event, left=None if left is None else self.on(map_id).length_to_plant(left))
             case DriveLimits(tolerance, hand_over, map_id, contour):

@@ -214,6 +214,7 @@ class LoopbackDriver:
 
     def go_to(self, goal: port.DriveGoal) -> None:
         """Drive straight to ``goal`` from where the robot is."""
+        # Also a goal that is sent again: its speed may have changed.
         self._stop_here()
         if problem := self._goal_problem(goal):
             self._call_soon(

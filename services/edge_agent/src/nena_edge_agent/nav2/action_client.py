@@ -149,6 +149,7 @@ class ActionClient:
         """Request the result of a goal, which arrives when it ends; an earlier request is dropped."""
         if self._types is None or self._goals is None:
             return
+        # A pending request would stay in the client for ever if its server dies.
         if self._result_request is not None:
             self._results.remove_pending_request(self._result_request)
         request = self._types.Impl.GetResultService.Request()
@@ -157,6 +158,7 @@ class ActionClient:
         self._result_request.add_done_callback(lambda future: self._take_result(goal_id, future.result()))
 
     def _is_feedback_due(self) -> bool:
+        # Deserialising each message of 100 Hz would take most of the time of this thread.
         now = time.monotonic()
         if now < self._feedback_due_at:
             return False

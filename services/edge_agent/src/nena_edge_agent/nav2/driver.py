@@ -205,6 +205,7 @@ class Nav2Driver:
 
     async def stop(self) -> None:
         """Stop the robot if it still drives for us, then leave the ROS graph; no more events follow."""
+        # The core has ended: what the robot does from here on only concerns its standstill.
         self._emit = lambda _event: None
         if self._node is not None:
             await self._stop_robot()
@@ -234,6 +235,7 @@ class Nav2Driver:
                 self._too_fast = reason
                 self._report_navigation(NavigationReport(available=False, reason=reason))
                 return
+            # Before the goal: the limit must be there when the robot starts (VDA 5050, edge.maximumSpeed).
             self._limiter.for_goal(goal.maximum_speed)
         if goal.behavior_tree and not self._tracker.navigator.by_action:
             needed = self._settings.action
@@ -409,6 +411,8 @@ class Nav2Driver:
         async with self.session.step:
             if self._node is not None:
                 self._check_transforms()
+                # The bond of Nav2's lifecycle manager takes 4 s; a planner is missed only at the next
+                # replanning.
                 self._check_planner(self._node)
                 if (seen := await self._node.presence()) is not None:
                     await self._report_presence(seen)
@@ -416,6 +420,7 @@ class Nav2Driver:
 
     async def _report_presence(self, seen: presence.Presence) -> None:
         """Report what the ROS graph shows of Nav2."""
+        # In this order: what is missing, then what the next goal or the map still lacks, then the limits.
         seen = replace(seen, action=self._check_action(), planner_gone=self._planner.gone)
         report = presence.judge(
             seen,

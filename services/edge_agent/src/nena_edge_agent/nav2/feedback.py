@@ -47,6 +47,7 @@ class PassedPoses:
 
     def left(self, goal: DriveGoal, places: int) -> None:
         """Record how many poses navigation has left to reach."""
+        # The default tree removes poses within 0.7 m (RemovePassedGoals), and looks every 3 s.
         self._dropped = self._dropped or places <= len(goal.ahead)
 
     def missed(self, goal: DriveGoal, pose: Pose) -> bool:

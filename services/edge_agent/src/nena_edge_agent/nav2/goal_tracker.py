@@ -324,6 +324,7 @@ class GoalTracker:
 
         A goal sent by the action is in the array even if the response was lost.
         """
+        # SimpleActionServer (nav2_util) has one pending slot: a newer goal ends the older one with ABORTED.
         if claimed:
             drive.goal_id, drive.reached_at = claimed[-1], None
         elif drive.goal_id is None and drive is self._sent_for:
@@ -347,6 +348,7 @@ class GoalTracker:
         """Handle the response to a sent goal; None: there was none, and the status array shows the result."""
         drive = self._drive
         if accepted:
+            # The array with it may come later, or be lost: the status topic keeps its last sample only.
             self._registry.accept(goal_id)
             if drive is not None and drive is self._sent_for and goal_id in self._sent:
                 drive.goal_id, drive.reached_at = goal_id, None
@@ -370,6 +372,8 @@ class GoalTracker:
 
     def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
         """Handle the code of a cancel call, None for no answer; the goal's status shows its effect."""
+        # Code 3 (already terminal or canceling) needs nothing: the array shows which (rcl_action,
+        # action_server.c).
         if code == UNKNOWN_GOAL_ID:
             self._registry.forget(goal_id)
         elif code is None:
@@ -441,6 +445,7 @@ class GoalTracker:
         elif self._reclaimed is not None and now - self._no_server_since >= RECLAIM_SERVER_WAIT:
             self._reclaimed = None
             self._run_away(now)
+        # When bt_navigator is killed, controller_server drives its path to the end (seen in Jazzy, 1.3.13).
         if gone and drove:
             self._run_away(now)
         drive = self._drive
@@ -463,6 +468,7 @@ class GoalTracker:
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
         """Record whether goals can be sent."""
         lost = self._navigation.available and not report.available
+        # A deactivated Nav2 aborts, but a hanging one may drive on.
         if lost and self._registry.live:
             self._run_away(now)
         if lost and self._drive is not None:
@@ -475,6 +481,7 @@ class GoalTracker:
         return self._advance_all(now)
 
     def _advance_all(self, now: float) -> list[Command]:
+        # In this order: ends first, then halts and arrivals, then goals to send, then goals to cancel.
         self._await_reason(now)
         if self._registry.end_yielding(now):
             self._report_table()
@@ -497,6 +504,7 @@ class GoalTracker:
         """
         status = self._registry.status(goal_id)
         explained = self._reason[0] == goal_id or self._registry.taken_over(goal_id) is not None
+        # A goal that is being cancelled may still end in SUCCEEDED or ABORTED (rcl, goal_state_machine.c).
         if status is GoalStatus.ABORTED and not lost and not explained and self._navigation.available:
             self._aborted = self._aborted or (goal_id, now)
             if now - self._aborted[1] < REASON_WAIT:
@@ -556,6 +564,8 @@ class GoalTracker:
         if halt is None:
             return
         halt.may_move = halt.may_move or registry.orphaned or self._runaway or self._standstill.moving
+        # A goal on its way may still start the robot: a halt cannot be confirmed before it is listed or
+        # given up.
         if registry.awaiting(now) or registry.may_still_drive(now) or self._searches_navigator(halt, now):
             halt.since = now
             unsettled = True
@@ -641,6 +651,7 @@ class GoalTracker:
         if drive.goal.ahead and self._pose is not None:
             self._judge_route(drive, self._pose, now)
             return
+        # SUCCEEDED is the end of the path, up to 0.5 m (planner) + 0.25 m (goal checker) from the goal.
         if self._pose is not None and agrees(self._pose, drive.goal):
             self._report_arrival(drive, now)
         elif drive.may_be_undriven and not self._may_agree(drive.goal):
@@ -706,6 +717,7 @@ class GoalTracker:
             drive.counted_from, drive.give_up_at = drive.times_sent, None
             return
         timeout = self._settings.confirmation_time * (self._settings.resends + 1)
+        # Nav2 aborts with 102 while map -> odom, which AMCL dates 1 s ahead, is in the future.
         localised = self._localised_at + self._settings.localisation_wait
         drive.give_up_at = max(now, localised) + timeout if drive.give_up_at is None else drive.give_up_at
         if self._registry.awaiting(now):
@@ -765,6 +777,7 @@ class GoalTracker:
 
     def _may_send(self, now: float) -> bool:
         """Return whether a goal can be sent: while another is cancelled, a new one would end with it."""
+        # A goal sent while another is cancelled ends with it (SimpleActionServer: terminate_all).
         clear = not self._registry.canceling and not any(
             goal_id in self._cancels for goal_id in self._registry.live
         )
@@ -792,6 +805,7 @@ class GoalTracker:
         """
         live = self._registry.live
         self._cancels = {goal_id: again for goal_id, again in self._cancels.items() if goal_id in live}
+        # While a goal is pending, the tree looks at its cancel flag only (is_cancel_requested).
         wanted = self._drive is not None or self._reclaimed is not None
         unwanted = tuple(self._cancels) if wanted and self._halt is None else live
         for goal_id in unwanted:
@@ -806,6 +820,8 @@ class GoalTracker:
             return
         if self._drive is not None:
             self._arrived_at = None
+        # AMCL publishes nothing at rest: its last pose may be 0.25 m or 0.2 rad old (update_min_d,
+        # update_min_a).
         elif stands.stands(now) or now - arrived_at >= self._settings.standstill_timeout:
             self._arrived_at = None
             self._out.append(RequestPose())

@@ -188,6 +188,7 @@ class GoalRegistry:
         A server that appears next to another one is a restart of it: DDS lists a crashed publisher for
         another 20 s.
         """
+        # DDS notices a killed publisher by its lease, 20 s later; a restarted one appears beside it.
         servers = self._without_crashed(servers)
         gone = self._servers - servers
         if gone or not self._servers:
@@ -247,6 +248,8 @@ class GoalRegistry:
         since = self._servers_since
         latched = listed is None and (since is None or now - since < self._settle_time)
         previous = foreign if latched else listed or {}
+        # Both navigators share one mutex (behavior_tree_navigator.hpp): Nav2 aborts the other one's goal at
+        # once.
         refused = [
             goal_id
             for goal_id, status in foreign.items()
@@ -299,6 +302,7 @@ class GoalRegistry:
         self._expire_claims(now)
         if self._is_late(entries):
             return StatusChanges((), frozenset())
+        # The first array is latched: it may list goals of hours before.
         first, self._array_seen = not self._array_seen, True
         previous, self._goals = self._goals, {}
         self._find_given_before([entry.goal_id for entry in entries])
@@ -310,6 +314,7 @@ class GoalRegistry:
             goal = self._goals[entry.goal_id] = _merge_status(previous.get(entry.goal_id), entry, ours=ours)
             goal.past = goal.past or (first and goal.status.terminal and not ours)
         self._orphans = frozenset()
+        # Ended goals leave the list after 15 minutes (action_server_result_timeout); running ones never do.
         lost = frozenset(
             goal_id
             for goal_id, goal in previous.items()
@@ -319,6 +324,7 @@ class GoalRegistry:
 
     def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
         """Return whether a newer array was already received: it had a goal that this one lacks."""
+        # Arrays list goals in the order of acceptance (rcl_action_get_goal_status_array).
         newest = next(reversed(self._goals), None)
         listed = {entry.goal_id for entry in entries}
         return newest is not None and newest not in listed and listed <= self._goals.keys()
@@ -360,6 +366,7 @@ def _merge_status(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
     """Return the goal updated by ``entry``; an end is final, and an unknown status is ignored."""
     if old is None:
         return Goal(ours, entry.status)
+    # Ends are final in rcl, and a result may arrive before an older array.
     if old.status.terminal or entry.status is GoalStatus.UNKNOWN:
         return old
     return Goal(old.ours, entry.status, old.past)

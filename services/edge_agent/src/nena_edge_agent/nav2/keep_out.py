@@ -203,6 +203,7 @@ class KeepOutMask:
         grid.data = array.array("b", mask.cells)
         self._masks.publish(grid)
         topic = self._masks.topic_name
+        # Costmaps read the mask from the topic that this latched message names (KeepoutFilter).
         info = self._info(type=KEEP_OUT, filter_mask_topic=topic, base=0.0, multiplier=1.0)
         info.header.frame_id = self._settings.frame
         self._infos.publish(info)

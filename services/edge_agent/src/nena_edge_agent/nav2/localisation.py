@@ -47,6 +47,7 @@ class Localisation:
         if reading.frame.removeprefix("/") != self._settings.frame:
             self._log_frame(reading.frame)
             return None
+        # Two subscriptions, latched and volatile, may deliver the same pose twice.
         if self._reading is not None and _is_past(reading, self._reading):
             return None
         self._reading = reading
@@ -222,6 +223,7 @@ class InitialPosition:
     def ask(self, pose: Pose, now: float) -> list[PublishInitialPose | Report]:
         """Set an initial position; poses received before it do not confirm it."""
         self._latest = None
+        # amcl subscribes best effort (Fast DDS), and loses what it gets while it is unconfigured.
         self._attempt = _Attempt(pose, 1, now + self._settings.initial_wait)
         return [PublishInitialPose(pose)]
 

@@ -37,6 +37,7 @@ def goal_message(pose: Pose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries
     Raises:
         NotFiniteError: a number is NaN or infinite.
     """
+    # With Nav2's own global frame the stamp is not used for a look-up.
     message = PoseStamped()
     message.header.frame_id = frame
     message.pose = _pose_message(pose)

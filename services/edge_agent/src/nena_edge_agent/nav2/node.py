@@ -101,6 +101,7 @@ class Nav2Node:
     async def stop_motion(self) -> bool:
         """Cancel all goals of servers that move the robot; return whether the controller answered."""
         request, seconds = messages.cancel_all_request(), self._settings.call_timeout
+        # Zero ID and zero stamp cancel all goals, also those of a navigator that has died (CancelGoal.srv).
         answered, *_ = await asyncio.gather(
             self._call_service(self._controller, request),
             *(client.call(request, seconds=seconds) for client in self._motions),
@@ -123,6 +124,7 @@ class Nav2Node:
         None if the session ends meanwhile.
         """
         there, localiser = self._lifecycle.service_is_ready(), self._localiser.service_is_ready()
+        # is_active exists during the bring-up of Nav2, and does not answer.
         active, state = await asyncio.gather(
             self._call_service(self._lifecycle, Trigger.Request()),
             self._call_service(self._localiser, GetState.Request()),
@@ -159,6 +161,8 @@ class Nav2Node:
     def _create_endpoints(self, node: Any) -> None:  # noqa: ANN401
         names, session = self._settings.names, self._session
         self._node = node
+        # Reliable matches bt_navigator's system default, which Fast DDS makes best effort, and Lyrical's
+        # reliable one.
         self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
         self._initial_poses = node.create_publisher(PoseWithCovarianceStamped, names.initial_pose, RELIABLE)
         controller, *others = (f"{action}/_action/cancel_goal" for action in names.motions)
@@ -177,6 +181,7 @@ class Nav2Node:
         With both from the start, each pose of AMCL would arrive twice.
         """
         publishers = self._node.get_publishers_info_by_topic(self._settings.names.pose)
+        # SLAM and other localisers publish volatile, which a latched subscription does not match.
         latches = (
             publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for publisher in publishers
         )
@@ -204,6 +209,8 @@ class Nav2Node:
             read=messages.status_entries,
             handle=self._on_other_statuses,
         )
+        # AMCL latches its pose: at rest a late subscriber gets it only if it is reliable and transient
+        # local.
         self._subscribe_to_pose(LATCHED)
         subscribe(node, Odometry, names.odometry, SENSOR, read=messages.velocity, handle=self._on_velocity)
         subscribe(node, Path, names.plan, RELIABLE, read=messages.plan_points, handle=self._on_plan)

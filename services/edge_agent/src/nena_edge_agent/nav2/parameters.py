@@ -99,6 +99,7 @@ class ParameterReader:
             self._read_number(self._controller, f"{follower}.approach_velocity_scaling_dist"),
             self._read_number(self._navigator, "default_server_timeout"),
         )
+        # get_parameters answers nothing at all if one of the names is unknown.
         speeds = await asyncio.gather(
             *(self._read_number(self._controller, f"{follower}.{name}") for name in SPEEDS)
         )

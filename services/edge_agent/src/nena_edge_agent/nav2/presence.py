@@ -102,6 +102,7 @@ class LifecycleWatch:
 
     def judge(self, *, there: bool, active: bool | None) -> Lifecycle:
         """Record whether the service is present, and its answer (None: no answer)."""
+        # Robots without Nav2's lifecycle manager have no such service.
         if not there:
             self._misses, self._known = 0, Lifecycle.ABSENT
         elif active is None and self._known in (Lifecycle.ABSENT, Lifecycle.STARTING):

@@ -183,6 +183,7 @@ class Battery:
         if not math.isfinite(reading.percentage):
             return None
         self._check_scale(reading.percentage)
+        # sensor_msgs/BatteryState defines 0 to 1; many drivers send 0 to 100.
         percent = reading.percentage * (100.0 if self._scale == "fraction" else 1.0)
         return BatteryReport(
             state_of_charge=min(100.0, max(0.0, percent)),

@@ -43,6 +43,7 @@ class RosMailbox(Generic[T]):
     def put(self, item: T) -> None:
         """Queue an item; returns at once."""
         with self._lock:
+            # deque(maxlen) drops the oldest: a delayed loop gets the newest state.
             self._items.append(item)
             post, self._posted = not self._posted, True
         if post:
@@ -241,7 +242,10 @@ class RosSession:
         told.wait(LOOP_TIMEOUT)
 
     def _open_node(self, stack: ExitStack, populate: Callable[[Any], None]) -> SingleThreadedExecutor:
+        # A context of its own: a robot can change its domain, and its end leaves others alone.
         context = stack.enter_context(ros.joined_domain(self._domain_id))
+        # No log topic, parameters and type descriptions: each costs entities in the wait set of every
+        # message.
         node = Node(
             self._node_name,
             context=context,

@@ -43,7 +43,9 @@ def prepare_environment() -> None:
     session would otherwise fill pools of its own, some megabytes in all.
     """
     _limit_memory_pools()
+    # eProsima/Fast-DDS #6485: a shared memory port of a killed process can lock its neighbours.
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    # rclpy reads the memory of any object in a float field as a double: 3 arrives as 5e-324.
     os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
     if "ROS_LOG_DIR" not in os.environ:
         directory = tempfile.mkdtemp(prefix="nena-edge-agent-ros-log-")

@@ -147,6 +147,7 @@ class SpeedLimiter:
             return
         self._sent = limit
         message = self._kind()
+        # Seen in RPP: above the own speed the robot drives faster, and at negative values backward.
         message.percentage, message.speed_limit = False, float(limit)
         self._publisher.publish(message)
         if limit != self._logged:

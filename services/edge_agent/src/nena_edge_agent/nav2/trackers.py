@@ -115,6 +115,7 @@ class Trackers:
         if not self.controller_takes_paths:
             own = NavigationReport(available=False, reason="no controller takes paths")
         elif self.controller.may_drive:
+            # The path goes on although bt_navigator is gone: the controller needs nothing of it.
             own = NavigationReport(available=True, reason="")
         return [
             *self.navigator.on_navigation(report, now),
@@ -155,6 +156,8 @@ class Trackers:
         """Send the waiting goal once the previous ones have ended."""
         if self._next is None or self.current.may_drive or self.current.awaits_goal(now):
             return []
+        # controller_server drives one path at a time: a navigator's goal would take it over, or be aborted
+        # by it.
         goal, self._next = self._next, None
         self.current = self.controller if goal.path else self.navigator
         return self._as_reported(self.current, self.current.go_to(goal, now))

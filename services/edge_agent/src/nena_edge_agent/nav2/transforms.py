@@ -83,6 +83,7 @@ class Chain:
             transform, at = self._known.get(frame, (None, 0.0))
             if transform is None or now - at > self._timeout:
                 break
+            # The newest of each frame, not interpolated: AMCL dates map -> odom into the future.
             cos, sin = math.cos(transform.yaw), math.sin(transform.yaw)
             x, y = transform.x + cos * x - sin * y, transform.y + sin * x + cos * y
             yaw, stamp, frame = yaw + transform.yaw, max(stamp, transform.stamp), transform.parent

@@ -178,6 +178,7 @@ class ActionQueue:
         """
         parallel: list[str] = []
         for action_id, blocking in self._actions.items():
+            # SINGLE and HARD run alone; NONE and SOFT before them must end first (6.2.2).
             if blocking in RUNS_ALONE:
                 return parallel or [action_id]
             parallel.append(action_id)

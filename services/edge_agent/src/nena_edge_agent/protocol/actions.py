@@ -88,6 +88,7 @@ def apply_report(robot: RobotState, report: ActionReport) -> None:
         robot.queue.remove(report.action_id)
         robot.instant_queue.remove(report.action_id)
         robot.restarts.discard(report.action_id)
+    # Instant actions go on during a pause (6.2.3): only those of the order are paused.
     if record and states is robot.actions:
         _apply_hold(robot, record)
     if record and report.status is ActionStatus.FAILED and states is robot.instant_actions:
@@ -367,6 +368,7 @@ def _end_edge_action(robot: RobotState, record: ActionRecord) -> None:
         _end_action(robot, record, ActionStatus.FAILED, record.result)
         robot.errors.report(_failure_entry(robot, record), Until.ORDER_OVER)  # a retry is no longer possible
         return
+    # It runs to its end, although its edge is behind the robot.
     if record.active and not _declares_trait(robot, record, "cancel_allowed"):
         return
     if record.active:

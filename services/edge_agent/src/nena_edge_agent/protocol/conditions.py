@@ -60,6 +60,7 @@ def check_conditions(robot: RobotState) -> None:
     robot.errors.set_condition(ACTION_PLUGIN_UNUSABLE, _plugins_error(robot))
     robot.errors.set_condition(ErrorType.INSTANT_ACTION_STATES_FULL, _instant_actions(robot))
     takes_orders = robot.next_mode.takes_orders and not session_problem(robot)
+    # Errors of orders refused for want of a robot end when there is one again (6.6.5.4).
     if takes_orders and robot.power is PowerPhase.AWAKE and not robot.fatal:
         robot.errors.end(Until.AVAILABLE)
 

@@ -62,6 +62,7 @@ def advance(robot: RobotState) -> None:
             _fail_drive(robot, port.DriveFailure.TAKEN_OVER, text)
             return
         _enter_edge(robot)
+        # The actions of an edge start when it is entered, and may forbid driving (6.2.2, 6.6.2).
         if not robot.driving_allowed or not _drive_to_next_node(robot):
             return
 
@@ -206,6 +207,7 @@ def _must_stop(robot: RobotState) -> bool:
         robot.hold_applied
         or robot.clearing
         or robot.link.must_stop(robot.now)
+        # Without a pose the robot could not tell that it has left its path or entered a zone.
         or robot.reports.localized_pose is None
         or (
             (robot.goal.target is not None or robot.goal.pending)
@@ -223,10 +225,12 @@ def _may_drive(robot: RobotState) -> bool:
         and not robot.waits_for_external_goal
         and not robot.link.out_of_reach(robot.now)
         and (robot.goal.retry_at is None or robot.now >= robot.goal.retry_at)
+        # A failed node waits for fleet control: an update or a cancelOrder (6.6.5.1).
         and robot.goal.failed_at != node.sequence_id
         and robot.goal.target is None
         and robot.driving_allowed
         and not _is_barred(robot)
+        # After a restart costmaps may have no mask yet, and Nav2 would plan through BLOCKED zones.
         and not zones.awaits_keep_out(robot)
     )
 
@@ -247,9 +251,11 @@ def _may_pass(robot: RobotState, node: Node) -> bool:
     return (
         robot.driving_allowed
         and not robot.link.out_of_reach(robot.now)
+        # SOFT and HARD actions at the node or on the next edge need a stop (6.2.2).
         and allow_driving(node.actions)
         and allow_driving(beyond.actions)
         and on_path == edge_paths.follows(beyond, capabilities)
+        # Nav2 ends a goal with another tree than the running one instead of replacing it (onPreempt).
         and _behavior_tree(beyond) == _behavior_tree(edge)
         and ((capabilities.drives_ahead and not on_path) or distance(pose, position) <= _pass_radius(robot))
         and is_within_deviation(pose, position, capabilities.default_deviation_xy)
@@ -336,6 +342,7 @@ def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: port
     goal.generation += 1
     goal.ahead = _poses_ahead(robot)
     goal.target, goal.retry_at, goal.stood = node.sequence_id, None, False
+    # The robot may be moved from now on, whether or not navigation accepts the goal.
     robot.progress.leave_node()
     robot.charging = False
     drive = _make_goal(robot, position, pose)
@@ -356,9 +363,11 @@ def _make_goal(robot: RobotState, position: NodePosition, pose: port.Pose) -> po
         generation=robot.goal.generation,
         pose=port.Pose(position.x, position.y, theta, position.map_id),
         deviation_xy=radius(position, capabilities.default_deviation_xy),
+        # Without theta the standard leaves the heading to the robot (7.3, nodePosition).
         deviation_theta=allowed if position.theta is not None else None,
         maximum_speed=robot.progress.edges[0].maximum_speed,
         ahead=robot.goal.ahead,
+        # A path goes to the controller, which runs no behaviour tree.
         behavior_tree="" if path else _behavior_tree(robot.progress.edges[0]),
         path=path,
     )
@@ -382,6 +391,7 @@ def _traverse_node(robot: RobotState) -> None:
     robot.goal.settle()
     robot.goal.forget_failures()
     node, edge = robot.progress.traverse()
+    # A node counts as traversed within its deviation (6.6.2): the robot may still be on the edge.
     _keep_speed_limit(robot, node, edge)
     actions.end_with_edge(robot, edge)
     actions.enqueue(robot, node.actions)
@@ -453,6 +463,7 @@ def _can_pass_through(
 ) -> bool:
     """Return whether the robot can drive through ``node`` onto ``edge`` without a stop."""
     here = node.node_position
+    # NavigateThroughPoses passes its poses in any heading.
     if here is None or here.theta is not None or not edge.released or edge_paths.follows(edge, capabilities):
         return False
     if not allow_driving(node.actions) or not allow_driving(edge.actions):

@@ -172,6 +172,7 @@ def path_between(edge: Edge, start: NodePosition | None, end: NodePosition) -> t
 
     It is empty if the edge is invalid, which is possible after a change of the settings.
     """
+    # A corridor without a trajectory is around the straight line between its nodes (6.1.5).
     begin = (start.x, start.y) if start and edge.trajectory is None else None
     return _sample_path(edge.trajectory, begin, (end.x, end.y))
 

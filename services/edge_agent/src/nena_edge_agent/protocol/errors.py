@@ -53,6 +53,7 @@ class ActiveErrors:
         key = error_key(error)
         if self._active.get(key) == (error, until):
             return
+        # It moves to the end: the state lists errors in the order in which they were last reported.
         self._active.pop(key, None)
         while len(self._active) >= LIMIT:
             del self._active[self._least_needed()]

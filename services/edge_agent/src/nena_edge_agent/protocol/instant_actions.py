@@ -79,6 +79,7 @@ def receive(robot: RobotState, message: InstantActions) -> None:
         return
     robot.history.begin_epoch(message.nena_epoch, robot.utc_now)
     for action in message.actions:
+        # QoS 0 and resends: an action that was received before is not executed twice (6.2.1).
         if action.action_id in robot.known_instant_ids:
             continue
         _remember_action(robot, action)
@@ -213,6 +214,7 @@ def _remember_action(robot: RobotState, action: Action) -> None:
     robot.known_instant_ids[action.action_id] = None
     while len(robot.known_instant_ids) > IDS_KNOWN:
         del robot.known_instant_ids[next(iter(robot.known_instant_ids))]
+    # The state lists an actionId once; the one of the order stays.
     if action.action_id not in robot.actions:
         robot.instant_actions.add([ActionRecord(action, ActionScope.INSTANT)])
     surplus = len(list(robot.instant_actions)) - INSTANT_ACTION_LIMIT

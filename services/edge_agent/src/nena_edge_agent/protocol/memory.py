@@ -160,6 +160,7 @@ def restored(memory: Memory, capabilities: Capabilities, path_of: PathOf | None 
         loads=memory.loads,
         operating_mode=memory.operating_mode,
         wanted_mode=memory.wanted_mode,
+        # A robot that runs again has been shut down and started.
         power=PowerPhase.AWAKE if memory.power is PowerPhase.SHUTTING_DOWN else memory.power,
         wake_up_at=memory.wake_up_at,
         header_ids=memory.header_ids,

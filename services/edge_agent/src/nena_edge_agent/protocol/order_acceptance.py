@@ -412,6 +412,7 @@ def decide(order: Order, robot: RobotState, *, dated: bool = True) -> Acceptance
     fault = _identity_fault(order) or _epoch_fault(order, robot) or _general_fault(order, robot)
     if fault is not None:
         return fault
+    # The order of these checks decides which error fleet control gets (figure 8).
     if order.order_id != robot.progress.order_id:
         return _new_order_fault(order, robot, dated=dated) or Acceptance.BEGIN
     fault = _update_fault(order, robot)
@@ -433,6 +434,7 @@ def _identity_fault(order: Order) -> ErrorEntry | None:
 
 
 def _new_order_fault(order: Order, robot: RobotState, *, dated: bool) -> ErrorEntry | None:
+    # An order that is being cancelled still holds its actions (6.1.3).
     if not robot.idle or robot.clearing:  # A1
         return refusal(
             ErrorType.OTHER_ORDER_ACTIVE,

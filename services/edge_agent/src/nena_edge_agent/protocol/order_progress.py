@@ -172,6 +172,7 @@ class OrderHistory:
         last = self.last_header or OrderHeader(NO_HEADER_ID, None)
         credible = utc is None or order.timestamp <= utc + CLOCK_TOLERANCE
         times = [time for time in (last.timestamp, order.timestamp if credible else None) if time]
+        # In each epoch headerIds start again.
         counts = order.nena_epoch is None or order.nena_epoch == last.epoch
         header_id = max(last.header_id, order.header_id) if counts else last.header_id
         self.last_header = OrderHeader(header_id, max(times, default=None), last.epoch)
@@ -215,6 +216,7 @@ class OrderHistory:
             return order.nena_epoch == last.epoch and order.header_id <= last.header_id
         if not dated:
             return last.epoch is None and order.header_id < last.header_id
+        # A higher headerId alone shows a new message: clocks may be set back.
         if last.epoch is None and order.header_id > last.header_id:
             return False
         return last.timestamp is not None and order.timestamp < last.timestamp - CLOCK_TOLERANCE
@@ -291,6 +293,7 @@ class OrderProgress:
     def extend(self, order: Order) -> None:
         """Replace the horizon by an update that begins at the decision point (section 6.1.2)."""
         self.order_update_id = order.order_update_id
+        # An update may revive an order that ended early at its decision point (6.1.2).
         if self.cleared:
             self.cleared = False
             self._reach_node(order.nodes[0])

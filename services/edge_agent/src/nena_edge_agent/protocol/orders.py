@@ -34,6 +34,7 @@ def receive(robot: RobotState, order: Order, *, dated: bool = True) -> None:
     if _waits_for_disk(robot, order):
         return
     decision = decide(order, robot, dated=dated)
+    # Also a refused message shows that a newer order service commands the robot.
     robot.history.begin_epoch(order.nena_epoch, robot.utc_now)
     match decision:
         case Acceptance.BEGIN:
@@ -55,6 +56,7 @@ def _waits_for_disk(robot: RobotState, order: Order) -> bool:
 
 def _begin_order(robot: RobotState, order: Order) -> None:
     _clear_errors(robot)
+    # 2.x drops them with the next order; 3.0 keeps them until clearInstantActions (6.2.3).
     if not robot.capabilities.rules.instant_states_until_cleared:
         robot.instant_actions.remove(lambda record: record.status.ended)
     robot.actions.remove(lambda _: True)
@@ -72,6 +74,7 @@ def _extend_order(robot: RobotState, order: Order) -> None:
     robot.actions.remove(robot.is_in_horizon)
     robot.history.accept(order, robot.utc_now)
     robot.progress.extend(order)
+    # The update repeats the stitching node, whose actions were accepted with the base (6.1.2).
     robot.actions.add(_action_records(order.nodes[1:], order.edges))
 
 

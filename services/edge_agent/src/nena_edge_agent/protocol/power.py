@@ -103,6 +103,7 @@ def filter_event(robot: RobotState, event: events.Event) -> events.Event:
             robot.effects.append(events.LogIgnored("a message that cannot be read"))
         case _:
             return event
+    # The time still passes: the wake-up time may be due.
     return events.TimePassed()
 
 
@@ -122,6 +123,7 @@ def advance(robot: RobotState) -> None:
             _stay_awake(robot, "the wake-up time has passed before the robot could hibernate")
     if robot.journal_problem and robot.power in (PowerPhase.FALLING_ASLEEP, PowerPhase.SIGNING_OFF):
         _stay_awake(robot, f"the journal cannot be written: {robot.journal_problem}")
+    # The order ends as by cancelOrder before the robot hibernates (6.2.3).
     if robot.power is PowerPhase.FALLING_ASLEEP and not robot.clearing and not robot.goal.moving:
         _sign_off(robot)
 

@@ -62,20 +62,28 @@ class RobotCore:
         """Handle ``event`` at the monotonic time ``now``, s, and return its effects."""
         robot = self._robot
         robot.now, robot.effects = now, []
+        # A hibernating robot ignores all messages but stopHibernation (6.2.3, 6.5).
         event = power.filter_event(robot, event)
         _apply_event(robot, event)
+        # What stops the robot comes before what starts it: no action and no drive begins in the event that
+        # pauses it.
         instant_actions.apply_hold(robot)
+        # An expired lease closes its zone before the next goal is chosen (6.9).
         zones.expire(robot)
+        # Before the drive: an action at the node keeps the robot there (6.2.2).
         if robot.standstill_by is not None:
             actions.schedule(robot)
         _end_zone_set_requests(robot)
         driving.advance(robot)
+        # After the drive: only now it is known whether something drives the robot.
         driving.watch_movement(robot)
         instant_actions.advance_pause(robot)
+        # These wait for a standstill, which the steps above may have requested or confirmed.
         orders.advance_clearing(robot)
         orders.advance_mode(robot)
         instant_actions.advance_position(robot)
         power.advance(robot)
+        # What follows describes the new state: requests, limits, distances, errors.
         zones.advance(robot)
         zones.keep_out(robot)
         driving.limit_speed(robot)

@@ -56,6 +56,7 @@ def advance(robot: RobotState) -> None:
     if progress.order_id != route.order_id:
         route.order_id, route.in_order, route.node = progress.order_id, 0.0, None
     if node != route.node:
+        # After a restart the distance driven before is unknown: the straight one is the least.
         first, route.node = route.node is None, node
         route.since_node = _from_node(robot) if first else 0.0
         route.in_order += route.since_node

@@ -40,6 +40,7 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
     progress = robot.progress
     return State(
         **header,
+        # Section 7.8; each version of VDA 5050 leaves out what it lacks.
         maps=robot.maps,
         zone_sets=robot.zone_sets.states,
         zone_requests=robot.zone_requests.states,
@@ -50,6 +51,7 @@ def make_state(header: dict[str, Any], robot: RobotState) -> State:
         node_states=progress.node_states,
         edge_states=progress.edge_states,
         planned_path=progress.planned_path,
+        # Navigation's own plan is the intermediate path, the order's the planned one (6.6.2).
         intermediate_path=route_progress.intermediate_path(robot, header["timestamp"]),
         distance_since_last_node=route_progress.since_node(robot),
         mobile_robot_position=position(robot.reports),

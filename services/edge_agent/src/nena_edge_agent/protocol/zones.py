@@ -134,6 +134,7 @@ def apply_responses(robot: RobotState, message: Responses, utc: datetime) -> Non
     """Apply fleet control's responses, received at ``utc``, without expired grants (section 6.9)."""
     inside = _possibly_inside(robot)
     for response in message.responses:
+        # A grant whose lease is over is no grant: the response was late (6.9).
         if response.lease_expiry is None or response.lease_expiry > utc:
             robot.zone_requests.apply(response, inside, robot.now)
 
@@ -166,6 +167,7 @@ def _update_requests(robot: RobotState, inside: list[EnabledZone]) -> None:
         return
     if robot.reports.localized_pose is None:
         return  # the robot may be in any of them
+    # A zone that the robot is in stays requested, also when the path leads elsewhere (6.4.3).
     wanted, kept = _release_zones_ahead(robot), _release_keys(inside)
     robot.zone_requests.keep_only(_release_keys(wanted) | kept, kept)
     if not robot.clearing:
