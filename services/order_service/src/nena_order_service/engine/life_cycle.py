@@ -125,7 +125,7 @@ class LifeCycle:
         order = order if why else self._conditions.begin(order, ended or {})
         self._orders.put(order)
         if not order.state.final:
-            self._watch(order)
+            self._watch_times(order)
         self._state.dispatch_due |= order.state is S.DISPATCHABLE
         return order
 
@@ -218,7 +218,7 @@ class LifeCycle:
                 log.info("order timed out", order=order.name)
                 self.withdraw(order, deadlines.reason(order, now), immediate=True)
 
-    def _watch(self, order: TransportOrder) -> None:
+    def _watch_times(self, order: TransportOrder) -> None:
         if deadline := deadlines.deadline_of(order):
             self._deadlines.watch(order.number, deadline)
         if timeout := deadlines.timeout_of(order):
@@ -253,7 +253,7 @@ class LifeCycle:
             if each.assignment.gives_up:
                 reasons[each.assignment.order.name] = self._give_way(each)
             else:
-                self._assign(each)
+                self._assign_order(each)
         now = self._clock.now()
         for order in orders:
             reason = reasons.get(order.name)
@@ -277,7 +277,7 @@ class LifeCycle:
         self.withdraw(order, Reason(R.GIVES_WAY, order=wanted), immediate=order.is_operating)
         return Reason(R.WAITS_FOR_VEHICLE, GIVES_UP, vehicle=dispatched.vehicle.name)
 
-    def _assign(self, dispatched: Dispatched) -> None:
+    def _assign_order(self, dispatched: Dispatched) -> None:
         vehicle, way, why = dispatched.vehicle, dispatched.way, dispatched.assignment.why
         standing = self._context.planner.standing(vehicle, self._context.view(vehicle))
         if not standing.on_point:
@@ -286,18 +286,18 @@ class LifeCycle:
         routes = (leg.points for leg in way.legs)
         order = dispatched.assignment.order.assigned(vehicle.name, routes, why, self._clock.now())
         log.info("order assigned", order=order.name, vehicle=vehicle.name, why=why)
-        self._watch(order)
+        self._watch_times(order)
         self._drives.assign(order, vehicle.key)
         self._sequences.bind(order, vehicle.name)
-        self._drive(order, vehicle, way)
+        self._request_drive(order, vehicle, way)
 
     # The drive to each destination
 
-    def _continue(self, order: TransportOrder, *, again: bool = False) -> None:
+    def _continue_order(self, order: TransportOrder, *, again: bool = False) -> None:
         """Drive to the current destination, ``again`` or for the first time, unless the order must wait."""
         vehicle = self._registry.employed(order.vehicle)
         if vehicle is None:
-            self._end(order.failed(_gone(order), self._clock.now()))
+            self._end_order(order.failed(_vehicle_gone(order), self._clock.now()))
             return
         order = order.restarted() if again else order
         self._orders.put(order)
@@ -315,7 +315,7 @@ class LifeCycle:
         """
         self._pauses.end(vehicle.name)
         if order.current.state is DriveOrderState.FINISHED:
-            self._end(order.finished(self._clock.now()))
+            self._end_order(order.finished(self._clock.now()))
             return
         order, planner = order.tried(), self._context.planner
         try:
@@ -323,11 +323,11 @@ class LifeCycle:
             way = planner.way(order, vehicle, standing)
         except (NotLocatedError, NoRouteError, UnknownObjectError) as error:
             why = Reason(R.CANNOT_CONTINUE, reason_of(error), vehicle=vehicle.name)
-            self._fail(order, OrderFailure(FailureKind.NO_WAY, why))
+            self._fail_order(order, OrderFailure(FailureKind.NO_WAY, why))
         else:
-            self._drive(order, vehicle, way, first=first)
+            self._request_drive(order, vehicle, way, first=first)
 
-    def _drive(
+    def _request_drive(
         self, order: TransportOrder, vehicle: FleetVehicle, way: RoutePlan, *, first: bool = False
     ) -> None:
         self._orders.put(order)
@@ -343,7 +343,7 @@ class LifeCycle:
         self._pauses.begin(vehicle, order)
         if self._pauses.is_over(vehicle):
             self._pauses.end(vehicle.name)
-            self._fail(order, OrderFailure(FailureKind.NO_WAY, stuck.reason))
+            self._fail_order(order, OrderFailure(FailureKind.NO_WAY, stuck.reason))
         else:
             self.update_reason(vehicle)
 
@@ -415,7 +415,7 @@ class LifeCycle:
     def _drive_order_finished(self, order: TransportOrder, drive: Drive) -> None:
         now, index = self._clock.now(), order.status.current_drive_order_index
         if order.state is S.WITHDRAWN:
-            self._end(order.failed(_withdrawn(order, Reason(R.BASE_FINISHED)), now))
+            self._end_order(order.failed(_end_of_withdrawn(order, Reason(R.BASE_FINISHED)), now))
             return
         job = self._peripherals.failed_behind(drive)
         failure = _failure_of(job) if job else None
@@ -427,43 +427,43 @@ class LifeCycle:
             self._failing_vehicles.drove(vehicle, order.status.drive_orders[index].destination)
         last = order.current.state is DriveOrderState.FINISHED
         if failure and (last or not order.held):
-            self._fail(order, failure)
+            self._fail_order(order, failure)
         elif last and not failure and not self._peripherals.behind(vehicle):
-            self._end(order.finished(now))
+            self._end_order(order.finished(now))
         else:
             order = order.failed_while_held(failure.words) if failure else order
-            self._continue(order, again=drive.partial)
+            self._continue_order(order, again=drive.partial)
 
     def _drive_order_failed(self, order: TransportOrder, failure: OrderFailure) -> None:
         if order.state is S.WITHDRAWN:
-            self._end(order.failed(_withdrawn(order, failure.words), self._clock.now()))
+            self._end_order(order.failed(_end_of_withdrawn(order, failure.words), self._clock.now()))
         elif order.held:
-            self._continue(order.failed_while_held(failure.words), again=True)
+            self._continue_order(order.failed_while_held(failure.words), again=True)
         else:
-            self._fail(order, failure)
+            self._fail_order(order, failure)
 
     def _drive_order_cancelled(self, order: TransportOrder, drive: Drive) -> None:
         """End a withdrawn order; pause a held one, or continue it if it was resumed meanwhile."""
         if order.state is S.WITHDRAWN:
-            self._end(order.failed(_withdrawn(order, Reason(R.RELEASED)), self._clock.now()))
+            self._end_order(order.failed(_end_of_withdrawn(order, Reason(R.RELEASED)), self._clock.now()))
         elif drive.given_up and not order.held:
-            self._fail(order, drive.given_up)
+            self._fail_order(order, drive.given_up)
         elif order.is_operating and not drive.given_up:
             self._drive_order_failed(order, OrderFailure(FailureKind.UNCLEAR, BEGUN_MEANWHILE))
         else:
-            self._continue(order, again=True)
+            self._continue_order(order, again=True)
 
     # Failures
 
-    def _fail(self, order: TransportOrder, failure: OrderFailure) -> None:
+    def _fail_order(self, order: TransportOrder, failure: OrderFailure) -> None:
         """Take the next measure of the failure policy for an order that has failed at its vehicle."""
         vehicle = self._registry.employed(order.vehicle)
         if vehicle is None:
-            why = Reason(R.ALL, _gone(order), failure.words)
-            self._end(order.failed(why, self._clock.now()))
+            why = Reason(R.ALL, _vehicle_gone(order), failure.words)
+            self._end_order(order.failed(why, self._clock.now()))
             return
         if order.current.state is DriveOrderState.FINISHED:  # nothing is left to try again
-            self._end(order.failed(failure.words, self._clock.now()))
+            self._end_order(order.failed(failure.words, self._clock.now()))
             return
         decision = self._failures.decide(order, failure)
         step, words, now = decision.step, failure.words, self._clock.now()
@@ -473,21 +473,21 @@ class LifeCycle:
         match step.do:
             case FailureMeasure.RETRY:
                 order = order.retried(decision.taken, words, now=now, next_try=self._next_try(step))
-                self._continue(order, again=True)
+                self._continue_order(order, again=True)
             case FailureMeasure.REPLAN:
-                self._replan(order, decision, failure)
+                self._replan_order(order, decision, failure)
             case FailureMeasure.OTHER_VEHICLE:
-                self._release(order.reassigned(decision.taken, words, now))
+                self._release_vehicle(order.reassigned(decision.taken, words, now))
                 log.info("order waits for another vehicle", order=order.name)
             case FailureMeasure.SKIP:
-                self._skip(order.skipped(words, now))
+                self._skip_destination(order.skipped(words, now))
             case FailureMeasure.HOLD:
                 hold = Hold(by=POLICY, since=now, **explained(with_others(words, decision)))
-                self._continue(order.on_hold(hold, now), again=True)
+                self._continue_order(order.on_hold(hold, now), again=True)
             case FailureMeasure.FAIL:
-                self._end(order.failed(with_others(words, decision), now))
+                self._end_order(order.failed(with_others(words, decision), now))
 
-    def _replan(self, order: TransportOrder, decision: Decision, failure: OrderFailure) -> None:
+    def _replan_order(self, order: TransportOrder, decision: Decision, failure: OrderFailure) -> None:
         order = order.replanned(
             decision.taken,
             failure.words,
@@ -495,13 +495,13 @@ class LifeCycle:
             avoided=self._failures.detour(order, failure.ahead),
             next_try=self._next_try(decision.step),
         )
-        self._continue(order, again=True)
+        self._continue_order(order, again=True)
 
-    def _skip(self, order: TransportOrder) -> None:
+    def _skip_destination(self, order: TransportOrder) -> None:
         if order.current.state is DriveOrderState.TRAVELLING:
-            self._continue(order)
+            self._continue_order(order)
         else:
-            self._end(order.finished(self._clock.now()))
+            self._end_order(order.finished(self._clock.now()))
 
     def _next_try(self, step: FailureStep) -> datetime | None:
         return self._clock.now() + timedelta(seconds=step.after) if step.after else None
@@ -521,7 +521,7 @@ class LifeCycle:
                 self._orders.put(order.failed_while_held(failure.words))
         elif drive is None:
             self._driving.drop_drive(vehicle)
-            self._fail(order, failure)
+            self._fail_order(order, failure)
         elif not drive.cancelled and not drive.all_released:
             self._driving.end_early(self._give_up(drive, failure), partial=True)
 
@@ -574,20 +574,20 @@ class LifeCycle:
     def give_up(self, robot: RobotKey, reason: str) -> None:
         """Fail the order of a robot, if it has one, whatever its robot reports and its policy says."""
         if order := self._state.order_of(robot):
-            self._end(order.failed(reason, self._clock.now()))
+            self._end_order(order.failed(reason, self._clock.now()))
 
     def _end_withdrawn_unsent(self, order: TransportOrder) -> None:
         why = Reason(R.WITHDRAWN_UNSENT, why_withdrawn(order.status))
-        self._end(order.failed(why, self._clock.now()))
+        self._end_order(order.failed(why, self._clock.now()))
 
-    def _end(self, order: TransportOrder) -> None:
+    def _end_order(self, order: TransportOrder) -> None:
         """Store an order's final state, and release its vehicle."""
-        self._release(order)
+        self._release_vehicle(order)
         status = order.status
         by, state, reason = status.processing_vehicle, status.state.value, status.reason
         log.info("order ended", order=status.name, vehicle=by, state=state, reason=reason)
 
-    def _release(self, order: TransportOrder) -> None:
+    def _release_vehicle(self, order: TransportOrder) -> None:
         """Release an order from its vehicle."""
         self._orders.put(order)
         robot = self._drives.release(order)
@@ -611,7 +611,7 @@ class LifeCycle:
         self._failing_vehicles.restore()
         unsent: list[TransportOrder] = []
         for order in sorted(orders, key=lambda order: -order.number):
-            self._watch(order)
+            self._watch_times(order)
             if order.state in (S.ACTIVE, S.DISPATCHABLE):
                 self._restore_waiting(order)
             elif (document := documents.get(order.number)) is not None:
@@ -625,7 +625,7 @@ class LifeCycle:
         now = self._clock.now()
         vehicle = recovery.restore_order(order, document)
         if vehicle is None:
-            self._end(order.adopted(now).failed(Reason(R.VDA_ORDER_UNREADABLE), now))
+            self._end_order(order.adopted(now).failed(Reason(R.VDA_ORDER_UNREADABLE), now))
         else:
             self._orders.put(order.adopted(now, vehicle.name))
 
@@ -636,10 +636,10 @@ class LifeCycle:
         if order.state is S.WITHDRAWN:
             self._end_withdrawn_unsent(order)
         elif vehicle is None:
-            self._end(order.failed(_gone(order), self._clock.now()))
+            self._end_order(order.failed(_vehicle_gone(order), self._clock.now()))
         elif self._drives.order_number(vehicle.key) is not None:
             why = Reason(R.VEHICLE_REPLACED, vehicle=vehicle.name)
-            self._end(order.failed(why, self._clock.now()))
+            self._end_order(order.failed(why, self._clock.now()))
         else:
             self._orders.put(order)
             self._drives.assign(order, vehicle.key)
@@ -667,11 +667,11 @@ def _failure_of(job: PeripheralJob) -> OrderFailure:
     return OrderFailure(FailureKind.DRIVE, why, (status.path,) if status.path else (), by_device=True)
 
 
-def _gone(order: TransportOrder) -> Reason:
+def _vehicle_gone(order: TransportOrder) -> Reason:
     """Return that the vehicle of an order no longer exists."""
     return Reason(R.VEHICLE_GONE, vehicle=order.vehicle or "")
 
 
-def _withdrawn(order: TransportOrder, end: str) -> Reason:
+def _end_of_withdrawn(order: TransportOrder, end: str) -> Reason:
     """Return why an order was withdrawn, and how its vehicle has ended it."""
     return Reason(R.WITHDRAWN, why_withdrawn(order.status), end)

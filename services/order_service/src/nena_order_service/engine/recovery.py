@@ -51,7 +51,7 @@ class Recovery:
             self._vehicles.change(vehicle.key)
         for document in relocations:
             if drive := _read_drive(document):
-                self._resume(drive)
+                self._resume_drive(drive)
 
     def present_vehicle(self, name: str) -> FleetVehicle | None:
         """Return the current vehicle of the robot that had this name; None if it can no longer take orders.
@@ -77,9 +77,9 @@ class Recovery:
         if drive is None:
             return None
         self._state.drives.assign(order, drive.robot)
-        return self._resume(drive)
+        return self._resume_drive(drive)
 
-    def _resume(self, drive: Drive) -> FleetVehicle:
+    def _resume_drive(self, drive: Drive) -> FleetVehicle:
         self._state.drives.load(drive)
         vehicle = self._registry.discover(drive.robot)
         if vehicle.name not in self._traffic:

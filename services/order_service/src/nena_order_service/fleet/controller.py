@@ -107,12 +107,12 @@ class RobotControl:
             if self._run and self.robot.stale:
                 self._run.doubt_position()
         yield from self._instant_actions.on_link(self.robot.link(now))
-        yield from self._advance(now)
+        yield from self._send_and_report(now)
 
     def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
         """Handle a factsheet (section 7.10)."""
         self.robot.take_factsheet(message)
-        yield from self._advance(now)
+        yield from self._send_and_report(now)
 
     def on_malformed(self, problem: str | None, now: float) -> Iterator[FleetOutput]:
         """Count another message that could not be read.
@@ -127,12 +127,12 @@ class RobotControl:
         """End a VDA order that cannot be sent, because the broker ends our connection at it."""
         if self._run:
             yield from self._run.on_undeliverable(topic)
-            yield from self._advance(now)
+            yield from self._send_and_report(now)
 
     def on_unreadable_state(self, problem: str, sighting: State | None, now: float) -> Iterator[FleetOutput]:
         """Handle a state that could not be read; ``sighting``: what it says about the robot itself."""
         self.robot.take_unreadable_state(problem, sighting, now)
-        yield from self._advance(now)
+        yield from self._send_and_report(now)
 
     def on_old_state(self, header: str, last: str, now: float) -> Iterator[FleetOutput]:
         """Handle a state that is ignored, because its ``header`` does not come after the ``last`` one."""
@@ -182,7 +182,7 @@ class RobotControl:
             if availability.lost(message, placed=self.robot.placed):
                 self._run.doubt_position()
             yield from self._run.on_state(message, now)
-        yield from self._advance(now)
+        yield from self._send_and_report(now)
 
     def start(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
         """Send a VDA order as soon as the robot can be sent one; until then the view has the wait reason.
@@ -190,7 +190,7 @@ class RobotControl:
         Raises:
             RobotBusyError: the robot already has a VDA order; at the call, before the iterator is consumed.
         """
-        return self._begin(OrderExecution(self.robot.key, vda_order, self._settings), now)
+        return self._begin_order(OrderExecution(self.robot.key, vda_order, self._settings), now)
 
     def adopt(
         self, vda_order: VdaOrder, now: float, *, accepted: bool, update_id: int = 0
@@ -207,13 +207,13 @@ class RobotControl:
         run = OrderExecution(
             self.robot.key, vda_order, self._settings, adopted=True, accepted=accepted, update_id=update_id
         )
-        return self._begin(run, now)
+        return self._begin_order(run, now)
 
-    def _begin(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
+    def _begin_order(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
         if self._run:
             raise RobotBusyError(self.robot.key, self._run.vda_order.order_id)
         self._run = run
-        return self._advance(now)
+        return self._send_and_report(now)
 
     def extend(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
         """Update the robot's VDA order to a newer plan: a longer base, or another horizon (section 6.1.2).
@@ -228,13 +228,13 @@ class RobotControl:
         run, abilities = self._run, self.robot.abilities
         if run and run.vda_order.order_id == vda_order.order_id:
             run.extend(fitted(vda_order, abilities))
-        return self._advance(now)
+        return self._send_and_report(now)
 
     def cancel(self, now: float) -> Iterator[FleetOutput]:
         """Cancel the VDA order, if there is one, and track cancelOrder to its end (section 6.1.3)."""
         if self._run:
             yield from self._run.begin_cancel()
-            yield from self._advance(now)
+            yield from self._send_and_report(now)
 
     def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
         """Send an instant action, and track it to InstantActionEnded (section 6.2.1).
@@ -242,7 +242,7 @@ class RobotControl:
         It fails at once if the robot cannot receive or does not accept it.
         """
         yield from self._instant_actions.request(action, now)
-        yield from self._advance(now)
+        yield from self._send_and_report(now)
 
     def ask(self, now: float) -> Iterator[FleetOutput]:
         """Request the robot's state (section 6.2.3) if messages may reach it.
@@ -256,7 +256,7 @@ class RobotControl:
             yield PublishInstantActions(self.robot.key, (state_request(self._new_id()),))
         else:
             self._instant_actions.ask_for_state()
-            yield from self._advance(now)
+            yield from self._send_and_report(now)
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
         """Handle timeouts; a quiet robot has none, unless it has become silent."""
@@ -267,13 +267,13 @@ class RobotControl:
             if self._cannot_get(self._run, now):
                 self._run.hold()
             yield from self._run.on_tick(self.robot.state, now, self.robot.unreadable)
-        yield from self._advance(now)
+        yield from self._send_and_report(now)
 
     def _cannot_get(self, run: OrderExecution, now: float) -> bool:
         """Return whether the robot cannot be sent the rest of its VDA order now."""
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
-            return self._obstacle(now) is not None
-        away = self._away(now)
+            return self._why_unsendable(now) is not None
+        away = self._why_away(now)
         return run.phase is VdaOrderPhase.RUNNING and away is not None
 
     @property
@@ -293,21 +293,21 @@ class RobotControl:
         link = robot.link(now)
         moment = (self._changes, link, robot.malformed, self._instant_actions.awaits_factsheet(now))
         if self._seen is None or self._seen[0] != moment:
-            self._seen = moment, self._view(now)
+            self._seen = moment, self._make_view(now)
         elif self._seen[1].state is not (robot.sighting or robot.state):  # an unchanged one
             found, state_at = self._deviations(robot.key), robot.state_at
             view = replace(self._seen[1], state=robot.state, state_at=state_at, deviations=found)
             self._seen = moment, view
         return self._seen[1]
 
-    def _view(self, now: float) -> RobotView:
-        robot, run, away = self.robot, self._run, self._away(now)
+    def _make_view(self, now: float) -> RobotView:
+        robot, run, away = self.robot, self._run, self._why_away(now)
         link = robot.link(now)
         return RobotView(
             key=robot.key,
             link=link,
             vehicle_state=availability.vehicle_state(robot.state, link, self._instant_actions.ids),
-            availability=self._availability(now, away),
+            availability=self._find_availability(now, away),
             state=robot.sighting or robot.state,
             state_at=robot.state_at,
             factsheet=robot.factsheet,
@@ -319,13 +319,13 @@ class RobotControl:
             deviations=self._deviations(robot.key),
         )
 
-    def _advance(self, now: float) -> Iterator[FleetOutput]:
+    def _send_and_report(self, now: float) -> Iterator[FleetOutput]:
         """Send due messages, drop ended actions and orders, and report changes of the robot."""
         self._changes += 1
         self._advance_due = False
         run = self._run
         if run and run.ended:
-            self._forget(run)
+            self._forget_order(run)
         elif run:
             yield from self._send_due(run, now)
             if run.wants_cancel(self.robot.state) and self._instant_actions.can_cancel(now):
@@ -351,16 +351,16 @@ class RobotControl:
         first = run.phase is VdaOrderPhase.WAITING
         if first and abilities and (problem := order_problem(run.vda_order, abilities)):
             yield run.refuse(Reason(R.UNFIT, problem))
-            self._forget(run)
+            self._forget_order(run)
             return
         self._last_order_at = now
         yield run.send(state.errors, now)
 
-    def _forget(self, run: OrderExecution) -> None:
+    def _forget_order(self, run: OrderExecution) -> None:
         self._ended.append(run.vda_order.order_id)
         self._run = None
 
-    def _obstacle(self, now: float) -> str | None:
+    def _why_unsendable(self, now: float) -> str | None:
         """Return, as a predicate, why the robot must not be sent an order now; None if it may."""
         link = self.robot.link(now)
         sent = self._run is not None and self._run.phase is VdaOrderPhase.SENT
@@ -381,7 +381,7 @@ class RobotControl:
         occupied = availability.occupied(state, self._instant_actions.ids)
         return occupied or availability.unfit(state, placed=self.robot.placed)
 
-    def _away(self, now: float) -> str | None:
+    def _why_away(self, now: float) -> str | None:
         """Return, as a predicate, why the robot cannot be reached; None if it can."""
         return self._away_by(self.robot.link(now))
 
@@ -389,11 +389,11 @@ class RobotControl:
         ours = self._instant_actions
         return availability.away(link, self.robot.unreadable, broker=ours.broker, unread=ours.unread)
 
-    def _availability(self, now: float, away: str | None) -> Availability:
+    def _find_availability(self, now: float, away: str | None) -> Availability:
         if away is None and self._run:
             return self._run.occupies_robot
         state = self.robot.state
-        reason = away or self._obstacle(now) or (availability.cannot_drive(state) if state else None)
+        reason = away or self._why_unsendable(now) or (availability.cannot_drive(state) if state else None)
         return Availability(reason is None, reason or Reason(R.IS_FREE))
 
     def _wait_reason(self, now: float, away: str | None) -> str:
@@ -401,7 +401,7 @@ class RobotControl:
         if run is None:
             return ""
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
-            reason = self._obstacle(now)
+            reason = self._why_unsendable(now)
             unseen = self.robot.unreadable or (Reason(R.ORDER_UNCONFIRMED) if run.sent_again else None)
             reason = reason or unseen
             return Reason(R.ROBOT, reason) if reason else ""
@@ -425,12 +425,12 @@ class RobotControl:
     def _report_change(self, now: float) -> Iterator[FleetOutput]:
         view = self.view(now)
         self._reported_link = view.link
-        signature = self._signature(view)
+        signature = self._reported_fields(view)
         if signature != self._reported:
             self._reported = signature
             yield RobotChanged(self.robot.key)
 
-    def _signature(self, view: RobotView) -> tuple[object, ...]:
+    def _reported_fields(self, view: RobotView) -> tuple[object, ...]:
         """Return the fields whose changes are reported: not position, speeds or fractions of the charge."""
         state, abilities = view.state, self.robot.abilities
         vda_order = view.order_id, view.order_phase, view.wait_reason
@@ -505,7 +505,7 @@ class FleetController:
         outputs = tuple(control.on_state(message, now))
         if message.zone_requests or message.edge_requests or self._releases.busy:
             self._releases.on_state(robot, control.robot.state or message)
-            outputs += self._answers(now)
+            outputs += self._due_answers(now)
         return outputs
 
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
@@ -535,11 +535,11 @@ class FleetController:
         for control in tuple(self._robots.values()):
             yield tuple(control.tick(now))
         if self._broker and self._to_ask:
-            yield from self._ask(now)
+            yield from self._ask_for_states(now)
         if self._releases.busy:
-            yield self._answers(now)
+            yield self._due_answers(now)
 
-    def _ask(self, now: float) -> Iterator[Outputs]:
+    def _ask_for_states(self, now: float) -> Iterator[Outputs]:
         """Ask robots for their states.
 
         Robots of which nothing is known come last: their retained connection messages may arrive meanwhile.
@@ -590,7 +590,7 @@ class FleetController:
         """Return whether this robot is known, or another one may be added (``robots_limit``)."""
         return robot in self._robots or len(self._robots) < self._settings.robots_limit
 
-    def _answers(self, now: float) -> Outputs:
+    def _due_answers(self, now: float) -> Outputs:
         """Return the due answers to the robots' requests (section 6.9); none while the link is down."""
         if not self._broker:
             return ()

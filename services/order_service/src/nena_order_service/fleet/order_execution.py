@@ -254,7 +254,7 @@ class OrderExecution:
 
     def refuse(self, reason: str) -> FleetOutput:
         """Fail the order before anything is sent."""
-        return self._end(self._failure_of(FailureKind.UNFIT, reason))
+        return self._end_order(self._failure_of(FailureKind.UNFIT, reason))
 
     def hold(self) -> None:
         """Suspend the delivery's timeout, because the robot cannot be sent anything now."""
@@ -283,9 +283,9 @@ class OrderExecution:
         """Update the execution from a new state of the robot (section 6.6)."""
         self._take_echo(state)
         if self._known_in(state):
-            yield from self._follow(state, now)
+            yield from self._follow_progress(state, now)
         elif self._accepted and self.phase is not VdaOrderPhase.CANCELLING:
-            yield self._end(self._loss(state))
+            yield self._end_order(self._failure_of_loss(state))
         elif self.phase is VdaOrderPhase.SENT:
             yield from self._look_for_refusal(state, now)
         if self.phase is VdaOrderPhase.CANCELLING and not self.ended:
@@ -299,7 +299,7 @@ class OrderExecution:
             if unreadable:
                 reason = Reason(R.ACCEPTANCE_UNREADABLE, unreadable, count=times)
                 failure = self._failure_of(FailureKind.UNCLEAR, reason)
-            yield self._end(failure)
+            yield self._end_order(failure)
         elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.failed(now):
             times = self._settings.sendings
             self._cancel_for(
@@ -316,7 +316,7 @@ class OrderExecution:
         """Fail the order, or cancel it if an update of it cannot be sent: the broker refuses the message."""
         reason = Reason(R.UNDELIVERABLE, topic=topic)
         if self.phase is VdaOrderPhase.SENT:
-            yield self._end(self._failure_of(FailureKind.NOT_TAKEN, reason))
+            yield self._end_order(self._failure_of(FailureKind.NOT_TAKEN, reason))
         elif self._pending and self.phase is VdaOrderPhase.RUNNING:
             self._cancel_for(self._failure_of(FailureKind.DRIVE, reason))
 
@@ -357,16 +357,16 @@ class OrderExecution:
         """Return whether the robot has this VDA order, with exactly this update (section 6.1.2)."""
         return state.order_id == self.vda_order.order_id and state.order_update_id == self.update_id
 
-    def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
+    def _follow_progress(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Yield events for the progress of the VDA order in a state that echoes it."""
         progress = read(state, self.vda_order)
         self._retriable &= {each.action_id for each in progress.retriable}
         yield from self._report_progress(progress)
         yield from self._report_base_wanted(state)
         if progress.done:
-            yield self._end(VdaOrderFinished(self._robot, self.vda_order.order_id))
+            yield self._end_order(VdaOrderFinished(self._robot, self.vda_order.order_id))
         elif self.phase is VdaOrderPhase.RUNNING:
-            yield from self._judge(state, progress, now)
+            yield from self._detect_failure(state, progress, now)
 
     def _report_progress(self, progress: Progress) -> Iterator[FleetOutput]:
         name = self.vda_order.order_id
@@ -391,14 +391,14 @@ class OrderExecution:
             yield BaseWanted(self._robot, self.vda_order.order_id)
         self._base_wanted = wanted
 
-    def _judge(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
+    def _detect_failure(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
         """Detect failures of a running VDA order."""
         failure = self._failed_actions(state, progress.failed)
         if progress.idle and failure:
-            yield self._end(failure)
+            yield self._end_order(failure)
         elif progress.idle and not (progress.at_end and progress.unreported):
-            yield self._end(
-                self._failure_of(FailureKind.DRIVE, _given_up(state), _descriptions(state.errors))
+            yield self._end_order(
+                self._failure_of(FailureKind.DRIVE, _why_given_up(state), _describe_errors(state.errors))
             )
         elif failure:
             self._cancel_for(failure)
@@ -407,10 +407,10 @@ class OrderExecution:
         elif self._pending and (refused := self._pending.refusals(state.errors)):
             if self._pending.is_refused(refused, now):
                 reason = Reason(R.REFUSES_UPDATE)
-                self._cancel_for(self._failure_of(FailureKind.DRIVE, reason, _descriptions(refused)))
+                self._cancel_for(self._failure_of(FailureKind.DRIVE, reason, _describe_errors(refused)))
         elif errors := failures.about(state.errors, self.vda_order, self._before):
             kind = FailureKind.ACTION if failures.name_actions(errors) else FailureKind.DRIVE
-            self._cancel_for(self._failure_of(kind, Reason(R.ROBOT_FAILED), _descriptions(errors)))
+            self._cancel_for(self._failure_of(kind, Reason(R.ROBOT_FAILED), _describe_errors(errors)))
         else:
             self._look_for_standstill(state, now)
 
@@ -437,7 +437,7 @@ class OrderExecution:
 
     def _look_for_standstill(self, state: State, now: float) -> None:
         """Cancel the VDA order of a robot that has stood still for too long and cannot finish it."""
-        failure = self._standstill(state)
+        failure = self._standstill_failure(state)
         if failure is None:
             self._standing_since = None
         elif self._standing_since is None:
@@ -445,17 +445,17 @@ class OrderExecution:
         elif now - self._standing_since >= self._settings.standstill_patience:
             self._cancel_for(failure)
 
-    def _standstill(self, state: State) -> VdaOrderFailed | None:
+    def _standstill_failure(self, state: State) -> VdaOrderFailed | None:
         if state.driving or not self._known_in(state):
             return None
         if failures.unexplained(state.errors, self.vda_order, self._before):
             reason = Reason(R.STOPPED_WITH_ERROR)
-            return self._failure_of(FailureKind.DRIVE, reason, _descriptions(state.errors))
+            return self._failure_of(FailureKind.DRIVE, reason, _describe_errors(state.errors))
         if self.vda_order.actions and not state.node_states:
             unreported = read(state, self.vda_order).unreported
             reason = Reason(R.ACTIONS_UNREPORTED)
             return (
-                self._failure_of(FailureKind.UNCLEAR, reason, _descriptions(state.errors))
+                self._failure_of(FailureKind.UNCLEAR, reason, _describe_errors(state.errors))
                 if unreported
                 else None
             )
@@ -476,7 +476,9 @@ class OrderExecution:
             return
         named = any(failures.is_named(each, self.vda_order) for each in errors)
         if errors and self._delivery.is_refused(now, named=named):
-            yield self._end(self._failure_of(FailureKind.REFUSED, Reason(R.REFUSED), _descriptions(errors)))
+            yield self._end_order(
+                self._failure_of(FailureKind.REFUSED, Reason(R.REFUSED), _describe_errors(errors))
+            )
 
     def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
         """End the VDA order once the robot has confirmed cancelOrder, or does not have the order."""
@@ -493,7 +495,9 @@ class OrderExecution:
         else:
             why = self._failure.reason if self._failure else Reason(R.CANCELLED)
             reason = Reason(R.CANCEL_REFUSED, why, outcome.reason)
-            yield self._end(self._failure_of(FailureKind.UNCLEAR, reason, _descriptions(state.errors)))
+            yield self._end_order(
+                self._failure_of(FailureKind.UNCLEAR, reason, _describe_errors(state.errors))
+            )
 
     def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
         """Return whether the order or a resent copy may still reach the robot although no state shows it."""
@@ -508,14 +512,14 @@ class OrderExecution:
 
     def _end_early(self) -> Iterator[FleetOutput]:
         if self._failure:
-            yield self._end(self._failure)
+            yield self._end_order(self._failure)
         else:
-            yield self._end(VdaOrderCancelled(self._robot, self.vda_order.order_id))
+            yield self._end_order(VdaOrderCancelled(self._robot, self.vda_order.order_id))
 
     def _failure_of(self, kind: FailureKind, reason: str, details: tuple[str, ...] = ()) -> VdaOrderFailed:
         return VdaOrderFailed(self._robot, self.vda_order.order_id, reason, details, kind)
 
-    def _loss(self, state: State) -> VdaOrderFailed:
+    def _failure_of_loss(self, state: State) -> VdaOrderFailed:
         """Return the failure of an order that the robot no longer has, or has in a later update."""
         if state.order_id == self.vda_order.order_id and state.order_update_id > self.update_id:
             reason = Reason(R.UNKNOWN_UPDATE, update=state.order_update_id, known=self.update_id)
@@ -523,16 +527,16 @@ class OrderExecution:
         reason = Reason(R.LOST_TO_OTHER, order=state.order_id) if state.order_id else Reason(R.LOST)
         return self._failure_of(FailureKind.LOST, reason)
 
-    def _end(self, output: FleetOutput) -> FleetOutput:
+    def _end_order(self, output: FleetOutput) -> FleetOutput:
         self.ended = True
         return output
 
 
-def _descriptions(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
+def _describe_errors(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
     return tuple(map(failures.describe, errors))
 
 
-def _given_up(state: State) -> str:
+def _why_given_up(state: State) -> str:
     if not state.operating_mode.takes_orders:
         return Reason(R.ABANDONED_IN_MODE, mode=state.operating_mode)
     return Reason(R.ABANDONED)
