@@ -28,7 +28,7 @@ def knowledge(*assigned: TransportOrder) -> tuple[OrderKnowledge, OrderFit, Vehi
     fit = OrderFit(context.state.vehicles, Sequences(context))
     for order, vehicle in zip(assigned, context.registry, strict=False):
         context.state.orders.put(order)
-        context.state.sent_orders.assign(order, vehicle.key)
+        context.state.drives.assign(order, vehicle.key)
     return OrderKnowledge(context, fit), fit, context.registry
 
 

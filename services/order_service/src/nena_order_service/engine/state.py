@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 
@@ -60,17 +60,8 @@ class PendingChanges:
 
     def take(self) -> PendingChanges:
         """Return the changes so far, and reset them."""
-        taken = PendingChanges(
-            stored=self.stored,
-            orders=self.orders,
-            sequences=self.sequences,
-            jobs=self.jobs,
-            vehicles=self.vehicles,
-            peripherals=self.peripherals,
-            effects=self.effects,
-        )
-        self.stored, self.vehicles, self.peripherals = Changes(), set(), set()
-        self.orders, self.sequences, self.jobs, self.effects = [], [], [], []
+        taken = replace(self)
+        PendingChanges.__init__(self)
         return taken
 
 

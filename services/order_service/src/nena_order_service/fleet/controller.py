@@ -273,7 +273,7 @@ class RobotControl:
         """Return whether the robot cannot be sent the rest of its VDA order now."""
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             return self._why_unsendable(now) is not None
-        away = self._why_away(now)
+        away = self._why_away(self.robot.link(now))
         return run.phase is VdaOrderPhase.RUNNING and away is not None
 
     @property
@@ -301,8 +301,8 @@ class RobotControl:
         return self._seen[1]
 
     def _make_view(self, now: float) -> RobotView:
-        robot, run, away = self.robot, self._run, self._why_away(now)
-        link = robot.link(now)
+        robot, run, link = self.robot, self._run, self.robot.link(now)
+        away = self._why_away(link)
         return RobotView(
             key=robot.key,
             link=link,
@@ -366,7 +366,7 @@ class RobotControl:
         sent = self._run is not None and self._run.phase is VdaOrderPhase.SENT
         if link in REPORTS_NOTHING and self.robot.reachable and sent:
             link = LinkStatus.ONLINE  # attempts count, so an order to a dead robot fails eventually
-        reason = self._away_by(link)
+        reason = self._why_away(link)
         state = self.robot.state
         if reason or state is None:
             return reason or self.robot.unreadable or Reason(R.STATELESS)
@@ -381,11 +381,8 @@ class RobotControl:
         occupied = availability.occupied(state, self._instant_actions.ids)
         return occupied or availability.unfit(state, placed=self.robot.placed)
 
-    def _why_away(self, now: float) -> str | None:
-        """Return, as a predicate, why the robot cannot be reached; None if it can."""
-        return self._away_by(self.robot.link(now))
-
-    def _away_by(self, link: LinkStatus) -> str | None:
+    def _why_away(self, link: LinkStatus) -> str | None:
+        """Return, as a predicate, why the robot cannot be reached by this link; None if it can."""
         ours = self._instant_actions
         return availability.away(link, self.robot.unreadable, broker=ours.broker, unread=ours.unread)
 

@@ -654,15 +654,13 @@ class FleetLink:
 
     def _publish(self, output: Publish, now: float) -> None:
         refused, robot = self._mqtt.state.refused_names, output.robot
+        unheard = refused and self.view(robot).link is LinkStatus.UNKNOWN
         for address in self._addresses.of(robot):
             # A broker that refuses a name may end the connection of who publishes to it (NATS); nothing is
             # ever heard of such a robot.
-            if refused and address.scheme.of(robot, Topic.CONNECTION) in refused and self._is_unheard(robot):
+            if refused and address.scheme.of(robot, Topic.CONNECTION) in refused and unheard:
                 continue
             self._publish_to(address, output, now)
-
-    def _is_unheard(self, robot: RobotKey) -> bool:
-        return self.view(robot).link is LinkStatus.UNKNOWN
 
     def _publish_to(self, address: RobotAddress, output: Publish, now: float) -> None:
         topic, message = self._outgoing.message(output, address.codec.version)

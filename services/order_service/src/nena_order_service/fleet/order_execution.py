@@ -59,10 +59,8 @@ class PendingUpdate:
 
     def is_refused(self, refusals: Iterable[ErrorEntry], now: float) -> bool:
         """Return whether any of the refusals counts; see :meth:`Delivery.is_refused`."""
-        return self.delivery.is_refused(now, named=any(map(self._is_named, refusals)))
-
-    def _is_named(self, error: ErrorEntry) -> bool:
-        return failures.is_named(error, self.plan) or failures.names_update(error)
+        named = any(failures.is_named(error, self.plan) or failures.names_update(error) for error in refusals)
+        return self.delivery.is_refused(now, named=named)
 
 
 STATES_NAMED: Final = 3
