@@ -111,7 +111,8 @@ async def started(
         peripherals=PeripheralSettings(**{"enabled": True, **settings}),
     )
     engine = await make_engine(plant, store, fleet, settings=given, clock=clock, on_failure=on_failure)
-    door = engine.peripherals.port = Door(engine)
+    door = Door(engine)
+    engine.peripherals.ports.append(door)
     for name, where in ({"V1": "A"} if at is None else at).items():
         fleet.appear(name, where)
     return Site(engine, fleet, door, store, clock)

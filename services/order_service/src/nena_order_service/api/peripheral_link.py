@@ -35,7 +35,7 @@ class PeripheralLink:
         self._mqtt = mqtt
         self._topics = topics
         self._engine = engine
-        engine.peripherals.port = self
+        engine.peripherals.ports.append(self)
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.JOB_STATE), self._answered)
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATE), self._reported)
         mqtt.subscribe(topics.all_peripherals(PeripheralTopic.STATUS), self._retained)

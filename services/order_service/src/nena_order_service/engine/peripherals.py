@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from functools import partial
 from itertools import islice
 from typing import Protocol
 
@@ -68,21 +69,11 @@ class DevicePort(Protocol):
         ...
 
 
-class NoDevices:
-    """Reaches no device."""
-
-    def request(self, location: str, request: DeviceRequest) -> None:
-        """Do nothing."""
-
-    def cancel(self, location: str, cancellation: DeviceCancellation) -> None:
-        """Do nothing."""
-
-
 class Peripherals:
     """Changes peripheral jobs, and decides how far they let vehicles drive."""
 
     def __init__(self, context: Context) -> None:
-        self.port: DevicePort = NoDevices()
+        self.ports: list[DevicePort] = []
         self.waiting: dict[str, str] = {}
         """The jobs for which vehicles wait, by vehicle."""
         self.answers: Counter[str] = Counter()
@@ -425,7 +416,8 @@ class Peripherals:
 
     def _ask(self, job: PeripheralJob) -> None:
         request = job.request(self._clock.now())
-        self._state.after_commit(lambda: self.port.request(job.status.location, request))
+        for port in self.ports:
+            self._state.after_commit(partial(port.request, job.status.location, request))
 
     def _fail(self, job: PeripheralJob, reason: str, *, cancel: bool = False) -> None:
         """Fail a job, and the vehicle that depends on it; ``cancel``: its device may not know."""
@@ -443,7 +435,8 @@ class Peripherals:
         log.warning("peripheral job failed", job=job.name, peripheral=location, reason=reason)
         if cancel and job.status.state is PeripheralJobState.BEING_PROCESSED:
             cancellation = DeviceCancellation(job_id=job.name, reason=reason)
-            self._state.after_commit(lambda: self.port.cancel(location, cancellation))
+            for port in self.ports:
+                self._state.after_commit(partial(port.cancel, location, cancellation))
         self._devices.end(location, job.name)
         self._put(job.failed(reason, self._clock.now()))
 

@@ -374,22 +374,19 @@ class Drives:
         """The drives whose VDA orders the robots have, or are about to receive."""
         self._pending = pending
         self._order_of: dict[RobotKey, int] = {}
-        self._robot_of: dict[int, RobotKey] = {}
+        """The numbers of the orders that robots execute."""
 
     def assign(self, order: TransportOrder, robot: RobotKey) -> None:
         """Assign an order to a robot until :meth:`release`."""
         self._order_of[robot] = order.number
-        self._robot_of[order.number] = robot
 
     def release(self, order: TransportOrder) -> RobotKey | None:
         """Remove an order from its robot; return the robot, or None if the order had none."""
-        robot = self._robot_of.pop(order.number, None)
-        if robot is None:
-            return None
-        del self._order_of[robot]
-        drive = self.sent.get(robot)
-        if drive and not drive.relocation:
+        if drive := self.of_order(order):
             self.end(drive)
+        robot = next((robot for robot, number in self._order_of.items() if number == order.number), None)
+        if robot is not None:
+            del self._order_of[robot]
         return robot
 
     def load(self, drive: Drive) -> None:
@@ -426,9 +423,7 @@ class Drives:
 
     def of_order(self, order: TransportOrder) -> Drive | None:
         """Return the sent drive of a transport order; None if nothing was sent for it."""
-        robot = self._robot_of.get(order.number)
-        drive = None if robot is None else self.sent.get(robot)
-        return None if drive is None or drive.relocation else drive
+        return next((drive for drive in self.sent.values() if drive.order_number == order.number), None)
 
     def with_routes(self) -> Iterator[Drive]:
         """Yield the drives that have a route, sent or not."""
@@ -451,7 +446,7 @@ class Drives:
     @property
     def assigned(self) -> Iterable[int]:
         """The numbers of the transport orders that robots execute."""
-        return self._robot_of
+        return self._order_of.values()
 
 
 PERIPHERAL_JOB = "peripheralJob"
