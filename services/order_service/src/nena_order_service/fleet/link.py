@@ -401,7 +401,7 @@ class FleetLink:
         self._mqtt = mqtt
         self._addresses = addresses
         self._settings = settings
-        self._clock = clock
+        self._now = clock.monotonic
         self._on_events = on_events
         self._outgoing = Outgoing(clock, epoch, header_ids)
         self._last_nodes = LastNodes()
@@ -480,7 +480,7 @@ class FleetLink:
 
     def view(self, robot: RobotKey) -> RobotView:
         """Return the known state of a robot; LinkStatus.UNKNOWN if it never reported."""
-        return self._controller.view(robot, self._clock.monotonic())
+        return self._controller.view(robot, self._now())
 
     def state(self, robot: RobotKey) -> State | None:
         """Return the last state of a robot; None if it never reported one."""
@@ -574,9 +574,10 @@ class FleetLink:
             return None
         codec = nearest_codec(message.version)
         assert codec, "the reader took one of its major version"  # noqa: S101 - for the type
-        if kind is State:
+        dialect = self._addresses.dialect(robot)
+        if kind is State and dialect.keeps_last_node_states:
             outdated = self._last_nodes.outdated(robot, message, self._controller.vda_order(robot))
-            message = self._addresses.dialect(robot).understood(message, outdated=outdated)
+            message = dialect.understood(message, outdated=outdated)
         now = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
         return (robot, message) if now and self._is_new(kind, robot, message.header_id, inbound) else None
 
@@ -681,6 +682,3 @@ class FleetLink:
         for listener in self.listeners:
             listener.published(topic, output, now)
         self._mqtt.publish(Outbound(place, payload, qos=self._settings.qos, keep=False))
-
-    def _now(self) -> float:
-        return self._clock.monotonic()
