@@ -64,6 +64,15 @@ def test_a_vehicle_operating_in_the_way_is_waited_for() -> None:
     assert str(scene.manager.why_waiting("v")) == "waits for w, which stands on 'B'"
 
 
+def test_a_vehicle_that_comes_to_rest_on_the_way_of_a_waiting_one_is_relocated() -> None:
+    scene = Scene(tracks("A B", "B C", "C X"), v="A", w="B")
+    scene.manager.request_route(RouteRequest("v", "C"))
+    assert list(scene.decide("w")) == []
+
+    scene.scheduler.place("u", [scene.manager.resources.at("C")], length_mm=0)
+    assert list(scene.decide("w")) == ["Relocation u C X"]
+
+
 def test_only_a_short_detour_around_a_resting_vehicle_is_taken() -> None:
     short = Scene(
         plant(path("A B", 1000), path("B C", 1000), path("A X", 1400), path("X C", 1400)), v="A", w="B"

@@ -245,7 +245,6 @@ class Engine:
                 self._rerouting.reroute_waiting(name)
         with self.change():
             self.state.dispatch_due = self.state.drive_due = True
-            self.traffic.recheck()
             self._life_cycle.check_times()
             self.peripherals.check_times()
         if self._gate.is_open:

@@ -434,14 +434,6 @@ class TrafficManager:
         self._last_refusals.clear()
         self._settled.clear()
 
-    def recheck(self) -> None:
-        """Answer all requests again, also those whose reasons to wait still hold.
-
-        A vehicle that has come to rest on the way of a waiting one does not change its other reasons.
-        """
-        for vehicle in self._requests:
-            self._last_refusals.pop(vehicle, None)
-
     def _turn(self, vehicle: str) -> int:
         return self._turns.get(vehicle, (0, ""))[0]
 
@@ -540,10 +532,12 @@ class TrafficManager:
             return
         for name in changed & self._routes.keys():
             self._routes[name].holds_enough = False
-        for name in [
-            name for name, last in self._last_refusals.items() if not changed.isdisjoint(last.causes)
-        ]:
-            del self._last_refusals[name]
+        if any(name in self.scheduler and self.scheduler.occupant(name).resting for name in changed):
+            # It may rest on the way of any other vehicle, which then waits for it, too, and has it relocated.
+            self._last_refusals.clear()
+        for name, last in tuple(self._last_refusals.items()):
+            if not changed.isdisjoint(last.causes):
+                del self._last_refusals[name]
         for name in [name for name, causes in self._settled.items() if not changed.isdisjoint(causes)]:
             del self._settled[name]
         changed.clear()
