@@ -43,7 +43,7 @@ class WiredLink(MqttLink):
     def publish(self, message: Outbound) -> None:
         """Put the message on the wire at once."""
         if not self.state.connected:
-            self._queue(message)
+            self._queue_message(message)
         elif self._fate.spares(f"before: publish {message.topic}"):
             self._wire.take(message)
             self._fate.spares(f"after: publish {message.topic}")
@@ -71,7 +71,7 @@ class WiredLink(MqttLink):
     def bring(self, inbound: Inbound) -> None:
         """Deliver a message to the agent, unless it dies first."""
         if self._fate.spares(f"before: take {inbound.topic}"):
-            self._receive(inbound)
+            self._handle_message(inbound)
 
     def _publish_all(self, messages: Iterable[Outbound]) -> None:
         for message in messages:

@@ -12,13 +12,14 @@ from functools import cache
 from typing import Any, ClassVar
 
 from fastapi import APIRouter
+from pydantic import BaseModel
 
 from nena_shared import extensions
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.metrics import Section
 from nena_shared.mqtt import Inbound, Outbound
-from nena_shared.settings import NoSettings, SettingsGroup
+from nena_shared.settings import NoSettings
 from nena_status_aggregator.fleet.events import Event
 from nena_status_aggregator.history.history import History
 from nena_status_aggregator.settings import Share
@@ -48,7 +49,7 @@ class Extension:
     All of it runs in the event loop: what blocks belongs in ``asyncio.to_thread``.
     """
 
-    Settings: ClassVar[type[SettingsGroup]] = NoSettings
+    Settings: ClassVar[type[BaseModel]] = NoSettings
     """Its group of settings: ``[NAME]`` in the file, ``--NAME.FIELD`` on the command line."""
 
     section: ClassVar[Section[Any] | None] = None

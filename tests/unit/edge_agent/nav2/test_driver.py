@@ -61,7 +61,7 @@ async def test_a_machine_without_ros_gets_a_remedy(monkeypatch: pytest.MonkeyPat
 @pytest.mark.ros
 async def test_without_the_types_of_the_action_it_is_not_available(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(action_client, "action_type", lambda _navigation: None)
-    driver = Nav2Driver(RosSettings(navigation=Navigation.ACTION), "hall", [].append, ManualClock())
+    driver = Nav2Driver(RosSettings(navigation=Navigation.ACTION), "hall", lambda _: None, ManualClock())
     with pytest.raises(StartError, match=r"ros\.navigation = topics"):
         await driver.start()
 

@@ -21,6 +21,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.service import OrderService
 from nena_shared.fleet_api.base import Role
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.metrics import Section
 from nena_shared.tasks import Supervisor
 from nena_shared.web.settings import HttpSettings
 from support.order_service import NOW, assigned_order, dispatchable_order
@@ -45,7 +46,8 @@ async def test_every_metric_of_the_tables_is_shown(client: httpx.AsyncClient) ->
     types = {
         line.split()[2]: line.split()[3] for line in text.splitlines() if line.startswith("# TYPE nena_")
     }
-    sections = [*SECTIONS, *(each.section for each in installed().values() if each.section)]
+    sections: list[Section[Any]] = [*SECTIONS]
+    sections += [extension.section for extension in installed().values() if extension.section]
     assert types == {metric.name: metric.kind.value for section in sections for metric in section.metrics}
 
 

@@ -30,9 +30,9 @@ def issuer(issuer: OidcIssuer) -> OidcIssuer:
 def tokens(issuer: OidcIssuer, **more: Any) -> AccessTokens:
     chosen = PanelOidcSettings.model_validate({**issuer.settings_of(PANEL), **more})
     http = AggregatorHttpSettings(oidc=chosen)
-    made = access_tokens_of(http)
-    assert made is not None
-    return made
+    reader = access_tokens_of(http)
+    assert isinstance(reader, AccessTokens)
+    return reader
 
 
 def sign_in(issuer: OidcIssuer, **more: Any) -> SignIn:
