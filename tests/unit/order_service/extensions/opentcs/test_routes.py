@@ -10,7 +10,7 @@ import pytest
 
 from golden.outside import opentcs, order_service
 from nena_order_service.api.rest import role_needed
-from nena_order_service.extensions.opentcs.events import CLIENTS, ChangeLog, _vehicle
+from nena_order_service.extensions.opentcs.events import CLIENTS, ChangeLog, _vehicle_json
 from nena_order_service.extensions.opentcs.plant import plant_json, plant_xml
 from nena_order_service.service import OrderService
 from nena_plant_formats.files import read
@@ -149,7 +149,7 @@ def test_a_color_that_cannot_be_read_is_black(service: OrderService, color: str 
     assert known
     log = ChangeLog(service.engine.plant, SystemClock())
     model = Vehicle(name="Robot-01", color=color)
-    shown = _vehicle(engine.status(known), model, log.times("Robot-01"))
+    shown = _vehicle_json(engine.status(known), model, log.times("Robot-01"))
     assert shown["layout"]["routeColor"] == {"red": red, "green": 0, "blue": 0}
 
 

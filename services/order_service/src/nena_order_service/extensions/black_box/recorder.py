@@ -52,9 +52,9 @@ class _RecordedOrder:
 
     def new_entries(self, history: tuple[HistoryEntry, ...]) -> tuple[HistoryEntry, ...]:
         """Return the entries since then; a deferral may have replaced the last one."""
-        before = self.status.history
-        unchanged = bool(before) and history[len(before) - 1] is before[-1]
-        return history[len(before) if unchanged else max(len(before) - 1, 0) :]
+        recorded = self.status.history
+        unchanged = bool(recorded) and history[len(recorded) - 1] is recorded[-1]
+        return history[len(recorded) if unchanged else max(len(recorded) - 1, 0) :]
 
 
 class DecisionRecorder:
@@ -80,7 +80,7 @@ class DecisionRecorder:
         entries = (
             last.new_entries(status.history)
             if last
-            else tuple(each for each in status.history if each.timestamp >= self._since)
+            else tuple(entry for entry in status.history if entry.timestamp >= self._since)
         )
         about: dict[str, object] = {
             "order": status.name,
@@ -89,13 +89,13 @@ class DecisionRecorder:
         }
         for entry in entries:
             about |= {"event": entry.event_code, "explanation": entry.supplements}
-            self._add(_channel_of(entry), about | {"reason": status.reason})
+            self._add_decision(_channel_of(entry), about | {"reason": status.reason})
         if not entries and last and last.status.reason != status.reason:
-            self._add(ORDERS, about | {"reason": status.reason})
+            self._add_decision(ORDERS, about | {"reason": status.reason})
         route = self._record_route(status, last.route if last else None)
         if not status.state.final:
             self._orders[status.name] = _RecordedOrder(status, route)
-        elif _failed(status):
+        elif _has_failed(status):
             self._box.fail(ORDER_FAILED)
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
@@ -109,9 +109,9 @@ class DecisionRecorder:
             return
         about = {"vehicle": status.name, "order": status.transport_order, "reason": status.reason}
         if traffic:
-            self._add(TRAFFIC, about | {"wait": status.wait, "stop": status.stop})
+            self._add_decision(TRAFFIC, about | {"wait": status.wait, "stop": status.stop})
         if idle:
-            self._add(DISPATCH, about | {"connection": status.connection})
+            self._add_decision(DISPATCH, about | {"connection": status.connection})
         if (
             status.stop and not stop and last
         ):  # without an earlier status, the stop may be from before the start
@@ -124,17 +124,17 @@ class DecisionRecorder:
         match output:
             case outputs.PublishOrder(robot, order, update):
                 nodes, released = tuple(map(NODE_ID, order.nodes)), sum(map(RELEASED, order.nodes))
-                found: Mapping[str, object] = {
+                values: Mapping[str, object] = {
                     "orderId": order.order_id,
                     "orderUpdateId": update,
                     "base": nodes[:released],
                     "horizon": nodes[released:],
                 }
             case outputs.PublishInstantActions(robot, actions):
-                found = {"actions": [each.action_type for each in actions]}
+                values = {"actions": [action.action_type for action in actions]}
             case _:
                 return
-        self._add_event(robot, f"{topic}Sent", found)
+        self._add_event(robot, f"{topic}Sent", values)
 
     def happened(self, event: outputs.FleetOutput) -> None:
         """Record how a VDA order or an action went on; notice emergency stops."""
@@ -151,8 +151,8 @@ class DecisionRecorder:
             case outputs.VdaOrderCancelled(robot, order_id):
                 self._add_event(robot, "orderCancelled", {"orderId": order_id})
             case outputs.InstantActionEnded(robot, action, status, reason):
-                found = {"actions": [action.action_type], "status": status, "reason": reason}
-                self._add_event(robot, "instantActionEnded", found)
+                values = {"actions": [action.action_type], "status": status, "reason": reason}
+                self._add_event(robot, "instantActionEnded", values)
             case _:
                 pass
 
@@ -161,31 +161,31 @@ class DecisionRecorder:
         if state is None:
             return
         stop = state.safety_state.active_emergency_stop
-        before, stopped = self._stopped.get(robot), stop is not EmergencyStop.NONE
+        was_stopped, stopped = self._stopped.get(robot), stop is not EmergencyStop.NONE
         self._stopped[robot] = stopped
-        if stopped is (before or False):
+        if stopped is (was_stopped or False):
             return
-        self._add(TRAFFIC, {"robot": str(robot), "emergencyStop": stop})
-        if stopped and before is not None:  # the first state may show a stop from before the start
+        self._add_decision(TRAFFIC, {"robot": str(robot), "emergencyStop": stop})
+        if stopped and was_stopped is not None:  # the first state may show a stop from before the start
             self._box.fail(EMERGENCY_STOP)
 
     def _record_route(
-        self, status: TransportOrderStatus, before: tuple[str, ...] | None
+        self, status: TransportOrderStatus, last: tuple[str, ...] | None
     ) -> tuple[str, ...] | None:
         """Record the route to the current destination if it is a new one; return it."""
         index = status.current_drive_order_index
         if index < 0:
             return None
         current = status.drive_orders[index]
-        if current.route and current.route != before and not status.state.final:
-            found = {"destination": index + 1, "route": current.route, "avoided": current.avoided}
-            self._add(ROUTING, {"order": status.name, "vehicle": status.processing_vehicle, **found})
+        if current.route and current.route != last and not status.state.final:
+            route = {"destination": index + 1, "route": current.route, "avoided": current.avoided}
+            self._add_decision(ROUTING, {"order": status.name, "vehicle": status.processing_vehicle, **route})
         return current.route
 
-    def _add_event(self, robot: RobotKey, event: str, found: Mapping[str, object]) -> None:
-        self._add(DELIVERY, {"robot": str(robot), "event": event, **found})
+    def _add_event(self, robot: RobotKey, event: str, values: Mapping[str, object]) -> None:
+        self._add_decision(DELIVERY, {"robot": str(robot), "event": event, **values})
 
-    def _add(self, channel: Channel, decision: Mapping[str, object]) -> None:
+    def _add_decision(self, channel: Channel, decision: Mapping[str, object]) -> None:
         """Record a decision; fields without a value are left out of the file."""
         self._box.ring.add(channel, decision, self._clock.monotonic())
 
@@ -194,11 +194,11 @@ def _channel_of(entry: HistoryEntry) -> Channel:
     return CHANNELS.get(entry.event_code, ORDERS)
 
 
-def _failed(status: TransportOrderStatus) -> bool:
+def _has_failed(status: TransportOrderStatus) -> bool:
     """Return whether an ended order failed without being withdrawn."""
     if status.state is TransportOrderState.UNROUTABLE:
         return True
-    withdrawn = any(each.event_code == EventCode.WITHDRAWAL_REQUESTED for each in status.history)
+    withdrawn = any(entry.event_code == EventCode.WITHDRAWAL_REQUESTED for entry in status.history)
     return (
         status.state is TransportOrderState.FAILED and status.processing_vehicle is not None and not withdrawn
     )

@@ -67,15 +67,15 @@ class StateTimes(NamedTuple):
 class _Change:
     """One committed change."""
 
-    at: datetime
-    now: Status
-    before: Status | None
+    time: datetime
+    status: Status
+    last: Status | None
     times: StateTimes | None
     """Times of a vehicle's states; None for other objects."""
 
     @property
     def topic(self) -> EventTopic:
-        match self.now:
+        match self.status:
             case VehicleStatus():
                 return EventTopic.VEHICLES
             case TransportOrderStatus():
@@ -125,8 +125,8 @@ class ChangeLog(EventRing[_Change]):
         with self.client():
             while True:
                 added = self.added()
-                if (found := self._messages(first, last)) or self.closed:
-                    return found
+                if (messages := self._kept_messages(first, last)) or self.closed:
+                    return messages
                 first = max(first, self.count)  # earlier ones do not match
                 if not await set_within(added, max(end - loop.time(), 0.0)):
                     return []
@@ -138,81 +138,88 @@ class ChangeLog(EventRing[_Change]):
             TooManyClientsError: the limit of clients is reached; raised before the response starts.
         """
         self._require_room()
-        return self._follow(topics, self.count)
+        return self._follow_changes(topics, self.count)
 
-    async def _follow(self, topics: Collection[EventTopic], position: int) -> AsyncGenerator[bytes, None]:
+    async def _follow_changes(
+        self, topics: Collection[EventTopic], position: int
+    ) -> AsyncGenerator[bytes, None]:
         with self.client():
 
-            async def following() -> bytes:
+            async def next_frames() -> bytes:
                 nonlocal position
                 changes, position = self.last(min(self.count - position, KEPT)) or (), self.count
-                wanted = (each for each in changes if each.topic in topics)
-                return b"".join(map(self._frame, wanted))
+                wanted = (change for change in changes if change.topic in topics)
+                return b"".join(map(self._event_frame, wanted))
 
-            async for frames in self.frames(following):
+            async for frames in self.frames(next_frames):
                 yield frames
 
     def _require_room(self) -> None:
         if self.clients >= CLIENTS:
             raise TooManyClientsError(CLIENTS)
 
-    def _messages(self, first: int, last: int) -> list[Json]:
+    def _kept_messages(self, first: int, last: int) -> list[Json]:
         """Return the kept status messages with these numbers; sequences have none."""
         changes = self.last(min(max(self.count - first, 0), self.kept)) or ()
         return [
-            _message(number, each)
-            for number, each in enumerate(changes, self.count - len(changes))
-            if first <= number <= last and each.topic is not EventTopic.ORDER_SEQUENCES
+            _message_of(number, change)
+            for number, change in enumerate(changes, self.count - len(changes))
+            if first <= number <= last and change.topic is not EventTopic.ORDER_SEQUENCES
         ]
 
-    def _frame(self, change: _Change) -> bytes:
+    def _event_frame(self, change: _Change) -> bytes:
         event = {
-            "currentObjectState": self._object(change.now, change.times),
-            "previousObjectState": self._object(change.before, change.times) if change.before else None,
+            "currentObjectState": self._object_json(change.status, change.times),
+            "previousObjectState": self._object_json(change.last, change.times) if change.last else None,
         }
         return f"event: {change.topic}\ndata: {json.dumps(event)}\n\n".encode()
 
-    def _object(self, status: Status, times: StateTimes | None) -> Json:
+    def _object_json(self, status: Status, times: StateTimes | None) -> Json:
         match status:
             case VehicleStatus():
                 model = self._models.get(status.name) or Vehicle(name=status.name)
-                return _vehicle(status, model, times or self.times(status.name))
+                return _vehicle_json(status, model, times or self.times(status.name))
             case TransportOrderStatus():
-                return _order(status)
+                return _order_json(status)
             case OrderSequenceStatus():
-                return _sequence(status)
+                return _sequence_json(status)
             case PeripheralJobStatus():
-                return {"name": status.name, **_job(status), "properties": {}, "history": {"entries": []}}
+                return {
+                    "name": status.name,
+                    **_job_json(status),
+                    "properties": {},
+                    "history": {"entries": []},
+                }
 
 
 def _is_over(status: TransportOrderStatus | OrderSequenceStatus | PeripheralJobStatus) -> bool:
     return status.finished if isinstance(status, OrderSequenceStatus) else status.state.final
 
 
-def _message(number: int, change: _Change) -> Json:
+def _message_of(number: int, change: _Change) -> Json:
     """Return a status message of the long poll."""
-    head = {"sequenceNumber": number, "creationTimeStamp": iso(change.at)}
-    now = change.now
-    if isinstance(now, VehicleStatus) and change.times:
+    head = {"sequenceNumber": number, "creationTimeStamp": iso(change.time)}
+    status = change.status
+    if isinstance(status, VehicleStatus) and change.times:
         return {
             "type": "Vehicle",
             **head,
-            "vehicleName": now.name,
-            "transportOrderName": now.transport_order,
-            "position": now.current_position,
-            "precisePosition": position_of(now),
-            "vehicleOrientationAngle": angle_of(now),
+            "vehicleName": status.name,
+            "transportOrderName": status.transport_order,
+            "position": status.current_position,
+            "precisePosition": position_of(status),
+            "vehicleOrientationAngle": angle_of(status),
             "paused": False,
-            "state": now.state.value,
+            "state": status.state.value,
             "stateTimestamp": iso(change.times.state),
-            "procState": now.processing_state.value,
+            "procState": status.processing_state.value,
             "procStateTimestamp": iso(change.times.processing_state),
             "allocatedResources": [],
             "claimedResources": [],
         }
-    if isinstance(now, PeripheralJobStatus):
-        return {"type": "PeripheralJob", **head, "name": now.name, **_job(now)}
-    order = TransportOrderState.model_validate(now).model_dump(mode="json", by_alias=True)
+    if isinstance(status, PeripheralJobStatus):
+        return {"type": "PeripheralJob", **head, "name": status.name, **_job_json(status)}
+    order = TransportOrderState.model_validate(status).model_dump(mode="json", by_alias=True)
     return {
         "type": "TransportOrder",
         **head,
@@ -236,7 +243,7 @@ def angle_of(status: VehicleStatus) -> float | str:
     return round(degrees(position.theta), 3) if position else "NaN"
 
 
-def _vehicle(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
+def _vehicle_json(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
     shown = json_of("vehicle", model)
     color = shown["layout"]["routeColor"] if model.color else ""
     red, green, blue = bytes.fromhex(color[1:] if _COLOR.fullmatch(color) else "000000")
@@ -246,7 +253,7 @@ def _vehicle(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
         "properties": dict(model.properties),
         "history": {"entries": []},
         "boundingBox": shown["boundingBox"],
-        "energyLevelThresholdSet": {f"energyLevel{each}": shown[f"energyLevel{each}"] for each in levels},
+        "energyLevelThresholdSet": {f"energyLevel{level}": shown[f"energyLevel{level}"] for level in levels},
         "energyLevel": round(status.energy_level or 0),
         "maxVelocity": model.max_velocity_mm_s,
         "maxReverseVelocity": model.max_reverse_velocity_mm_s,
@@ -259,7 +266,8 @@ def _vehicle(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
         "transportOrder": status.transport_order,
         "orderSequence": status.order_sequence,
         "acceptableOrderTypes": [
-            {"name": each.name, "priority": each.priority} for each in status.acceptable_order_types
+            {"name": accepted.name, "priority": accepted.priority}
+            for accepted in status.acceptable_order_types
         ],
         "claimedResources": [],
         "allocatedResources": [],
@@ -270,20 +278,20 @@ def _vehicle(status: VehicleStatus, model: Vehicle, times: StateTimes) -> Json:
     }
 
 
-def _order(order: TransportOrderStatus) -> Json:
+def _order_json(order: TransportOrderStatus) -> Json:
     shown = TransportOrderState.model_validate(order).model_dump(mode="json", by_alias=True)
     return {
         **{name: value for name, value in shown.items() if name not in ("category", "destinations")},
-        "properties": _map(order.properties),
-        "history": _history(order.history),
-        "driveOrders": [_drive_order(order.name, *each) for each in enumerate(order.drive_orders)],
+        "properties": _by_key(order.properties),
+        "history": _history_json(order.history),
+        "driveOrders": [_drive_order_json(order.name, *indexed) for indexed in enumerate(order.drive_orders)],
         "currentDriveOrderIndex": order.current_drive_order_index,
         "currentRouteStepIndex": -1,
         "finishedTime": shown["finishedTime"] or LAST_MOMENT,
     }
 
 
-def _drive_order(order: str, index: int, drive_order: DriveOrderStatus) -> Json:
+def _drive_order_json(order: str, index: int, drive_order: DriveOrderStatus) -> Json:
     """Return a drive order; its route only has points, because costs and paths are not kept."""
     points = drive_order.route or ()
     steps = [
@@ -305,7 +313,7 @@ def _drive_order(order: str, index: int, drive_order: DriveOrderStatus) -> Json:
         "destination": {
             "destination": destination.location_name or "",
             "operation": destination.operation,
-            "properties": {each.key: each.text for each in destination.properties},
+            "properties": {item.key: item.text for item in destination.properties},
         },
         "transportOrder": order,
         "route": {"steps": steps, "costs": 0} if drive_order.route else None,
@@ -313,7 +321,7 @@ def _drive_order(order: str, index: int, drive_order: DriveOrderStatus) -> Json:
     }
 
 
-def _job(job: PeripheralJobStatus) -> Json:
+def _job_json(job: PeripheralJobStatus) -> Json:
     """Return what the job has in events, the long poll and answers."""
     return {
         "reservationToken": job.reservation_token,
@@ -333,28 +341,28 @@ def _job(job: PeripheralJobStatus) -> Json:
 
 def peripheral_job(job: PeripheralJobStatus) -> Json:
     """Return a peripheral job as in openTCS's answers."""
-    return {"name": job.name, **_job(job), "properties": []}
+    return {"name": job.name, **_job_json(job), "properties": []}
 
 
-def _sequence(sequence: OrderSequenceStatus) -> Json:
+def _sequence_json(sequence: OrderSequenceStatus) -> Json:
     shown = OrderSequenceState.model_validate(sequence).model_dump(mode="json", by_alias=True)
     del shown["orderTypes"]
-    return {**shown, "properties": _map(sequence.properties), "history": _history(sequence.history)}
+    return {**shown, "properties": _by_key(sequence.properties), "history": _history_json(sequence.history)}
 
 
-def _map(properties: tuple[Property, ...]) -> dict[str, str]:
-    return {each.key: each.value for each in properties}
+def _by_key(properties: tuple[Property, ...]) -> dict[str, str]:
+    return {item.key: item.value for item in properties}
 
 
-def _history(entries: tuple[HistoryEntry, ...]) -> Json:
+def _history_json(entries: tuple[HistoryEntry, ...]) -> Json:
     return {
         "entries": [
             {
-                "timestamp": iso(each.timestamp),
-                "eventCode": each.event_code,
-                "supplements": list(each.supplements),
+                "timestamp": iso(entry.timestamp),
+                "eventCode": entry.event_code,
+                "supplements": list(entry.supplements),
             }
-            for each in entries
+            for entry in entries
         ]
     }
 
@@ -376,6 +384,6 @@ def add_routes(app: FastAPI, changes: ChangeLog) -> None:
 
     @app.get("/v1/sse", response_class=StreamingResponse)
     async def stream(request: Request) -> StreamingResponse:
-        topics = {each for each in EventTopic if request.query_params.get(each, "").lower() == "true"}
+        topics = {topic for topic in EventTopic if request.query_params.get(topic, "").lower() == "true"}
         frames = changes.follow(topics)
         return StreamingResponse(frames, media_type="text/event-stream", headers=HEADERS)

@@ -80,7 +80,7 @@ class State(Body):
 
 
 def _as_texts(properties: Any) -> list[Property]:  # noqa: ANN401 - of a destination
-    return [Property(key=each.key, value=each.text) for each in properties]
+    return [Property(key=item.key, value=item.text) for item in properties]
 
 
 class DestinationState(State):
@@ -148,7 +148,9 @@ def _add_orders(app: FastAPI, hosts: HostServices) -> None:
         if intended_vehicle is not None:
             hosts.vehicles.vehicle(intended_vehicle)
         wanted = OrderFilter(intended_vehicle=intended_vehicle, limit=LISTED)
-        return [TransportOrderState.model_validate(each.status) async for each in hosts.orders.orders(wanted)]
+        return [
+            TransportOrderState.model_validate(order.status) async for order in hosts.orders.orders(wanted)
+        ]
 
     @app.get(f"{ORDERS}/{{name}}")
     async def show(name: str) -> TransportOrderState:
@@ -216,7 +218,8 @@ def _add_sequences(app: FastAPI, hosts: HostServices) -> None:
             hosts.vehicles.vehicle(intended_vehicle)
         wanted = SequenceFilter(intended_vehicle=intended_vehicle, limit=LISTED)
         return [
-            OrderSequenceState.model_validate(each.status) for each in await hosts.sequences.sequences(wanted)
+            OrderSequenceState.model_validate(sequence.status)
+            for sequence in await hosts.sequences.sequences(wanted)
         ]
 
     @app.get(f"{SEQUENCES}/{{name}}")

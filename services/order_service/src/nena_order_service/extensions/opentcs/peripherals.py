@@ -49,8 +49,8 @@ def _add_jobs(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
             hosts.vehicles.vehicle(vehicle)
         if order is not None:
             await hosts.orders.order(order)
-        found = peripherals.page(PeripheralJobsQuery(vehicle=vehicle, transport_order=order))
-        return [peripheral_job(each) for each in found.peripheral_jobs]
+        jobs = peripherals.page(PeripheralJobsQuery(vehicle=vehicle, transport_order=order))
+        return [peripheral_job(job) for job in jobs.peripheral_jobs]
 
     @app.post("/v1/peripheralJobs/dispatcher/trigger", response_class=Response)
     @app.post("/v1/peripherals/dispatcher/trigger", response_class=Response)

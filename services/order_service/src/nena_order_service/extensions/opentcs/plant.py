@@ -34,13 +34,14 @@ NEEDED: Final = ...
 
 
 class Value(NamedTuple):
-    """A value of an object, by its names in JSON, XML and the plant model; dots lead into inner objects."""
+    """A value of an object, by its names in JSON, the plant model and XML; dots lead into inner objects."""
 
     json: str
-    xml: str
     model: str
-    default: Any
+    default: Any = NEEDED
     """What openTCS takes if hosts leave the value out, and shows if the model has none."""
+    xml: str = ""
+    """Empty: as in JSON."""
 
 
 class Part(NamedTuple):
@@ -54,99 +55,92 @@ class Part(NamedTuple):
     """``dict``: one object; ``list``: objects; ``str``: names."""
 
 
-NAME: Final = Value("name", "name", "name", NEEDED)
+NAME: Final = Value("name", "name")
 POSITION: Final = tuple(
-    Value(f"position.{each}", f"position{each.upper()}", f"{each}_mm", 0) for each in "xyz"
+    Value(f"position.{axis}", f"{axis}_mm", 0, f"position{axis.upper()}") for axis in "xyz"
 )
 LABEL: Final = (
-    Value("labelOffset.x", "labelOffsetX", "label_offset_x_px", -10),
-    Value("labelOffset.y", "labelOffsetY", "label_offset_y_px", -20),
-    Value("layerId", "layerId", "layer_id", 0),
+    Value("labelOffset.x", "label_offset_x_px", -10, "labelOffsetX"),
+    Value("labelOffset.y", "label_offset_y_px", -20, "labelOffsetY"),
+    Value("layerId", "layer_id", 0),
 )
-X_Y: Final = Value("x", "x", "x_mm", NEEDED), Value("y", "y", "y_mm", NEEDED)
+X_Y: Final = Value("x", "x_mm"), Value("y", "y_mm")
 BOX: Final = (
-    Value("length", "length", "length_mm", 1000),
-    Value("width", "width", "width_mm", 1000),
-    Value("height", "height", "height_mm", 1000),
-    Value("referenceOffset.x", "referenceOffsetX", "reference_offset_x_mm", 0),
-    Value("referenceOffset.y", "referenceOffsetY", "reference_offset_y_mm", 0),
+    Value("length", "length_mm", 1000),
+    Value("width", "width_mm", 1000),
+    Value("height", "height_mm", 1000),
+    Value("referenceOffset.x", "reference_offset_x_mm", 0, "referenceOffsetX"),
+    Value("referenceOffset.y", "reference_offset_y_mm", 0, "referenceOffsetY"),
 )
 VALUES: Final[Mapping[str, tuple[Value, ...]]] = {
     "model": (NAME,),
     "point": (
         NAME,
         *POSITION,
-        Value("vehicleOrientationAngle", "vehicleOrientationAngle", "orientation_deg", "NaN"),
-        Value("type", "type", "type", "HALT_POSITION"),
+        Value("vehicleOrientationAngle", "orientation_deg", "NaN"),
+        Value("type", "type", "HALT_POSITION"),
     ),
     "path": (
         NAME,
-        Value("srcPointName", "sourcePoint", "source", NEEDED),
-        Value("destPointName", "destinationPoint", "destination", NEEDED),
-        Value("length", "length", "length_mm", 1),
-        Value("maxVelocity", "maxVelocity", "max_velocity_mm_s", 0),
-        Value("maxReverseVelocity", "maxReverseVelocity", "max_reverse_velocity_mm_s", 0),
-        Value("locked", "locked", "locked", default=False),
+        Value("srcPointName", "source", NEEDED, "sourcePoint"),
+        Value("destPointName", "destination", NEEDED, "destinationPoint"),
+        Value("length", "length_mm", 1),
+        Value("maxVelocity", "max_velocity_mm_s", 0),
+        Value("maxReverseVelocity", "max_reverse_velocity_mm_s", 0),
+        Value("locked", "locked", default=False),
     ),
     "peripheralOperation": (
-        Value("operation", "name", "name", NEEDED),
-        Value("locationName", "locationName", "location", NEEDED),
-        Value("executionTrigger", "executionTrigger", "execution_trigger", "AFTER_ALLOCATION"),
-        Value("completionRequired", "completionRequired", "completion_required", default=False),
+        Value("operation", "name", NEEDED, "name"),
+        Value("locationName", "location"),
+        Value("executionTrigger", "execution_trigger", "AFTER_ALLOCATION"),
+        Value("completionRequired", "completion_required", default=False),
     ),
     "vehicle": (
         NAME,
-        Value("energyLevelCritical", "energyLevelCritical", "energy_thresholds.critical", 30),
-        Value("energyLevelGood", "energyLevelGood", "energy_thresholds.good", 90),
-        *(
-            Value(f"energyLevel{each}", f"energyLevel{each}", f"energy_thresholds.{model}", default)
-            for each, model, default in (
-                ("FullyRecharged", "fully_recharged", 90),
-                ("SufficientlyRecharged", "sufficiently_recharged", 30),
-            )
-        ),
-        Value("maxVelocity", "maxVelocity", "max_velocity_mm_s", 1000),
-        Value("maxReverseVelocity", "maxReverseVelocity", "max_reverse_velocity_mm_s", 1000),
-        Value("envelopeKey", "envelopeKey", "envelope_key", None),
+        Value("energyLevelCritical", "energy_thresholds.critical", 30),
+        Value("energyLevelGood", "energy_thresholds.good", 90),
+        Value("energyLevelFullyRecharged", "energy_thresholds.fully_recharged", 90),
+        Value("energyLevelSufficientlyRecharged", "energy_thresholds.sufficiently_recharged", 30),
+        Value("maxVelocity", "max_velocity_mm_s", 1000),
+        Value("maxReverseVelocity", "max_reverse_velocity_mm_s", 1000),
+        Value("envelopeKey", "envelope_key", None),
     ),
     "locationType": (NAME,),
     "location": (
         NAME,
         *POSITION,
-        Value("typeName", "type", "type", NEEDED),
-        Value("locked", "locked", "locked", default=False),
+        Value("typeName", "type", NEEDED, "type"),
+        Value("locked", "locked", default=False),
     ),
-    "link": (Value("pointName", "point", "point", NEEDED),),
-    "block": (NAME, Value("type", "type", "type", "SINGLE_VEHICLE_ONLY")),
-    "vehicleEnvelope": (Value("envelopeKey", "key", "key", NEEDED),),
+    "link": (Value("pointName", "point", NEEDED, "point"),),
+    "block": (NAME, Value("type", "type", "SINGLE_VEHICLE_ONLY")),
+    "vehicleEnvelope": (Value("envelopeKey", "key", NEEDED, "key"),),
     "vertex": X_Y,
     "maxVehicleBoundingBox": BOX,
     "boundingBox": BOX,
     "pointLayout": LABEL,
     "pathLayout": (
-        Value("connectionType", "connectionType", "connection_type", "DIRECT"),
-        Value("layerId", "layerId", "layer_id", 0),
+        Value("connectionType", "connection_type", "DIRECT"),
+        Value("layerId", "layer_id", 0),
     ),
     "controlPoint": X_Y,
-    "vehicleLayout": (Value("routeColor", "color", "color", "#00FF00"),),
-    "locationTypeLayout": (
-        Value("locationRepresentation", "locationRepresentation", "representation", "NONE"),
-    ),
+    "vehicleLayout": (Value("routeColor", "color", "#00FF00", "color"),),
+    "locationTypeLayout": (Value("locationRepresentation", "representation", "NONE"),),
     "locationLayout": (
-        Value("locationRepresentation", "locationRepresentation", "representation", "DEFAULT"),
+        Value("locationRepresentation", "representation", "DEFAULT"),
         *LABEL,
     ),
-    "blockLayout": (Value("color", "color", "color", "#FF0000"),),
+    "blockLayout": (Value("color", "color", "#FF0000"),),
     "visualLayout": (
         NAME,
-        Value("scaleX", "scaleX", "scale_x_mm_per_px", 50.0),
-        Value("scaleY", "scaleY", "scale_y_mm_per_px", 50.0),
+        Value("scaleX", "scale_x_mm_per_px", 50.0),
+        Value("scaleY", "scale_y_mm_per_px", 50.0),
     ),
     "layer": (
-        *(Value(each, each, each, NEEDED) for each in ("id", "ordinal", "visible", "name")),
-        Value("groupId", "groupId", "group_id", NEEDED),
+        *(Value(name, name) for name in ("id", "ordinal", "visible", "name")),
+        Value("groupId", "group_id"),
     ),
-    "layerGroup": tuple(Value(each, each, each, NEEDED) for each in ("id", "name", "visible")),
+    "layerGroup": tuple(Value(name, name) for name in ("id", "name", "visible")),
 }
 """The values of the objects, by the tags of their XML elements."""
 
@@ -207,7 +201,7 @@ def plant_json(model: PlantModel) -> Json:
     for location, body in zip(model.locations, shown["locations"], strict=True):
         drawn = location.layout.position or location
         body["layout"]["position"] = {"x": drawn.x_mm, "y": drawn.y_mm}
-    for point in (each for path in shown["paths"] for each in path["layout"]["controlPoints"]):
+    for point in (point for path in shown["paths"] for point in path["layout"]["controlPoints"]):
         # As in the XML file, control points are in pixels, y downwards.
         point["x"] = round(point["x"] / layout.scale_x_mm_per_px)
         point["y"] = round(-point["y"] / layout.scale_y_mm_per_px)
@@ -232,7 +226,7 @@ def json_of(tag: str, shown: Any) -> Json:  # noqa: ANN401 - an object of the pl
             body[part.json] = json_of(part.tag, content)
         else:
             body[part.json] = (
-                [*content] if part.kind is str else [json_of(part.tag, each) for each in content]
+                [*content] if part.kind is str else [json_of(part.tag, item) for item in content]
             )
     if tag in WITH_PROPERTIES:
         body["properties"] = [{"name": key, "value": value} for key, value in shown.properties.items()]
@@ -252,12 +246,12 @@ def plant_xml(content: JsonValue) -> bytes:
         PlantModelError: the content does not have that form.
     """
     try:
-        body = _object(content)
-        layout = _object(body.get("visualLayout") or {"name": "VLayout"})
+        body = _as_object(content)
+        layout = _as_object(body.get("visualLayout") or {"name": "VLayout"})
         layers = {name: layout.get(name) or default for name, default in ONE_LAYER.items()}
         vehicles = [
-            {**each, "boundingBox": each.get("boundingBox") or {"length": each.get("length")}}
-            for each in _objects(body, "vehicles")
+            {**vehicle, "boundingBox": vehicle.get("boundingBox") or {"length": vehicle.get("length")}}
+            for vehicle in _objects_in(body, "vehicles")
         ]
         root = Element("model", version=VERSION, name=str(body["name"]))
         _add_parts(root, {**body, "vehicles": vehicles, "visualLayout": layout | layers})
@@ -276,33 +270,33 @@ def _add_parts(element: Element, body: Json) -> None:
                 add(element, part.tag, name=name)
         else:
             single = part.kind is dict
-            for each in [_object(body.get(part.json) or {})] if single else _objects(body, part.json):
-                values = {value.xml: _value_in(each, value) for value in VALUES[part.tag]}
-                _add_parts(add(element, part.tag, **values), each)
-    for each in _objects(body, "properties") if element.tag in WITH_PROPERTIES else ():
-        add(element, "property", name=each.get("name", each.get("key")), value=each["value"])
+            for inner in [_as_object(body.get(part.json) or {})] if single else _objects_in(body, part.json):
+                values = {value.xml or value.json: _value_in(inner, value) for value in VALUES[part.tag]}
+                _add_parts(add(element, part.tag, **values), inner)
+    for item in _objects_in(body, "properties") if element.tag in WITH_PROPERTIES else ():
+        add(element, "property", name=item.get("name", item.get("key")), value=item["value"])
 
 
 def _value_in(body: Json, value: Value) -> Any:  # noqa: ANN401 - JSON
     """Return a value of an object, or its default."""
     *way, key = value.json.split(".")
     for step in way:
-        body = _object(body.get(step) or {})
+        body = _as_object(body.get(step) or {})
     content = body.get(key)
     if content is None and value.default is NEEDED:
         raise KeyError(key)
     return value.default if content is None else content
 
 
-def _objects(body: Json, name: str) -> list[Json]:
+def _objects_in(body: Json, name: str) -> list[Json]:
     objects = body.get(name) or []
     if not isinstance(objects, list):
         message = f"{name} is not a list"
         raise TypeError(message)
-    return [_object(each) for each in objects]
+    return [_as_object(item) for item in objects]
 
 
-def _object(value: Any) -> Json:  # noqa: ANN401 - JSON
+def _as_object(value: Any) -> Json:  # noqa: ANN401 - JSON
     if not isinstance(value, dict):
         message = f"{str(value)[:60]!r} is not an object"
         raise TypeError(message)
@@ -337,7 +331,7 @@ def add_routes(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: 
         try:
             report = await asyncio.to_thread(lambda: read_plant(plant_xml(body), strict=False))
         except PlantModelError as error:
-            raise InvalidPlantError([str(each) for each in error.problems]) from error
+            raise InvalidPlantError([str(problem) for problem in error.problems]) from error
         await change_plant(report.model)
 
     @app.post("/v1/plantModel/topologyUpdateRequest", response_class=Response)
@@ -350,14 +344,14 @@ def add_routes(app: FastAPI, plant: PlantModel, locks: PathLocks, change_plant: 
     async def lock_location(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> None:
         if name not in plant.locations_by_name:
             raise HTTPException(HTTPStatus.NOT_FOUND, f"Could not find location {name!r}.")
-        await change_plant(lambda present: _changed(present, "locations", name, locked=new_value))
+        await change_plant(lambda present: _change_object(present, "locations", name, locked=new_value))
 
 
 def _add_vehicle_data(app: FastAPI, plant: PlantModel, change_plant: ChangePlant) -> None:
     async def change_vehicle(name: str, **fields: object) -> None:
         if name not in plant.vehicles_by_name:
             raise UnknownVehicleError(name)
-        await change_plant(lambda present: _changed(present, "vehicles", name, **fields))
+        await change_plant(lambda present: _change_object(present, "vehicles", name, **fields))
 
     @app.put("/v1/vehicles/{name}/energyLevelThresholdSet", response_class=Response)
     async def set_thresholds(name: str, body: Thresholds) -> None:
@@ -374,10 +368,10 @@ def _add_vehicle_data(app: FastAPI, plant: PlantModel, change_plant: ChangePlant
         await change_vehicle(name, envelope_key=key)
 
 
-def _changed(plant: PlantModel, kind: str, name: str, **fields: object) -> PlantModel:
+def _change_object(plant: PlantModel, kind: str, name: str, **fields: object) -> PlantModel:
     """Return a plant model with other fields of one of its objects; the same one if nothing changes."""
     objects = getattr(plant, kind)
-    changed = tuple(each.model_copy(update=fields) if each.name == name else each for each in objects)
+    changed = tuple(item.model_copy(update=fields) if item.name == name else item for item in objects)
     if changed == objects:
         return plant
     # pydantic's model_copy would keep the plant model's cached indexes by name

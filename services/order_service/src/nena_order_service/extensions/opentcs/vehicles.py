@@ -105,7 +105,7 @@ class VehicleState(Body):
                 "state": status.state.value,
                 "stateTimestamp": times.state,
                 "acceptableOrderTypes": status.acceptable_order_types,
-                "allowedOrderTypes": [each.name for each in status.acceptable_order_types],
+                "allowedOrderTypes": [accepted.name for accepted in status.acceptable_order_types],
             }
         )
 
@@ -156,7 +156,7 @@ def _add_states(app: FastAPI, hosts: HostServices, engine: Engine, changes: Chan
         proc_state: Annotated[ProcessingState | None, Query(alias="procState")] = None,
     ) -> list[VehicleState]:
         vehicles = hosts.vehicles.vehicles()
-        return [state_of(each) for each in vehicles if proc_state in (None, each.processing_state)]
+        return [state_of(vehicle) for vehicle in vehicles if proc_state in (None, vehicle.processing_state)]
 
     @app.get(f"{VEHICLES}/{{name}}")
     async def show(name: str) -> VehicleState:
@@ -188,7 +188,7 @@ def _add_commands(app: FastAPI, hosts: HostServices) -> None:
 
     @app.put(f"{VEHICLES}/{{name}}/allowedOrderTypes", response_class=Response)
     async def allow(name: str, body: AllowedOrderTypes) -> None:
-        types = tuple(AcceptableOrderType(name=each) for each in dict.fromkeys(body.order_types))
+        types = tuple(AcceptableOrderType(name=name) for name in dict.fromkeys(body.order_types))
         await vehicles.accept_order_types(name, types)
 
     @app.put("/v1/paths/{name:path}/locked", response_class=Response)
@@ -237,8 +237,11 @@ def _add_route_query(app: FastAPI, hosts: HostServices, engine: Engine) -> None:
             text = f"The position of vehicle {name!r} is unknown; name a sourcePoint."
             raise NotPossibleError(text)
         resources = {*plant.points_by_name, *plant.paths_by_name, *plant.locations_by_name}
-        unknown = [each for each in (start, *body.destination_points) if each not in plant.points_by_name]
-        if unknown := [*unknown, *(each for each in body.resources_to_avoid if each not in resources)]:
+        unknown = [point for point in (start, *body.destination_points) if point not in plant.points_by_name]
+        if unknown := [
+            *unknown,
+            *(resource for resource in body.resources_to_avoid if resource not in resources),
+        ]:
             raise HTTPException(HTTPStatus.NOT_FOUND, f"Unknown points or resources: {', '.join(unknown)}")
         return {"routes": [route_to(name, start, end, body) for end in body.destination_points]}
 

@@ -64,8 +64,11 @@ def order_spans(status: TransportOrderStatus) -> Iterator[Span]:
     for entry in status.history:
         if entry.event_code == EventCode.ASSIGNED_TO_VEHICLE:
             vehicle, *why = entry.supplements or ("",)
-            found: dict[str, AttributeValue] = {"nena.vehicle": vehicle, "nena.reason": cut(" ".join(why))}
-            yield part_of_order("dispatch", status.name, waits_since, entry.timestamp, found)
+            attributes: dict[str, AttributeValue] = {
+                "nena.vehicle": vehicle,
+                "nena.reason": cut(" ".join(why)),
+            }
+            yield part_of_order("dispatch", status.name, waits_since, entry.timestamp, attributes)
         elif entry.event_code == EventCode.REASSIGNED:
             waits_since = entry.timestamp
 
@@ -74,8 +77,8 @@ def part_of_order(
     name: str, order: str, begin: datetime, end: datetime, attributes: dict[str, AttributeValue] | None = None
 ) -> Span:
     """Return a child of a transport order's span."""
-    found = {"nena.transport_order": order, **(attributes or {})}
-    return Span(name, trace_id_of(order), new_span_id(), order_span_id(order), begin, end, found)
+    attributes = {"nena.transport_order": order, **(attributes or {})}
+    return Span(name, trace_id_of(order), new_span_id(), order_span_id(order), begin, end, attributes)
 
 
 def _attributes_of(status: TransportOrderStatus) -> dict[str, AttributeValue]:
@@ -143,10 +146,10 @@ class OrderTracer:
             del self._running[next(iter(self._running))]
         if order is None or restored:
             return
-        starts = [each.timestamp for each in order.status.history if each.event_code in PLANNED_AFTER]
+        starts = [entry.timestamp for entry in order.status.history if entry.event_code in PLANNED_AFTER]
         if starts:
-            found: dict[str, AttributeValue] = {"vda5050.order_id": order_id}
-            self._export(part_of_order("plan", order.name, starts[-1], moment, found))
+            attributes: dict[str, AttributeValue] = {"vda5050.order_id": order_id}
+            self._export(part_of_order("plan", order.name, starts[-1], moment, attributes))
 
     def published(self, output: outputs.Publish) -> None:
         """Note that an order or an update was sent."""
@@ -156,46 +159,46 @@ class OrderTracer:
         if execution:
             execution.sent = execution.sent or self._clock.now()
             execution.messages += 1
-            self._note(execution, "vda5050.orderSent", order_update_id=output.order_update_id)
+            self._add_event(execution, "vda5050.orderSent", order_update_id=output.order_update_id)
 
     def happened(self, event: outputs.FleetOutput) -> None:
         """Note an event of a VDA order; export its span once it has ended."""
         match event:
             case outputs.VdaOrderAccepted(order_id=order_id) if execution := self._running.get(order_id):
-                self._accepted(order_id, execution)
+                self._export_delivery(order_id, execution)
             case outputs.NodePassed(order_id=order_id, node_id=node) if execution := self._running.get(
                 order_id
             ):
-                self._note(execution, "vda5050.nodePassed", node_id=node)
+                self._add_event(execution, "vda5050.nodePassed", node_id=node)
             case outputs.OperationStarted(order_id=order_id) if execution := self._running.get(order_id):
-                self._note(execution, "vda5050.operationStarted")
+                self._add_event(execution, "vda5050.operationStarted")
             case outputs.VdaOrderFinished(robot, order_id):
-                self._ended(robot, order_id, "finished")
+                self._export_execution(robot, order_id, "finished")
             case outputs.VdaOrderCancelled(robot, order_id):
-                self._ended(robot, order_id, "cancelled")
+                self._export_execution(robot, order_id, "cancelled")
             case outputs.VdaOrderFailed(robot, order_id, reason):
-                self._ended(robot, order_id, "failed", error=cut(reason))
+                self._export_execution(robot, order_id, "failed", error=cut(reason))
             case _:
                 pass
 
-    def _note(self, execution: _FollowedOrder, name: str, **attributes: AttributeValue) -> None:
+    def _add_event(self, execution: _FollowedOrder, name: str, **attributes: AttributeValue) -> None:
         if len(execution.events) < EVENTS_LIMIT:
-            found = {f"vda5050.{key}": value for key, value in attributes.items()}
-            execution.events.append(SpanEvent(name, self._clock.now(), found))
+            prefixed = {f"vda5050.{key}": value for key, value in attributes.items()}
+            execution.events.append(SpanEvent(name, self._clock.now(), prefixed))
 
-    def _accepted(self, order_id: str, execution: _FollowedOrder) -> None:
-        self._note(execution, "vda5050.orderAccepted")
+    def _export_delivery(self, order_id: str, execution: _FollowedOrder) -> None:
+        self._add_event(execution, "vda5050.orderAccepted")
         if execution.sent and not execution.accepted:
             trace, parent = trace_id_of(order_name_of(order_id)), vda_order_span_id(order_id)
-            found: dict[str, AttributeValue] = {
+            attributes: dict[str, AttributeValue] = {
                 "vda5050.order_id": order_id,
                 "nena.messages": execution.messages,
             }
-            now = self._clock.now()
-            self._export(Span("deliver", trace, new_span_id(), parent, execution.sent, now, found))
+            delivered = self._clock.now()
+            self._export(Span("deliver", trace, new_span_id(), parent, execution.sent, delivered, attributes))
         execution.accepted = True
 
-    def _ended(self, robot: RobotKey, order_id: str, outcome: str, *, error: str = "") -> None:
+    def _export_execution(self, robot: RobotKey, order_id: str, outcome: str, *, error: str = "") -> None:
         execution = self._running.pop(order_id, None)
         if execution is None:
             return
