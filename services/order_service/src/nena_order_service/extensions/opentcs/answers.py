@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Final
 
@@ -56,15 +57,16 @@ def install(app: FastAPI) -> None:
 
 def response_to(request: Request, error: Exception) -> Response:
     """Return the answer to a request that raised an error; an unexpected error is logged."""
-    headers = None
+    status: int = HTTPStatus.BAD_REQUEST
+    headers: Mapping[str, str] | None = None
+    reasons: tuple[str, ...]
     match error:
         case RequestValidationError() | ValidationError():
-            status = HTTPStatus.BAD_REQUEST
             reasons = tuple(in_words(error.errors(), whole="body", root="body", most=FINDINGS_SHOWN))
         case HTTPException():
-            status, reasons, headers = HTTPStatus(error.status_code), (str(error.detail),), error.headers
+            status, reasons, headers = error.status_code, (str(error.detail),), error.headers
         case NotPossibleError():
-            status, reasons = HTTPStatus.BAD_REQUEST, (str(error),)
+            reasons = (str(error),)
         case _:
             if not isinstance(error, FORESEEN):
                 log.error("request failed", path=request.url.path, exc_info=error)

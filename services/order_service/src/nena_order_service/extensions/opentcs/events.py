@@ -104,7 +104,8 @@ class ChangeLog(EventRing[_Change]):
 
     def note(self, status: Status) -> None:
         """Note the new version of an object."""
-        key, time, times = (type(status), status.name), self._clock.now(), None
+        key, time = (type(status), status.name), self._clock.now()
+        times: StateTimes | None = None
         last = self._last.pop(key, None)
         if isinstance(status, VehicleStatus):
             times = self.times(status.name)
@@ -234,7 +235,9 @@ def _message_of(number: int, change: _Change) -> Json:
 def position_of(status: VehicleStatus) -> Json | None:
     """Return the position of a vehicle in whole mm; None if it is unknown."""
     position = status.precise_position
-    return position and {"x": round(position.x * MM_PER_M), "y": round(position.y * MM_PER_M), "z": 0}
+    if position is None:
+        return None
+    return {"x": round(position.x * MM_PER_M), "y": round(position.y * MM_PER_M), "z": 0}
 
 
 def angle_of(status: VehicleStatus) -> float | str:
