@@ -191,8 +191,8 @@ class Listeners(Extension):
     def __init__(self, listeners: Sequence[Extension]) -> None:
         self._listeners = listeners
         for name in EVENTS:
-            own = [each for each in listeners if getattr(type(each), name) is not getattr(Extension, name)]
-            setattr(self, name, partial(_tell, [getattr(each, name) for each in own]))
+            own = [ext for ext in listeners if getattr(type(ext), name) is not getattr(Extension, name)]
+            setattr(self, name, partial(_tell, [getattr(ext, name) for ext in own]))
 
     def committing(self, request: OpenRequest, changes: Changes) -> None:
         """Let extensions add to the changes: none is committed without its row in the audit trail."""

@@ -45,11 +45,11 @@ class ObjectStates:
         """Return the state of an object as JSON, by ``describe`` if given; empty if it is unknown."""
         describe = describe or self._kinds.get(kind)
         try:
-            found = describe(name, changes or Changes()) if describe else None
+            state = describe(name, changes or Changes()) if describe else None
         except Exception:  # an object that cannot be described must not hold up the change
             log.exception("state not shown in the audit trail", kind=kind, name=name)
-            found = None
-        return json.dumps(found, ensure_ascii=False) if found else ""
+            state = None
+        return json.dumps(state, ensure_ascii=False) if state else ""
 
     def _order(self, name: str, _: Changes) -> State | None:
         order = self._state.orders.named(name)
@@ -71,14 +71,14 @@ class ObjectStates:
             return None
         record = self._state.vehicles.of(vehicle.key)
         types = record.acceptable_order_types
-        own = {"acceptableOrderTypes": [each.name for each in types]} if types is not None else {}
+        own = {"acceptableOrderTypes": [order_type.name for order_type in types]} if types is not None else {}
         return {"integrationLevel": record.integration_level.value, **own}
 
     def _path(self, name: str, changes: Changes) -> State | None:
         if name in changes.path_locks:
             return {"locked": changes.path_locks[name]}
-        known = name in self._engine.plant.paths_by_name
-        return {"locked": self._engine.context.finder.is_locked(name)} if known else None
+        is_path = name in self._engine.plant.paths_by_name
+        return {"locked": self._engine.context.finder.is_locked(name)} if is_path else None
 
     def _stop(self, name: str, _: Changes) -> State | None:
         with suppress(UnknownStopError):
@@ -92,8 +92,8 @@ class ObjectStates:
     def _zone_set(self, name: str, changes: Changes) -> State | None:
         with suppress(UnknownZoneSetError):
             document = changes.documents.get((ZONE_SET, name))
-            known = Wanted.model_validate_json(document) if document else self._zones.get(name)
-            return {"enabled": known.enabled, "deleted": known.deleted}
+            zone_set = Wanted.model_validate_json(document) if document else self._zones.get(name)
+            return {"enabled": zone_set.enabled, "deleted": zone_set.deleted}
         return None
 
     def _plant_model(self, _name: str, changes: Changes) -> State | None:
@@ -106,14 +106,14 @@ class ObjectStates:
 def created_in(changes: Changes, kind: str) -> str:
     """Return the name of the object of this kind that changes create; empty if they create none."""
     if kind == "transportOrder":
-        new = (each.order for each in changes.orders.values() if each.new)
-        return next((each.name for each in new if not each.status.automatic), "")
+        orders = (change.order for change in changes.orders.values() if change.new)
+        return next((order.name for order in orders if not order.status.automatic), "")
     if kind == "orderSequence":
-        return next((each.name for each in changes.sequences.values()), "")
+        return next((sequence.name for sequence in changes.sequences.values()), "")
     documents = {"stop": STOP, "peripheralJob": PERIPHERAL_JOB}
     of_kind = (
         name
-        for (each, name), document in changes.documents.items()
-        if each == documents.get(kind) and document
+        for (document_kind, name), document in changes.documents.items()
+        if document_kind == documents.get(kind) and document
     )
     return next(of_kind, "")

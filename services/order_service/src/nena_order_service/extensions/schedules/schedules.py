@@ -66,9 +66,9 @@ class _Planned:
     def of(cls, schedule: Schedule) -> _Planned:
         return cls(schedule, schedule.next_runs())
 
-    def due_in(self, now: datetime) -> float | None:
+    def due_in(self, time: datetime) -> float | None:
         """Return the time until the next run, seconds; None if there is none."""
-        return (self.next_runs[0] - now).total_seconds() if self.next_runs else None
+        return (self.next_runs[0] - time).total_seconds() if self.next_runs else None
 
     @property
     def status(self) -> ScheduleStatus:
@@ -119,17 +119,17 @@ class Schedules:
 
         """
         async with self._one_by_one:
-            now = self._engine.clock.now()
-            check_schedule(name, definition, now)
-            definition = self._with_operations(definition)
-            known = self._known.get(name)
-            if known is None and len(self._known) >= SCHEDULES_LIMIT:
+            time = self._engine.clock.now()
+            check_schedule(name, definition, time)
+            definition = self._set_operations(definition)
+            stored = self._known.get(name)
+            if stored is None and len(self._known) >= SCHEDULES_LIMIT:
                 raise TooManySchedulesError(SCHEDULES_LIMIT)
-            if known is None or known.schedule.definition != definition:
-                await self._change(name, definition, now)
+            if stored is None or stored.schedule.definition != definition:
+                await self._change_definition(name, definition, time)
             status = self._known[name].status
         await self._engine.unit_of_work.wait_committed()
-        return status, known is None
+        return status, stored is None
 
     async def enable(self, name: str, *, enabled: bool) -> ScheduleStatus:
         """Enable or disable a schedule. What it misses while disabled is not caught up.
@@ -143,7 +143,7 @@ class Schedules:
             definition = _named(name, self._known).schedule.definition
             if definition.enabled != enabled:
                 changed = definition.model_copy(update={"enabled": enabled})
-                await self._change(name, changed, self._engine.clock.now())
+                await self._change_definition(name, changed, self._engine.clock.now())
             status = self._known[name].status
         await self._engine.unit_of_work.wait_committed()
         return status
@@ -160,7 +160,7 @@ class Schedules:
             deleted = _named(name, self._known)
             self._engine.unit_of_work.require_store()
             with self._engine.unit_of_work.begin():
-                self._put(name, None)
+                self._put_schedule(name, None)
             log.info("schedule deleted", schedule=name)
         await self._engine.unit_of_work.wait_committed()
         return deleted.status
@@ -176,8 +176,8 @@ class Schedules:
 
     async def run_when_due(self) -> None:
         """Wait until orders are due, and create them."""
-        now = self._engine.clock.now()
-        waits = [each for plan in self._known.values() if (each := plan.due_in(now)) is not None]
+        time = self._engine.clock.now()
+        waits = [wait for plan in self._known.values() if (wait := plan.due_in(time)) is not None]
         if not waits:
             await self._changed.wait()
         elif min(waits) > 0:
@@ -192,7 +192,7 @@ class Schedules:
             try:
                 async with self._one_by_one:
                     if name in self._known:  # not deleted meanwhile
-                        await self._run(name, self._engine.clock.now())
+                        await self._create_due_orders(name, self._engine.clock.now())
             except StoreNotReadyError as error:
                 log.warning("schedule waits for the store", schedule=name, reason=str(error))
                 failed = True
@@ -203,100 +203,100 @@ class Schedules:
         if failed:
             await asyncio.sleep(LOOK_INTERVAL)
 
-    async def _change(self, name: str, definition: ScheduleRequest, now: datetime) -> None:
+    async def _change_definition(self, name: str, definition: ScheduleRequest, time: datetime) -> None:
         """Use another definition from now on; what is due until now follows the previous one."""
         self._engine.unit_of_work.require_store()
         if name in self._known:
             # Outside the request, which the audit trail would record with the first change made in it.
-            await asyncio.create_task(self._run(name, now), context=Context())
-            schedule = self._known[name].schedule.defined(definition, now)
+            await asyncio.create_task(self._create_due_orders(name, time), context=Context())
+            schedule = self._known[name].schedule.defined(definition, time)
         else:
-            schedule = Schedule(name=name, definition=definition, last=now)
+            schedule = Schedule(name=name, definition=definition, last=time)
         with self._engine.unit_of_work.begin():
-            self._put(name, schedule)
+            self._put_schedule(name, schedule)
         log.info("schedule changed", schedule=name, cron=definition.cron, enabled=definition.enabled)
 
-    async def _run(self, name: str, now: datetime) -> None:
+    async def _create_due_orders(self, name: str, time: datetime) -> None:
         """Create the orders of a schedule that are due; raises StoreNotReadyError."""
         planned = self._known[name]
-        wait = planned.due_in(now)
+        wait = planned.due_in(time)
         if wait is None or wait > 0:
             return
         schedule = planned.schedule
-        found = await self._due(schedule, now, outage=wait < -ON_TIME.total_seconds())
-        if found.last_skipped:
-            reason = Reason(R.RUNS_SKIPPED, count=found.skipped)
-            skipped = ScheduleRun(planned=found.last_skipped, **explained(reason))
-            self._record(schedule.after(skipped, found.skipped), found.skipped)
-        elif not found.runs:
+        due_runs = await self._find_due_runs(schedule, time, outage=wait < -ON_TIME.total_seconds())
+        if due_runs.last_skipped:
+            reason = Reason(R.RUNS_SKIPPED, count=due_runs.skipped)
+            skipped = ScheduleRun(planned=due_runs.last_skipped, **explained(reason))
+            self._record_run(schedule.after(skipped, due_runs.skipped), due_runs.skipped)
+        elif not due_runs.runs:
             long_ago = ScheduleRun(planned=planned.next_runs[0], **explained(LONG_AGO))
-            self._record(schedule.after(long_ago).model_copy(update={"last": now - LOOK_BACK}))
-        open_orders = tuple(filter(self._is_open, schedule.open_orders))
+            self._record_run(schedule.after(long_ago).model_copy(update={"last": time - LOOK_BACK}))
+        open_orders = tuple(filter(self._is_open_order, schedule.open_orders))
         room = max(0, schedule.definition.max_open_orders - len(open_orders))
-        first = max(0, len(found.runs) - room)
-        for each in found.runs[:first]:
-            skipped = ScheduleRun(planned=each, **explained(Reason(R.ORDERS_OPEN, count=len(open_orders))))
-            self._record(self._known[name].schedule.after(skipped, 1))
-        for each in found.runs[first:]:
-            late = LATE if now - each > ON_TIME else ""
-            await self._create(self._known[name].schedule, each, late)
+        first = max(0, len(due_runs.runs) - room)
+        for run in due_runs.runs[:first]:
+            skipped = ScheduleRun(planned=run, **explained(Reason(R.ORDERS_OPEN, count=len(open_orders))))
+            self._record_run(self._known[name].schedule.after(skipped, 1))
+        for run in due_runs.runs[first:]:
+            late = LATE if time - run > ON_TIME else ""
+            await self._create_order(self._known[name].schedule, run, late)
 
     @staticmethod
-    async def _due(schedule: Schedule, now: datetime, *, outage: bool) -> DueRuns:
-        work = partial(due, schedule.definition, schedule.last, now)
+    async def _find_due_runs(schedule: Schedule, time: datetime, *, outage: bool) -> DueRuns:
+        work = partial(due, schedule.definition, schedule.last, time)
         return await asyncio.to_thread(work) if outage else work()  # a week of minutes takes half a second
 
-    async def _create(self, schedule: Schedule, planned: datetime, late: str) -> None:
+    async def _create_order(self, schedule: Schedule, planned: datetime, late: str) -> None:
         """Create the order of a planned time, or record why it is not created."""
         name = schedule.order_name(planned)
         if await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
             refused: str = Reason(R.ORDER_EXISTS, order=name)
         else:
             try:
-                request = self._prepared(schedule.definition.transport_order)
+                request = self._prepare_request(schedule.definition.transport_order)
             except InvalidRequestError as error:
                 refused = reason_of(error)
             else:
                 self._engine.unit_of_work.require_store()
                 done = schedule.after(ScheduleRun(planned=planned, transport_order=name, **explained(late)))
-                open_orders = (*filter(self._is_open, schedule.open_orders), name)
+                open_orders = (*filter(self._is_open_order, schedule.open_orders), name)
                 done = done.model_copy(update={"open_orders": open_orders})
-                self._engine.create_with(partial(self._put, schedule.name, done), request, name)
+                self._engine.create_with(partial(self._put_schedule, schedule.name, done), request, name)
                 self.outcomes[CREATED] += 1
                 log.info("order created by schedule", schedule=schedule.name, order=name, late=bool(late))
                 return
-        self._record(schedule.after(ScheduleRun(planned=planned, **explained(refused)), 1))
+        self._record_run(schedule.after(ScheduleRun(planned=planned, **explained(refused)), 1))
 
-    def _is_open(self, name: str) -> bool:
+    def _is_open_order(self, name: str) -> bool:
         """Return whether an order of this name has not ended; open ones are in memory."""
         order = self._engine.state.orders.named(name)
         return order is not None and not order.state.final
 
-    def _with_operations(self, definition: ScheduleRequest) -> ScheduleRequest:
+    def _set_operations(self, definition: ScheduleRequest) -> ScheduleRequest:
         """Return a definition with the operations of its order; raises InvalidRequestError."""
         template = definition.transport_order
-        destinations = self._prepared(template).destinations
+        destinations = self._prepare_request(template).destinations
         fields = {name: getattr(definition, name) for name in ScheduleRequest.model_fields}  # none of MQTT
         fields["transport_order"] = template.model_copy(update={"destinations": destinations})
         return ScheduleRequest.model_validate(fields)
 
-    def _prepared(self, template: OrderTemplate) -> TransportOrderRequest:
+    def _prepare_request(self, template: OrderTemplate) -> TransportOrderRequest:
         """Return the request of an order with its operations; raises InvalidRequestError."""
         fields = {name: getattr(template, name) for name in template.model_fields_set}
         request = set_operations(TransportOrderRequest.model_validate(fields), self._engine.plant)
         check_request(request, self._engine.plant, self._engine.registry.names())
         return request
 
-    def _record(self, schedule: Schedule, skipped: int = 1) -> None:
+    def _record_run(self, schedule: Schedule, skipped: int = 1) -> None:
         """Store a schedule after ``skipped`` runs that have created no order."""
         run = schedule.last_runs[0]
         log.warning("schedule has created no order", schedule=schedule.name, reason=run.reason)
         self._engine.unit_of_work.require_store()
         with self._engine.unit_of_work.begin():
-            self._put(schedule.name, schedule)
+            self._put_schedule(schedule.name, schedule)
         self.outcomes[SKIPPED] += skipped
 
-    def _put(self, name: str, schedule: Schedule | None) -> None:
+    def _put_schedule(self, name: str, schedule: Schedule | None) -> None:
         """Change a schedule in the current unit of work; None: delete it."""
         documents = self._engine.state.pending.stored.documents
         if schedule is None:
@@ -305,10 +305,10 @@ class Schedules:
         else:
             self._known[name] = _Planned.of(schedule)
             documents[SCHEDULE, name] = schedule.model_dump_json(by_alias=True, exclude_unset=True)
-        self._engine.state.after_commit(partial(self._show, dict(self._known)))
+        self._engine.state.after_commit(partial(self._show_committed, dict(self._known)))
         self._changed.set()
 
-    def _show(self, committed: dict[str, _Planned]) -> None:
+    def _show_committed(self, committed: dict[str, _Planned]) -> None:
         self._visible = committed
 
 

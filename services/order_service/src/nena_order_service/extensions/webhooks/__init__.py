@@ -35,12 +35,12 @@ class Webhooks(Extension):
     def __init__(self, settings: WebhooksSettings, core: Core) -> None:
         """Create them; raises ConfigurationError if a secret, a CA or the HTTP library is missing."""
         super().__init__(settings, core)
-        names = [each.name for each in settings.webhooks]
+        names = [hook.name for hook in settings.webhooks]
         if len(set(names)) < len(names):
             raise ConfigurationError([f"webhooks: use each name once: {', '.join(sorted(names))}"])
         self.hooks: dict[Webhook, Receiver] = {
-            Webhook(each, read_secret(each), core.store, core.clock): HttpReceiver(each)
-            for each in settings.webhooks
+            Webhook(hook, read_secret(hook), core.store, core.clock): HttpReceiver(hook)
+            for hook in settings.webhooks
         }
 
     def handlers(self) -> Iterable[Handler]:

@@ -147,19 +147,19 @@ class Webhook:
                 self._changed.clear()
                 try:
                     if not began:
-                        await self._begin()
+                        await self._restore_progress()
                         began = True
                     pause = await self._deliver_all(receiver)
                 except StoreNotReadyError:
                     pause = PAUSES[0]
                 except Exception:
-                    log.exception("web hook failed; trying again", pause=PAUSES[-1], **self._names)
+                    log.exception("web hook failed; trying again", pause=PAUSES[-1], **self._log_values)
                     pause = PAUSES[-1]
-                await self._wait(pause)
-        log.warning("web hook disabled: its receiver is gone; restart to use it again", **self._names)
+                await self._wait_for_change(pause)
+        log.warning("web hook disabled: its receiver is gone; restart to use it again", **self._log_values)
         await asyncio.Event().wait()
 
-    async def _begin(self) -> None:
+    async def _restore_progress(self) -> None:
         """Continue where the last run ended; a new web hook begins with the present."""
         stored = (await self._store.documents(KIND)).get(self.settings.name, "")
         last = self._store.numbers.last
@@ -167,7 +167,7 @@ class Webhook:
             self._known = self._stored = int(stored)
         else:
             self._known = last
-            self._keep()
+            self._store_progress()
 
     async def _deliver_all(self, receiver: Receiver) -> float | None:
         """Deliver all changes; return the delay before the next attempt if one fails, otherwise None."""
@@ -178,20 +178,20 @@ class Webhook:
             for number, order in page:
                 wanted = not self.settings.states or order.status.state in self.settings.states
                 if wanted and not await self._deliver(receiver, number, order.status):
-                    return self._failed(order.name)
+                    return self._note_failure(order.name)
                 self._known = number
                 if wanted or number - self._stored >= PAGE:  # the same few unwanted ones may be read again
-                    self._keep()
-        self._rest()
+                    self._store_progress()
+        self._note_success()
         return None
 
     async def _deliver(self, receiver: Receiver, number: int, order: TransportOrderStatus) -> bool:
         """Try once; return whether the message is done, because it has arrived or is given up."""
-        now, body = self._clock.now(), body_of(order)
+        time, body = self._clock.now(), body_of(order)
         message = id_of(body)
         try:
             async with asyncio.timeout(ANSWER_SECONDS):
-                status = await receiver.send(signed(self._secret, message, now, body), body)
+                status = await receiver.send(signed(self._secret, message, time, body), body)
             result, delivered = str(status), status in SUCCESSES
             if status == GONE:
                 self._state = WebhookState.DISABLED
@@ -201,7 +201,7 @@ class Webhook:
             result, delivered = str(error) or type(error).__name__, False
         self._attempts.append(
             WebhookAttempt(
-                timestamp=now,
+                timestamp=time,
                 message=message,
                 transport_order=order.name,
                 state=order.state,
@@ -211,28 +211,31 @@ class Webhook:
         )
         if delivered:
             self.delivered += 1
-            self._rest()
+            self._note_success()
             return True
-        return self._gives_up(number, order.name, now)
+        return self._is_given_up(number, order.name, time)
 
-    def _gives_up(self, number: int, order: str, now: datetime) -> bool:
+    def _is_given_up(self, number: int, order: str, time: datetime) -> bool:
         """Return whether a message has failed for so long that it is given up."""
         if self._failing is None or self._failing[0] != number:
-            self._failing = (number, now)
-        if now - self._failing[1] < timedelta(hours=self.settings.retry_hours):
+            self._failing = (number, time)
+        if time - self._failing[1] < timedelta(hours=self.settings.retry_hours):
             return False
-        log.error("web hook: message given up", order=order, reason=self.status.reason, **self._names)
+        log.error("web hook: message given up", order=order, reason=self.status.reason, **self._log_values)
         self.dropped += 1
         self._failing = None
         return True
 
-    def _failed(self, order: str) -> float:
+    def _note_failure(self, order: str) -> float:
         """Note a failed attempt; return the delay before the next one, seconds."""
         pause = PAUSES[min(self._failures, len(PAUSES) - 1)]
         if not self._failures:
             reason = self.status.reason
             log.warning(
-                "web hook: message not delivered; trying again", order=order, reason=reason, **self._names
+                "web hook: message not delivered; trying again",
+                order=order,
+                reason=reason,
+                **self._log_values,
             )
         self._failures += 1
         if self._state is not WebhookState.DISABLED:
@@ -240,10 +243,10 @@ class Webhook:
             self._next_attempt = self._clock.now() + timedelta(seconds=pause)
         return pause
 
-    def _rest(self) -> None:
+    def _note_success(self) -> None:
         """Note that nothing is left to try again."""
         if self._failures:
-            log.info("web hook delivers again", **self._names)
+            log.info("web hook delivers again", **self._log_values)
         self._state, self._failures, self._failing, self._next_attempt = (
             WebhookState.DELIVERING,
             0,
@@ -251,20 +254,20 @@ class Webhook:
             None,
         )
 
-    async def _wait(self, pause: float | None) -> None:
+    async def _wait_for_change(self, pause: float | None) -> None:
         """Wait for the delay; without one for a change, or for what another order service has changed."""
         if pause is not None:
             await asyncio.sleep(pause)
         else:
             await set_within(self._changed, POLL_SECONDS)
 
-    def _keep(self) -> None:
+    def _store_progress(self) -> None:
         self._stored, changes = self._known, Changes()
         changes.documents[KIND, self.settings.name] = str(self._known)
         self._store.commit(changes, lambda: None)
 
     @property
-    def _names(self) -> dict[str, str]:
+    def _log_values(self) -> dict[str, str]:
         return {"webhook": self.settings.name}
 
 
