@@ -34,5 +34,8 @@ setup(
         ("share/nena_edge_agent/launch", ["launch/edge_agent.launch.xml"]),
         ("share/nena_edge_agent/config", ["config/edge_agent.toml"]),
     ],
-    entry_points={"console_scripts": [f"{name} = {target}" for name, target in PROJECT["scripts"].items()]},
+    entry_points={
+        group: [f"{name} = {target}" for name, target in entries.items()]
+        for group, entries in {"console_scripts": PROJECT["scripts"], **PROJECT["entry-points"]}.items()
+    },
 )

@@ -14,9 +14,9 @@ from pathlib import Path
 import defusedxml.ElementTree
 import pytest
 
-from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.settings import load
 from support.broker import Broker, MqttPeer
+from support.edge_agent import SETTINGS
 from support.waiting import PATIENCE, until
 
 FOLDER = Path(__file__).parents[2] / "services" / "edge_agent"
@@ -27,7 +27,7 @@ PACKAGE = "nena_edge_agent"
 
 def test_settings_file_is_valid() -> None:
     settings = load(
-        EdgeAgentSettings,
+        SETTINGS,
         ["--config", str(FOLDER / "config" / "edge_agent.toml")],
         program="test",
         description="",

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
+from nena_edge_agent import extension as agent_extension
 from nena_edge_agent import metrics as edge_agent
 from nena_order_service import extension as order_service_extension
 from nena_order_service.api import metrics as order_service
@@ -22,7 +23,10 @@ PROGRAMS: Final[dict[str, tuple[Section[Any], ...]]] = {
         *order_service.SECTIONS,
         *(each.section for each in order_service_extension.installed().values() if each.section),
     ),
-    "Edge agent": edge_agent.SECTIONS,
+    "Edge agent": (
+        *edge_agent.SECTIONS,
+        *(section for each in agent_extension.installed().values() if (section := each.metrics())),
+    ),
     "Status aggregator": (
         *exposition.SECTIONS,
         *(each.section for each in aggregator_extension.installed().values() if each.section),

@@ -16,8 +16,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self
 
+from nena_edge_agent.actions.plugin import RosPort
+from nena_edge_agent.actions.robot_ports import ActionDrive
+from nena_edge_agent.extension import Robot, installed
 from nena_edge_agent.program import serve
+from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.settings import settings_with
 from nena_shared.vda5050.action import Action, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.order import Order
@@ -29,6 +34,8 @@ from support.waiting import PATIENCE, until
 
 MANUFACTURER = "ACME"
 SERIAL = "0001"
+SETTINGS = settings_with(EdgeAgentSettings, installed())
+"""The agent's settings, with those of its extensions."""
 QUICK = {"speed": 50.0, "turn_rate": 50.0, "pose_interval": 0.02}
 
 
@@ -50,7 +57,15 @@ def agent_settings(broker: Broker, interface_name: str, folder: Path, **changes:
             {"action_type": "drop", "seconds": 0.05, "load": "give"},
         ],
     }
-    return EdgeAgentSettings(**(values | changes))
+    return SETTINGS(**(values | changes))
+
+
+ROBOT = RobotKey(MANUFACTURER, SERIAL)
+
+
+def make_robot(key: RobotKey = ROBOT, ros: RosPort | None = None) -> Robot:
+    """Return a robot as extensions see it."""
+    return Robot(key, RobotLink(), ActionDrive(), ros)
 
 
 @asynccontextmanager

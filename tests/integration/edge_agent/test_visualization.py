@@ -15,7 +15,7 @@ from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_shared.clock import SystemClock
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
-from support.edge_agent import SERIAL, FleetControl, agent_settings, ended, running_agent
+from support.edge_agent import FleetControl, agent_settings, ended, make_robot, running_agent
 from support.robot_core import MAP, order
 from support.schemas import schema_problems
 from support.scripted_driver import ScriptedDriver
@@ -69,7 +69,7 @@ async def test_no_visualization_before_the_robot_is_localised(
         emitted.append(emit)
         return ScriptedDriver()
 
-    agent = RobotAgent(settings, SERIAL, make_driver, ActionRegistry(()), clock=SystemClock())
+    agent = RobotAgent(settings, make_robot(), make_driver, ActionRegistry(()), clock=SystemClock())
     stop = asyncio.Event()
     with MqttPeer(broker, f"{interface_name}/#") as peer:
         fleet = FleetControl(peer, interface_name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from errno import ENOSPC
@@ -18,6 +18,7 @@ from nena_edge_agent.driver.port import Emit, Pose
 from nena_edge_agent.journal import Journal
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.topics import RobotKey
+from support.edge_agent import make_robot
 from support.pausing import time_passes
 from support.restarts.actions import DECLARATIONS, WorldAction
 from support.restarts.driver import WorldDriver
@@ -124,7 +125,7 @@ def _agent(
 
     agent = RobotAgent(
         settings,
-        ROBOT.serial_number,
+        make_robot(ROBOT),
         make_driver,
         ActionRegistry(WorldAction(each, world, fate) for each in DECLARATIONS),
         clock=LoopClock(),
@@ -140,8 +141,10 @@ def _agent(
         task.cancel()
 
 
-def _journal(fate: Fate, disk_fails: range, folder: Path, robot: RobotKey) -> FatedJournal:
-    journal = FatedJournal(folder, robot)
+def _journal(
+    fate: Fate, disk_fails: range, folder: Path, robot: RobotKey, *, on_record: Callable[[bytes], None]
+) -> FatedJournal:
+    journal = FatedJournal(folder, robot, on_record=on_record)
     journal.fate, journal.disk_fails = fate, disk_fails
     return journal
 

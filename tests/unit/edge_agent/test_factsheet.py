@@ -10,13 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_edge_agent.actions.builtin import TimedOperation, Wait
-from nena_edge_agent.actions.plugin import PluginContext
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.factsheet import braking_distance, make_capabilities, make_factsheet
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.nav2.offers import Nav2Offers
-from nena_edge_agent.plugin_check import DryDrive
 from nena_edge_agent.program import make_registry
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
@@ -27,9 +25,9 @@ from nena_order_service.fleet.robot import Abilities
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
 from nena_shared.vda5050.factsheet import ActionScope, Factsheet, MobileRobotAction, ValueDataType
-from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.versions import CODECS, RULES
+from support.edge_agent import make_robot
 from support.robot_core import HEADER, action
 from support.ros_port import ScriptedRos
 from support.schemas import schema_problems
@@ -174,8 +172,7 @@ def robot(
             "actions": actions,
         }
     )
-    context = PluginContext(RobotKey("ACME", "0001"), DryDrive(), ScriptedRos() if ros else None)
-    registry = make_registry(settings, SimulationControl(), context=context)
+    registry = make_registry(settings, SimulationControl(), make_robot(ros=ScriptedRos() if ros else None))
     return settings, make_capabilities(settings, registry)
 
 

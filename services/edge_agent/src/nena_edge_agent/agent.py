@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from typing import ParamSpec
 
 from structlog.contextvars import bind_contextvars
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import ActionRunner
-from nena_edge_agent.black_box.box import RobotBlackBox
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
@@ -25,6 +24,7 @@ from nena_edge_agent.driver.port import (
     SessionReport,
     SessionState,
 )
+from nena_edge_agent.extension import Extension, Robot
 from nena_edge_agent.factsheet import make_capabilities
 from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
 from nena_edge_agent.messages import InboxCounts, RobotMessages, client_id_of
@@ -38,20 +38,18 @@ from nena_edge_agent.protocol.robot_state import PowerPhase
 from nena_edge_agent.protocol.state import with_recorded_fields
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_edge_agent.tracing import RobotTracer
 from nena_shared.clock import Clock, ClockSkew, iso
-from nena_shared.extensions.tracing import Export
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
-from nena_shared.mqtt import BrokerLink, LinkHooks, MqttLink, Outbound
+from nena_shared.mqtt import BrokerLink, Handler, Inbound, LinkHooks, MqttLink, Outbound
 from nena_shared.mqtt.link import LinkState
 from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor, report_failure
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import Map, State
-from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.visualization import Visualization
 
 
@@ -148,27 +146,29 @@ class RobotAgent:
     def __init__(
         self,
         settings: EdgeAgentSettings,
-        serial_number: str,
+        robot: Robot,
         make_driver: DriverMaker,
         registry: ActionRegistry,
         *,
         clock: Clock,
         maps: tuple[Map, ...] = (),
         offers: Nav2Offers = NO_OFFERS,
-        export: Export | None = None,
-        black_box: RobotBlackBox | None = None,
+        extensions: Sequence[Extension] = (),
         make_link: Callable[..., BrokerLink] = MqttLink,
-        make_journal: Callable[[Path, RobotKey], Journal] = Journal,
+        make_journal: Callable[..., Journal] = Journal,
     ) -> None:
-        """Prepare the agent; ``export`` takes the spans of traces, None: no traces."""
+        """Prepare the agent."""
         self._settings = settings
         self._clock = clock
         self._maps = maps
-        self.robot = RobotKey(settings.manufacturer, serial_number)
+        self._robot, self.robot = robot, robot.key
+        self._extensions = extensions
         self._log = log.bind(robot=str(self.robot))
         self._registry = registry
         self._capabilities = make_capabilities(settings, registry, offers)
-        journal = make_journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
+        journal = None
+        if settings.journal.enabled:
+            journal = make_journal(settings.journal.folder, self.robot, on_record=self._observe_record)
         memory, self._journal_loss = read_journal(journal)
         check_frame(memory, self._capabilities.frame)
         self._core = RobotCore(self._capabilities, memory)
@@ -176,8 +176,6 @@ class RobotAgent:
             settings, self.robot, self._capabilities, clock=clock, reserved=self._core.header_ids
         )
         self._mailbox, self._statistics = Mailbox(), AgentStatistics()
-        self._tracer = RobotTracer(self.robot, clock, export) if export else None
-        self._observers = [each.note for each in (self._tracer, black_box) if each]
         self._recorder = Recorder(
             None if self._journal_loss else journal,
             self._core.durable_version,
@@ -211,6 +209,8 @@ class RobotAgent:
 
         """
         bind_contextvars(robot=str(self.robot))  # for the logs of all called code
+        for extension in self._extensions:
+            self._isolated(self._start_extension, extension)
         if self._maps:
             self._mailbox.put(events.MapsReport(self._maps))
         if self._journal_loss:
@@ -234,8 +234,8 @@ class RobotAgent:
                 await self._disconnect(ConnectionState.OFFLINE)
         finally:
             self._runner.close()
-            if self._tracer:
-                self._tracer.close()
+            for extension in self._extensions:
+                self._isolated(extension.on_end, self._robot)
             await self._driver.stop()
         if self._shuts_down:
             await self._shut_down()
@@ -256,10 +256,6 @@ class RobotAgent:
         """Publish the robot's map, retained, now and on each connection."""
         self._map = self._messages.map(found)
         self._link.publish(self._map)
-
-    def cut_link(self, seconds: float) -> None:
-        """Cut the connection to the broker for ``seconds``, without a disconnect, to simulate a failure."""
-        self._link.cut(seconds)
 
     async def _serve(self) -> None:
         while True:
@@ -328,8 +324,8 @@ class RobotAgent:
                 report_failure("event not handled", error, robot=str(self.robot), event_type=kind)
                 continue
             effects.extend(followed)
-            for observe in self._observers:
-                self._isolated(observe, event, followed, self._core.robot)
+            for extension in self._extensions:
+                self._isolated(extension.on_event, self._robot, event, followed, self._core.robot)
         self._log_new_errors()
         return effects
 
@@ -383,7 +379,7 @@ class RobotAgent:
             case events.SetPosition(pose):
                 self._driver.initialize_position(pose)
             case events.SendFactsheet():
-                self._link.publish(self._messages.factsheet(self._core.robot.reports.limits))
+                self._publish(self._messages.factsheet(self._core.robot.reports.limits))
             case events.StartAction():
                 self._runner.start(effect)
             case events.PauseAction():
@@ -394,13 +390,13 @@ class RobotAgent:
                 self._runner.cancel(effect)
             case events.Hibernate(wake_up_at):
                 self._log.info("hibernating", wake_up_at=wake_up_at and iso(wake_up_at))
-                self._link.publish(self._messages.connection(ConnectionState.HIBERNATING))
+                self._publish(self._messages.connection(ConnectionState.HIBERNATING))
                 self._commands.put_nowait(effect)
             case events.Wake():
                 self._commands.put_nowait(effect)
             case events.GoOnline():
                 self._log.info("awake")
-                self._link.publish(self._messages.connection(ConnectionState.ONLINE))
+                self._publish(self._messages.connection(ConnectionState.ONLINE))
             case events.ShutDown():
                 self._shuts_down = True
                 self._ending.set()
@@ -444,7 +440,7 @@ class RobotAgent:
                 self._mailbox.put(events.SignedOff())
         if self._visualizations.due <= now:
             if self._link.state.connected and self._core.robot.reports.pose is not None:
-                self._link.publish(self._messages.visualization(self._visualization()))
+                self._publish(self._messages.visualization(self._visualization()))
             self._visualizations.sent(now)
 
     def _publish_state(self) -> None:
@@ -455,7 +451,7 @@ class RobotAgent:
         if not self._recorded:
             ends = self._core.power is PowerPhase.SHUTTING_DOWN
             state = with_recorded_fields(state, self._shown, last=ends)
-        self._link.publish(self._messages.state(state, keep=self._greeting))
+        self._publish(self._messages.state(state, keep=self._greeting))
         self._shown, self._greeting = state, False
         self._log_ended_actions(state)
 
@@ -488,14 +484,46 @@ class RobotAgent:
             ),
         )
         for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
-            link.subscribe(self._messages.topic(topic), handler, qos=self._settings.qos)
+            observed = partial(self._receive, handler)
+            link.subscribe(self._messages.topic(topic), observed, qos=self._settings.qos)
+        self._robot.link.use(link)
         return link
+
+    def _receive(self, handler: Handler, message: Inbound) -> None:
+        self._observe_message(message)
+        handler(message)
+
+    def _publish(self, message: Outbound) -> None:
+        self._observe_message(message)
+        self._link.publish(message)
+
+    def _observe_message(self, message: Inbound | Outbound) -> None:
+        for extension in self._extensions:
+            self._isolated(extension.on_message, self._robot, message)
+
+    def _observe_record(self, record: bytes) -> None:
+        for extension in self._extensions:
+            self._isolated(extension.on_record, self._robot, record)
+
+    def _start_extension(self, extension: Extension) -> None:
+        for event in extension.on_start(self._robot):
+            self._mailbox.put(event)
+
+    def _add_greetings(self, extension: Extension, greetings: list[Outbound]) -> None:
+        greetings.extend(extension.on_connect(self._robot))
 
     def _greet(self) -> Iterator[Outbound]:
         """Yield the first messages of a connection; the robot's task publishes the state after them."""
-        sleeps = self._core.power.silent
-        yield self._messages.connection(ConnectionState.HIBERNATING if sleeps else ConnectionState.ONLINE)
-        yield self._messages.factsheet(self._core.robot.reports.limits)
+        state = ConnectionState.HIBERNATING if self._core.power.silent else ConnectionState.ONLINE
+        greetings = [
+            self._messages.connection(state),
+            self._messages.factsheet(self._core.robot.reports.limits),
+        ]
+        for message in greetings:
+            self._observe_message(message)
+        for extension in self._extensions:
+            self._isolated(self._add_greetings, extension, greetings)
+        yield from greetings
         if self._map:
             yield self._map
         self._greeting = True
@@ -510,6 +538,6 @@ class RobotAgent:
         self._mailbox.put(events.LinkReport(connected=True))
 
     async def _disconnect(self, state: ConnectionState) -> None:
-        self._link.publish(self._messages.connection(state))
+        self._publish(self._messages.connection(state))
         if not await self._link.drain(DISCONNECT_TIMEOUT):
             self._log.warning("the connection ended before the last messages were sent")

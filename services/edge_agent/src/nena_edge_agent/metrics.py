@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -15,12 +15,10 @@ from typing import Any, Final
 
 from nena_edge_agent.agent import AgentSnapshot, RobotAgent
 from nena_edge_agent.driver.port import DriveFailure, SessionState
+from nena_edge_agent.extension import Extension
 from nena_edge_agent.settings import MetricsSettings
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock
-from nena_shared.extensions.black_box.counts import RecordingCounts
-from nena_shared.extensions.black_box.metrics import recording_metrics
-from nena_shared.extensions.tracing import SPANS_HELP, Exporting
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.metrics import (
@@ -29,7 +27,6 @@ from nena_shared.metrics import (
     MetricKind,
     Section,
     certificate_metrics,
-    counter,
     gauge,
 )
 from nena_shared.mqtt.link import LinkState
@@ -59,9 +56,6 @@ class Program:
     journal: Path | None
     """The folder of the journal."""
     certificates: Certificates = field(default_factory=Certificates)
-    traces: Exporting | None = None
-    recordings: Sequence[RecordingCounts] = ()
-    """Of each robot that makes any."""
     snapshots: Mapping[RobotKey, AgentSnapshot] = field(default_factory=dict)
     disk_free: float | None = None
     """Bytes left for the journal."""
@@ -122,10 +116,6 @@ def _pose_age(program: Program, snapshot: AgentSnapshot) -> float | None:
 
 def _journal_works(program: Program, snapshot: AgentSnapshot) -> bool | None:
     return None if program.journal is None else not snapshot.journal_problem
-
-
-def _recordings(program: Program) -> RecordingCounts | None:
-    return RecordingCounts.total(program.recordings) if program.recordings else None
 
 
 def _link(read: Callable[[LinkState], float]) -> Read:
@@ -236,10 +226,6 @@ DISK: Final[Section[Program]] = Section(
             "Longest delay of the event loop in the last minute.",
             lambda s: s.loop_lag.longest,
         ),
-        counter(
-            "nena_trace_spans_total", SPANS_HELP, lambda s: s.traces.outcomes if s.traces else None, "outcome"
-        ),
-        *recording_metrics(_recordings),
     ),
 )
 
@@ -249,10 +235,17 @@ SECTIONS: Final = (PROTOCOL, DRIVING, DISK)
 class MetricsServer:
     """Serves ``GET /metrics`` only; HTTP 1.1, one request per connection."""
 
-    def __init__(self, settings: MetricsSettings, program: Program) -> None:
+    def __init__(
+        self, settings: MetricsSettings, program: Program, extensions: Iterable[Extension] = ()
+    ) -> None:
         self._settings = settings
         self._program = program
-        self._exposition = Exposition(program, SECTIONS)
+        self._expositions = [Exposition(program, SECTIONS)]
+        self._expositions += [
+            Exposition(extension, [section], process=False)
+            for extension in extensions
+            if (section := extension.metrics())
+        ]
         self._clients = 0
 
     async def run(self) -> None:
@@ -289,7 +282,7 @@ class MetricsServer:
         match request:
             case [b"GET", b"/metrics", _]:
                 await self._program.refresh()
-                return _response("200 OK", self._exposition.text())
+                return _response("200 OK", b"".join(each.text() for each in self._expositions))
             case [b"GET", _, _]:
                 return _response("404 Not Found", b"Not found; see /metrics.\n")
             case _:

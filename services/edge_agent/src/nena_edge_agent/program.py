@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Self
 
-from nena_edge_agent.actions.builtin import LogReport, MapTransforms, UseBehaviorTree, Wait, ZoneSetDownload
+from nena_edge_agent.actions.builtin import MapTransforms, UseBehaviorTree, Wait, ZoneSetDownload
 from nena_edge_agent.actions.maps import map_actions
 from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
 from nena_edge_agent.actions.ready_made import ready_made
-from nena_edge_agent.actions.registry import ActionRegistry, Installed, installed
+from nena_edge_agent.actions.registry import ActionRegistry, Installed, installed_plugins
 from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
 from nena_edge_agent.actions.settings import AnyOperation
 from nena_edge_agent.agent import RobotAgent
-from nena_edge_agent.black_box.box import FetchRecording
-from nena_edge_agent.black_box.ros import RosTopicRecorder
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.drivers import driver_maker
+from nena_edge_agent.extension import Core, Extension, Robot, installed
 from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import lock_journal
 from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
@@ -28,13 +28,12 @@ from nena_edge_agent.map_store import MapStore
 from nena_edge_agent.nav2.map_image import MapWatch
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.offers import LOAD_MAP, NO_OFFERS, interface, nav2_offers
+from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.nav2_maps import map_store
-from nena_edge_agent.recorder import RobotRecorder, make_recorder
+from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
-from nena_shared.extensions.black_box.counts import RecordingCounts
-from nena_shared.extensions.tracing import Export, Exporting, closing, open_export
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
@@ -67,36 +66,53 @@ async def serve(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
         await _serve_robots(settings, stop)
 
 
+@dataclass(frozen=True, slots=True)
+class _RobotParts:
+    """What outlasts a robot's agent."""
+
+    robot: Robot
+    ports: RobotPorts
+    ros: PluginRos | None
+    control: SimulationControl
+
+    @classmethod
+    def of(cls, settings: EdgeAgentSettings, serial_number: str) -> Self:
+        ros = PluginRos() if settings.driver == "nav2" else None
+        ports, link = RobotPorts(ros, settings.actions), RobotLink()
+        robot = Robot(RobotKey(settings.manufacturer, serial_number), link, ports.drive, ros)
+        return cls(robot, ports, ros, SimulationControl())
+
+
 async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
+    """Create the robots and the extensions, then run the agents beside what serves all of them."""
     clock = SystemClock()
-    robots = [RobotKey(settings.manufacturer, each) for each in settings.serial_numbers]
-    controls = {robot: SimulationControl() for robot in robots}
+    fleet = [_RobotParts.of(settings, serial_number) for serial_number in settings.serial_numbers]
+    core = Core(settings, clock, tuple(parts.robot for parts in fleet))
+    extensions = [
+        extension(getattr(settings, name, None) or extension.Settings(), core)
+        for name, extension in installed().items()
+    ]
     agents: dict[RobotKey, RobotAgent] = {}
-    traces = open_export(settings.tracing, PROGRAM)
-    recorders = {robot: make_recorder(settings, robot, clock) for robot in robots}
     makers = {
-        str(robot): _agent_maker(
-            settings,
-            index,
-            controls[robot],
-            clock,
-            recorder=recorders[robot],
-            export=traces,
-            agents=agents,
-        )
-        for index, robot in enumerate(robots)
+        str(parts.robot.key): _agent_maker(core, index, parts, extensions, agents)
+        for index, parts in enumerate(fleet)
     }
-    async with Supervisor() as supervisor, closing(traces):
-        for recorder in recorders.values():
-            recorder.start(supervisor)
+    async with Supervisor() as supervisor:
+        for extension in extensions:
+            for name, work in extension.tasks().items():
+                supervisor.start(name, forever(name, work), vital=False)
         if settings.metrics.port:
-            recordings = [each.counts for each in recorders.values() if each.counts]
-            _serve_metrics(settings, agents, clock, supervisor, traces=traces, recordings=recordings)
+            _serve_metrics(settings, agents, clock, supervisor, extensions)
         if settings.driver == "loopback" and settings.loopback.control:
             topics = topics_for(settings.version, settings.interface_name)
+            controls = {parts.robot.key: parts.control for parts in fleet}
             api = ControlApi(settings.mqtt, topics.interface_name, controls)
             supervisor.start("simulation control", forever("simulation control", api.run), vital=False)
-        await _run_all(settings, makers, stop)
+        try:
+            await _run_all(settings, makers, stop)
+        finally:
+            for extension in extensions:
+                await extension.close()
 
 
 def _serve_metrics(
@@ -104,11 +120,9 @@ def _serve_metrics(
     agents: Mapping[RobotKey, RobotAgent],
     clock: Clock,
     supervisor: Supervisor,
-    *,
-    traces: Exporting | None = None,
-    recordings: Sequence[RecordingCounts] = (),
+    extensions: Sequence[Extension] = (),
 ) -> None:
-    """Serve the metrics of all robots.
+    """Serve the metrics of all robots and extensions.
 
     Raises:
         ConfigurationError: the extra ``metrics`` is not installed.
@@ -122,59 +136,49 @@ def _serve_metrics(
     journal = settings.journal.folder.expanduser() if settings.journal.enabled else None
     supervisor.start("loop lag", lag.run())
     certificates = Certificates(mqtt=settings.mqtt.tls.certificate)
-    program = Program(agents, clock, lag, journal, certificates, traces, recordings)
-    server = MetricsServer(settings.metrics, program)
+    server = MetricsServer(settings.metrics, Program(agents, clock, lag, journal, certificates), extensions)
     supervisor.start("metrics", forever("metrics", server.run, pause=METRICS_PAUSE), vital=False)
 
 
 def _agent_maker(
-    settings: EdgeAgentSettings,
+    core: Core,
     index: int,
-    control: SimulationControl,
-    clock: Clock,
-    *,
-    recorder: RobotRecorder,
-    export: Export | None,
+    parts: _RobotParts,
+    extensions: Sequence[Extension],
     agents: dict[RobotKey, RobotAgent],
 ) -> Callable[[], RobotAgent]:
-    """Return a factory of the robot's agent, which is also put into ``agents``."""
-    robot, box = recorder.robot, recorder.box
-    ros = PluginRos() if settings.driver == "nav2" else None
-    ports = RobotPorts(ros, settings.actions)
+    """Return a factory of the agent of robot ``index``, which is also put into ``agents``."""
+    settings, robot, control = core.settings, parts.robot, parts.control
     journal = settings.journal.folder if settings.journal.enabled else None
-    switch = session_switch(settings.ros, journal, robot)
+    switch = session_switch(settings.ros, journal, robot.key)
     map_server = _map_server(settings)
-    recorded = (RosTopicRecorder(settings.black_box.topics, box.ring, clock),) if box else ()
     map_watch = make_map_watch(
         settings,
         map_server,
-        lambda image: agents[robot].publish_map(image),  # noqa: PLW0108 - the agent is made later
+        lambda image: agents[robot.key].publish_map(image),  # noqa: PLW0108 - the agent is made later
     )
-    extensions = (ros, map_watch, *recorded) if ros else ()
-    offers = nav2_offers(settings.ros) if ros else NO_OFFERS
+    nodes: list[NodeExtension] = []
+    if parts.ros:
+        nodes = [parts.ros, map_watch, *(node for each in extensions for node in each.nodes(robot))]
     driver = driver_maker(
-        settings, index, clock, control, switch, extensions=extensions, map_server=map_server
+        settings, index, core.clock, control, switch, extensions=nodes, map_server=map_server
     )
-    store = map_store(settings, robot, map_server)
-    context = PluginContext(robot, ports.drive, ros)
-    registry = make_registry(settings, control, store, switch, context, recorder=recorder)
+    store = map_store(settings, robot.key, map_server)
+    registry = make_registry(settings, control, robot, extensions, store=store, switch=switch)
 
     def make() -> RobotAgent:
         agent = RobotAgent(
             settings,
-            robot.serial_number,
-            ports.joined(driver),
+            robot,
+            parts.ports.joined(driver),
             registry,
-            clock=clock,
+            clock=core.clock,
             maps=store.maps if store else (),
-            offers=offers,
-            export=export,
-            black_box=box,
-            make_link=recorder.make_link,
-            make_journal=recorder.make_journal,
+            offers=nav2_offers(settings.ros) if parts.ros else NO_OFFERS,
+            extensions=extensions,
         )
-        control.cut_link = agent.cut_link
-        agents[robot] = agent
+        control.cut_link = robot.link.cut
+        agents[robot.key] = agent
         return agent
 
     return make
@@ -216,27 +220,22 @@ def effective_operations(found: Installed, settings: EdgeAgentSettings) -> tuple
 def make_registry(
     settings: EdgeAgentSettings,
     control: SimulationControl,
+    robot: Robot,
+    extensions: Sequence[Extension] = (),
+    *,
     store: MapStore | None = None,
     switch: SessionSwitch | None = None,
-    context: PluginContext | None = None,
-    *,
-    recorder: RobotRecorder | None = None,
 ) -> ActionRegistry:
     """Return the actions of one robot, for loopback robots with simulated ones if enabled."""
-    context = context or PluginContext(
-        RobotKey(settings.manufacturer, settings.serial_number), RobotPorts(None, settings.actions).drive
-    )
-    found = installed(context, settings.actions)
+    context = PluginContext(robot.key, robot.drive, robot.ros)
+    found = installed_plugins(context, settings.actions)
     operations = effective_operations(found, settings)
     plugins: list[ActionPlugin] = [*ready_made(operations, context, settings.actions), Wait()]
-    plugins += [
-        LogReport(settings.log_report, recorder.send if recorder else None),
-        ZoneSetDownload(codec_for(settings.version), settings.download),
-    ]
-    if recorder and recorder.box:
-        plugins.append(FetchRecording(recorder.box))
+    plugins.append(ZoneSetDownload(codec_for(settings.version), settings.download))
+    for extension in extensions:
+        plugins += extension.actions(robot)
     if store:
-        places = context.drive if settings.maps.store == NAV2_STORE else None
+        places = robot.drive if settings.maps.store == NAV2_STORE else None
         plugins.extend(map_actions(store, settings.download, places))
     trees = nav2_offers(settings.ros).behavior_trees if settings.driver == "nav2" else ()
     if trees:
@@ -273,4 +272,11 @@ async def _run_all(
 
 def main(arguments: Sequence[str]) -> int:
     """Run the robots; return the exit status as ``__main__`` describes."""
-    return run(EdgeAgentSettings, serve, program=PROGRAM, description=DESCRIPTION, argv=arguments)
+    return run(
+        EdgeAgentSettings,
+        serve,
+        program=PROGRAM,
+        description=DESCRIPTION,
+        argv=arguments,
+        extensions=installed,
+    )

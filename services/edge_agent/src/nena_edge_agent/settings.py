@@ -7,16 +7,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from nena_edge_agent.actions.builtin import LogReportSettings
 from nena_edge_agent.actions.settings import ActionSettings, AnyOperation, default_operations
-from nena_edge_agent.black_box.settings import BlackBoxSettings
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
 from nena_edge_agent.power import PowerSettings
 from nena_edge_agent.protocol.capabilities import TOLERABLE, DriveStrategy, ExternalGoals, LinkLossPolicy
 from nena_shared.extensions.black_box.settings import OutgoingSettings
-from nena_shared.extensions.tracing import TracingSettings
 from nena_shared.plant.geometry import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
@@ -155,6 +152,15 @@ class MetricsSettings(SettingsGroup):
     port: int = Field(0, ge=0, le=65535, description="TCP port of the metrics; 0: none are served.")
 
 
+class LogReportSettings(SettingsGroup):
+    """Log reports requested by fleet control."""
+
+    folder: Path = Field(Path("~/.local/state/nena/log_reports"), description="Folder of the reports.")
+    keep: int = Field(
+        20, ge=1, le=1000, description="Maximum number of reports; beyond, the oldest is removed."
+    )
+
+
 class DescriptionSettings(SettingsGroup):
     """The robot in its factsheet: m, m/s, rad/s, m/s², kg."""
 
@@ -226,18 +232,11 @@ class EdgeAgentSettings(ServiceSettings):
     metrics: MetricsSettings = Field(
         default_factory=MetricsSettings, description="Metrics for Prometheus; needs the extra `metrics`."
     )
-    tracing: TracingSettings = Field(
-        default_factory=TracingSettings, description="Traces of orders; needs the extra `tracing`."
-    )
     power: PowerSettings = Field(
         default_factory=PowerSettings, description="Hibernation and shutdown, with VDA 5050 3.0."
     )
     log_report: LogReportSettings = Field(
         default_factory=LogReportSettings, description="The action logReport."
-    )
-    black_box: BlackBoxSettings = Field(
-        default_factory=BlackBoxSettings,
-        description="Black box: the last minutes as an MCAP file; needs the extra `blackbox`.",
     )
     upload: OutgoingSettings = Field(
         default_factory=OutgoingSettings,

@@ -21,6 +21,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.own_actions import SHOW_MAP_TRANSFORMS, transforms_itself
+from support.edge_agent import make_robot
 from support.ready_made import end_of
 from support.robot_core import HEADER, action
 from support.waiting import until
@@ -110,7 +111,7 @@ def test_the_transforms_of_each_map_are_reported() -> None:
 
 def declares(**fields: object) -> bool:
     settings = EdgeAgentSettings.model_validate(fields)
-    capabilities = make_capabilities(settings, make_registry(settings, SimulationControl()))
+    capabilities = make_capabilities(settings, make_registry(settings, SimulationControl(), make_robot()))
     return transforms_itself(make_factsheet(HEADER, settings, capabilities))
 
 

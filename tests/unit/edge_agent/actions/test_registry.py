@@ -16,7 +16,7 @@ from nena_edge_agent.actions.registry import (
     ActionRegistry,
     Installed,
     PluginBrokenError,
-    installed,
+    installed_plugins,
     make,
 )
 from nena_edge_agent.actions.settings import ActionSettings
@@ -116,7 +116,7 @@ def there(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 def test_all_installed_plug_ins_are_used(there: Callable[..., None]) -> None:
     there("one", "two")
 
-    found = installed(CONTEXT, ActionSettings())
+    found = installed_plugins(CONTEXT, ActionSettings())
 
     assert [each.declaration.action_type for each in found.plugins] == ["good", "good", "wait"]
     assert found.problems == ()
@@ -126,7 +126,7 @@ def test_settings_select_plug_ins_and_pass_their_options(there: Callable[..., No
     there("one", "two")
     settings = ActionSettings(plugins=("one",), options={"one": {"speed": 2}})
 
-    assert len(installed(CONTEXT, settings).plugins) == 1
+    assert len(installed_plugins(CONTEXT, settings).plugins) == 1
     assert MADE_WITH[-1].options == {"speed": 2}
 
 
@@ -137,7 +137,7 @@ def test_a_plug_in_that_is_not_installed_is_a_settings_error(
     there("one")
 
     with pytest.raises(ConfigurationError, match=r"unknown plug-in 'thre'.*installed: one"):
-        installed(CONTEXT, ActionSettings(**settings))
+        installed_plugins(CONTEXT, ActionSettings(**settings))
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_a_broken_plug_in_disables_only_its_own_actions(
 ) -> None:
     there(name, "one")
 
-    found = installed(CONTEXT, ActionSettings())
+    found = installed_plugins(CONTEXT, ActionSettings())
 
     assert found.action_types == {"good"}
     assert found.problems[0].startswith(problem)
@@ -166,7 +166,7 @@ def test_a_broken_plug_in_disables_only_its_own_actions(
 def test_without_wanted_plug_ins_no_entry_points_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_entry_points", lambda: pytest.fail("it looked"))
 
-    assert installed(CONTEXT, ActionSettings(plugins=())) == Installed()
+    assert installed_plugins(CONTEXT, ActionSettings(plugins=())) == Installed()
 
 
 def test_without_plug_ins_only_core_actions_exist() -> None:

@@ -13,16 +13,17 @@ from typing import Any, Self
 
 from sqlalchemy import create_engine
 
-from nena_edge_agent.actions.plugin import PluginContext
 from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.settings import default_operations
 from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.driver.port import Pose, PoseReport
+from nena_edge_agent.extension import Robot
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.program import make_registry
 from nena_edge_agent.protocol.events import Event
+from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings, IntervalSettings, JournalSettings
 from nena_order_service.extension import installed
 from nena_order_service.fleet.link import FleetLink
@@ -175,7 +176,8 @@ class SimulatedRobot:
         """Serve until cancelled."""
         settings = self._settings
         ports = RobotPorts(None, settings.actions)
-        registry = make_registry(settings, self.control, context=PluginContext(self.key, ports.drive, None))
+        robot = Robot(self.key, RobotLink(), ports.drive, None)
+        registry = make_registry(settings, self.control, robot)
 
         def make_driver(put: Callable[[Event], None], _: Pose | None) -> LoopbackDriver:
             def emit(event: Event) -> None:
@@ -191,7 +193,7 @@ class SimulatedRobot:
 
         self.agent = RobotAgent(
             settings,
-            settings.serial_number,
+            robot,
             ports.joined(make_driver),
             registry,
             clock=clock,

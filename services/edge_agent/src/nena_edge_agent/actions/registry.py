@@ -45,7 +45,7 @@ class Installed:
 NOTHING = Installed()
 
 
-def installed(context: PluginContext, settings: ActionSettings) -> Installed:
+def installed_plugins(context: PluginContext, settings: ActionSettings) -> Installed:
     """Create the actions of all enabled plug-ins; only the actions of a broken plug-in are missing.
 
     Raises:

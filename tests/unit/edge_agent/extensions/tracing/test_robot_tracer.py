@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, GoalReport, GoalTable
+from nena_edge_agent.extensions.tracing.robot_tracer import RobotTracer
 from nena_edge_agent.protocol.events import Effect, Event, OrderReceived, Started
-from nena_edge_agent.tracing import RobotTracer
 from nena_shared.extensions.tracing import EVENTS_LIMIT, Span, order_name_of, trace_id_of, vda_order_span_id
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.topics import RobotKey

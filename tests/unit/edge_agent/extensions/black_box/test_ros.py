@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.black_box.ros import SEPARATOR, ros_schema
+from nena_edge_agent.extensions.black_box.ros import SEPARATOR, ros_schema
 
 
 @pytest.fixture

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from enum import StrEnum
 from functools import partial
-from pathlib import Path
 from typing import Final
 
 from nena_edge_agent.actions.plugin import BackgroundAction, Report, RunningAction, WorkFailedError
-from nena_edge_agent.black_box.ros import ros_schema
-from nena_edge_agent.black_box.settings import BlackBoxSettings
 from nena_edge_agent.driver.port import DriveFailed
-from nena_edge_agent.journal import Journal
+from nena_edge_agent.extensions.black_box.ros import ros_schema
+from nena_edge_agent.extensions.black_box.settings import BlackBoxSettings
 from nena_edge_agent.protocol import events
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.errors import error_key
 from nena_edge_agent.protocol.events import ActionReport
-from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.clock import Clock
 from nena_shared.extensions.black_box.box import BlackBox, Outgoing, Source
 from nena_shared.extensions.black_box.ring import Channel
-from nena_shared.mqtt import Handler, Inbound, LinkHooks, MqttLink, Outbound
-from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.factsheet import ActionScope
@@ -72,42 +65,6 @@ class Triggers:
         return Trigger.ERROR if any(error_key(each) not in before for each in serious) else None
 
 
-class RecordedLink(MqttLink):
-    """A link whose VDA 5050 messages, those below ``prefix``, are recorded."""
-
-    def __init__(
-        self, settings: MqttSettings, *, client_id: str, hooks: LinkHooks, box: RobotBlackBox, prefix: str
-    ) -> None:
-        self._box = box
-        self._prefix = prefix
-        recorded = replace(hooks, on_connected=lambda: self._greetings(hooks))
-        super().__init__(settings, client_id=client_id, hooks=recorded)
-
-    def publish(self, message: Outbound) -> None:
-        """Record and send a message."""
-        self._note(message)
-        super().publish(message)
-
-    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1, needed: bool = True) -> None:
-        """Subscribe; messages of VDA 5050 are recorded before they are handled."""
-        if topic_filter.startswith(self._prefix):
-            handler = partial(self._record_received, handler)
-        super().subscribe(topic_filter, handler, qos=qos, needed=needed)
-
-    def _greetings(self, hooks: LinkHooks) -> Iterator[Outbound]:
-        for message in hooks.on_connected():
-            self._note(message)
-            yield message
-
-    def _note(self, message: Outbound) -> None:
-        if message.topic.startswith(self._prefix):
-            self._box.record(message.topic, message.payload)
-
-    def _record_received(self, handler: Handler, message: Inbound) -> None:
-        self._box.record(message.topic, message.payload, own=False)
-        handler(message)
-
-
 class RobotBlackBox(BlackBox):
     """Records one robot, also over restarts of its agent within the program."""
 
@@ -125,16 +82,13 @@ class RobotBlackBox(BlackBox):
             channel = channels[topic] = Channel(topic, own=own)
         self.ring.add(channel, payload, self._clock.monotonic())
 
-    def make_journal(self, folder: Path, robot: RobotKey) -> Journal:
-        """Return the robot's journal; its records are recorded, too."""
-        return Journal(folder, robot, on_record=self._record_journal)
-
-    def _record_journal(self, record: bytes) -> None:
+    def record_journal(self, record: bytes) -> None:
+        """Record a record of the robot's journal; called in the thread that writes it."""
         self.ring.add(JOURNAL, record, self._clock.monotonic())
 
-    def note(self, event: events.Event, _: Iterable[events.Effect], robot: RobotState) -> None:
-        """Handle an event of the robot: a failure starts a recording."""
-        if reason := self._triggers.note(event, robot.errors.entries):
+    def note(self, event: events.Event, errors: tuple[ErrorEntry, ...]) -> None:
+        """Handle an event of the robot, and its active errors after it: a failure starts a recording."""
+        if reason := self._triggers.note(event, errors):
             self.fail(reason)
 
 

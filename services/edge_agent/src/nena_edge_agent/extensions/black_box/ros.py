@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from nena_edge_agent.actions.messages import UnknownTypeError, class_of
-from nena_edge_agent.black_box.settings import RecordedTopic
+from nena_edge_agent.extensions.black_box.settings import RecordedTopic
 from nena_shared.clock import Clock
 from nena_shared.extensions.black_box.ring import Channel, Ring
 from nena_shared.log import get_logger

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from nena_edge_agent.black_box.box import FetchRecording, RobotBlackBox, Trigger, Triggers
-from nena_edge_agent.black_box.settings import BlackBoxSettings
 from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure
-from nena_edge_agent.journal import record_of
+from nena_edge_agent.extensions.black_box.box import FetchRecording, RobotBlackBox, Trigger, Triggers
+from nena_edge_agent.extensions.black_box.settings import BlackBoxSettings
+from nena_edge_agent.journal import Journal, record_of
 from nena_edge_agent.protocol.events import ActionReport, Event, SafetyReport
 from nena_shared import log
 from nena_shared.clock import SystemClock
@@ -53,12 +53,12 @@ async def test_a_failed_drive_is_written_with_messages_journal_and_log(tmp_path:
     log.configure(LogSettings())
     box = make_box(tmp_path / "recordings")
     box.record(TOPIC, b'{"headerId":1}')
-    journal = box.make_journal(tmp_path / "journal", ROBOT)
+    journal = Journal(tmp_path / "journal", ROBOT, on_record=box.record_journal)
     journal.read()
     journal.write(record_of(Bench().core.memory()))
     log.get_logger("nena.example").warning("wheel slips")
 
-    box.note(FAILED, (), Bench().core.robot)
+    box.note(FAILED, Bench().core.robot.errors.entries)
     task = asyncio.create_task(box.run())
     path = await until(lambda: next((tmp_path / "recordings").glob("*.mcap"), None))
     task.cancel()
@@ -100,10 +100,10 @@ async def test_a_failing_disk_does_not_end_the_black_box(tmp_path: Path) -> None
     box = make_box(place, interval=0.0)
     failed, robot = DriveFailed(1, DriveFailure.ABORTED, "no path"), Bench().core.robot
     task = asyncio.create_task(box.run())
-    box.note(failed, (), robot)
+    box.note(failed, robot.errors.entries)
     await until(lambda: any("recording not written" in each for each in log.recent_lines()))
     place.unlink()
-    box.note(failed, (), robot)
+    box.note(failed, robot.errors.entries)
     await until(lambda: next(place.glob("*.mcap"), None))
     task.cancel()
 

@@ -1,0 +1,1 @@
+"""Extensions of the edge agent that come with it."""
