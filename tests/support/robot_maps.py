@@ -5,7 +5,7 @@ from __future__ import annotations
 from base64 import b64encode
 from typing import Any
 
-from nena_edge_agent.nav2.map_image import occupancy_image
+from nena_edge_agent.extensions.maps.map_image import occupancy_image
 from nena_shared.fleet_api.plant import SIDE_LIMIT, MapImage
 
 

@@ -25,8 +25,8 @@ from nena_edge_agent.actions.builtin import ZoneSetDownload
 from nena_edge_agent.actions.plugin import WorkFailedError
 from nena_edge_agent.doctor.broker import map_ids
 from nena_edge_agent.download import DownloadSettings
+from nena_edge_agent.extensions.maps.store import FolderMapStore
 from nena_edge_agent.journal import Journal, UnreadableJournalError, record_of
-from nena_edge_agent.map_store import FolderMapStore
 from nena_edge_agent.nav2.session_control import SessionStore
 from nena_edge_agent.nav2.settings import RosAddress, RosSettings
 from nena_shared.fleet_api.base import Role

@@ -16,6 +16,7 @@ from nena_edge_agent.loopback.control import ControlApi, SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import Event
+from nena_edge_agent.robot_link import RobotLink
 from nena_order_service.api.mqtt import COMMANDS, CommandAnswer, read_request, text_in
 from nena_robot_simulator import faults
 from nena_shared.clock import SystemClock
@@ -122,7 +123,7 @@ def loopback_control(_place: Place) -> Reader:
     """Read commands, and obey them."""
     said: list[Outbound] = []
     events: list[Event] = []
-    control = SimulationControl()
+    control = SimulationControl(RobotLink().cut)
     start = Pose(0.0, 0.0, 0.0, "m")
     control.attach(
         LoopbackDriver(LoopbackSettings(), start, emit=events.append, clock=SystemClock()), events.append

@@ -11,6 +11,7 @@ from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.protocol.events import Event
+from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
@@ -28,7 +29,7 @@ async def test_the_loopback_driver_needs_no_ros_and_starts_at_the_last_position(
     settings = EdgeAgentSettings(driver="loopback", loopback=LoopbackSettings(x=3.0))
     events: list[Event] = []
 
-    await driver_maker(settings, 0, SystemClock(), SimulationControl(), SWITCH)(
+    await driver_maker(settings, 0, SystemClock(), SimulationControl(RobotLink().cut), SWITCH)(
         events.append, last_place
     ).start()
 
@@ -39,4 +40,6 @@ def test_without_ros_the_nav2_driver_names_what_to_install(monkeypatch: pytest.M
     monkeypatch.setitem(sys.modules, "nena_edge_agent.nav2.driver", None)
 
     with pytest.raises(StartError, match=r"nena-edge-agent\[ros\]"):
-        driver_maker(EdgeAgentSettings(driver="nav2"), 0, SystemClock(), SimulationControl(), SWITCH)
+        driver_maker(
+            EdgeAgentSettings(driver="nav2"), 0, SystemClock(), SimulationControl(RobotLink().cut), SWITCH
+        )

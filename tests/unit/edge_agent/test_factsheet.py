@@ -19,6 +19,7 @@ from nena_edge_agent.program import make_registry
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.zone_sets import MAXIMUM_ZONES
+from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
 from nena_order_service.fleet.feasibility import fitted_action, instant_action_problem
 from nena_order_service.fleet.robot import Abilities
@@ -172,7 +173,9 @@ def robot(
             "actions": actions,
         }
     )
-    registry = make_registry(settings, SimulationControl(), make_robot(ros=ScriptedRos() if ros else None))
+    registry = make_registry(
+        settings, SimulationControl(RobotLink().cut), make_robot(ros=ScriptedRos() if ros else None)
+    )
     return settings, make_capabilities(settings, registry)
 
 

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Mapping
 from datetime import timedelta
@@ -19,12 +18,10 @@ from nena_edge_agent.messages import (
     RobotMessages,
     client_id_of,
 )
-from nena_edge_agent.nav2.map_image import occupancy_image
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.fleet_api.plant import MapImage
 from nena_shared.mqtt import Inbound
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType, InstantActions
@@ -114,15 +111,6 @@ def messages(version: str = "2.1.0", first: int = 0) -> RobotMessages:
     capabilities = make_capabilities(settings, ActionRegistry([]))
     reserved = ((Topic.CONNECTION, first),)
     return RobotMessages(settings, ROBOT, capabilities, clock=ManualClock(), reserved=reserved)
-
-
-def test_a_map_is_retained_and_kept_while_the_link_connects() -> None:
-    png = base64.b64encode(occupancy_image(bytes(1), 1, 1, side_limit=1).png)
-    image = MapImage(map_id="hall", digest="d" * 16, resolution=0.05, x=0.0, y=0.0, theta=0.0, png=png)
-
-    found = messages().map(image)
-
-    assert (found.retain, found.keep) == (True, True)
 
 
 @pytest.mark.clause("6.5", "7.9")

@@ -39,7 +39,6 @@ from nena_edge_agent.protocol.state import with_recorded_fields
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, ClockSkew, iso
-from nena_shared.fleet_api.plant import MapImage
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
 from nena_shared.mqtt import BrokerLink, Handler, Inbound, LinkHooks, MqttLink, Outbound
@@ -48,7 +47,7 @@ from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor, report_failure
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry
-from nena_shared.vda5050.state import Map, State
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.visualization import Visualization
 
@@ -136,8 +135,6 @@ class RobotAgent:
 
     _logged_ends: frozenset[str] = frozenset()
     """Actions of the current order whose end has been logged."""
-    _map: Outbound | None = None
-    """The robot's map, for each connection."""
     _greeting = False
     """Whether the first state of a connection is still to be published."""
     _shuts_down = False
@@ -151,7 +148,6 @@ class RobotAgent:
         registry: ActionRegistry,
         *,
         clock: Clock,
-        maps: tuple[Map, ...] = (),
         offers: Nav2Offers = NO_OFFERS,
         extensions: Sequence[Extension] = (),
         make_link: Callable[..., BrokerLink] = MqttLink,
@@ -160,7 +156,6 @@ class RobotAgent:
         """Prepare the agent."""
         self._settings = settings
         self._clock = clock
-        self._maps = maps
         self._robot, self.robot = robot, robot.key
         self._extensions = extensions
         self._log = log.bind(robot=str(self.robot))
@@ -211,8 +206,6 @@ class RobotAgent:
         bind_contextvars(robot=str(self.robot))  # for the logs of all called code
         for extension in self._extensions:
             self._isolated(self._start_extension, extension)
-        if self._maps:
-            self._mailbox.put(events.MapsReport(self._maps))
         if self._journal_loss:
             self._log.error("no orders are accepted: the journal is lost", reason=self._journal_loss)
             self._mailbox.put(events.ErrorSwitched(journal_lost(self._journal_loss), active=True))
@@ -251,11 +244,6 @@ class RobotAgent:
             self._recorder.seconds,
             self._core.robot.errors.entries,
         )
-
-    def publish_map(self, found: MapImage) -> None:
-        """Publish the robot's map, retained, now and on each connection."""
-        self._map = self._messages.map(found)
-        self._link.publish(self._map)
 
     async def _serve(self) -> None:
         while True:
@@ -524,8 +512,6 @@ class RobotAgent:
         for extension in self._extensions:
             self._isolated(self._add_greetings, extension, greetings)
         yield from greetings
-        if self._map:
-            yield self._map
         self._greeting = True
         self._mailbox.wake()
 

@@ -15,6 +15,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from nena_edge_agent.actions.plugin import ActionPlugin, DrivePort, RosPort
+from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.protocol.events import Effect, Event
 from nena_edge_agent.protocol.robot_state import RobotState
@@ -87,6 +88,10 @@ class Extension:
     def nodes(self, robot: Robot) -> Iterable[NodeExtension]:
         """Return what is set up on each ROS node of the robot, in the ROS thread."""
         return ()
+
+    def map_server(self, robot: Robot) -> MapServer | None:
+        """Return Nav2's map_server if the robot's driver waits for it to load a map of the extension."""
+        return None
 
     def tasks(self) -> Mapping[str, Callable[[], Awaitable[None]]]:
         """Return functions that run as long as the program, by name; one that fails is started again."""

@@ -23,8 +23,6 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.plant import MapImage
-from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Handler, Inbound, Outbound
 from nena_shared.mqtt.identity import private_client_id
@@ -171,12 +169,6 @@ class RobotMessages:
     def visualization(self, message: Visualization) -> Outbound:
         """Return the visualization message (section 6.7), which is dropped if the link is down."""
         return self._outbound_message(Topic.VISUALIZATION, message, qos=0)
-
-    def map(self, found: MapImage) -> Outbound:
-        """Return the message with the robot's map, retained; it is queued until the link can send it."""
-        payload = found.model_dump_json(by_alias=True).encode()
-        topic = FleetTopics(self._settings.topic_prefix).robot_map(self._robot)
-        return Outbound(topic, payload, retain=True)
 
     def _outbound_message(
         self, topic: Topic, message: Header, *, qos: int, retain: bool = False, keep: bool = False

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from nena_edge_agent.actions.builtin import MapTransforms, UseBehaviorTree, Wait, ZoneSetDownload
-from nena_edge_agent.actions.maps import map_actions
 from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
 from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import ActionRegistry, Installed, installed_plugins
@@ -17,24 +16,18 @@ from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
 from nena_edge_agent.actions.settings import AnyOperation
 from nena_edge_agent.agent import RobotAgent
-from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.extension import Core, Extension, Robot, installed
 from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import lock_journal
 from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
 from nena_edge_agent.loopback.control import ControlApi, SimulationControl
-from nena_edge_agent.map_store import MapStore
-from nena_edge_agent.nav2.map_image import MapWatch
-from nena_edge_agent.nav2.map_server import MapServer
-from nena_edge_agent.nav2.offers import LOAD_MAP, NO_OFFERS, interface, nav2_offers
+from nena_edge_agent.nav2.offers import NO_OFFERS, nav2_offers
 from nena_edge_agent.nav2.session_control import NodeExtension
-from nena_edge_agent.nav2_maps import map_store
 from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
-from nena_shared.fleet_api.plant import MapImage
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.program import run
@@ -49,8 +42,6 @@ DESCRIPTION = (
     "Without a robot: nena-edge-agent --driver loopback. Find connection problems: nena-edge-agent doctor"
 )
 
-NAV2_STORE = "nav2"
-"""Value of ``maps.store``."""
 METRICS_PAUSE = 10.0
 """Seconds after which a failed metrics port is retried."""
 
@@ -80,7 +71,7 @@ class _RobotParts:
         ros = PluginRos() if settings.driver == "nav2" else None
         ports, link = RobotPorts(ros, settings.actions), RobotLink()
         robot = Robot(RobotKey(settings.manufacturer, serial_number), link, ports.drive, ros)
-        return cls(robot, ports, ros, SimulationControl())
+        return cls(robot, ports, ros, SimulationControl(link.cut))
 
 
 async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
@@ -151,20 +142,15 @@ def _agent_maker(
     settings, robot, control = core.settings, parts.robot, parts.control
     journal = settings.journal.folder if settings.journal.enabled else None
     switch = session_switch(settings.ros, journal, robot.key)
-    map_server = _map_server(settings)
-    map_watch = make_map_watch(
-        settings,
-        map_server,
-        lambda image: agents[robot.key].publish_map(image),  # noqa: PLW0108 - the agent is made later
-    )
     nodes: list[NodeExtension] = []
+    map_server = None
     if parts.ros:
-        nodes = [parts.ros, map_watch, *(node for each in extensions for node in each.nodes(robot))]
+        nodes = [parts.ros, *(node for extension in extensions for node in extension.nodes(robot))]
+        map_server = next((server for each in extensions if (server := each.map_server(robot))), None)
     driver = driver_maker(
         settings, index, core.clock, control, switch, extensions=nodes, map_server=map_server
     )
-    store = map_store(settings, robot.key, map_server)
-    registry = make_registry(settings, control, robot, extensions, store=store, switch=switch)
+    registry = make_registry(settings, control, robot, extensions, switch=switch)
 
     def make() -> RobotAgent:
         agent = RobotAgent(
@@ -173,41 +159,13 @@ def _agent_maker(
             parts.ports.joined(driver),
             registry,
             clock=core.clock,
-            maps=store.maps if store else (),
             offers=nav2_offers(settings.ros) if parts.ros else NO_OFFERS,
             extensions=extensions,
         )
-        control.cut_link = robot.link.cut
         agents[robot.key] = agent
         return agent
 
     return make
-
-
-def make_map_watch(
-    settings: EdgeAgentSettings, server: MapServer | None, on_map: Callable[[MapImage], None]
-) -> MapWatch:
-    """Return the watch of a robot's map, which calls ``on_map``; ``server`` provides its map ID."""
-
-    def map_id() -> str:
-        return server.map_id if server is not None else settings.map_id
-
-    return MapWatch(settings.ros.names.map, map_id, PlantFrame.of(settings.map_transforms), on_map)
-
-
-def _map_server(settings: EdgeAgentSettings) -> MapServer | None:
-    """Return Nav2's map_server if the robot's maps are stored there.
-
-    Raises:
-        ConfigurationError: the robot has no Nav2, or this machine lacks the types of map_server.
-
-    """
-    if settings.maps.store != NAV2_STORE:
-        return None
-    if settings.driver != "nav2" or interface(LOAD_MAP) is None:
-        message = "maps.store: 'nav2' needs driver = nav2 and nav2_msgs; source the robot's ROS installation"
-        raise ConfigurationError([message])
-    return MapServer(settings.ros, settings.map_id)
 
 
 def effective_operations(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
@@ -223,7 +181,6 @@ def make_registry(
     robot: Robot,
     extensions: Sequence[Extension] = (),
     *,
-    store: MapStore | None = None,
     switch: SessionSwitch | None = None,
 ) -> ActionRegistry:
     """Return the actions of one robot, for loopback robots with simulated ones if enabled."""
@@ -234,9 +191,6 @@ def make_registry(
     plugins.append(ZoneSetDownload(codec_for(settings.version), settings.download))
     for extension in extensions:
         plugins += extension.actions(robot)
-    if store:
-        places = robot.drive if settings.maps.store == NAV2_STORE else None
-        plugins.extend(map_actions(store, settings.download, places))
     trees = nav2_offers(settings.ros).behavior_trees if settings.driver == "nav2" else ()
     if trees:
         plugins.append(UseBehaviorTree(trees))

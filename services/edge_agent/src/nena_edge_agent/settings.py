@@ -19,22 +19,6 @@ from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
 
 
-class MapSettings(SettingsGroup):
-    """Storage of the robot's maps."""
-
-    store: str = Field(
-        "fixed",
-        min_length=1,
-        description="fixed: only the configured map; folder: maps that fleet control sends; "
-        "nav2: as folder, and Nav2's map_server loads the enabled map; or the name of a plug-in "
-        "(entry points nena.maps).",
-    )
-    folder: Path = Field(
-        Path("~/.local/state/nena/maps"), description="Folder of the maps, with a subfolder per robot."
-    )
-    maximum: int = Field(20, ge=1, le=1000, description="Maximum number of stored maps.")
-
-
 def _topic_level(level: str) -> str:
     if any(sign in level for sign in "/+#$") or not level.isprintable():
         message = "a topic level must not contain '/', '+', '#', '$' or unprintable characters"
@@ -225,7 +209,6 @@ class EdgeAgentSettings(ServiceSettings):
     description: DescriptionSettings = Field(
         default_factory=DescriptionSettings, description="The robot, for the factsheet."
     )
-    maps: MapSettings = Field(default_factory=MapSettings, description="Maps.")
     download: DownloadSettings = Field(
         default_factory=DownloadSettings, description="Download of maps and zone sets."
     )

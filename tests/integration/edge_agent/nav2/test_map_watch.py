@@ -9,15 +9,19 @@ from math import pi
 import pytest
 
 from nena_edge_agent.driver.plant_frame import PlantFrame
-from nena_edge_agent.nav2.map_image import MapWatch
+from nena_edge_agent.extension import Core
+from nena_edge_agent.extensions.maps import Maps, MapSettings
+from nena_edge_agent.extensions.maps.map_image import MapWatch
 from nena_edge_agent.nav2.session import RosSession
-from nena_edge_agent.program import make_map_watch
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_robot_simulator.messages import map_message
 from nena_robot_simulator.motion import GridMap
 from nena_shared.fleet_api.plant import MapImage
 from nena_shared.plant.geometry import MapTransform
+from support.clocks import ManualClock
+from support.edge_agent import make_robot
 from support.robot_maps import room
+from support.ros_port import ScriptedRos
 from support.simulator import HALL, simulated_robot
 from support.waiting import until
 
@@ -79,14 +83,10 @@ def test_grid_with_too_few_cells_is_refused_and_the_next_one_reported() -> None:
 
 
 def test_settings_name_the_map_topic_and_the_plant_transform() -> None:
-    settings = EdgeAgentSettings.model_validate(
-        {
-            "manufacturer": "ACME",
-            "serial_number": "r1",
-            "map_id": "hall",
-            "map_transforms": {"hall": "scale=2"},
-        }
-    )
-    found = make_map_watch(settings, None, lambda _: None).read(map_message(grid(), "map", 0))
+    settings = EdgeAgentSettings.model_validate({"map_id": "hall", "map_transforms": {"hall": "scale=2"}})
+    robot = make_robot(ros=ScriptedRos())
+    (watch,) = Maps(MapSettings(), Core(settings, ManualClock(), (robot,))).nodes(robot)
+    assert isinstance(watch, MapWatch)
+    found = watch.read(map_message(grid(), "map", 0))
     assert found is not None
     assert (found.map_id, found.resolution) == ("hall", 0.25)

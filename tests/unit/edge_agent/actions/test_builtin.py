@@ -17,6 +17,7 @@ from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.program import make_registry
 from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange
 from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import ActionScope
@@ -111,7 +112,9 @@ def test_the_transforms_of_each_map_are_reported() -> None:
 
 def declares(**fields: object) -> bool:
     settings = EdgeAgentSettings.model_validate(fields)
-    capabilities = make_capabilities(settings, make_registry(settings, SimulationControl(), make_robot()))
+    capabilities = make_capabilities(
+        settings, make_registry(settings, SimulationControl(RobotLink().cut), make_robot())
+    )
     return transforms_itself(make_factsheet(HEADER, settings, capabilities))
 
 

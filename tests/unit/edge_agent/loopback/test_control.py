@@ -22,6 +22,7 @@ from nena_edge_agent.protocol.events import (
     PauseButton,
     SafetyReport,
 )
+from nena_edge_agent.robot_link import RobotLink
 from nena_shared.clock import SystemClock
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode
@@ -30,7 +31,8 @@ from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 class Stand:
     def __init__(self) -> None:
         self.events: list[Event] = []
-        self.control = SimulationControl()
+        self.cuts: list[float] = []
+        self.control = SimulationControl(self.cuts.append)
         start = Pose(0.0, 0.0, 0.0, "m")
         settings = LoopbackSettings()
         self.driver = LoopbackDriver(settings, start, emit=self.events.append, clock=SystemClock())
@@ -86,17 +88,16 @@ def test_simulated_events_are_passed_to_the_driver() -> None:
 
 
 def test_the_link_is_cut_for_the_given_time() -> None:
-    stand, cuts = Stand(), list[float]()
-    stand.control.cut_link = cuts.append
+    stand = Stand()
     stand.control.apply(parse(b'{"command": "linkSilence", "seconds": 2.5}'))
 
-    assert cuts == [2.5]
+    assert stand.cuts == [2.5]
 
 
 async def test_commands_are_refused_while_the_robot_does_not_run() -> None:
     stand, press = Stand(), parse(b'{"command": "pauseButton", "pressed": true}')
     with pytest.raises(CommandRefusedError, match="is not running"):
-        SimulationControl().apply(press)
+        SimulationControl(RobotLink().cut).apply(press)
 
     await stand.driver.stop()
     with pytest.raises(CommandRefusedError, match="is not running"):

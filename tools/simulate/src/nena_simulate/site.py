@@ -148,7 +148,8 @@ class SimulatedRobot:
         self._speed = case.speed * random.uniform(1 - spread, 1 + spread)
         self.driver: LoopbackDriver
         self.agent: RobotAgent
-        self.control = SimulationControl()
+        self._link = RobotLink()
+        self.control = SimulationControl(self._link.cut)
         self._settings = EdgeAgentSettings(
             manufacturer=vehicle.manufacturer or MANUFACTURER,
             serial_number=vehicle.serial_number or vehicle.name,
@@ -176,7 +177,7 @@ class SimulatedRobot:
         """Serve until cancelled."""
         settings = self._settings
         ports = RobotPorts(None, settings.actions)
-        robot = Robot(self.key, RobotLink(), ports.drive, None)
+        robot = Robot(self.key, self._link, ports.drive, None)
         registry = make_registry(settings, self.control, robot)
 
         def make_driver(put: Callable[[Event], None], _: Pose | None) -> LoopbackDriver:
@@ -199,13 +200,12 @@ class SimulatedRobot:
             clock=clock,
             make_link=Link.maker(self._broker),
         )
-        self.control.cut_link = self.agent.cut_link
         await self.agent.run(asyncio.Event())
 
     async def die(self, seconds: float) -> None:
         """Stop and send nothing for ``seconds``."""
         self.driver.set_navigation(available=False, reason="it has broken down")
-        self.agent.cut_link(seconds)
+        self._link.cut(seconds)
         await asyncio.sleep(seconds)
         self.driver.set_navigation(available=True, reason="")
 

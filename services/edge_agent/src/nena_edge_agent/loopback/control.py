@@ -260,9 +260,9 @@ class SimulationControl:
     ``cut_link`` cuts the robot's connection to the broker for a number of seconds.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, cut_link: Callable[[float], None]) -> None:
         self._robot: _Robot | None = None
-        self.cut_link: Callable[[float], None] | None = None
+        self._cut_link = cut_link
 
     def attach(self, driver: LoopbackDriver, put: Callable[[Event], None]) -> None:
         """Control the robot of ``driver``; ``put`` sends events to its core."""
@@ -285,8 +285,8 @@ class SimulationControl:
             message = "the robot is not running; send the command again later"
             raise CommandRefusedError(message)
         match command:
-            case CutLink(seconds=seconds) if self.cut_link:
-                self.cut_link(seconds)
+            case CutLink(seconds=seconds):
+                self._cut_link(seconds)
             case SwitchFieldViolation() | PressEmergencyStop() | AcknowledgeEmergencyStop():
                 _change_safety(robot, command)
             case SwitchOperatingMode() | SwitchError() | SwitchPauseButton() | ReleaseTrigger():

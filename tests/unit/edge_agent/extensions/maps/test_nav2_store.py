@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.map_store import FolderMapStore, MapRefusedError
+from nena_edge_agent.extensions.maps.nav2_store import Nav2MapStore
+from nena_edge_agent.extensions.maps.store import FolderMapStore, MapRefusedError
 from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer
 from nena_edge_agent.nav2.settings import RosSettings
-from nena_edge_agent.nav2_maps import Nav2MapStore
 from nena_shared.vda5050.state import Map, MapStatus
 from support.map_archives import attic
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_edge_agent.nav2.map_image import OccupancyImage, occupancy_image
+from nena_edge_agent.extensions.maps.map_image import OccupancyImage, occupancy_image
 
 
 def chunks(png: bytes) -> dict[bytes, bytes]:

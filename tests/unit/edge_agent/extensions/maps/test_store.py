@@ -6,13 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.map_store import DuplicateMapError, FolderMapStore, MapRefusedError
-from nena_edge_agent.nav2_maps import map_store
+from nena_edge_agent.extension import Core
+from nena_edge_agent.extensions.maps import Maps, MapSettings
+from nena_edge_agent.extensions.maps.store import DuplicateMapError, FolderMapStore, MapRefusedError
+from nena_edge_agent.protocol.events import MapsReport
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.state import Map, MapStatus
 from nena_shared.vda5050.topics import RobotKey
+from support.clocks import ManualClock
+from support.edge_agent import make_robot
 
 pytestmark = pytest.mark.clause("6.3")
 
@@ -148,7 +152,7 @@ def test_the_configured_map_is_enabled_after_an_interrupted_first_start(
 async def test_a_partly_deleted_map_is_not_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     maps = store(tmp_path)
     await maps.install("hall", "2", b"picture")
-    monkeypatch.setattr("nena_edge_agent.map_store.rmtree", _interrupted_at_a_file)
+    monkeypatch.setattr("nena_edge_agent.extensions.maps.store.rmtree", _interrupted_at_a_file)
 
     with pytest.raises(OSError, match="interrupted"):
         await maps.delete("hall", "2")
@@ -178,27 +182,27 @@ def test_an_unusable_folder_is_reported_at_the_start(tmp_path: Path) -> None:
         store(tmp_path)
 
 
-ROBOT = RobotKey("ACME", "r.1")
-
-
-def settings(**maps: object) -> EdgeAgentSettings:
-    return EdgeAgentSettings.model_validate({"map_id": "hall", "map_version": "7", "maps": maps})
+def robots_maps(*names: str, **settings: object) -> list[tuple[Map, ...]]:
+    """Return the maps that each robot reports at its start."""
+    agent = EdgeAgentSettings.model_validate({"map_id": "hall", "map_version": "7", "driver": "loopback"})
+    robots = tuple(make_robot(RobotKey("ACME", name)) for name in names)
+    maps = Maps(MapSettings.model_validate(settings), Core(agent, ManualClock(), robots))
+    reports = [report for robot in robots for report in maps.on_start(robot)]
+    return [report.maps for report in reports if isinstance(report, MapsReport)]
 
 
 def test_a_robot_has_a_single_map_by_default() -> None:
-    assert map_store(settings(), ROBOT) is None
+    assert robots_maps("r.1") == []
 
 
 def test_each_robot_has_its_own_folder(tmp_path: Path) -> None:
-    one = map_store(settings(store="folder", folder=tmp_path), ROBOT)
-    two = map_store(settings(store="folder", folder=tmp_path), RobotKey("ACME", "r2"))
+    first, second = robots_maps("r.1", "r2", store="folder", folder=tmp_path)
 
-    assert one is not None
-    assert two is not None
-    assert [(each.map_id, each.map_version) for each in one.maps] == [("hall", "7")]
+    assert first == second
+    assert [(each.map_id, each.map_version) for each in first] == [("hall", "7")]
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_a_map_plug_in_that_is_not_installed_is_a_settings_error() -> None:
     with pytest.raises(ConfigurationError, match=r"nena\.maps"):
-        map_store(settings(store="acme_map_server"), ROBOT)
+        robots_maps("r.1", store="acme_map_server")

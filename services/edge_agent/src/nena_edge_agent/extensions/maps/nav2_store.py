@@ -5,21 +5,16 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Mapping
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import quote
 
-from nena_edge_agent.map_store import CONTENT, FolderMapStore, MapRefusedError, MapStore, find
+from nena_edge_agent.extensions.maps.store import CONTENT, FolderMapStore, MapRefusedError, find
 from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer
-from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.program import StartError
-from nena_shared.settings import ConfigurationError
-from nena_shared.vda5050.state import Map, MapStatus
-from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.state import Map
 
 if TYPE_CHECKING:
-    from nena_edge_agent.nav2.map_bundle import MapBundle
+    from nena_edge_agent.extensions.maps.bundle import MapBundle
 
 DESCRIPTION = "map.yaml"
 CURRENT = "current"
@@ -128,46 +123,9 @@ def _unpacked(content: bytes) -> MapBundle:
         MapRefusedError: it is not a Nav2 map.
 
     """
-    from nena_edge_agent.nav2.map_bundle import BadBundleError, MapBundle  # noqa: PLC0415 - see the docstring
+    from nena_edge_agent.extensions.maps.bundle import BadBundleError, MapBundle  # noqa: PLC0415 - see the docstring
 
     try:
         return MapBundle.of(content)
     except BadBundleError as error:
         raise MapRefusedError(str(error)) from error
-
-
-GROUP = "nena.maps"
-
-
-def folder_of(settings: EdgeAgentSettings, robot: RobotKey) -> tuple[Path, Map]:
-    """Return the folder for a robot's maps, and the robot's first map."""
-    first = Map(map_id=settings.map_id, map_version=settings.map_version, map_status=MapStatus.ENABLED)
-    return settings.maps.folder / quote(str(robot), safe=" :").replace(".", "%2E"), first
-
-
-def map_store(
-    settings: EdgeAgentSettings, robot: RobotKey, server: MapServer | None = None
-) -> MapStore | None:
-    """Return the configured map store, None if the robot has a single, fixed map.
-
-    ``server`` is Nav2's map_server if it is to load the maps. A plug-in is called with the settings and the
-    robot, and returns a :class:`MapStore`.
-
-    Raises:
-        ConfigurationError: no plug-in has that name.
-        StartError: the folder cannot be used.
-    """
-    maps = settings.maps
-    if maps.store == "fixed":
-        return None
-    folder, first = folder_of(settings, robot)
-    if server is not None:
-        return Nav2MapStore(folder, first, maximum=maps.maximum, server=server)
-    if maps.store == "folder":
-        return FolderMapStore(folder, first, maximum=maps.maximum)
-    found = next(iter(entry_points(group=GROUP, name=maps.store)), None)
-    if found is None:
-        message = f"maps.store: unknown plug-in '{maps.store}' of the entry points {GROUP}"
-        raise ConfigurationError([message])
-    store: MapStore = found.load()(settings, robot)
-    return store

@@ -12,8 +12,8 @@ from functools import partial
 
 import pytest
 
-from nena_edge_agent.nav2 import map_bundle
-from nena_edge_agent.nav2.map_bundle import BadBundleError, MapBundle
+from nena_edge_agent.extensions.maps import bundle as map_bundle
+from nena_edge_agent.extensions.maps.bundle import BadBundleError, MapBundle
 from support.map_archives import description, image, tarred, zipped
 
 FILES = {"attic.yaml": description(), "attic.pgm": image()}

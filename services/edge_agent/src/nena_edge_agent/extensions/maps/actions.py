@@ -17,7 +17,7 @@ from nena_edge_agent.actions.plugin import (
 )
 from nena_edge_agent.download import DownloadError, DownloadSettings, download
 from nena_edge_agent.driver.port import Pose
-from nena_edge_agent.map_store import DuplicateMapError, MapRefusedError, MapStore, find
+from nena_edge_agent.extensions.maps.store import DuplicateMapError, MapRefusedError, MapStore, find
 from nena_edge_agent.protocol.declaration import (
     DELETE_MAP,
     DOWNLOAD_MAP,

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.actions.maps import map_actions
 from nena_edge_agent.actions.plugin import ActionPlugin, RunningAction
 from nena_edge_agent.download import DownloadSettings
-from nena_edge_agent.map_store import FolderMapStore
+from nena_edge_agent.extensions.maps.actions import map_actions
+from nena_edge_agent.extensions.maps.store import FolderMapStore
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import Map, MapStatus
