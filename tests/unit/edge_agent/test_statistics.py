@@ -3,7 +3,6 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from nena_edge_agent.agent import AgentStatistics
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
@@ -15,6 +14,7 @@ from nena_edge_agent.driver.port import (
     SessionState,
 )
 from nena_edge_agent.protocol.events import OrderReceived
+from nena_edge_agent.statistics import AgentStatistics
 
 POSE = Pose(1.0, 2.0, 0.0, "hall")
 NOW = datetime(2026, 1, 1, tzinfo=UTC)

@@ -13,16 +13,11 @@ from structlog.contextvars import bind_contextvars
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import ActionRunner
 from nena_edge_agent.driver.port import (
-    Arrived,
     DriveFailed,
     DriveFailure,
     DriveGoal,
-    DriveProgress,
     Driver,
     Pose,
-    PoseReport,
-    SessionReport,
-    SessionState,
 )
 from nena_edge_agent.extension import Extension, Robot
 from nena_edge_agent.factsheet import make_capabilities
@@ -38,7 +33,8 @@ from nena_edge_agent.protocol.robot_state import PowerPhase
 from nena_edge_agent.protocol.state import with_recorded_fields
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.clock import Clock, ClockSkew, iso
+from nena_edge_agent.statistics import AgentStatistics
+from nena_shared.clock import Clock, iso
 from nena_shared.histogram import Histogram
 from nena_shared.log import get_logger
 from nena_shared.mqtt import BrokerLink, Handler, Inbound, LinkHooks, MqttLink, Outbound
@@ -50,48 +46,6 @@ from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.visualization import Visualization
-
-
-class AgentStatistics:
-    """Counts and last values since the start of a robot's agent, for its metrics."""
-
-    def __init__(self) -> None:
-        self.arrived = 0
-        self.failed = dict.fromkeys(DriveFailure, 0)
-        """Failed drives by kind of failure."""
-        self.recoveries = 0
-        self.session: SessionState | None = None
-        self.localized: bool | None = None
-        """Whether the robot is localised; None: unknown."""
-        self.posed_at: float | None = None
-        """Time of the last valid pose, monotonic, s."""
-        self.fleet_clock = ClockSkew()
-        """Clock skew of the order service, by the timestamps of its orders."""
-        self._recoveries_of_drive = 0
-
-    def note(self, event: events.Event, now: float) -> None:
-        """Count an event."""
-        match event:
-            case PoseReport(localized=localized):
-                self.localized = localized
-                if localized:
-                    self.posed_at = now
-            case DriveProgress(recoveries=recoveries):
-                self.recoveries += max(0, recoveries - self._recoveries_of_drive)
-                self._recoveries_of_drive = recoveries
-            case Arrived():
-                self.arrived += 1
-                self._recoveries_of_drive = 0
-            case DriveFailed():
-                self.failed[event.failure] += 1
-                self._recoveries_of_drive = 0
-            case SessionReport():
-                self.session = event.state
-            case events.OrderReceived(utc=utc) if utc and event.dated:
-                self.fleet_clock.measure(event.order.timestamp, utc)
-            case _:
-                pass
-
 
 log = get_logger(__name__)
 P = ParamSpec("P")
