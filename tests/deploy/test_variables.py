@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from nena_edge_agent import extension as agent_extension
-from nena_edge_agent.settings import EdgeAgentSettings
+from nena_edge_agent.extension import settings_model
 from nena_order_service import extension as order_service
 from nena_order_service.settings import OrderServiceSettings
 from nena_robot_simulator.settings import SimulatorSettings
@@ -21,7 +20,7 @@ from nena_status_aggregator.settings import AggregatorSettings
 
 ROOT = Path(__file__).parents[2]
 MODELS: dict[str, type[BaseModel]] = {
-    "edge_agent": settings_with(EdgeAgentSettings, agent_extension.installed()),
+    "edge_agent": settings_model(),
     "order_service": settings_with(OrderServiceSettings, order_service.installed()),
     "robot_simulator": SimulatorSettings,
     "status_aggregator": settings_with(AggregatorSettings, aggregator.installed()),

@@ -13,8 +13,7 @@ from typing import Any, Final, get_args
 from pydantic import BaseModel, SecretStr
 from pydantic.fields import FieldInfo
 
-from nena_edge_agent import extension as agent_extension
-from nena_edge_agent.settings import EdgeAgentSettings
+from nena_edge_agent.extension import settings_model
 from nena_order_service import extension as order_service
 from nena_order_service.settings import OrderServiceSettings
 from nena_robot_simulator.settings import SimulatorSettings
@@ -29,7 +28,7 @@ DOCUMENT: Final = _HERE.parents[1] / "docs" / "configuration.md"
 PROGRAMS: Final[dict[str, type[ProgramSettings]]] = {
     "nena-order-service": settings_with(OrderServiceSettings, order_service.installed()),
     "nena-status-aggregator": settings_with(AggregatorSettings, aggregator.installed()),
-    "nena-edge-agent": settings_with(EdgeAgentSettings, agent_extension.installed()),
+    "nena-edge-agent": settings_model(),
     "nena-robot-simulator": SimulatorSettings,
 }
 BY_FILE: Final = "_file"

@@ -18,11 +18,10 @@ from typing import Any, Self
 
 from nena_edge_agent.actions.plugin import RosPort
 from nena_edge_agent.actions.robot_ports import ActionDrive
-from nena_edge_agent.extension import Robot, installed
+from nena_edge_agent.extension import Robot, settings_model
 from nena_edge_agent.program import serve
 from nena_edge_agent.robot_link import RobotLink
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.settings import settings_with
 from nena_shared.vda5050.action import Action, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.order import Order
@@ -34,7 +33,7 @@ from support.waiting import PATIENCE, until
 
 MANUFACTURER = "ACME"
 SERIAL = "0001"
-SETTINGS = settings_with(EdgeAgentSettings, installed())
+SETTINGS = settings_model()
 """The agent's settings, with those of its extensions."""
 QUICK = {"speed": 50.0, "turn_rate": 50.0, "pose_interval": 0.02}
 

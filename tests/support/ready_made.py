@@ -8,10 +8,12 @@ from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
 from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import ActionRunner
+from nena_edge_agent.extension import operation_kinds
 from nena_edge_agent.plugin_check import DryDrive
 from nena_edge_agent.protocol.events import ActionReport, StartAction
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.topics import RobotKey
+from support.edge_agent import SETTINGS
 from support.pausing import turn_passes
 from support.robot_core import action
 from support.ros_port import ScriptedRos
@@ -39,13 +41,13 @@ CLAMP: dict[str, Any] = {"kind": "service", "action_type": "clamp", "call": CALL
 
 
 def settings_of(*operations: dict[str, Any], **actions: Any) -> EdgeAgentSettings:
-    return EdgeAgentSettings.model_validate({"operations": operations, "actions": actions})
+    return SETTINGS.model_validate({"operations": operations, "actions": actions})
 
 
 def plugins_of(*operations: dict[str, Any], ros: ScriptedRos | None, **actions: Any) -> list[ActionPlugin]:
     settings = settings_of(*operations, **actions)
     context = PluginContext(RobotKey("ACME", "0001"), DryDrive(), ros)
-    return list(ready_made(settings.operations, context, settings.actions))
+    return list(ready_made(settings.operations, context, settings.actions, operation_kinds()))
 
 
 async def end_of(reports: list[ActionReport]) -> ActionReport:

@@ -28,14 +28,14 @@ from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
 from nena_shared.vda5050.factsheet import ActionScope, Factsheet, MobileRobotAction, ValueDataType
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.versions import CODECS, RULES
-from support.edge_agent import make_robot
+from support.edge_agent import SETTINGS, make_robot
 from support.robot_core import HEADER, action
 from support.ros_port import ScriptedRos
 from support.schemas import schema_problems
 
 
 def factsheet(*operations: OperationSettings, **changes: object) -> Factsheet:
-    settings = EdgeAgentSettings.model_validate({"operations": operations, **changes})
+    settings = SETTINGS.model_validate({"operations": operations, **changes})
     registry = ActionRegistry([*(TimedOperation(each) for each in operations), Wait()])
     return make_factsheet(HEADER, settings, make_capabilities(settings, registry))
 
@@ -165,7 +165,7 @@ SIGNAL = {"kind": "turn_signal"}
 def robot(
     *operations: dict[str, Any], ros: bool = True, version: str = "2.1.0", **actions: Any
 ) -> tuple[EdgeAgentSettings, Capabilities]:
-    settings = EdgeAgentSettings.model_validate(
+    settings = SETTINGS.model_validate(
         {
             "operations": operations,
             "version": version,
@@ -262,7 +262,7 @@ SPEEDS = st.floats(0.0, 5.0)
 
 
 def capabilities(**changes: object) -> Capabilities:
-    return make_capabilities(EdgeAgentSettings.model_validate(changes), ActionRegistry([Wait()]))
+    return make_capabilities(SETTINGS.model_validate(changes), ActionRegistry([Wait()]))
 
 
 @given(SPEEDS, st.floats(0.1, 5.0))

@@ -9,10 +9,11 @@ from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.program import DESCRIPTION, PROGRAM
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.settings import ConfigurationError, load
+from support.edge_agent import SETTINGS
 
 
 def loaded(*argv: str) -> EdgeAgentSettings:
-    return load(EdgeAgentSettings, argv, program=PROGRAM, description=DESCRIPTION)
+    return load(SETTINGS, argv, program=PROGRAM, description=DESCRIPTION)
 
 
 def test_by_default_it_is_one_robot_with_nav2() -> None:
@@ -40,7 +41,7 @@ def test_only_loopback_robots_can_be_a_fleet() -> None:
 
 
 def test_start_poses_can_be_set_per_robot() -> None:
-    settings = EdgeAgentSettings.model_validate(
+    settings = SETTINGS.model_validate(
         {"loopback": {"count": 2, "spacing": 1.0, "starts": [{"x": 7.0, "theta": 1.0}]}}
     )
 

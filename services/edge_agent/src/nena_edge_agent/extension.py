@@ -15,16 +15,17 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from nena_edge_agent.actions.plugin import ActionPlugin, DrivePort, RosPort
+from nena_edge_agent.actions.ready_made import OperationKind
 from nena_edge_agent.nav2.map_server import MapServer
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.protocol.events import Effect, Event
 from nena_edge_agent.protocol.robot_state import RobotState
 from nena_edge_agent.robot_link import RobotLink
-from nena_edge_agent.settings import EdgeAgentSettings
+from nena_edge_agent.settings import EdgeAgentSettings, with_kinds
 from nena_shared import extensions
 from nena_shared.clock import Clock
 from nena_shared.mqtt import Inbound, Outbound
-from nena_shared.settings import NoSettings, SettingsGroup
+from nena_shared.settings import NoSettings, SettingsGroup, settings_with
 from nena_shared.vda5050.topics import RobotKey
 
 if TYPE_CHECKING:  # an extra of the edge agent
@@ -64,6 +65,9 @@ class Extension:
 
     Settings: ClassVar[type[SettingsGroup]] = NoSettings
     """Its group of settings: ``[NAME]`` in the file, ``--NAME.FIELD`` on the command line."""
+
+    kinds: ClassVar[Mapping[str, OperationKind]] = {}
+    """Its kinds of ``[[operations]]``: actions that settings define."""
 
     def __init__(self, settings: Any, core: Core) -> None:  # noqa: ANN401 - of the class's own Settings
         """Prepare the extension; nothing is connected yet.
@@ -125,3 +129,14 @@ class Extension:
 def installed() -> Mapping[str, type[Extension]]:
     """Return the installed extensions by name; raises as :func:`nena_shared.extensions.installed`."""
     return extensions.installed(GROUP, Extension)
+
+
+def operation_kinds() -> dict[str, OperationKind]:
+    """Return the kinds of ``[[operations]]`` of all installed extensions."""
+    return {name: kind for extension in installed().values() for name, kind in extension.kinds.items()}
+
+
+def settings_model() -> type[EdgeAgentSettings]:
+    """Return the agent's settings with those of the installed extensions."""
+    kinds = {name: kind.settings for name, kind in operation_kinds().items()}
+    return settings_with(with_kinds(EdgeAgentSettings, kinds), installed())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -14,10 +15,10 @@ from nena_edge_agent.actions.registry import ActionRegistry, Installed, installe
 from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.ros_session import SessionSwitch, session_actions, session_switch
-from nena_edge_agent.actions.settings import AnyOperation
+from nena_edge_agent.actions.settings import OperationBase
 from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.drivers import driver_maker
-from nena_edge_agent.extension import Core, Extension, Robot, installed
+from nena_edge_agent.extension import Core, Extension, Robot, installed, operation_kinds, settings_model
 from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import lock_journal
 from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
@@ -30,7 +31,7 @@ from nena_shared.certificates import Certificates
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
-from nena_shared.program import run
+from nena_shared.program import EXIT_FAILED, StartError, run
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, forever
 from nena_shared.vda5050.topics import RobotKey
@@ -168,7 +169,7 @@ def _agent_maker(
     return make
 
 
-def effective_operations(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
+def effective_operations(found: Installed, settings: EdgeAgentSettings) -> tuple[OperationBase, ...]:
     """Return the robot's operations; installed plug-ins replace default ones of the same action type."""
     if "operations" in settings.model_fields_set:
         return settings.operations
@@ -187,7 +188,10 @@ def make_registry(
     context = PluginContext(robot.key, robot.drive, robot.ros)
     found = installed_plugins(context, settings.actions)
     operations = effective_operations(found, settings)
-    plugins: list[ActionPlugin] = [*ready_made(operations, context, settings.actions), Wait()]
+    plugins: list[ActionPlugin] = [
+        *ready_made(operations, context, settings.actions, operation_kinds()),
+        Wait(),
+    ]
     plugins.append(ZoneSetDownload(codec_for(settings.version), settings.download))
     for extension in extensions:
         plugins += extension.actions(robot)
@@ -226,11 +230,9 @@ async def _run_all(
 
 def main(arguments: Sequence[str]) -> int:
     """Run the robots; return the exit status as ``__main__`` describes."""
-    return run(
-        EdgeAgentSettings,
-        serve,
-        program=PROGRAM,
-        description=DESCRIPTION,
-        argv=arguments,
-        extensions=installed,
-    )
+    try:
+        model = settings_model()
+    except StartError as error:
+        sys.stderr.write(f"{PROGRAM}: {error}\n")
+        return EXIT_FAILED
+    return run(model, serve, program=PROGRAM, description=DESCRIPTION, argv=arguments)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, create_model, model_validator
 
-from nena_edge_agent.actions.settings import ActionSettings, AnyOperation, default_operations
+from nena_edge_agent.actions.settings import (
+    ActionSettings,
+    OperationBase,
+    default_operations,
+    operation_type,
+)
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
@@ -162,6 +168,16 @@ class DescriptionSettings(SettingsGroup):
     height: NotNegative = Field(0.5, description="m")
 
 
+OPERATIONS = (
+    "Ready-made actions: [[operations]] tables, each of a kind: time, topic, service, nav2, or one of an "
+    "extension: signal, charge, turn_signal, dock."
+)
+if TYPE_CHECKING:
+    Operations = tuple[OperationBase, ...]
+else:
+    Operations = tuple[operation_type({}), ...]
+
+
 class EdgeAgentSettings(ServiceSettings):
     """The edge agent."""
 
@@ -225,11 +241,7 @@ class EdgeAgentSettings(ServiceSettings):
         default_factory=OutgoingSettings,
         description="Files of the black box and log reports, and their transfer to the status aggregator.",
     )
-    operations: tuple[AnyOperation, ...] = Field(
-        default_factory=default_operations,
-        description="Ready-made actions: [[operations]] tables, each of a kind: time, topic, service, "
-        "signal, charge, turn_signal, dock or nav2.",
-    )
+    operations: Operations = Field(default_factory=default_operations, description=OPERATIONS)
     actions: ActionSettings = Field(
         default_factory=ActionSettings, description="Action plug-ins, and settings of all actions."
     )
@@ -253,3 +265,14 @@ class EdgeAgentSettings(ServiceSettings):
         if count == 1:
             return (self.serial_number,)
         return tuple(f"{self.serial_number}-{number}" for number in range(1, count + 1))
+
+
+def with_kinds(
+    model: type[EdgeAgentSettings], kinds: Mapping[str, type[OperationBase]]
+) -> type[EdgeAgentSettings]:
+    """Return the settings with further kinds of ``operations``."""
+    operations: Any = (
+        tuple[operation_type(kinds), ...],  # type: ignore[misc] # known at run time only
+        Field(default_factory=default_operations, description=OPERATIONS),
+    )
+    return create_model(model.__name__, __base__=model, __doc__=model.__doc__, operations=operations)

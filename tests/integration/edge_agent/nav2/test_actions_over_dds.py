@@ -17,12 +17,12 @@ from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.run import ActionRunner
+from nena_edge_agent.extension import operation_kinds
 from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.plugin_check import DryDrive
 from nena_edge_agent.protocol.events import ActionReport, CancelAction, StartAction
-from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.topics import RobotKey, Topic
-from support.edge_agent import FleetControl, ended, error_types, status_of
+from support.edge_agent import SETTINGS, FleetControl, ended, error_types, status_of
 from support.lift_process import lift_process
 from support.nav2_agent import Bench, ready
 from support.ready_made import end_of
@@ -94,9 +94,9 @@ class Robot:
     """The actions of one robot on a separate node."""
 
     def __init__(self, port: PluginRos) -> None:
-        settings = EdgeAgentSettings.model_validate({"operations": OPERATIONS})
+        settings = SETTINGS.model_validate({"operations": OPERATIONS})
         context = PluginContext(RobotKey("ACME", "0001"), DryDrive(), port)
-        plugins = ready_made(settings.operations, context, settings.actions)
+        plugins = ready_made(settings.operations, context, settings.actions, operation_kinds())
         self.reports: list[ActionReport] = []
         self.runner = ActionRunner(ActionRegistry(plugins), self.reports.append)
 

@@ -16,13 +16,14 @@ from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.ros_port import PluginRos
 from nena_edge_agent.actions.run import ActionRunner
+from nena_edge_agent.extension import operation_kinds
 from nena_edge_agent.nav2.session import RosSession
 from nena_edge_agent.plugin_check import DryDrive
 from nena_edge_agent.protocol.events import ActionReport, CancelAction, StartAction
-from nena_edge_agent.settings import EdgeAgentSettings
 from nena_robot_simulator.interfaces import build
 from nena_shared.vda5050.topics import RobotKey
 from support.action_types import needs_action_types
+from support.edge_agent import SETTINGS
 from support.ready_made import end_of
 from support.robot_core import action
 from support.spin_server import other_definition, spin_server
@@ -39,10 +40,10 @@ class Turn:
     """The action ``turn`` of a robot, started at once."""
 
     def __init__(self, port: PluginRos) -> None:
-        settings = EdgeAgentSettings.model_validate({"operations": [TURN]})
+        settings = SETTINGS.model_validate({"operations": [TURN]})
         context = PluginContext(RobotKey("ACME", "0001"), DryDrive(), port)
         self.reports: list[ActionReport] = []
-        plugins = ready_made(settings.operations, context, settings.actions)
+        plugins = ready_made(settings.operations, context, settings.actions, operation_kinds())
         self.runner = ActionRunner(ActionRegistry(plugins), self.reports.append)
 
     def begin(self) -> None:

@@ -8,18 +8,16 @@ import pytest
 from pydantic import ValidationError
 
 from nena_edge_agent.actions.settings import (
-    ChargeOperationSettings,
     OperationSettings,
     ParameterSettings,
-    TurnSignalSettings,
 )
-from nena_edge_agent.settings import EdgeAgentSettings
+from support.edge_agent import SETTINGS
 
 COMMAND = {"topic": "lift", "type": "std_msgs/msg/String"}
 
 
 def operations(*tables: dict[str, Any]) -> tuple[Any, ...]:
-    return EdgeAgentSettings.model_validate({"operations": tables}).operations
+    return SETTINGS.model_validate({"operations": tables}).operations
 
 
 def test_a_table_without_a_kind_has_a_fixed_duration() -> None:
@@ -55,12 +53,3 @@ def test_a_parameter_with_values_accepts_their_names() -> None:
     assert declared.problem("middle") == "parameter 'side' must be one of left, right"
     assert declared.problem("left") is None
     assert declared.words == "one of left, right"
-
-
-def test_the_battery_confirms_charging_unless_configured_otherwise() -> None:
-    begins = ChargeOperationSettings(kind="charge")
-    ends = ChargeOperationSettings(kind="charge", action_type="stopCharging", charging=False)
-
-    assert begins.confirmation.match == {"power_supply_status": [1, 4]}
-    assert ends.confirmation.match == {"power_supply_status": [0, 2, 3]}
-    assert TurnSignalSettings(kind="turn_signal").values["off"] == "off"

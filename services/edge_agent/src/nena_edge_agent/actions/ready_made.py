@@ -1,12 +1,13 @@
-"""Creates the actions that the settings define: timed ones, and those that use ROS without code."""
+"""Creates the actions of ``[[operations]]``: timed ones, and those that use ROS without code."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
 
 from nena_edge_agent.actions.builtin import SimulatedOperation, TimedOperation, Unavailable
-from nena_edge_agent.actions.docking import Docking
 from nena_edge_agent.actions.messages import Record, UnknownTypeError, message_type, service_type
 from nena_edge_agent.actions.nav2_operations import Nav2Operation, declaration_of
 from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext, RosError, RosPort
@@ -14,42 +15,61 @@ from nena_edge_agent.actions.ros_operations import ActionValues, Answer, Call, C
 from nena_edge_agent.actions.settings import (
     ActionSettings,
     AnswerSettings,
-    AnyOperation,
     CallSettings,
-    ChargeOperationSettings,
     CommandSettings,
-    DockOperationSettings,
     Nav2OperationSettings,
+    OperationBase,
     OperationSettings,
-    ParameterSettings,
     RosOperationSettings,
     ServiceOperationSettings,
-    SignalOperationSettings,
     TopicOperationSettings,
-    TurnSignalSettings,
 )
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_shared.settings import ConfigurationError
-from nena_shared.vda5050.factsheet import ActionScope
 
-DIRECTION = "direction"
+
+@dataclass(frozen=True, slots=True)
+class OperationKind:
+    """A kind of ``[[operations]]``: its settings, and what makes an action of them.
+
+    ``make`` gets the settings, their place in the file for errors, the robot and the settings of all actions.
+    """
+
+    settings: type[OperationBase]
+    make: Callable[[Any, str, PluginContext, ActionSettings], ActionPlugin]
 
 
 def ready_made(
-    operations: tuple[AnyOperation, ...], context: PluginContext, settings: ActionSettings
+    operations: Iterable[OperationBase],
+    context: PluginContext,
+    settings: ActionSettings,
+    kinds: Mapping[str, OperationKind] = MappingProxyType({}),
 ) -> Iterator[ActionPlugin]:
-    """Build the actions of one robot.
+    """Build the actions of one robot; ``kinds`` are those of extensions.
 
     Raises:
         ConfigurationError: a message cannot be built from the settings; the error names the setting.
     """
     for number, operation in enumerate(operations):
-        yield _made(operation, f"operations.{number}", context, settings)
+        path = f"operations.{number}"
+        match operation:
+            case OperationSettings():
+                yield TimedOperation(operation)
+            case TopicOperationSettings():
+                parts = RosParts(command=operation.command, answer=operation.answer)
+                yield ros_action(operation, parts, path, context, settings)
+            case ServiceOperationSettings():
+                parts = RosParts(call=operation.call, answer=operation.answer)
+                yield ros_action(operation, parts, path, context, settings)
+            case Nav2OperationSettings():
+                yield _by_nav2(operation, context.ros, settings)
+            case _:
+                yield kinds[operation.kind].make(operation, path, context, settings)
 
 
 @dataclass(frozen=True, slots=True)
-class _Parts:
-    """The parts of an action as defined in its settings."""
+class RosParts:
+    """The parts of an action that uses ROS, as defined in its settings."""
 
     command: CommandSettings | None = None
     call: CallSettings | None = None
@@ -60,30 +80,6 @@ class _Parts:
     def can_be_cancelled(self) -> bool:
         """Return whether the action can be cancelled: nothing that it has started continues then."""
         return self.call is None and (self.command is None or self.command.on_cancel is not None)
-
-
-def _made(
-    operation: AnyOperation, path: str, context: PluginContext, settings: ActionSettings
-) -> ActionPlugin:
-    match operation:
-        case OperationSettings():
-            return TimedOperation(operation)
-        case DockOperationSettings():
-            return Docking(operation, context.drive)
-        case Nav2OperationSettings():
-            return _by_nav2(operation, context.ros, settings)
-        case TurnSignalSettings():
-            known = _with_direction(operation)
-            return _with_ros(known, _signal_parts(known), path, context.ros, settings)
-        case TopicOperationSettings():
-            parts = _Parts(command=operation.command, answer=operation.answer)
-        case ServiceOperationSettings():
-            parts = _Parts(call=operation.call, answer=operation.answer)
-        case SignalOperationSettings():
-            parts = _Parts(answer=operation.answer)
-        case ChargeOperationSettings():
-            parts = _Parts(operation.command, operation.call, operation.confirmation)
-    return _with_ros(operation, parts, path, context.ros, settings)
 
 
 def _by_nav2(operation: Nav2OperationSettings, ros: RosPort | None, settings: ActionSettings) -> ActionPlugin:
@@ -98,10 +94,15 @@ def _by_nav2(operation: Nav2OperationSettings, ros: RosPort | None, settings: Ac
         return Unavailable(declaration, str(error))
 
 
-def _with_ros(
-    operation: RosOperationSettings, parts: _Parts, path: str, ros: RosPort | None, settings: ActionSettings
+def ros_action(
+    operation: RosOperationSettings,
+    parts: RosParts,
+    path: str,
+    context: PluginContext,
+    settings: ActionSettings,
 ) -> ActionPlugin:
-    values = ActionValues(operation)
+    """Return the action that publishes, calls and waits as its parts say; without ROS a rehearsed one."""
+    ros, values = context.ros, ActionValues(operation)
     declaration = _declaration(operation, parts, values)
     if ros is not None:
         steps = _steps(parts, values, path, ros)
@@ -112,7 +113,7 @@ def _with_ros(
     return Unavailable(declaration)
 
 
-def _declaration(operation: RosOperationSettings, parts: _Parts, values: ActionValues) -> ActionDeclaration:
+def _declaration(operation: RosOperationSettings, parts: RosParts, values: ActionValues) -> ActionDeclaration:
     return ActionDeclaration(
         operation.action_type,
         scopes=operation.scopes,
@@ -128,7 +129,7 @@ def _declaration(operation: RosOperationSettings, parts: _Parts, values: ActionV
     )
 
 
-def _steps(parts: _Parts, values: ActionValues, path: str, ros: RosPort) -> Steps:
+def _steps(parts: RosParts, values: ActionValues, path: str, ros: RosPort) -> Steps:
     return Steps(
         command=_command(parts.command, values, f"{path}.command", ros) if parts.command else None,
         call=_call(parts.call, values, f"{path}.call", ros) if parts.call else None,
@@ -159,19 +160,3 @@ def _message(name: str, path: str) -> Record:
         return message_type(name)
     except UnknownTypeError as error:
         raise ConfigurationError([f"{path}.type: {error}"]) from error
-
-
-def _with_direction(operation: TurnSignalSettings) -> TurnSignalSettings:
-    direction = ParameterSettings(key=DIRECTION, values=operation.values, description="what the signal shows")
-    return operation.model_copy(update={"parameters": (*operation.parameters, direction)})
-
-
-def _signal_parts(operation: TurnSignalSettings) -> _Parts:
-    lasting = operation.scopes == (ActionScope.EDGE,)
-    command = CommandSettings(
-        topic=operation.topic,
-        type=operation.type,
-        fields={operation.field: f"{{{DIRECTION}}}"},
-        on_cancel={operation.field: operation.values["off"]},
-    )
-    return _Parts(command=command, lasting=lasting)

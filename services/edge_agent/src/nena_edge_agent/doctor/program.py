@@ -18,13 +18,13 @@ from nena_edge_agent.doctor.navigation import (
     kernel_keeps_time,
 )
 from nena_edge_agent.driver.port import SessionError
-from nena_edge_agent.extension import installed
+from nena_edge_agent.extension import settings_model
 from nena_edge_agent.nav2.session_control import prepare_environment
 from nena_edge_agent.nav2.settings import RosSettings
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
 from nena_shared.program import EXIT_FAILED, report_misconfigured
-from nena_shared.settings import ConfigurationError, LogSettings, load, settings_with
+from nena_shared.settings import ConfigurationError, LogSettings, load
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import RULES
 
@@ -39,8 +39,7 @@ DESCRIPTION = (
 def main(argv: Sequence[str]) -> int:
     """Run the command, which accepts the agent's arguments."""
     try:
-        model = settings_with(EdgeAgentSettings, installed())
-        settings = load(model, argv, program=PROGRAM, description=DESCRIPTION)
+        settings = load(settings_model(), argv, program=PROGRAM, description=DESCRIPTION)
         log.configure(LogSettings(level="error", form="text"))
         findings = asyncio.run(examine(settings))
     except ConfigurationError as error:

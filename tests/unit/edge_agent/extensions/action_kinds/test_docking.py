@@ -5,10 +5,10 @@ from math import pi
 import pytest
 from pydantic import ValidationError
 
-from nena_edge_agent.actions.docking import Docking, offset_pose
 from nena_edge_agent.actions.robot_ports import ActionDrive
-from nena_edge_agent.actions.settings import DockOperationSettings
 from nena_edge_agent.driver.port import Arrived, Halted, Pose, PoseReport
+from nena_edge_agent.extensions.action_kinds.docking import Docking, offset_pose
+from nena_edge_agent.extensions.action_kinds.settings import DockOperationSettings
 from nena_edge_agent.plugin_check import DryDrive
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus

@@ -13,8 +13,8 @@ from nena_edge_agent.actions.plugin import (
     RunningAction,
     WorkFailedError,
 )
-from nena_edge_agent.actions.settings import DockOperationSettings
 from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.extensions.action_kinds.settings import DockOperationSettings
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import Action, ActionStatus
