@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from pydantic import BaseModel
+
 from nena_edge_agent.actions.plugin import ActionPlugin, DrivePort, RosPort
 from nena_edge_agent.actions.ready_made import OperationKind
 from nena_edge_agent.nav2.map_server import MapServer
@@ -25,7 +27,7 @@ from nena_edge_agent.settings import EdgeAgentSettings, with_kinds
 from nena_shared import extensions
 from nena_shared.clock import Clock
 from nena_shared.mqtt import Inbound, Outbound
-from nena_shared.settings import NoSettings, SettingsGroup, settings_with
+from nena_shared.settings import NoSettings, settings_with
 from nena_shared.vda5050.topics import RobotKey
 
 if TYPE_CHECKING:  # an extra of the edge agent
@@ -63,8 +65,8 @@ class Extension:
     All of it but :meth:`on_record` runs in the event loop: what blocks belongs in ``asyncio.to_thread``.
     """
 
-    Settings: ClassVar[type[SettingsGroup]] = NoSettings
-    """Its group of settings: ``[NAME]`` in the file, ``--NAME.FIELD`` on the command line."""
+    Settings: ClassVar[type[BaseModel]] = NoSettings
+    """Its group of settings, ``[NAME]`` in the file; or :class:`TopLevelSettings`, beside the agent's own."""
 
     kinds: ClassVar[Mapping[str, OperationKind]] = {}
     """Its kinds of ``[[operations]]``: actions that settings define."""

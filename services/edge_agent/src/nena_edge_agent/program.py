@@ -32,7 +32,7 @@ from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
 from nena_shared.loop_lag import LoopLag
 from nena_shared.program import EXIT_FAILED, StartError, run
-from nena_shared.settings import ConfigurationError
+from nena_shared.settings import ConfigurationError, settings_of
 from nena_shared.tasks import Supervisor, forever
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import codec_for, topics_for
@@ -81,8 +81,7 @@ async def _serve_robots(settings: EdgeAgentSettings, stop: asyncio.Event) -> Non
     fleet = [_RobotParts.of(settings, serial_number) for serial_number in settings.serial_numbers]
     core = Core(settings, clock, tuple(parts.robot for parts in fleet))
     extensions = [
-        extension(getattr(settings, name, None) or extension.Settings(), core)
-        for name, extension in installed().items()
+        extension(settings_of(settings, name, extension), core) for name, extension in installed().items()
     ]
     agents: dict[RobotKey, RobotAgent] = {}
     makers = {

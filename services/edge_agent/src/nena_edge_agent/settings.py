@@ -19,7 +19,6 @@ from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.nav2.settings import Navigation, RosSettings
 from nena_edge_agent.power import PowerSettings
 from nena_edge_agent.protocol.capabilities import TOLERABLE, DriveStrategy, ExternalGoals, LinkLossPolicy
-from nena_shared.extensions.black_box.settings import OutgoingSettings
 from nena_shared.plant.geometry import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
@@ -142,15 +141,6 @@ class MetricsSettings(SettingsGroup):
     port: int = Field(0, ge=0, le=65535, description="TCP port of the metrics; 0: none are served.")
 
 
-class LogReportSettings(SettingsGroup):
-    """Log reports requested by fleet control."""
-
-    folder: Path = Field(Path("~/.local/state/nena/log_reports"), description="Folder of the reports.")
-    keep: int = Field(
-        20, ge=1, le=1000, description="Maximum number of reports; beyond, the oldest is removed."
-    )
-
-
 class DescriptionSettings(SettingsGroup):
     """The robot in its factsheet: m, m/s, rad/s, m/s², kg."""
 
@@ -233,13 +223,6 @@ class EdgeAgentSettings(ServiceSettings):
     )
     power: PowerSettings = Field(
         default_factory=PowerSettings, description="Hibernation and shutdown, with VDA 5050 3.0."
-    )
-    log_report: LogReportSettings = Field(
-        default_factory=LogReportSettings, description="The action logReport."
-    )
-    upload: OutgoingSettings = Field(
-        default_factory=OutgoingSettings,
-        description="Files of the black box and log reports, and their transfer to the status aggregator.",
     )
     operations: Operations = Field(default_factory=default_operations, description=OPERATIONS)
     actions: ActionSettings = Field(

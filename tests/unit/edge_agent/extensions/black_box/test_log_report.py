@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from nena_edge_agent.extensions.black_box.log_report import LogReport
+from nena_edge_agent.extensions.black_box.settings import LogReportSettings
 from nena_edge_agent.protocol.events import ActionReport
-from nena_edge_agent.settings import LogReportSettings
 from nena_shared import log
 from nena_shared.settings import LogSettings
 from nena_shared.vda5050.action import ActionStatus

@@ -10,7 +10,7 @@ from nena_edge_agent.extension import Core, Extension, Robot
 from nena_edge_agent.extensions.black_box.box import FetchRecording, RobotBlackBox
 from nena_edge_agent.extensions.black_box.log_report import LogReport
 from nena_edge_agent.extensions.black_box.ros import RosTopicRecorder
-from nena_edge_agent.extensions.black_box.settings import BlackBoxSettings
+from nena_edge_agent.extensions.black_box.settings import RecordingSettings
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.protocol.events import Effect, Event
 from nena_edge_agent.protocol.robot_state import RobotState
@@ -18,7 +18,7 @@ from nena_shared.extensions.black_box.box import outgoing_of
 from nena_shared.extensions.black_box.counts import RecordingCounts
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import Inbound, Outbound
-from nena_shared.settings import SettingsGroup
+from nena_shared.settings import TopLevelSettings
 
 if TYPE_CHECKING:
     from nena_shared.metrics import Section
@@ -27,21 +27,19 @@ if TYPE_CHECKING:
 class BlackBoxes(Extension):
     """Records each robot if ``black_box.enabled`` is set, and sends files if ``upload.enabled`` is set."""
 
-    Settings: ClassVar[type[SettingsGroup]] = BlackBoxSettings
+    Settings: ClassVar[type[TopLevelSettings]] = RecordingSettings
 
-    def __init__(self, settings: BlackBoxSettings, core: Core) -> None:
+    def __init__(self, settings: RecordingSettings, core: Core) -> None:
         super().__init__(settings, core)
         topics = FleetTopics(core.settings.topic_prefix)
-        self._outgoing = {
-            robot.key: outgoing_of(core.settings.upload, robot.key, topics) for robot in core.robots
-        }
+        self._outgoing = {robot.key: outgoing_of(settings.upload, robot.key, topics) for robot in core.robots}
         for robot in core.robots:
             if uploader := self._outgoing[robot.key].uploader:
                 uploader.attach(robot.link)
         self._boxes = {
-            key: RobotBlackBox(key, settings, outgoing, core.clock)
+            key: RobotBlackBox(key, settings.black_box, outgoing, core.clock)
             for key, outgoing in self._outgoing.items()
-            if settings.enabled
+            if settings.black_box.enabled
         }
 
     @classmethod
@@ -54,21 +52,21 @@ class BlackBoxes(Extension):
 
     def _counts(self) -> RecordingCounts | None:
         """Return what happened to the files; None: no robot makes any, or they stay on the robot."""
-        if not self._boxes and not self.core.settings.upload.enabled:
+        if not self._boxes and not self.settings.upload.enabled:
             return None
         return RecordingCounts.total([outgoing.counts for outgoing in self._outgoing.values()])
 
     def actions(self, robot: Robot) -> Iterable[ActionPlugin]:
         """Return logReport, and what requests a recording."""
         outgoing = self._outgoing[robot.key]
-        yield LogReport(self.core.settings.log_report, outgoing.add if outgoing.uploader else None)
+        yield LogReport(self.settings.log_report, outgoing.add if outgoing.uploader else None)
         if box := self._boxes.get(robot.key):
             yield FetchRecording(box)
 
     def nodes(self, robot: Robot) -> Iterable[NodeExtension]:
         """Return what records the configured ROS topics."""
         box = self._boxes.get(robot.key)
-        return (RosTopicRecorder(self.settings.topics, box.ring, self.core.clock),) if box else ()
+        return (RosTopicRecorder(self.settings.black_box.topics, box.ring, self.core.clock),) if box else ()
 
     def tasks(self) -> Mapping[str, Callable[[], Awaitable[None]]]:
         """Return the tasks that write and send files."""

@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path
 
 from nena_edge_agent.actions.plugin import BackgroundAction, Report, RunningAction, WorkFailedError
+from nena_edge_agent.extensions.black_box.settings import LogReportSettings
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import ActionReport
-from nena_edge_agent.settings import LogReportSettings
 from nena_shared.log import recent_lines
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
