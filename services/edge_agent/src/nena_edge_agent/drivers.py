@@ -10,7 +10,7 @@ from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.driver.port import Driver, Emit, Pose
 from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
-from nena_edge_agent.nav2.map_server import MapServer
+from nena_edge_agent.nav2.map_server import MakeMapServer, no_map_server
 from nena_edge_agent.nav2.offers import nav2_offers
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.nav2.speed_limit import SpeedLimiter
@@ -28,18 +28,18 @@ def driver_maker(
     switch: SessionSwitch,
     *,
     extensions: Sequence[NodeExtension] = (),
-    map_server: MapServer | None = None,
+    make_map_server: MakeMapServer = no_map_server,
 ) -> DriverMaker:
     """Return a factory for the driver of robot ``index``, counted from 0.
 
     A loopback robot is attached to ``control``. A robot with Nav2 has its ROS session attached to ``switch``,
-    ``extensions`` on its nodes, and its maps in ``map_server``.
+    ``extensions`` on its nodes, and its maps in the server of ``make_map_server``.
 
     Raises:
         StartError: ROS 2 for Python is required and missing.
     """
     if settings.driver == "nav2":
-        return _nav2(settings, clock, switch, extensions, map_server)
+        return _nav2(settings, clock, switch, extensions, make_map_server)
     return _loopback(settings, index, clock, control)
 
 
@@ -61,7 +61,7 @@ def _nav2(
     clock: Clock,
     switch: SessionSwitch,
     extensions: Sequence[NodeExtension],
-    map_server: MapServer | None,
+    make_map_server: MakeMapServer,
 ) -> DriverMaker:
     try:
         from nena_edge_agent.nav2.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
@@ -84,7 +84,7 @@ def _nav2(
             frame=PlantFrame.of(settings.map_transforms),
             extensions=extensions,
             limiter=limiter,
-            map_server=map_server,
+            make_map_server=make_map_server,
         )
         switch.attach(driver.session)
         return driver

@@ -18,7 +18,7 @@ from pydantic import BaseModel
 
 from nena_edge_agent.actions.plugin import ActionPlugin, DrivePort, RosPort
 from nena_edge_agent.actions.ready_made import OperationKind
-from nena_edge_agent.nav2.map_server import MapServer
+from nena_edge_agent.nav2.map_server import MapServer, MapUser
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.protocol.events import Effect, Event
 from nena_edge_agent.protocol.robot_state import RobotState
@@ -95,8 +95,8 @@ class Extension:
         """Return what is set up on each ROS node of the robot, in the ROS thread."""
         return ()
 
-    def map_server(self, robot: Robot) -> MapServer | None:
-        """Return Nav2's map_server if the robot's driver waits for it to load a map of the extension."""
+    def map_server(self, robot: Robot, user: MapUser) -> MapServer | None:
+        """Return Nav2's map_server if it loads a map of the extension; ``user`` is the robot's new driver."""
         return None
 
     def tasks(self) -> Mapping[str, Callable[[], Awaitable[None]]]:

@@ -23,6 +23,7 @@ from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import lock_journal
 from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
 from nena_edge_agent.loopback.control import ControlApi, SimulationControl
+from nena_edge_agent.nav2.map_server import MapServer, MapUser
 from nena_edge_agent.nav2.offers import NO_OFFERS, nav2_offers
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.robot_link import RobotLink
@@ -143,12 +144,15 @@ def _agent_maker(
     journal = settings.journal.folder if settings.journal.enabled else None
     switch = session_switch(settings.ros, journal, robot.key)
     nodes: list[NodeExtension] = []
-    map_server = None
     if parts.ros:
         nodes = [parts.ros, *(node for extension in extensions for node in extension.nodes(robot))]
-        map_server = next((server for each in extensions if (server := each.map_server(robot))), None)
+
+    def map_server(user: MapUser) -> MapServer | None:
+        servers = (extension.map_server(robot, user) for extension in extensions)
+        return next((server for server in servers if server), None)
+
     driver = driver_maker(
-        settings, index, core.clock, control, switch, extensions=nodes, map_server=map_server
+        settings, index, core.clock, control, switch, extensions=nodes, make_map_server=map_server
     )
     registry = make_registry(settings, control, robot, extensions, switch=switch)
 

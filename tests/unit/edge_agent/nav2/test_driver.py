@@ -32,7 +32,7 @@ from nena_edge_agent.nav2 import driver as driver_module
 from nena_edge_agent.nav2.commands import Server
 from nena_edge_agent.nav2.driver import Nav2Driver
 from nena_edge_agent.nav2.goals import FeedbackReading, GoalEntry
-from nena_edge_agent.nav2.map_server import MapServer
+from nena_edge_agent.nav2.map_server import MapServer, MapUser
 from nena_edge_agent.nav2.parameters import Nav2Parameters
 from nena_edge_agent.nav2.poses import PoseReading
 from nena_edge_agent.nav2.presence import Lifecycle, Presence
@@ -106,10 +106,12 @@ async def test_a_pose_on_the_previous_map_is_not_used_after_a_restart(
 ) -> None:
     mark = tmp_path / "unplaced"
     mark.touch()
-    server = MapServer(RosSettings(), "attic")
-    server.remember(mark)
     told: list[DriverEvent] = []
-    async with started(monkeypatch, told, map_server=server) as driver:
+
+    def server(user: MapUser) -> MapServer:
+        return MapServer(RosSettings(), "attic", mark=mark, user=user)
+
+    async with started(monkeypatch, told, make_map_server=server) as driver:
         driver._on_pose(READING)
         await turn_passes()
     poses = [each for each in told if isinstance(each, PoseReport)]
@@ -121,7 +123,7 @@ async def test_a_pose_on_the_previous_map_is_not_used_after_a_restart(
 class Station:
     """A map_server that answers on request, and a robot that notes its goals."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *enabled: str) -> None:
         self.let_answer = asyncio.Event()
         self.asked: list[str] = []
         self.goals: list[Pose] = []
@@ -129,7 +131,12 @@ class Station:
         self.clients = {Server.NAVIGATOR: self}
         self.is_ready = False
         monkeypatch.setattr(MapServer, "_load_in_turn", self._load)
-        self.server = MapServer(RosSettings(), "hall")
+        self._enabled = enabled or ("hall",)
+        self.server = MapServer(RosSettings(), *self._enabled)
+
+    def map_server(self, user: MapUser) -> MapServer:
+        self.server = MapServer(RosSettings(), *self._enabled, user=user)
+        return self.server
 
     async def presence(self) -> None:
         """Answer never: the tests say what a check finds."""
@@ -174,7 +181,7 @@ async def test_an_order_that_starts_while_a_map_is_enabled_does_not_drive_on_the
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     station, told = Station(monkeypatch), list[DriverEvent]()
-    async with started(monkeypatch, told, map_server=station.server) as driver:
+    async with started(monkeypatch, told, make_map_server=station.map_server) as driver:
         monkeypatch.setattr(driver, "_node", station)
         driver._on_statuses([])
         available(driver)
@@ -198,7 +205,7 @@ async def test_a_check_running_while_a_map_is_enabled_does_not_make_navigation_a
 ) -> None:
     """Enable a map between the check of Nav2 and its evaluation, while Nav2's parameters are read."""
     station, told = Station(monkeypatch), list[DriverEvent]()
-    async with started(monkeypatch, told, map_server=station.server) as driver:
+    async with started(monkeypatch, told, make_map_server=station.map_server) as driver:
         enabling: list[asyncio.Task[None]] = []
 
         async def seen() -> Presence:
@@ -227,8 +234,7 @@ async def test_a_check_running_while_a_map_is_enabled_does_not_make_navigation_a
 async def test_a_restarted_map_server_gets_the_map_that_was_enabled_meanwhile(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    station = Station(monkeypatch)
-    station.server.expect("attic", "attic.yaml")
+    station = Station(monkeypatch, "attic", "attic.yaml")
     enabling = asyncio.create_task(station.server.use("cellar", "cellar.yaml"))
     await turn_passes()
     again = asyncio.create_task(station.server.load_again())
@@ -245,7 +251,7 @@ async def test_a_plugins_drive_that_waits_while_another_map_is_enabled_is_answer
 ) -> None:
     station, told = Station(monkeypatch), list[DriverEvent]()
     station.let_answer.set()
-    async with started(monkeypatch, told, map_server=station.server) as driver:
+    async with started(monkeypatch, told, make_map_server=station.map_server) as driver:
         driver.go_to(DriveGoal(-1, Pose(1.0, 0.0, 0.0, "hall"), 0.3, None))
         await station.server.use("attic", "attic.yaml")
         await turn_passes()
@@ -256,13 +262,12 @@ async def test_a_plugins_drive_that_waits_while_another_map_is_enabled_is_answer
 async def test_a_restarted_map_server_gets_its_map_without_delaying_the_check(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    station = Station(monkeypatch)
-    server = station.server
-    server.expect("attic", "attic.yaml")
-    monkeypatch.setattr(server, "_session", object())
-    monkeypatch.setattr(server, "_node", SimpleNamespace(get_publishers_info_by_topic=lambda _: []))
-    monkeypatch.setattr(server, "_load", SimpleNamespace(service_is_ready=lambda: True), raising=False)
-    async with started(monkeypatch, [], map_server=server) as driver:
+    station = Station(monkeypatch, "attic", "attic.yaml")
+    async with started(monkeypatch, [], make_map_server=station.map_server) as driver:
+        server = station.server
+        monkeypatch.setattr(server, "_session", object())
+        monkeypatch.setattr(server, "_node", SimpleNamespace(get_publishers_info_by_topic=lambda _: []))
+        monkeypatch.setattr(server, "_load", SimpleNamespace(service_is_ready=lambda: True), raising=False)
         reasons = []
         for _ in range(3):
             reasons.append(driver._with_map(NavigationReport(available=True, reason="")).reason)

@@ -59,7 +59,7 @@ from nena_edge_agent.nav2.localisation import (
     PublishInitialPose,
     Repetition,
 )
-from nena_edge_agent.nav2.map_server import MapServer
+from nena_edge_agent.nav2.map_server import MakeMapServer, no_map_server
 from nena_edge_agent.nav2.offers import COLLISION_MONITOR, interface, nav2_offers
 from nena_edge_agent.nav2.poses import PoseReading, impossible, thinned
 from nena_edge_agent.nav2.robot_base import (
@@ -120,13 +120,12 @@ class Nav2Driver:
         frame: PlantFrame = NO_TRANSFORMS,
         extensions: Sequence[NodeExtension] = (),
         limiter: SpeedLimiter | None = None,
-        map_server: MapServer | None = None,
+        make_map_server: MakeMapServer = no_map_server,
     ) -> None:
         self._settings = settings
         self._frame = frame
-        self._extensions, self._limiter, self._map_server = extensions, limiter, map_server
-        if map_server is not None:
-            map_server.attach(self)
+        self._extensions, self._limiter = extensions, limiter
+        self._map_server = map_server = make_map_server(self)
         self._too_fast = ""
         self._areas: tuple[Area, ...] = ()
         self._keep_out = KeepOutMask(settings) if nav2_offers(settings).keeps_out else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 from nena_edge_agent.nav2.offers import CLEAR_COSTMAP, LOAD_MAP, interface
@@ -53,25 +54,33 @@ class MapServer:
     ``map_id`` is the current map, or the one being loaded. The file "" is that of map_server's own settings.
     """
 
-    def __init__(self, settings: RosSettings, map_id: str) -> None:
+    def __init__(
+        self,
+        settings: RosSettings,
+        map_id: str,
+        file: str = "",
+        *,
+        mark: Path | None = None,
+        user: MapUser | None = None,
+    ) -> None:
+        """Expect ``map_id`` and ``file``, which are enabled; ``user`` is the driver that drives on the map.
+
+        The file ``mark`` exists while the robot's pose on the enabled map is unknown.
+        """
         self._settings = settings
         self.map_id = map_id
-        self._file = ""
+        self._file = file
         self._own_file = ""
         self._publishers: frozenset[bytes] = frozenset()
-        self._problem = ""
+        self._problem = f"map_server has not loaded the map '{map_id}'" if file else ""
         self._change = ""
         """The awaited map while another one is being enabled."""
-        self._user: MapUser | None = None
-        self._mark: Path | None = None
+        self._user = user
+        self._mark = mark
         self._session: RosSession | None = None
         self._node: Any = None
         self._turn = asyncio.Lock()
         """Held while map_server loads a map: it loads one at a time."""
-
-    def attach(self, user: MapUser) -> None:
-        """Set the driver that is notified of each change."""
-        self._user = user
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Create the clients on a new node."""
@@ -90,16 +99,6 @@ class MapServer:
     def problem(self) -> str:
         """Return why Nav2 does not have the enabled map; empty if it does."""
         return self._change or self._problem
-
-    def expect(self, map_id: str, file: str) -> None:
-        """Record which map an earlier run of the program had enabled."""
-        self.map_id, self._file = map_id, file
-        if file:
-            self._problem = f"map_server has not loaded the map '{map_id}'"
-
-    def remember(self, mark: Path) -> None:
-        """Set the file that exists while the robot's pose on the enabled map is unknown."""
-        self._mark = mark
 
     @property
     def unplaced(self) -> bool:
@@ -203,3 +202,11 @@ class MapServer:
         request = GetParameters.Request(names=["yaml_filename"])
         answer = await self._parameters.call(request, seconds=self._settings.call_timeout)
         return str(answer.values[0].string_value) if answer is not None and answer.values else ""
+
+
+MakeMapServer = Callable[[MapUser], MapServer | None]
+"""Returns the map server of a driver; None: Nav2 keeps the map of its own settings."""
+
+
+def no_map_server(_: MapUser) -> None:
+    """Let Nav2 keep the map of its own settings."""

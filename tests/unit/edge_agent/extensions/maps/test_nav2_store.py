@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,8 +20,8 @@ FIRST = Map(map_id="hall", map_version="1", map_status=MapStatus.ENABLED)
 class Loader(MapServer):
     """A map_server that accepts every map, or none."""
 
-    def __init__(self) -> None:
-        super().__init__(RosSettings(), "hall")
+    def __init__(self, map_id: str, file: str, **parts: Any) -> None:
+        super().__init__(RosSettings(), map_id, file, **parts)
         self.files: list[str] = []
         self.refuses = ""
 
@@ -31,8 +32,24 @@ class Loader(MapServer):
         self.map_id = map_id
 
 
-def store(folder: Path, server: MapServer) -> Nav2MapStore:
-    return Nav2MapStore(folder / "maps", FIRST, maximum=5, server=server)
+class StandingRobot:
+    """A driver at standstill."""
+
+    drives = False
+
+    def await_map(self, reason: str) -> None:
+        """Start no goal."""
+
+    def use_map(self, map_id: str) -> None:
+        """Use another map."""
+
+
+def store(folder: Path) -> tuple[Nav2MapStore, Loader]:
+    """Return a store, and map_server as its driver gets it."""
+    maps = Nav2MapStore(folder / "maps", FIRST, maximum=5, make_server=Loader)
+    server = maps.server_of(StandingRobot())
+    assert isinstance(server, Loader)
+    return maps, server
 
 
 def enabled(maps: Nav2MapStore) -> list[str]:
@@ -40,8 +57,7 @@ def enabled(maps: Nav2MapStore) -> list[str]:
 
 
 async def test_one_map_is_enabled_and_unpacked(tmp_path: Path) -> None:
-    server = Loader()
-    maps = store(tmp_path, server)
+    maps, server = store(tmp_path)
     await maps.install("attic", "1", attic())
     assert enabled(maps) == ["hall"]
 
@@ -55,20 +71,18 @@ async def test_one_map_is_enabled_and_unpacked(tmp_path: Path) -> None:
 
 
 async def test_the_enabled_map_is_expected_after_a_restart(tmp_path: Path) -> None:
-    maps = store(tmp_path, Loader())
+    maps, _ = store(tmp_path)
     await maps.install("attic", "1", attic())
     await maps.enable("attic", "1")
 
-    server = Loader()
-    again = store(tmp_path, server)
+    again, server = store(tmp_path)
 
     assert enabled(again) == [server.map_id] == ["attic"]
     assert "map_server has not loaded" in server.problem
 
 
 async def test_a_map_that_map_server_refuses_is_not_enabled(tmp_path: Path) -> None:
-    server = Loader()
-    maps = store(tmp_path, server)
+    maps, server = store(tmp_path)
     await maps.install("attic", "1", attic())
     server.refuses = "file not found"
     with pytest.raises(MapRefusedError, match="file not found"):
@@ -77,23 +91,20 @@ async def test_a_map_that_map_server_refuses_is_not_enabled(tmp_path: Path) -> N
 
 
 async def test_a_missing_position_on_the_map_is_remembered_after_a_restart(tmp_path: Path) -> None:
-    maps = store(tmp_path, Loader())
+    maps, _ = store(tmp_path)
     await maps.install("attic", "1", attic())
     await maps.enable("attic", "1")
 
-    server = Loader()
-    store(tmp_path, server)
+    _, server = store(tmp_path)
     assert server.unplaced
     server.placed()
 
-    last = Loader()
-    store(tmp_path, last)
+    _, last = store(tmp_path)
     assert not last.unplaced
 
 
 async def test_a_refused_map_keeps_the_position(tmp_path: Path) -> None:
-    server = Loader()
-    maps = store(tmp_path, server)
+    maps, server = store(tmp_path)
     await maps.install("attic", "1", attic())
     server.refuses = "file not found"
     with pytest.raises(MapRefusedError):
@@ -105,8 +116,7 @@ async def test_maps_of_a_plain_folder_are_not_loaded_by_map_server(tmp_path: Pat
     plain = FolderMapStore(tmp_path / "maps", FIRST, maximum=5)
     await plain.install("attic", "1", b"walls")
 
-    server = Loader()
-    maps = store(tmp_path, server)
+    maps, server = store(tmp_path)
     assert enabled(maps) == ["hall"]
     with pytest.raises(MapRefusedError, match="delete and download it again"):
         await maps.enable("attic", "1")
@@ -114,7 +124,7 @@ async def test_maps_of_a_plain_folder_are_not_loaded_by_map_server(tmp_path: Pat
 
 
 async def test_an_invalid_nav2_map_is_not_installed(tmp_path: Path) -> None:
-    maps = store(tmp_path, Loader())
+    maps, _ = store(tmp_path)
     with pytest.raises(MapRefusedError, match="not a readable zip or tar"):
         await maps.install("attic", "1", b"walls")
     assert len(maps.maps) == 1

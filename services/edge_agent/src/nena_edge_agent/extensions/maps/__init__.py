@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import ClassVar
@@ -17,7 +18,7 @@ from nena_edge_agent.extensions.maps.actions import map_actions
 from nena_edge_agent.extensions.maps.map_image import MapWatch
 from nena_edge_agent.extensions.maps.nav2_store import Nav2MapStore
 from nena_edge_agent.extensions.maps.store import FolderMapStore, MapStore
-from nena_edge_agent.nav2.map_server import MapServer
+from nena_edge_agent.nav2.map_server import MapServer, MapUser
 from nena_edge_agent.nav2.offers import LOAD_MAP, interface
 from nena_edge_agent.nav2.session_control import NodeExtension
 from nena_edge_agent.protocol.events import Event, MapsReport
@@ -29,8 +30,6 @@ from nena_shared.vda5050.state import Map, MapStatus
 from nena_shared.vda5050.topics import RobotKey
 
 GROUP = "nena.maps"
-NAV2_STORE = "nav2"
-"""Value of ``maps.store``."""
 
 
 class MapSettings(SettingsGroup):
@@ -56,26 +55,8 @@ class Maps(Extension):
 
     def __init__(self, settings: MapSettings, core: Core) -> None:
         super().__init__(settings, core)
-        self._servers = {robot.key: self._map_server() for robot in core.robots}
         self._stores = {robot.key: self._store(robot.key) for robot in core.robots}
         self._images: dict[RobotKey, Outbound] = {}
-
-    def _map_server(self) -> MapServer | None:
-        """Return Nav2's map_server if the robot's maps are stored there.
-
-        Raises:
-            ConfigurationError: the robot has no Nav2, or this machine lacks the types of map_server.
-
-        """
-        if self.settings.store != NAV2_STORE:
-            return None
-        agent = self.core.settings
-        if agent.driver != "nav2" or interface(LOAD_MAP) is None:
-            message = (
-                "maps.store: 'nav2' needs driver = nav2 and nav2_msgs; source the robot's ROS installation"
-            )
-            raise ConfigurationError([message])
-        return MapServer(agent.ros, agent.map_id)
 
     def _store(self, robot: RobotKey) -> MapStore | None:
         """Return the configured map store, None if the robot has a single, fixed map.
@@ -83,7 +64,7 @@ class Maps(Extension):
         A plug-in is called with the agent's settings and the robot, and returns a :class:`MapStore`.
 
         Raises:
-            ConfigurationError: no plug-in has that name.
+            ConfigurationError: no plug-in has that name, or 'nav2' cannot be used here.
             StartError: the folder cannot be used.
 
         """
@@ -92,8 +73,15 @@ class Maps(Extension):
             return None
         first = Map(map_id=agent.map_id, map_version=agent.map_version, map_status=MapStatus.ENABLED)
         folder: Path = settings.folder / quote(str(robot), safe=" :").replace(".", "%2E")
-        if server := self._servers[robot]:
-            return Nav2MapStore(folder, first, maximum=settings.maximum, server=server)
+        if settings.store == "nav2":
+            if agent.driver != "nav2" or interface(LOAD_MAP) is None:
+                message = (
+                    "maps.store: 'nav2' needs driver = nav2 and nav2_msgs; "
+                    "source the robot's ROS installation"
+                )
+                raise ConfigurationError([message])
+            make_server = partial(MapServer, agent.ros)
+            return Nav2MapStore(folder, first, maximum=settings.maximum, make_server=make_server)
         if settings.store == "folder":
             return FolderMapStore(folder, first, maximum=settings.maximum)
         entry = next(iter(entry_points(group=GROUP, name=settings.store)), None)
@@ -108,15 +96,15 @@ class Maps(Extension):
         store = self._stores[robot.key]
         if store is None:
             return ()
-        drive = robot.drive if self._servers[robot.key] else None
+        drive = robot.drive if isinstance(store, Nav2MapStore) else None
         return map_actions(store, self.core.settings.download, drive)
 
     def nodes(self, robot: Robot) -> Iterable[NodeExtension]:
         """Return what reads the map that Nav2 uses."""
-        agent, server = self.core.settings, self._servers[robot.key]
+        agent, store = self.core.settings, self._stores[robot.key]
 
         def map_id() -> str:
-            return server.map_id if server else agent.map_id
+            return store.map_id if isinstance(store, Nav2MapStore) else agent.map_id
 
         def publish(image: MapImage) -> None:
             self._images[robot.key] = self._message(robot.key, image)
@@ -129,9 +117,10 @@ class Maps(Extension):
         topic = FleetTopics(self.core.settings.topic_prefix).robot_map(robot)
         return Outbound(topic, image.model_dump_json(by_alias=True).encode(), retain=True)
 
-    def map_server(self, robot: Robot) -> MapServer | None:
+    def map_server(self, robot: Robot, user: MapUser) -> MapServer | None:
         """Return Nav2's map_server if it loads the enabled map."""
-        return self._servers[robot.key]
+        store = self._stores[robot.key]
+        return store.server_of(user) if isinstance(store, Nav2MapStore) else None
 
     def on_start(self, robot: Robot) -> Iterable[Event]:
         """Report the maps that the robot can enable."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nena_edge_agent.extensions.maps.store import CONTENT, FolderMapStore, MapRefusedError, find
-from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer
+from nena_edge_agent.nav2.map_server import MapNotLoadedError, MapServer, MapUser
 from nena_shared.program import StartError
 from nena_shared.vda5050.state import Map
 
@@ -21,6 +21,10 @@ CURRENT = "current"
 UNPLACED = "unplaced"
 
 
+MakeServer = Callable[..., MapServer]
+"""Makes map_server's client, given map ID, file, mark and user as :class:`MapServer` has them."""
+
+
 class Nav2MapStore(FolderMapStore):
     """Unpacks maps, and makes map_server load the enabled one.
 
@@ -30,15 +34,31 @@ class Nav2MapStore(FolderMapStore):
         StartError: the folder cannot be used.
     """
 
-    def __init__(self, folder: Path, first: Map, *, maximum: int, server: MapServer) -> None:
-        self._server = server
+    def __init__(self, folder: Path, first: Map, *, maximum: int, make_server: MakeServer) -> None:
+        self._make_server = make_server
+        self._first_id = first.map_id
+        self._server: MapServer | None = None
         super().__init__(folder, first, maximum=maximum)
         if self._current is None and find(self.maps, first.map_id, first.map_version):
             self._mark_first(first)  # the folder is from another store
-        server.remember(self._folder / UNPLACED)
+
+    @property
+    def map_id(self) -> str:
+        """Return the map that map_server has, or is loading."""
+        return self._server.map_id if self._server else self._enabled_map()[0]
+
+    def server_of(self, user: MapUser) -> MapServer:
+        """Return map_server for a new driver of the robot, which expects the enabled map."""
+        map_id, file = self._enabled_map()
+        self._server = self._make_server(map_id, file, mark=self._folder / UNPLACED, user=user)
+        return self._server
+
+    def _enabled_map(self) -> tuple[str, str]:
+        """Return the ID and the file of the enabled map; the robot's first map has no file here."""
         current = next((each for each in self.maps if self._current == (each.map_id, each.map_version)), None)
-        if current is not None:
-            server.expect(current.map_id, self._file(current.map_id, current.map_version))
+        if current is None:
+            return self._first_id, ""
+        return current.map_id, self._file(current.map_id, current.map_version)
 
     async def install(self, map_id: str, map_version: str, content: bytes) -> None:
         """Store a new map, DISABLED.
@@ -63,14 +83,18 @@ class Nav2MapStore(FolderMapStore):
                 "download it again"
             )
             raise MapRefusedError(message)
-        placed = not self._server.unplaced
+        server = self._server
+        if server is None:
+            message = "the robot has not started yet"
+            raise MapRefusedError(message)
+        placed = not server.unplaced
         try:
-            if map_id != self._server.map_id:
+            if map_id != server.map_id:
                 self._put(self._folder / UNPLACED, b"")  # first, because a restart may happen at any time
-            await self._server.use(map_id, self._file(map_id, map_version))
+            await server.use(map_id, self._file(map_id, map_version))
         except MapNotLoadedError as error:
             if placed:
-                self._server.placed()
+                server.placed()
             raise MapRefusedError(str(error)) from error
         except OSError as error:
             message = f"the map was not enabled: {error.strerror}"
