@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 from nena_edge_agent.actions.builtin import SimulatedOperation, TimedOperation, Unavailable
-from nena_edge_agent.actions.messages import Record, UnknownTypeError, message_type, service_type
+from nena_edge_agent.actions.messages import UnknownTypeError, message_type, service_type
 from nena_edge_agent.actions.nav2_operations import Nav2Operation, declaration_of
 from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext, RosError, RosPort
 from nena_edge_agent.actions.ros_operations import ActionValues, Answer, Call, Command, RosOperation, Steps
@@ -27,16 +27,15 @@ from nena_edge_agent.actions.settings import (
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_shared.settings import ConfigurationError
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True, slots=True)
 class OperationKind:
-    """A kind of ``[[operations]]``: its settings, and what makes an action of them.
-
-    ``make`` gets the settings, their place in the file for errors, the robot and the settings of all actions.
-    """
+    """A kind of ``[[operations]]``: the model of its table, and what makes an action of one."""
 
     settings: type[OperationBase]
-    make: Callable[[Any, str, PluginContext, ActionSettings], ActionPlugin]
+    make: Callable[[Any, OperationMaker], ActionPlugin]
 
 
 def ready_made(
@@ -51,20 +50,18 @@ def ready_made(
         ConfigurationError: a message cannot be built from the settings; the error names the setting.
     """
     for number, operation in enumerate(operations):
-        path = f"operations.{number}"
+        maker = OperationMaker(f"operations.{number}", context, settings)
         match operation:
             case OperationSettings():
                 yield TimedOperation(operation)
             case TopicOperationSettings():
-                parts = RosParts(command=operation.command, answer=operation.answer)
-                yield ros_action(operation, parts, path, context, settings)
+                yield maker.ros_action(operation, RosParts(operation.command, answer=operation.answer))
             case ServiceOperationSettings():
-                parts = RosParts(call=operation.call, answer=operation.answer)
-                yield ros_action(operation, parts, path, context, settings)
+                yield maker.ros_action(operation, RosParts(call=operation.call, answer=operation.answer))
             case Nav2OperationSettings():
-                yield _by_nav2(operation, context.ros, settings)
+                yield maker.nav2_action(operation)
             case _:
-                yield kinds[operation.kind].make(operation, path, context, settings)
+                yield kinds[operation.kind].make(operation, maker)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,81 +79,72 @@ class RosParts:
         return self.call is None and (self.command is None or self.command.on_cancel is not None)
 
 
-def _by_nav2(operation: Nav2OperationSettings, ros: RosPort | None, settings: ActionSettings) -> ActionPlugin:
-    declaration = declaration_of(operation)
-    if ros is None and settings.without_ros == "rehearse":
-        return SimulatedOperation(declaration, settings.rehearsal_seconds, charging=operation.charging)
-    if ros is None:
-        return Unavailable(declaration)
-    try:
-        return Nav2Operation(operation, ros)
-    except RosError as error:
-        return Unavailable(declaration, str(error))
+@dataclass(frozen=True, slots=True)
+class OperationMaker:
+    """Makes an action of one table; ``path`` is the table's name in errors."""
 
+    path: str
+    context: PluginContext
+    settings: ActionSettings
 
-def ros_action(
-    operation: RosOperationSettings,
-    parts: RosParts,
-    path: str,
-    context: PluginContext,
-    settings: ActionSettings,
-) -> ActionPlugin:
-    """Return the action that publishes, calls and waits as its parts say; without ROS a rehearsed one."""
-    ros, values = context.ros, ActionValues(operation)
-    declaration = _declaration(operation, parts, values)
-    if ros is not None:
-        steps = _steps(parts, values, path, ros)
+    def nav2_action(self, operation: Nav2OperationSettings) -> ActionPlugin:
+        """Return the action that runs an action of Nav2's own servers."""
+        declaration = declaration_of(operation)
+        if self.context.ros is None:
+            return self._without_ros(declaration, charging=operation.charging)
+        try:
+            return Nav2Operation(operation, self.context.ros)
+        except RosError as error:
+            return Unavailable(declaration, str(error))
+
+    def ros_action(self, operation: RosOperationSettings, parts: RosParts) -> ActionPlugin:
+        """Return the action that publishes, calls and waits as its parts say."""
+        values = ActionValues(operation)
+        declaration = ActionDeclaration(
+            operation.action_type,
+            scopes=operation.scopes,
+            parameters=values.declared,
+            blocking_types=operation.blocking_types,
+            pause_allowed=parts.command is not None and parts.command.on_pause is not None,
+            cancel_allowed=parts.can_be_cancelled,
+            open_ended=parts.lasting,
+            restartable=operation.restartable,
+            load=operation.load_change,
+            timeout=operation.timeout,
+            description=operation.description,
+        )
+        if self.context.ros is None:
+            return self._without_ros(declaration, charging=operation.charging)
+        steps = self._steps(parts, values, self.context.ros)
         checked = replace(declaration, check=lambda action: steps.problem(values.of(action)))
         return RosOperation(checked, steps, values, charging=operation.charging)
-    if settings.without_ros == "rehearse":
-        return SimulatedOperation(declaration, settings.rehearsal_seconds, charging=operation.charging)
-    return Unavailable(declaration)
+
+    def _without_ros(self, declaration: ActionDeclaration, *, charging: bool | None) -> ActionPlugin:
+        if self.settings.without_ros == "rehearse":
+            return SimulatedOperation(declaration, self.settings.rehearsal_seconds, charging=charging)
+        return Unavailable(declaration)
+
+    def _steps(self, parts: RosParts, values: ActionValues, ros: RosPort) -> Steps:
+        command, call, answer = None, None, None
+        if settings := parts.command:
+            path = f"{self.path}.command"
+            shape = _read_type(message_type, settings, path)
+            publisher = ros.publisher(settings.topic, settings.type)
+            command = Command(settings, publisher, shape, values, path)
+        if service := parts.call:
+            path = f"{self.path}.call"
+            shapes = _read_type(service_type, service, path)
+            call = Call(service, ros.client(service.service, service.type), shapes, values, path)
+        if awaited := parts.answer:
+            path = f"{self.path}.answer"
+            answer = Answer(awaited, ros, _read_type(message_type, awaited, path), values, path)
+        return Steps(command=command, call=call, answer=answer, lasting=parts.lasting)
 
 
-def _declaration(operation: RosOperationSettings, parts: RosParts, values: ActionValues) -> ActionDeclaration:
-    return ActionDeclaration(
-        operation.action_type,
-        scopes=operation.scopes,
-        parameters=values.declared,
-        blocking_types=operation.blocking_types,
-        pause_allowed=parts.command is not None and parts.command.on_pause is not None,
-        cancel_allowed=parts.can_be_cancelled,
-        open_ended=parts.lasting,
-        restartable=operation.restartable,
-        load=operation.load_change,
-        timeout=operation.timeout,
-        description=operation.description,
-    )
-
-
-def _steps(parts: RosParts, values: ActionValues, path: str, ros: RosPort) -> Steps:
-    return Steps(
-        command=_command(parts.command, values, f"{path}.command", ros) if parts.command else None,
-        call=_call(parts.call, values, f"{path}.call", ros) if parts.call else None,
-        answer=_answer(parts.answer, values, f"{path}.answer", ros) if parts.answer else None,
-        lasting=parts.lasting,
-    )
-
-
-def _command(settings: CommandSettings, values: ActionValues, path: str, ros: RosPort) -> Command:
-    shape = _message(settings.type, path)
-    return Command(settings, ros.publisher(settings.topic, settings.type), shape, values, path)
-
-
-def _call(settings: CallSettings, values: ActionValues, path: str, ros: RosPort) -> Call:
+def _read_type(
+    read: Callable[[str], T], settings: CommandSettings | CallSettings | AnswerSettings, path: str
+) -> T:
     try:
-        shapes = service_type(settings.type)
-    except UnknownTypeError as error:
-        raise ConfigurationError([f"{path}.type: {error}"]) from error
-    return Call(settings, ros.client(settings.service, settings.type), shapes, values, path)
-
-
-def _answer(settings: AnswerSettings, values: ActionValues, path: str, ros: RosPort) -> Answer:
-    return Answer(settings, ros, _message(settings.type, path), values, path)
-
-
-def _message(name: str, path: str) -> Record:
-    try:
-        return message_type(name)
+        return read(settings.type)
     except UnknownTypeError as error:
         raise ConfigurationError([f"{path}.type: {error}"]) from error
