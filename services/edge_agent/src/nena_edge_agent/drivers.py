@@ -38,31 +38,16 @@ def driver_maker(
     Raises:
         StartError: ROS 2 for Python is required and missing.
     """
-    if settings.driver == "nav2":
-        return _nav2(settings, clock, switch, extensions, make_map_server)
-    return _loopback(settings, index, clock, control)
+    if settings.driver == "loopback":
 
+        def make_loopback(put: Callable[[Event], None], last_place: Pose | None) -> Driver:
+            start = settings.loopback.start(index)
+            place = last_place or Pose(start.x, start.y, start.theta, settings.map_id)
+            driver = LoopbackDriver(settings.loopback, place, emit=put, clock=clock, speed=start.speed)
+            control.attach(driver, put)
+            return driver
 
-def _loopback(
-    settings: EdgeAgentSettings, index: int, clock: Clock, control: SimulationControl
-) -> DriverMaker:
-    def make(put: Callable[[Event], None], last_place: Pose | None) -> Driver:
-        start = settings.loopback.start(index)
-        place = last_place or Pose(start.x, start.y, start.theta, settings.map_id)
-        driver = LoopbackDriver(settings.loopback, place, emit=put, clock=clock, speed=start.speed)
-        control.attach(driver, put)
-        return driver
-
-    return make
-
-
-def _nav2(
-    settings: EdgeAgentSettings,
-    clock: Clock,
-    switch: SessionSwitch,
-    extensions: Sequence[NodeExtension],
-    make_map_server: MakeMapServer,
-) -> DriverMaker:
+        return make_loopback
     try:
         from nena_edge_agent.nav2.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
     except ImportError as error:
@@ -72,7 +57,7 @@ def _nav2(
         )
         raise StartError(message) from error
 
-    def make(emit: Emit, _: Pose | None) -> Driver:
+    def make_nav2(emit: Emit, _: Pose | None) -> Driver:
         limiter = None
         if nav2_offers(settings.ros).limits_speed:
             limiter = SpeedLimiter(settings.ros.names.speed_limit, settings.description.maximum_speed)
@@ -89,4 +74,4 @@ def _nav2(
         switch.attach(driver.session)
         return driver
 
-    return make
+    return make_nav2
