@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import GenericAlias
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, create_model, model_validator
@@ -255,7 +256,7 @@ def with_kinds(
 ) -> type[EdgeAgentSettings]:
     """Return the settings with further kinds of ``operations``."""
     operations: Any = (
-        tuple[operation_type(kinds), ...],  # type: ignore[misc] # known at run time only
+        GenericAlias(tuple, (operation_type(kinds), ...)),
         Field(default_factory=default_operations, description=OPERATIONS),
     )
     return create_model(model.__name__, __base__=model, __doc__=model.__doc__, operations=operations)

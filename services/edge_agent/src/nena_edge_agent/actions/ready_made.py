@@ -125,7 +125,9 @@ class OperationMaker:
         return Unavailable(declaration)
 
     def _steps(self, parts: RosParts, values: ActionValues, ros: RosPort) -> Steps:
-        command, call, answer = None, None, None
+        command: Command | None = None
+        call: Call | None = None
+        answer: Answer | None = None
         if settings := parts.command:
             path = f"{self.path}.command"
             shape = _read_type(message_type, settings, path)
