@@ -23,7 +23,7 @@ def install(folder: Path, name: str, code: str, *, group: str, entry: str) -> No
     (information / "entry_points.txt").write_text(f"[{group}]\n{entry}\n")
 
 
-def install_example(folder: Path, group: str) -> None:
+def install_example(folder: Path, group: str, name: str = "acme_chat") -> None:
     """Install the example that docs/extensions.md has for a service, with the entry point that it names."""
     page = (DOCS / "extensions.md").read_text("utf-8")
     found = re.search(rf'```toml\n\[project.entry-points."{group}"\]\n(.*?)\n```', page)
@@ -32,7 +32,7 @@ def install_example(folder: Path, group: str) -> None:
         found[1].replace('"', ""),
         re.findall(r"```python\n(.*?)```", page[: found.start()], re.DOTALL),
     )
-    install(folder, "acme_chat", codes[-1], group=group, entry=entry)
+    install(folder, name, codes[-1], group=group, entry=entry)
 
 
 @asynccontextmanager

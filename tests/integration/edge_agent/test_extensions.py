@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections.abc import Iterator
 from functools import partial
@@ -15,7 +14,7 @@ from nena_edge_agent.__main__ import main
 from nena_edge_agent.extension import GROUP, installed
 from support.broker import Broker, MqttPeer
 from support.edge_agent import MANUFACTURER, QUICK, SERIAL, FleetControl, agent_settings, ended, running_agent
-from support.guides import DOCS
+from support.extension_packages import install, install_example
 from support.robot_core import order
 from support.waiting import awaited, until
 
@@ -32,15 +31,6 @@ class Broken(Extension):
 """
 
 
-def install(folder: Path, name: str, code: str, entry: str) -> None:
-    """Install a module with an entry point for the edge agent, as pip would."""
-    (folder / f"{name}.py").write_text(code, encoding="utf-8")
-    information = folder / f"{name}-1.0.dist-info"
-    information.mkdir()
-    (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (information / "entry_points.txt").write_text(f"[{GROUP}]\n{entry}\n")
-
-
 @pytest.fixture
 def packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Yield a folder from which Python imports packages."""
@@ -49,14 +39,6 @@ def packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     yield tmp_path
     installed.cache_clear()
     sys.modules.pop("acme_alarms", None)
-
-
-def example(language: str) -> str:
-    """Return the first block of a language in the part about the edge agent."""
-    page = (DOCS / "extensions.md").read_text("utf-8").partition("\n## The edge agent\n")[2]
-    block = re.search(rf"```{language}\n(.*?)```", page, re.DOTALL)
-    assert block
-    return block[1]
 
 
 async def command(peer: MqttPeer, control: str) -> list[bytes]:
@@ -68,8 +50,7 @@ async def command(peer: MqttPeer, control: str) -> list[bytes]:
 async def test_the_example_tells_of_a_failed_drive(
     broker: Broker, interface_name: str, packages: Path
 ) -> None:
-    entry = example("toml").splitlines()[-1].replace('"', "")
-    install(packages, "acme_alarms", example("python"), entry)
+    install_example(packages, GROUP, "acme_alarms")
     topic = f"{interface_name}/alarms/{MANUFACTURER}/{SERIAL}"
     alarms = installed()["alarms"].Settings.model_validate({"topic": f"{interface_name}/alarms"})
     loopback = QUICK | {"control": True}
@@ -90,7 +71,7 @@ async def test_the_example_tells_of_a_failed_drive(
 async def test_an_extension_that_fails_does_not_stop_the_robot(
     broker: Broker, interface_name: str, packages: Path
 ) -> None:
-    install(packages, "acme_broken", BROKEN, "broken = acme_broken:Broken")
+    install(packages, "acme_failing_agent", BROKEN, group=GROUP, entry="broken = acme_failing_agent:Broken")
     with MqttPeer(broker, f"{interface_name}/#") as peer:
         fleet = FleetControl(peer, interface_name)
         async with running_agent(agent_settings(broker, interface_name, packages / "journal")):
@@ -105,7 +86,7 @@ async def test_an_extension_that_fails_does_not_stop_the_robot(
 def test_an_extension_that_cannot_be_loaded_ends_the_program_with_the_reason(
     packages: Path, capsys: pytest.CaptureFixture[str], code: str, why: str
 ) -> None:
-    install(packages, "acme_alarms", code, "alarms = acme_alarms:Alarms")
+    install(packages, "acme_alarms", code, group=GROUP, entry="alarms = acme_alarms:Alarms")
     assert main([]) == 1
     message = capsys.readouterr().err
     assert "'alarms' (acme_alarms:Alarms)" in message
