@@ -196,7 +196,7 @@ class Dispatching:
 
     def _lacks_map(self, vehicle: FleetVehicle, view: RobotView, start: str) -> str:
         """Return why a robot cannot drive on the map of its start point; it rejects other maps itself."""
-        if view.state is None or not self._maps_respected:
+        if view.state is None or not view.state.maps or not self._maps_respected:
             return ""
         return why_not_on(self._planner.map_id(start, vehicle), view.state)
 

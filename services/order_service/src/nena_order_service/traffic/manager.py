@@ -225,11 +225,11 @@ class TrafficManager:
         The others, of which there may be many, need no traffic control for now: their whole routes are
         allocated, or they hold and claim enough until they or the vehicles ahead of them change.
         """
+        settled, changed = self._settled, self.scheduler.changed
         return [
             (name, route)
             for name, route in self._routes.items()
-            if not route.all_allocated
-            and (name not in self._settled or not self.scheduler.changed.isdisjoint(self._settled[name]))
+            if (name not in settled or not changed.isdisjoint(settled[name])) and not route.all_allocated
         ]
 
     @property
@@ -812,7 +812,10 @@ class TrafficManager:
         while route.released < route.allocated and gate.may_release(route.released):
             route.released += 1
         self._forget_outdated()
-        self._settled.pop(vehicle, None)
+        if route.all_allocated:
+            self._settled[vehicle] = frozenset((vehicle,))
+        else:
+            self._settled.pop(vehicle, None)
         route.holds_enough = not route.refusal and not stopped and route.released == route.allocated
         return route.released > released
 
