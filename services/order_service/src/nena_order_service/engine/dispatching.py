@@ -106,9 +106,9 @@ class Dispatching:
         """
         if vehicle.obstacle or not self._orders.any_waiting:
             return False
-        now, before = self.consider(vehicle), self._decided_on.get(vehicle.name)
-        changed = before is None or (before.group, before.start) != (now.group, now.start)
-        return changed and now.obstacle != BUSY
+        seen, decided_on = self.consider(vehicle), self._decided_on.get(vehicle.name)
+        changed = decided_on is None or (decided_on.group, decided_on.start) != (seen.group, seen.start)
+        return changed and seen.obstacle != BUSY
 
     def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Return for each vehicle whether it could execute this order, or why not; best ones first."""

@@ -85,44 +85,44 @@ class IdleVehicles:
         round_ = _IdleRound(self._context.clock.monotonic(), self._goals())
         for vehicle in vehicles:
             seen = self._dispatching.consider(vehicle)
-            known = self._idle.setdefault(vehicle.name, _Idle())
+            record = self._idle.setdefault(vehicle.name, _Idle())
             if not _has_nothing_to_do(seen):
-                known.since, known.note, known.parking_note = None, "", ""
+                record.since, record.note, record.parking_note = None, "", ""
                 if self._works_for_a_host(vehicle):
-                    known.displaced = 0
+                    record.displaced = 0
                 continue
-            if known.since is None:
-                known.since = round_.now
-            self._attend(vehicle, seen, known, round_)
+            if record.since is None:
+                record.since = round_.now
+            self._attend(vehicle, seen, record, round_)
 
     def note(self, vehicle: FleetVehicle) -> str:
         """Return why an idle vehicle cannot recharge or park although it should; empty otherwise."""
-        known = self._idle.get(vehicle.name)
-        if known and known.note and known.parking_note:
-            return Reason(R.ALL, known.note, known.parking_note)
-        return known.note or known.parking_note if known else ""
+        record = self._idle.get(vehicle.name)
+        if record and record.note and record.parking_note:
+            return Reason(R.ALL, record.note, record.parking_note)
+        return record.note or record.parking_note if record else ""
 
     def _attend(
-        self, vehicle: FleetVehicle, seen: DispatchedVehicle, known: _Idle, round_: _IdleRound
+        self, vehicle: FleetVehicle, seen: DispatchedVehicle, record: _Idle, round_: _IdleRound
     ) -> None:
-        known.note = ""
+        record.note = ""
         energy = self._dispatching.energy(vehicle, self._context.view(vehicle))
         if energy and energy.charging:
             return
         bound, request = self._dispatching.is_bound(vehicle), None
         wants_energy = energy and (energy.critical if bound else energy.degraded)
         if self._settings.recharging.enabled and energy and wants_energy:
-            request = self._recharging(vehicle, seen, known, round_, urgent=energy.critical)
-        if request is not None or bound or not self._is_to_park(seen, known, round_):
-            known.parking_note = ""
-        elif round_.now >= known.not_before.get(PARK_TYPE, 0.0):
-            request = self._parking(vehicle, seen, known, round_)
-        if request and round_.now >= known.not_before.get(request.type, 0.0):
-            known.not_before[request.type] = round_.now + PAUSE
+            request = self._recharging(vehicle, seen, record, round_, urgent=energy.critical)
+        if request is not None or bound or not self._is_to_park(seen, record, round_):
+            record.parking_note = ""
+        elif round_.now >= record.not_before.get(PARK_TYPE, 0.0):
+            request = self._parking(vehicle, seen, record, round_)
+        if request and round_.now >= record.not_before.get(request.type, 0.0):
+            record.not_before[request.type] = round_.now + PAUSE
             displaces = request.type == PARK_TYPE and self._displaces(vehicle, goal_of(request))
             if self._life_cycle.create_automatic(request):
-                known.since = None
-                known.displaced += displaces
+                record.since = None
+                record.displaced += displaces
                 round_.goals.update(self._goals())
 
     def _works_for_a_host(self, vehicle: FleetVehicle) -> bool:
@@ -133,45 +133,45 @@ class IdleVehicles:
         self,
         vehicle: FleetVehicle,
         seen: DispatchedVehicle,
-        known: _Idle,
+        record: _Idle,
         round_: _IdleRound,
         *,
         urgent: bool,
     ) -> TransportOrderRequest | None:
-        found = self._locations.choose(
+        choice = self._locations.choose(
             vehicle.model,
             cost=self._cost(vehicle, seen),
             taken=lambda point: self._is_taken(point, vehicle, round_),
             idly_occupied=lambda point: urgent and self._is_idly_occupied(point, vehicle, round_),
         )
-        if not found.location:
-            known.note = Reason(R.CANNOT_RECHARGE, found.reason)
+        if not choice.location:
+            record.note = Reason(R.CANNOT_RECHARGE, choice.reason)
             return None
-        return recharge_request(vehicle.name, found.location, found.operation, dispensable=not urgent)
+        return recharge_request(vehicle.name, choice.location, choice.operation, dispensable=not urgent)
 
-    def _is_to_park(self, seen: DispatchedVehicle, known: _Idle, round_: _IdleRound) -> bool:
+    def _is_to_park(self, seen: DispatchedVehicle, record: _Idle, round_: _IdleRound) -> bool:
         parking = self._settings.parking
-        since = round_.now if known.since is None else known.since
+        since = round_.now if record.since is None else record.since
         return parking.enabled and not seen.restriction and round_.now - since >= parking.delay
 
     def _parking(
-        self, vehicle: FleetVehicle, seen: DispatchedVehicle, known: _Idle, round_: _IdleRound
+        self, vehicle: FleetVehicle, seen: DispatchedVehicle, record: _Idle, round_: _IdleRound
     ) -> TransportOrderRequest | None:
         standing = self._context.planner.standing(vehicle, self._context.view(vehicle))
-        found = self._positions.choose(
+        choice = self._positions.choose(
             vehicle.model,
             standing.point if standing.on_point else None,
             Prospect(
                 cost=self._cost(vehicle, seen),
                 taken=lambda point: self._is_taken(point, vehicle, round_),
                 displaces=lambda point: self._displaces(vehicle, point),
-                may_displace=known.displaced < DISPLACES_AT_MOST,
+                may_displace=record.displaced < DISPLACES_AT_MOST,
             ),
         )
-        known.parking_note = Reason(R.CANNOT_PARK, found.reason) if found.reason else ""
-        if found.reason:  # this may need many route searches
-            known.not_before[PARK_TYPE] = round_.now + PAUSE
-        return park_request(vehicle.name, found.point) if found.point else None
+        record.parking_note = Reason(R.CANNOT_PARK, choice.reason) if choice.reason else ""
+        if choice.reason:  # this may need many route searches
+            record.not_before[PARK_TYPE] = round_.now + PAUSE
+        return park_request(vehicle.name, choice.point) if choice.point else None
 
     def _cost(self, vehicle: FleetVehicle, seen: DispatchedVehicle) -> Callable[[str], float]:
         """Return a function that computes the cost for a vehicle to reach a point."""

@@ -46,7 +46,7 @@ class Relocator:
         scheduler: Scheduler,
         routes: VehicleRoutes,
     ) -> None:
-        self._parks = {each.name for each in plant.points if each.type is PointType.PARK_POSITION}
+        self._parks = {point.name for point in plant.points if point.type is PointType.PARK_POSITION}
         self._resources = resources
         self._scheduler = scheduler
         self._routes = routes
@@ -97,7 +97,7 @@ class Relocator:
         nearest = self._routes.nearest(vehicle, occupant.point)
         parks = self._parks.__contains__
         places = chain(filter(parks, nearest), filterfalse(parks, nearest))
-        kept = {resource for each in kept_free for resource in each.uses} | {occupant.point}
+        kept = {resource for resource_set in kept_free for resource in resource_set.uses} | {occupant.point}
         tried = 0
         for place in places:
             if place in kept or self._scheduler.users(place):
@@ -121,7 +121,9 @@ class Relocator:
         resting = self._scheduler.resting_on(vehicle, way)
         if not resting:
             return None
-        avoid = {each.point for name in resting for each in self._scheduler.occupant(name).held}
+        avoid = {
+            resource_set.point for name in resting for resource_set in self._scheduler.occupant(name).held
+        }
         try:
             start = self._scheduler.occupant(vehicle).point
             return self._routes.route(vehicle, start, place, avoid=avoid - {start, place})
@@ -132,11 +134,11 @@ class Relocator:
 def overlap(some: Iterable[ResourceSet], others: Iterable[ResourceSet]) -> str | None:
     """Return a resource for which two vehicles with these sets conflict; None if there is none."""
     uses: dict[str, set[str | None]] = {}
-    for each in others:
-        for resource, direction in each.uses.items():
+    for resource_set in others:
+        for resource, direction in resource_set.uses.items():
             uses.setdefault(resource, set()).add(direction)
-    for each in some:
-        for resource, direction in each.uses.items():
+    for resource_set in some:
+        for resource, direction in resource_set.uses.items():
             if any(conflict(direction, other) for other in uses.get(resource, ())):
                 return resource
     return None

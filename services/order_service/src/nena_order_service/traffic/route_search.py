@@ -99,9 +99,9 @@ class RouteSearch:
         start = self._scheduler.occupant(vehicle).point
         if not_driven := self._drivable.intersection(without):
             return self._routes.route(vehicle, start, goal, avoid=avoid | not_driven)
-        known = self._found.get(vehicle)
-        if known and known[0] == (start, route_request):
-            return known[1]
+        cached = self._found.get(vehicle)
+        if cached and cached[0] == (start, route_request):
+            return cached[1]
         route = self._routes.route(vehicle, start, goal, avoid=avoid, burden=self._burden_now())
         self._found[vehicle] = (start, route_request), route
         return route
@@ -123,15 +123,17 @@ class RouteSearch:
         shares = defaultdict(float, self._burden_now())
         self._count(shares, current, -1)
         for held in occupied:
-            for each in held:
-                shares[each.point] += STANDING
+            for resource_set in held:
+                shares[resource_set.point] += STANDING
         burden = {name: share for name, share in shares.items() if share > 0}
         try:
             without = self._drivable.intersection(closed).union(avoid)
             other = self._routes.route(vehicle, start, ahead[-1].point, avoid=without, burden=burden)
         except (NoRouteError, UnknownObjectError):  # a new plant model may lack the point
             return None
-        present = self._routes.along(vehicle, start, ((each.point, each.uses) for each in ahead))
+        present = self._routes.along(
+            vehicle, start, ((resource_set.point, resource_set.uses) for resource_set in ahead)
+        )
         if present is None:
             return other
         cost = burdened(burden)
@@ -161,8 +163,8 @@ class RouteSearch:
 
     def _count(self, burden: defaultdict[str, float], current: AllocatedRoute, times: int) -> None:
         """Add what one vehicle adds to costs; with ``times`` -1, subtract it."""
-        for each in current.way[current.reached :]:
-            burden[each.point] += times * CONGESTION
-            for use in each.uses:
-                for edge in self._opposite_edges.get((use, each.point), ()):
+        for resource_set in current.way[current.reached :]:
+            burden[resource_set.point] += times * CONGESTION
+            for use in resource_set.uses:
+                for edge in self._opposite_edges.get((use, resource_set.point), ()):
                     burden[edge] += times * ONCOMING

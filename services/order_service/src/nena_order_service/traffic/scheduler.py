@@ -116,8 +116,8 @@ class Scheduler:
         self.remove(name)
         sets = deque(place)
         self._occupants[name] = Occupant(name, length_mm, sets, reached=len(sets) - 1, entry=entry)
-        for each in sets:
-            self._add(self._holds, name, each.uses)
+        for resource_set in sets:
+            self._add(self._holds, name, resource_set.uses)
 
     def remove(self, name: str) -> None:
         """Remove a vehicle and free what it holds; does nothing for an unknown one."""
@@ -125,8 +125,8 @@ class Scheduler:
             return
         self.give_up_claim(name)
         self._forget_end(name)
-        for each in self._occupants.pop(name).held:
-            self._remove(self._holds, name, each.uses)
+        for resource_set in self._occupants.pop(name).held:
+            self._remove(self._holds, name, resource_set.uses)
 
     def claim(self, name: str, way: Sequence[ResourceSet]) -> Refusal | None:
         """Claim a route that follows what the vehicle holds.
@@ -166,8 +166,8 @@ class Scheduler:
     def resume(self, name: str, held: Sequence[ResourceSet], claimed: Sequence[ResourceSet]) -> None:
         """Restore what a vehicle at rest held and claimed before, without checks."""
         occupant = self.occupant(name)
-        for each in held:
-            self._add(self._holds, name, each.uses)
+        for resource_set in held:
+            self._add(self._holds, name, resource_set.uses)
         occupant.held.extend(held)
         self._set_claim(occupant, claimed)
 
@@ -196,8 +196,8 @@ class Scheduler:
         """Note that the vehicle has arrived at its ``index``-th held set; return whether that frees any."""
         occupant = self.occupant(name)
         freed = occupant.arrive(index)
-        for each in freed:
-            self._remove(self._holds, name, each.uses)
+        for resource_set in freed:
+            self._remove(self._holds, name, resource_set.uses)
         self.changed.add(name)
         if occupant.resting:  # others may now have to send it away
             self._forget_end(name)
@@ -219,12 +219,18 @@ class Scheduler:
         if not refusal.way or refusal.vehicles[0] not in self._occupants:
             return 0
         first, way = self._occupants[refusal.vehicles[0]], refusal.way
-        index = next((index for index, each in enumerate(way) if each.point == first.point), None)
+        index = next(
+            (index for index, resource_set in enumerate(way) if resource_set.point == first.point), None
+        )
         following = next(iter((*tuple(first.held)[first.reached + 1 :], *first.claimed)), None)
         if index is None or following is None:
             return 0
-        before = {use for each in way[: index + 1] for use in each.uses} - {first.point}
-        return 0 if before.isdisjoint(following.uses) else sum(each.length_mm for each in way[index + 1 :])
+        before = {use for resource_set in way[: index + 1] for use in resource_set.uses} - {first.point}
+        return (
+            0
+            if before.isdisjoint(following.uses)
+            else sum(resource_set.length_mm for resource_set in way[index + 1 :])
+        )
 
     def users(self, resource: str) -> frozenset[str]:
         """Return the vehicles that hold, claim or will rest on ``resource``."""
@@ -247,31 +253,33 @@ class Scheduler:
     def free_of_rest(self, name: str, way: Iterable[ResourceSet]) -> int:
         """Return how many sets of a route precede the first one on which another vehicle rests."""
         count = 0
-        for each in way:
-            if any(self._occupants[other].resting for other, _ in self._holds.others(name, each.uses)):
+        for resource_set in way:
+            if any(
+                self._occupants[other].resting for other, _ in self._holds.others(name, resource_set.uses)
+            ):
                 break
             count += 1
         return count
 
     def _set_claim(self, occupant: Occupant, way: Sequence[ResourceSet]) -> None:
         name = occupant.name
-        for each in occupant.claimed:
-            self._remove(self._claims, name, each.uses)
+        for resource_set in occupant.claimed:
+            self._remove(self._claims, name, resource_set.uses)
         self._forget_end(name)
         occupant.claimed = deque(way)
-        for each in way:
-            self._add(self._claims, name, each.uses)
+        for resource_set in way:
+            self._add(self._claims, name, resource_set.uses)
         if not occupant.resting:
             self._rests[name] = occupant.at_end(way)
-            for each in self._rests[name]:
-                self._add(self._ends, name, each.uses)
+            for resource_set in self._rests[name]:
+                self._add(self._ends, name, resource_set.uses)
 
     def _forget_end(self, name: str) -> None:
-        for each in self._rests.pop(name, ()):
-            self._remove(self._ends, name, each.uses)
+        for resource_set in self._rests.pop(name, ()):
+            self._remove(self._ends, name, resource_set.uses)
 
     def _others(self, index: UseIndex, name: str, sets: Iterable[ResourceSet]) -> Iterator[tuple[str, str]]:
-        return index.others(name, *[each.uses for each in sets])
+        return index.others(name, *[resource_set.uses for resource_set in sets])
 
     def _resting_on(self, name: str, way: Iterable[ResourceSet]) -> Refusal | None:
         way = tuple(way)
