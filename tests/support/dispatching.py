@@ -11,6 +11,7 @@ from nena_order_service.dispatching.candidates import DispatchedVehicle, OrderKi
 from nena_order_service.dispatching.dispatcher import Decisions
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick
+from nena_shared.fleet_api.reasons import Reason
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,7 @@ class Told:
     """Knowledge with given costs by vehicle, or by order and vehicle; without a cost there is no route."""
 
     costs_of: Mapping[Any, float] = field(default_factory=dict)
-    unsuitable: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    unsuitable: Mapping[tuple[str, str], Reason] = field(default_factory=dict)
     """Why vehicles must not do orders of a type, by type and vehicle."""
 
     coming: Mapping[str | None, int] = field(default_factory=dict)
@@ -30,8 +31,8 @@ class Told:
     def named(self, order: TransportOrder) -> Collection[str]:
         return order.status.excluded_vehicles
 
-    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
-        return self.unsuitable.get((order.status.type, vehicle), "")
+    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
+        return self.unsuitable.get((order.status.type, vehicle))
 
     def recharges(self, order: TransportOrder) -> bool:
         return order.current.destination.operation == "Charge"
@@ -49,13 +50,21 @@ class Told:
     def visits(self) -> Mapping[str | None, int]:
         return self.coming
 
-    def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
-        return f"No route for {order.name} and {vehicle.name}."
+    def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason:
+        return Reason.of(f"No route for {order.name} and {vehicle.name}.")
 
 
-def vehicles(**obstacles: str) -> list[DispatchedVehicle]:
+def vehicles(**obstacles: Reason | str) -> list[DispatchedVehicle]:
     """Make vehicles with what keeps each from taking orders."""
-    return [DispatchedVehicle(name, obstacle) for name, obstacle in obstacles.items()]
+    return [
+        DispatchedVehicle(name, Reason.of(obstacle) if obstacle else None)
+        for name, obstacle in obstacles.items()
+    ]
+
+
+def reasons(decisions: Decisions) -> dict[str, str]:
+    """Return why the other orders wait, as text."""
+    return {order: str(reason) for order, reason in decisions.reasons.items()}
 
 
 def pairs(decisions: Decisions) -> dict[str, str]:

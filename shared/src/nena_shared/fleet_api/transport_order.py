@@ -254,9 +254,7 @@ class HistoryEntry(Resource):
     """The last supplement as a code, if it is a reason."""
 
 
-GAVE_WAY: Final = frozenset(
-    each.code for each in (ReasonCode.GIVES_WAY, ReasonCode.RELEASED, ReasonCode.BASE_FINISHED)
-)
+GAVE_WAY: Final = frozenset({ReasonCode.GIVES_WAY, ReasonCode.RELEASED, ReasonCode.BASE_FINISHED})
 """Causes of the end of an order that was dropped for another one; with others, something has failed, too."""
 
 
@@ -310,7 +308,7 @@ class TransportOrderStatus(Resource):
     def gave_way(self) -> bool:
         """Whether it was dropped for another order, as drives to parking places are, and nothing failed."""
         codes = [each.code for each in self.coded_reason.causes] if self.coded_reason else []
-        return ReasonCode.GIVES_WAY.code in codes and GAVE_WAY.issuperset(codes)
+        return ReasonCode.GIVES_WAY in codes and GAVE_WAY.issuperset(codes)
 
 
 class Problem(Resource):

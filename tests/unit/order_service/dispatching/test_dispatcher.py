@@ -43,14 +43,17 @@ from nena_order_service.dispatching.settings import (
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import Pick
 from nena_order_service.routing.router import RouteCost
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds
 from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
-from support.dispatching import Told, pairs, vehicles
+from support.dispatching import Told, pairs, reasons, vehicles
 from support.fleet_examples import factsheet, state
 from support.order_service import NOW, assigned_order, dispatchable_order
 
-LOW = "must recharge first"
+LOW, RECHARGE = Reason.of("must recharge first"), Reason.of("has to recharge")
+OFFLINE = Reason.of("is offline")
+UNACCEPTED = Reason.of("accepts no orders of type 'Hazardous'")
 
 
 def decide(
@@ -66,7 +69,7 @@ def decide(
 def test_cheapest_vehicle_gets_the_order() -> None:
     decisions = decide([dispatchable_order()], vehicles(near="", far=""), Told({"near": 1, "far": 2}))
     assert pairs(decisions) == {"T-1": "near"}
-    assert "cheapest" in decisions.assignments[0].why
+    assert "cheapest" in str(decisions.assignments[0].why)
 
 
 def unloading(name: str) -> DispatchedVehicle:
@@ -97,7 +100,7 @@ def test_an_order_waits_for_a_nearer_vehicle_that_is_about_to_be_free() -> None:
     decisions = decide(orders, fleet, NEAR_EACH)
 
     assert pairs(decisions) == {"T-2": "here"}
-    assert BUSY in decisions.reasons["T-1"]
+    assert str(BUSY) in str(decisions.reasons["T-1"])
     assert pairs(decide(orders, vehicles(here="", unloads=BUSY), NEAR_EACH)) == {"T-1": "here"}
 
 
@@ -133,9 +136,9 @@ def test_orders_are_sorted_by_the_keys_of_the_settings() -> None:
 
 def test_intended_vehicle_is_waited_for_and_named() -> None:
     order = dispatchable_order(intended_vehicle="V-2")
-    decisions = decide([order], [*vehicles(V1=""), DispatchedVehicle("V-2", "is offline")], Told({"V1": 1}))
+    decisions = decide([order], [*vehicles(V1=""), DispatchedVehicle("V-2", OFFLINE)], Told({"V1": 1}))
     assert pairs(decisions) == {}
-    assert decisions.reasons == {"T-1": "waits for vehicle 'V-2', which is offline"}
+    assert reasons(decisions) == {"T-1": "waits for vehicle 'V-2', which is offline"}
 
 
 def test_a_load_excludes_only_orders_that_start_with_another_pick() -> None:
@@ -143,7 +146,7 @@ def test_a_load_excludes_only_orders_that_start_with_another_pick() -> None:
     loaded = DispatchedVehicle("V1", carried=Carried(("",)))
     decisions = decide(orders, [loaded], Told({"V1": 1}))
     assert pairs(decisions) == {"T-2": "V1"}
-    assert decisions.reasons == {
+    assert reasons(decisions) == {
         "T-1": "waits for a vehicle: each of them carries a load and has no room for another one"
     }
 
@@ -151,45 +154,47 @@ def test_a_load_excludes_only_orders_that_start_with_another_pick() -> None:
 def test_reason_names_each_kind_of_obstacle_once_and_stays_the_same() -> None:
     reason = f"waits for a vehicle: each of them is offline or {BUSY}"
     fleet = vehicles(a="is offline", b=BUSY, c="is offline")
-    assert decide([dispatchable_order()], fleet, Told()).reasons == {"T-1": reason}
-    assert decide([dispatchable_order()], [*fleet, *vehicles(d=BUSY)], Told()).reasons == {"T-1": reason}
+    assert reasons(decide([dispatchable_order()], fleet, Told())) == {"T-1": reason}
+    assert reasons(decide([dispatchable_order()], [*fleet, *vehicles(d=BUSY)], Told())) == {"T-1": reason}
 
 
 def test_a_reason_does_not_grow_with_the_fleet() -> None:
     fleet = vehicles(**{f"v{number}": f"has fault {number}" for number in range(20)})
     reason = decide([dispatchable_order()], fleet, Told()).reasons["T-1"]
-    assert reason.count("has fault") == 5
-    assert reason.endswith("or something else")
+    assert str(reason).count("has fault") == 5
+    assert str(reason).endswith("or something else")
 
 
 def test_unreachable_destination_is_the_reason() -> None:
     decisions = decide([dispatchable_order()], vehicles(V1=""), Told())
-    assert decisions.reasons["T-1"] == "waits: vehicle 'V1' has no route: No route for T-1 and V1."
+    assert str(decisions.reasons["T-1"]) == "waits: vehicle 'V1' has no route: No route for T-1 and V1."
 
 
 def test_an_order_without_a_route_does_not_hide_why_others_wait() -> None:
     orders = [dispatchable_order(number=number) for number in (1, 2, 3)]
     decisions = decide(orders, vehicles(V1=""), Told({("T-2", "V1"): 1}), choosers=Chooser.ORDERS)
     assert pairs(decisions) == {"T-2": "V1"}
-    assert "'V1' has no route" in decisions.reasons["T-1"]
-    assert decisions.reasons["T-3"] == f"waits for a vehicle: each of them {BUSY}"
+    assert "'V1' has no route" in str(decisions.reasons["T-1"])
+    assert str(decisions.reasons["T-3"]) == f"waits for a vehicle: each of them {BUSY}"
 
 
 def test_fleet_without_vehicles_is_said() -> None:
-    assert "none in the plant model takes orders" in decide([dispatchable_order()], [], Told()).reasons["T-1"]
+    assert "none in the plant model takes orders" in str(
+        decide([dispatchable_order()], [], Told()).reasons["T-1"]
+    )
 
 
 def test_an_unsuitable_vehicle_is_skipped_with_a_reason() -> None:
-    told = Told({"picky": 1, "other": 2}, {("Hazardous", "picky"): "accepts no orders of type 'Hazardous'"})
+    told = Told({"picky": 1, "other": 2}, {("Hazardous", "picky"): UNACCEPTED})
     orders = [dispatchable_order(number=1, type="Hazardous")]
     picky = DispatchedVehicle("picky", order_types=(AcceptableOrderType(name="Transport"),))
     assert pairs(decide(orders, [picky, *vehicles(other="")], told)) == {"T-1": "other"}
     reason = decide(orders, [picky, *vehicles(other=BUSY)], told).reasons["T-1"]
-    assert reason == f"waits for a vehicle: each of them accepts no orders of type 'Hazardous' or {BUSY}"
+    assert str(reason) == f"waits for a vehicle: each of them accepts no orders of type 'Hazardous' or {BUSY}"
 
 
 def test_orders_of_another_kind_do_not_wait_for_the_reason_of_one_kind() -> None:
-    told = Told({"picky": 1}, {("Hazardous", "picky"): "accepts no orders of type 'Hazardous'"})
+    told = Told({"picky": 1}, {("Hazardous", "picky"): UNACCEPTED})
     orders = [dispatchable_order(number=1, type="Hazardous"), dispatchable_order(number=2)]
     decisions = decide(orders, vehicles(picky=""), told)
     assert pairs(decisions) == {"T-2": "picky"}
@@ -201,7 +206,7 @@ def test_a_vehicle_without_energy_takes_orders_to_recharge_only() -> None:
     orders = [dispatchable_order(number=1), dispatchable_order("Dock:Charge", number=2)]
     decisions = decide(orders, [low], Told({"low": 1}))
     assert pairs(decisions) == {"T-2": "low"}
-    assert decisions.reasons == {"T-1": f"waits for a vehicle: each of them {LOW}"}
+    assert reasons(decisions) == {"T-1": f"waits for a vehicle: each of them {LOW}"}
 
 
 def test_a_dispensable_order_gives_way_to_others_but_not_to_dispensable_ones() -> None:
@@ -210,7 +215,7 @@ def test_a_dispensable_order_gives_way_to_others_but_not_to_dispensable_ones() -
     assignment = decide([dispatchable_order()], [parking], told).assignments[0]
     assert assignment.gives_up == "Park-1"
     reason = decide([dispatchable_order(dispensable=True)], [parking], told).reasons["T-1"]
-    assert reason.endswith("has a dispensable order")
+    assert str(reason).endswith("has a dispensable order")
 
 
 def test_a_vehicle_reserved_for_an_order_executes_it_first() -> None:
@@ -224,7 +229,7 @@ def test_a_vehicle_reserved_for_an_order_executes_it_first() -> None:
 def test_an_order_with_a_reserved_vehicle_waits_for_no_other() -> None:
     fleet = vehicles(V1="ends a dispensable order first", V2="")
     decisions = decide([dispatchable_order()], fleet, Told({"V1": 1, "V2": 1}), {1: "V1"})
-    assert decisions.reasons == {"T-1": "waits for vehicle 'V1', which ends a dispensable order first"}
+    assert reasons(decisions) == {"T-1": "waits for vehicle 'V1', which ends a dispensable order first"}
 
 
 def test_scarce_vehicles_choose_first() -> None:
@@ -246,8 +251,8 @@ FLEETS = st.lists(
     st.builds(
         DispatchedVehicle,
         NAMES,
-        st.sampled_from(["", "is offline", BUSY]),
-        restriction=st.sampled_from(["", LOW]),
+        st.sampled_from([None, OFFLINE, BUSY]),
+        restriction=st.sampled_from([None, LOW]),
         gives_up=st.sampled_from(["", "Park-1"]),
         energy=st.floats(0, 100),
     ),
@@ -279,7 +284,7 @@ def test_every_order_is_assigned_once_or_has_a_reason(
         assert (order.name in given_to) != bool(decisions.reasons.get(order.name))
     for each in decisions.assignments:
         vehicle = known[each.vehicle]
-        assert (vehicle.obstacle, vehicle.restriction) == ("", "")
+        assert (vehicle.obstacle, vehicle.restriction) == (None, None)
         assert each.vehicle in costs
         assert each.order.status.intended_vehicle in (None, each.vehicle)
         assert each.gives_up == vehicle.gives_up
@@ -396,7 +401,7 @@ def test_the_usual_keys_are_the_urgency_of_orders(some: list[TransportOrder]) ->
 
 FLEET = [
     *vehicles(far="", near="", lost="", out="is offline"),
-    DispatchedVehicle("low", restriction="has to recharge"),
+    DispatchedVehicle("low", restriction=RECHARGE),
 ]
 TOLD = Told({"far": 9, "near": 2, "low": 1})
 
@@ -405,9 +410,9 @@ def test_each_vehicle_has_a_reason_and_suitable_ones_come_first() -> None:
     found = explain(dispatchable_order(), FLEET, TOLD)
     assert [(each.vehicle, each.fits) for each in found[:2]] == [("near", True), ("far", True)]
     assert [each.cost for each in found] == [2, 9, None, None, None]
-    assert {each.vehicle: each.reason for each in found} == {
-        "near": COULD,
-        "far": COULD,
+    assert {each.vehicle: str(each.reason) for each in found} == {
+        "near": str(COULD),
+        "far": str(COULD),
         "lost": "has no route: No route for T-1 and lost.",
         "low": "has to recharge",
         "out": "is offline",
@@ -416,26 +421,28 @@ def test_each_vehicle_has_a_reason_and_suitable_ones_come_first() -> None:
 
 def test_an_unintended_vehicle_names_the_intended_one() -> None:
     order = dispatchable_order(intended_vehicle="near")
-    reasons = {each.vehicle: each.reason for each in explain(order, FLEET, TOLD)}
-    assert reasons["near"] == COULD
-    assert reasons["far"] == "is not 'near', the intended vehicle"
-    kept = {each.vehicle: each.reason for each in explain(dispatchable_order(), FLEET, TOLD, kept={1: "far"})}
+    said = {each.vehicle: str(each.reason) for each in explain(order, FLEET, TOLD)}
+    assert said["near"] == str(COULD)
+    assert said["far"] == "is not 'near', the intended vehicle"
+    kept = {
+        each.vehicle: str(each.reason) for each in explain(dispatchable_order(), FLEET, TOLD, kept={1: "far"})
+    }
     assert kept["near"] == "is not 'far', which is reserved for it"
 
 
 def test_the_executing_vehicle_is_reported() -> None:
     found = explain(assigned_order(vehicle="V-1"), vehicles(**{"V-1": BUSY}), TOLD)
-    assert [(each.fits, each.reason) for each in found] == [(True, "does it")]
+    assert [(each.fits, str(each.reason)) for each in found] == [(True, "does it")]
 
 
 def test_a_load_in_the_way_is_explained() -> None:
     loaded = [DispatchedVehicle("near", carried=Carried(("",)))]
     (pick,), (drop,) = (explain(dispatchable_order(stop), loaded, TOLD) for stop in ("A:Load", "A:Unload"))
-    assert (pick.fits, pick.reason) == (False, "carries a load and has no room for another one")
+    assert (pick.fits, str(pick.reason)) == (False, "carries a load and has no room for another one")
     assert (drop.fits, drop.reason) == (True, COULD)
 
 
-ONE = "carries a load and has no room for another one"
+ONE = Reason(ReasonCode.LOADED)
 
 
 def specified(**specification: Any) -> Factsheet:
@@ -463,17 +470,17 @@ def test_vehicles_without_or_with_unknown_loads_have_room(loads: tuple[()] | Non
 def test_a_vehicle_without_load_positions_has_one(sheet: Factsheet | None) -> None:
     assert why((None,), sheet, Pick()) == ONE
     assert why(("front",), sheet, Pick("pallet")) == ONE
-    assert why(("front",), sheet, Pick(place="front")) == f"{ONE} at 'front'"
-    assert why(("front",), sheet, Pick(place="rear")) == ""
+    assert str(why(("front",), sheet, Pick(place="front"))) == f"{ONE} at 'front'"
+    assert why(("front",), sheet, Pick(place="rear")) is None
 
 
 def test_each_load_position_holds_one_load() -> None:
     sheet = specified(load_positions=("front", "rear"))
-    assert why((None,), sheet, Pick()) == ""
-    assert why(("front", "rear"), sheet, Pick()) == "carries 2 loads and has no room for another one"
-    assert why(("front", None), sheet, Pick()).startswith("carries 2 loads")
-    assert why(("front",), sheet, Pick(place="rear")) == ""
-    assert why((None,), sheet, Pick(place="rear")) == f"{ONE} at 'rear'"
+    assert why((None,), sheet, Pick()) is None
+    assert str(why(("front", "rear"), sheet, Pick())) == "carries 2 loads and has no room for another one"
+    assert str(why(("front", None), sheet, Pick())).startswith("carries 2 loads")
+    assert why(("front",), sheet, Pick(place="rear")) is None
+    assert str(why((None,), sheet, Pick(place="rear"))) == f"{ONE} at 'rear'"
 
 
 def test_load_positions_accept_only_certain_load_types() -> None:
@@ -485,8 +492,8 @@ def test_load_positions_accept_only_certain_load_types() -> None:
     )
     sheet = specified(load_positions=("fork", "shelf"), load_sets=sets)
     assert why(("fork",), sheet, Pick("pallet")) == ONE
-    assert why(("shelf",), sheet, Pick("pallet")) == ""
-    assert [why(("fork",), sheet, Pick(each)) for each in ("box", "bag", "crate")] == ["", "", ""]
+    assert why(("shelf",), sheet, Pick("pallet")) is None
+    assert [why(("fork",), sheet, Pick(each)) for each in ("box", "bag", "crate")] == [None] * 3
     assert why(("elsewhere",), sheet, Pick("pallet")) == ONE
 
 
@@ -497,7 +504,7 @@ def test_loads_can_be_compared() -> None:
 
 def test_a_vehicle_without_order_types_accepts_any_type() -> None:
     assert acceptable(None) == ANY_ORDER_TYPE
-    assert why_not_accepted(acceptable(None), "-") == ""
+    assert why_not_accepted(acceptable(None), "-") is None
 
 
 @pytest.mark.parametrize(
@@ -518,33 +525,37 @@ def test_the_exact_type_takes_precedence_over_any(
 
 
 def test_the_reason_names_what_is_accepted() -> None:
-    assert why_not_accepted(acceptable(("B", "A")), "-") == "accepts no orders of type '-', only 'B', 'A'"
-    assert why_not_accepted((), "-") == "accepts no orders of any type"
+    assert (
+        str(why_not_accepted(acceptable(("B", "A")), "-")) == "accepts no orders of type '-', only 'B', 'A'"
+    )
+    assert str(why_not_accepted((), "-")) == "accepts no orders of any type"
 
 
 def test_obstacles_take_precedence() -> None:
-    vehicle = DispatchedVehicle("V1", "is offline", restriction="has to recharge", kept_for=2)
-    assert vehicle.why_not(dispatchable_order(), recharges=True) == "is offline"
+    vehicle = DispatchedVehicle("V1", OFFLINE, restriction=RECHARGE, kept_for=2)
+    assert str(vehicle.why_not(dispatchable_order(), recharges=True)) == "is offline"
 
 
 def test_a_restricted_vehicle_may_recharge() -> None:
-    vehicle = DispatchedVehicle("V1", restriction="has to recharge")
-    assert vehicle.why_not(dispatchable_order(), recharges=False) == "has to recharge"
-    assert vehicle.why_not(dispatchable_order(), recharges=True) == ""
+    vehicle = DispatchedVehicle("V1", restriction=RECHARGE)
+    assert str(vehicle.why_not(dispatchable_order(), recharges=False)) == "has to recharge"
+    assert vehicle.why_not(dispatchable_order(), recharges=True) is None
 
 
 def test_a_vehicle_is_reserved_for_one_order() -> None:
     vehicle = DispatchedVehicle("V1", kept_for=2)
-    assert vehicle.why_not(dispatchable_order(number=1), recharges=False) == "is reserved for another order"
-    assert vehicle.why_not(dispatchable_order(number=2), recharges=False) == ""
+    assert (
+        str(vehicle.why_not(dispatchable_order(number=1), recharges=False)) == "is reserved for another order"
+    )
+    assert vehicle.why_not(dispatchable_order(number=2), recharges=False) is None
 
 
 def test_a_vehicle_with_a_load_takes_what_does_not_begin_with_another_one() -> None:
     vehicle = DispatchedVehicle("V1", carried=Carried(("",)))
     order = dispatchable_order()
-    assert vehicle.why_not(order, recharges=False, pick=Pick()).startswith("carries a load")
-    assert vehicle.why_not(order, recharges=False) == ""
-    assert DispatchedVehicle("V1").why_not(order, recharges=False, pick=Pick()) == ""
+    assert str(vehicle.why_not(order, recharges=False, pick=Pick())).startswith("carries a load")
+    assert vehicle.why_not(order, recharges=False) is None
+    assert DispatchedVehicle("V1").why_not(order, recharges=False, pick=Pick()) is None
 
 
 def test_types_have_priorities() -> None:
@@ -569,15 +580,15 @@ def test_thresholds_belong_to_the_worse_side(*, level: float, critical: bool, de
 
 def test_low_energy_restricts_with_a_stable_reason() -> None:
     reason = energy(3).restriction(fully=True)
-    assert reason == "must recharge first: critical energy (at most 20 %)"
+    assert str(reason) == "must recharge first: critical energy (at most 20 %)"
     assert energy(19).restriction(fully=False) == reason
 
 
 def test_recharging_continues_until_full_or_sufficient() -> None:
-    assert "until its energy is 95 %" in energy(60, charging=True).restriction(fully=True)
-    assert energy(60, charging=True).restriction(fully=False) == ""
-    assert "until its energy is 50 %" in energy(49, charging=True).restriction(fully=False)
-    assert energy(95, charging=True).restriction(fully=True) == ""
+    assert "until its energy is 95 %" in str(energy(60, charging=True).restriction(fully=True))
+    assert energy(60, charging=True).restriction(fully=False) is None
+    assert "until its energy is 50 %" in str(energy(49, charging=True).restriction(fully=False))
+    assert energy(95, charging=True).restriction(fully=True) is None
 
 
 def test_only_vehicles_above_critical_energy_leave_recharging() -> None:

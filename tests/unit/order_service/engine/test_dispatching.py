@@ -63,7 +63,7 @@ async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_on
     assert order
     carries = "carries a load and has no room for another one"
     assert order.status.reason == f"waits for vehicle 'V1', which {carries}"
-    assert [each.reason for each in await engine.explain(order) if each.vehicle == "V1"] == [carries]
+    assert [str(each.reason) for each in await engine.explain(order) if each.vehicle == "V1"] == [carries]
 
     engine.create(request("B:Unload", intendedVehicle="V1"), "drop")
     assert [vda_order.order_id for _, vda_order in fleet.sent] == ["drop-0"]

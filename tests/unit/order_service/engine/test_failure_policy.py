@@ -67,7 +67,8 @@ def test_skipped_measures_are_explained(situation: Situation, measure: M, why: s
     decision = decide([FailureStep(do=measure)], 0, situation)
 
     assert decision.step.do is M.FAIL
-    assert [words for words in decision.passed_over if words.startswith(f"no {measure}: ") and why in words]
+    texts = map(str, decision.passed_over)
+    assert [text for text in texts if text.startswith(f"no {measure}: ") and why in text]
 
 
 def test_a_route_that_may_reappear_is_retried_later() -> None:

@@ -58,6 +58,6 @@ async def test_the_reason_why_a_vehicle_stays_is_reported() -> None:
     engine, fleet, mobility = await make()
     vehicle = engine.registry.named("V1")
     assert vehicle
-    assert mobility.why_it_stays(vehicle) == ""
+    assert mobility.why_it_stays(vehicle) is None
     fleet.out_of_order.add("V1")
-    assert mobility.why_it_stays(vehicle).startswith("the robot is ")
+    assert str(mobility.why_it_stays(vehicle)).startswith("the robot is ")

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.vehicles.parking import RechargeLocations, Recharging
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from nena_shared.plant.property_keys import (
     ASSIGNED_RECHARGE_LOCATION,
@@ -66,8 +67,10 @@ def test_nearest_free_location_is_taken_by_its_nearest_point() -> None:
 def test_assigned_location_is_the_only_one_and_the_preferred_one_goes_first() -> None:
     assert choose(requests=route_request(ASSIGNED_RECHARGE_LOCATION, "far")).location == "far"
     taken = choose(["C"], requests=route_request(ASSIGNED_RECHARGE_LOCATION, "far"))
-    assert taken == Recharging(reason="its assigned recharge location 'far' is taken")
-    assert "cannot recharge at" in choose(requests=route_request(ASSIGNED_RECHARGE_LOCATION, "coil")).reason
+    assert taken == Recharging(reason=Reason(ReasonCode.ASSIGNED_RECHARGE_TAKEN, location="far"))
+    assert "cannot recharge at" in str(
+        choose(requests=route_request(ASSIGNED_RECHARGE_LOCATION, "coil")).reason
+    )
     assert choose(requests=route_request(PREFERRED_RECHARGE_LOCATION, "far")).location == "far"
     assert choose(["C"], requests=route_request(PREFERRED_RECHARGE_LOCATION, "far")).location == "near"
 
@@ -77,11 +80,11 @@ def test_a_vehicle_may_recharge_by_an_operation_of_its_own() -> None:
 
 
 def test_an_idly_occupied_location_is_chosen_if_none_is_free() -> None:
-    assert choose("ABC").reason == "each recharge location is taken"
+    assert str(choose("ABC").reason) == "each recharge location is taken"
     assert choose("ABC", in_vain="C").location == "far"
     assert choose("AB", in_vain="AB").location == "far"
 
 
 @pytest.mark.parametrize("costs", [{}, {"D": 1.0}])
 def test_the_reason_why_no_vehicle_can_recharge_is_reported(costs: dict[str, float]) -> None:
-    assert choose(costs=costs).reason == "there is no reachable recharge location"
+    assert str(choose(costs=costs).reason) == "there is no reachable recharge location"

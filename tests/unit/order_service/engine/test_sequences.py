@@ -34,11 +34,11 @@ class Bench:
 def test_one_order_at_a_time_has_its_turn() -> None:
     bench = Bench()
     first, second, third = (bench.add(number) for number in (1, 2, 3))
-    assert bench.sequences.why_waiting(first) == ""
-    assert bench.sequences.why_waiting(third).endswith("after 'T-1'")
+    assert bench.sequences.why_waiting(first) is None
+    assert str(bench.sequences.why_waiting(third)).endswith("after 'T-1'")
     assert bench.fail(second) == ([], "T-1")
     assert bench.fail(first) == ([], "T-3")
-    assert bench.sequences.why_waiting(third) == ""
+    assert bench.sequences.why_waiting(third) is None
     assert bench.fail(third) == ([], None)
 
 
@@ -54,16 +54,16 @@ def test_an_order_without_a_sequence_is_ignored() -> None:
     bench = Bench(intendedVehicle="V-2")
     alone = raw_order()
     assert bench.sequences.ended(alone) == ((), None)
-    assert bench.sequences.why_waiting(alone) == ""
-    assert bench.sequences.why_unsuitable(alone, "V-1") == ""
+    assert bench.sequences.why_waiting(alone) is None
+    assert bench.sequences.why_unsuitable(alone, "V-1") is None
 
 
 def test_vehicles_are_bound_to_one_sequence_and_the_sequence_to_one_vehicle() -> None:
     bench = Bench(intendedVehicle="V-2")
     member, alone = bench.add(1), raw_order(number=9)
-    assert "which is 'V-2'" in bench.sequences.why_unsuitable(member, "V-1")
-    assert bench.sequences.why_unsuitable(member, "V-2") == ""
+    assert "which is 'V-2'" in str(bench.sequences.why_unsuitable(member, "V-1"))
+    assert bench.sequences.why_unsuitable(member, "V-2") is None
     bench.sequences.bind(member, "V-2")
     assert bench.sequences.bound_to("V-2") == "S"
-    assert bench.sequences.why_unsuitable(alone, "V-2") == "is bound to order sequence 'S'"
-    assert bench.sequences.why_unsuitable(alone, "V-1") == ""
+    assert str(bench.sequences.why_unsuitable(alone, "V-2")) == "is bound to order sequence 'S'"
+    assert bench.sequences.why_unsuitable(alone, "V-1") is None

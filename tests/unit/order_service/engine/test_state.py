@@ -14,6 +14,7 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.database import Changes, DriveRow
 from nena_order_service.traffic.resources import ResourceSet
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.fleet_api.transport_order import (
     OrderSequenceRequest,
     OrderSequenceStatus,
@@ -58,7 +59,7 @@ def test_consecutive_versions_in_one_state_are_published_once() -> None:
     state = make_state()
     book = state.orders
     order = dispatchable_order()
-    deferred = order.deferred("nobody is free", NOW)
+    deferred = order.deferred(Reason.of("nobody is free"), NOW)
     assigned = deferred.assigned("V", [("A",)], "near", NOW)
     for version in (order, deferred, assigned):
         book.put(version)
@@ -89,7 +90,7 @@ def test_queue_has_waiting_orders_by_urgency(numbers: list[int], priorities: lis
     for number in numbers[:2]:
         book.put(orders[number].failed("x", NOW))
     for number in numbers[2:]:
-        orders[number] = orders[number].deferred("nobody is free", NOW)
+        orders[number] = orders[number].deferred(Reason.of("nobody is free"), NOW)
         book.put(orders[number])
     waiting = [orders[number] for number in numbers[2:]]
     assert list(book.dispatchable()) == sorted(waiting, key=lambda order: order.urgency)

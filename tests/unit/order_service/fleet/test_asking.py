@@ -156,7 +156,7 @@ def test_a_new_leader_says_why_the_states_of_a_robot_are_unreadable() -> None:
     reconnect(bench, unread=True)
     tuple(bench.control.on_unreadable_state("sends states that are unreadable: nodeStates", None, bench.now))
     assert bench.view().link is LinkStatus.UNREADABLE
-    assert bench.view().availability.reason == "sends states that are unreadable: nodeStates"
+    assert str(bench.view().availability.reason) == "sends states that are unreadable: nodeStates"
 
 
 def test_a_robot_that_was_never_heard_can_be_paused() -> None:

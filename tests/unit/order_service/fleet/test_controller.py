@@ -77,10 +77,10 @@ def test_a_robot_with_only_unreadable_messages_is_known() -> None:
     bench.fleet.on_broker(connected=True, now=bench.now)
     problem = "sends states that are unreadable: message: Invalid JSON (received 'x')"
     tuple(bench.control.on_malformed(problem, bench.now))
-    assert bench.view().availability.reason == problem
+    assert str(bench.view().availability.reason) == problem
     bench.online()
     assert bench.view().link is LinkStatus.ONLINE
-    assert "cannot be read" not in bench.view().availability.reason
+    assert "cannot be read" not in str(bench.view().availability.reason or "")
 
 
 def test_a_changed_quoted_value_is_not_a_new_problem() -> None:
@@ -175,7 +175,7 @@ def test_no_order_is_sent_while_a_cancel_is_pending() -> None:
     bench.report()
     bench.start(make_vda_order("n", "B", "C", x=1.0))
     assert bench.orders_sent() == ["m"]
-    assert bench.view().wait_reason == "the robot has not yet confirmed a cancelOrder"
+    assert str(bench.view().wait_reason) == "the robot has not yet confirmed a cancelOrder"
     bench.run()
     assert [each.order_id for each in bench.told(VdaOrderFinished)] == ["m", "n"]
 
@@ -183,9 +183,9 @@ def test_no_order_is_sent_while_a_cancel_is_pending() -> None:
 def test_an_order_not_confirmed_in_time_reports_it() -> None:
     bench = Bench().online()
     bench.start(make_vda_order("m", "A", "B"))
-    assert bench.view().wait_reason == ""
+    assert bench.view().wait_reason is None
     bench.wait(2)
-    assert bench.view().wait_reason == "the robot has not yet confirmed the order"
+    assert str(bench.view().wait_reason) == "the robot has not yet confirmed the order"
 
 
 @pytest.mark.clause("6.5/fleet")
@@ -196,7 +196,7 @@ def test_an_order_for_an_unreachable_robot_waits_with_a_reason() -> None:
     bench.wait(120)
     assert bench.sent == []
     assert bench.view().order_phase is VdaOrderPhase.WAITING
-    assert bench.view().wait_reason == "the robot has lost its connection to the broker"
+    assert str(bench.view().wait_reason) == "the robot has lost its connection to the broker"
     bench.connection(ConnectionState.ONLINE)
     bench.report()
     bench.run()
@@ -227,7 +227,7 @@ def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
     bench.tick()
     bench.wait(300)
     assert bench.orders_sent() == ["m"]
-    assert "no connection to the MQTT broker" in bench.view().wait_reason
+    assert "no connection to the MQTT broker" in str(bench.view().wait_reason)
     bench.fleet.on_broker(connected=True, now=bench.now)
     bench.tick()
     bench.report()
@@ -247,7 +247,7 @@ def test_a_new_leader_only_asks_a_robot_for_its_state_before_its_report() -> Non
     bench.wait(20)
     assert (bench.orders_sent(), set(bench.instants_sent())) == (["m"], {"stateRequest"})
     reason = bench.view().availability.reason
-    assert reason == "has not reported its state since the order service took over"
+    assert str(reason) == "has not reported its state since the order service took over"
     bench.report()
     bench.run()
     assert bench.ends() == {"m": 1}
@@ -456,10 +456,10 @@ class NeverDone(HonestRobot):
 def test_a_robot_at_the_last_node_that_never_empties_its_node_states_is_named_as_the_reason() -> None:
     bench = Bench(robot=NeverDone()).online()
     bench.start_and_tell(make_vda_order("m", "A", "B"))
-    assert bench.view().wait_reason == ""
+    assert bench.view().wait_reason is None
     bench.robot.step()
     bench.report()
-    assert bench.view().wait_reason == (
+    assert str(bench.view().wait_reason) == (
         "the robot stands at the last node of its order, 'B', but still lists 'B' in its nodeStates: it must "
         "empty them (with vda5050:keepsLastNodeStates: to turn to the node's heading)"
     )

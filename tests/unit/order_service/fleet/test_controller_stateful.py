@@ -129,7 +129,9 @@ class Conversation(RuleBasedStateMachine):
         if isinstance(output, VdaOrderFinished):
             assert name in self.completed, "told as finished, but the robot has not done it"
         if isinstance(output, VdaOrderFailed):
-            assert self.robot_forgot or "no longer has" not in output.reason, "told as lost, but it was not"
+            assert self.robot_forgot or "no longer has" not in str(output.reason or ""), (
+                "told as lost, but it was not"
+            )
         if isinstance(output, VdaOrderCancelled):
             assert name in self.cancelled
             on_the_wire = {

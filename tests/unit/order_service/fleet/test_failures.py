@@ -8,6 +8,7 @@ from nena_order_service.fleet import failures
 from nena_order_service.fleet.failures import FailureKind
 from nena_order_service.fleet.instant_actions import retry_or_skip
 from nena_order_service.fleet.outputs import ActionRetriable, VdaOrderFailed, VdaOrderFinished
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType
@@ -86,7 +87,11 @@ def test_a_retriable_action_is_reported_at_each_failure() -> None:
     bench.report()
     bench.report()
     (told,) = bench.told(ActionRetriable)
-    assert (told.order_id, told.action_id, told.reason) == ("m", "m/pick", "the action 'pick' has failed")
+    assert (told.order_id, told.action_id, str(told.reason)) == (
+        "m",
+        "m/pick",
+        "the action 'pick' has failed",
+    )
 
     retry = retry_or_skip("r", "m/pick", retry=True)
     bench.instruct(retry)
@@ -141,7 +146,8 @@ def test_errors_about_another_topic_do_not_refuse_an_order() -> None:
 
 
 def test_a_reason_and_the_robots_details_form_one_sentence() -> None:
-    assert failures.with_details("it has failed", ()) == "it has failed"
+    assert str(failures.with_details(Reason.of("it has failed"), ())) == "it has failed"
     assert (
-        failures.with_details("it has failed", ("cancelled", "jammed")) == "it has failed: cancelled; jammed"
+        str(failures.with_details(Reason.of("it has failed"), ("cancelled", "jammed")))
+        == "it has failed: cancelled; jammed"
     )

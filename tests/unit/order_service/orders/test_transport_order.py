@@ -34,13 +34,13 @@ def drive_states(order: TransportOrder) -> list[DriveOrderState]:
 
 def test_an_order_becomes_late_once() -> None:
     due, later = NOW + timedelta(seconds=1), NOW + timedelta(seconds=2)
-    order = assigned_order("A", deadline=due).with_wait_reason("it waits for 'B'")
+    order = assigned_order("A", deadline=due).with_wait_reason(Reason.of("it waits for 'B'"))
     assert order.overdue(later).status.late
     assert order.overdue(later).status.reason == order.status.reason
     assert order.overdue(later).overdue(later).status.version == order.status.version + 1
     assert codes(order.overdue(later))[-1] == EventCode.DEADLINE_PASSED
-    assert not order.failed("broken", due).status.late
-    ended = order.failed("broken", later)
+    assert not order.failed(Reason.of("broken"), due).status.late
+    ended = order.failed(Reason.of("broken"), later)
     assert ended.status.late
     assert ended.overdue(later) is ended
 
@@ -73,7 +73,6 @@ def test_an_order_stored_without_codes_keeps_its_text_until_it_changes() -> None
         del entry["codedReason"]
     loaded = TransportOrder(1, TransportOrderStatus.model_validate(document))
     assert (loaded.status.coded_reason, loaded.reason) == (None, order.reason)
-    assert loaded.deferred(order.reason, NOW) is loaded
     assert loaded.deferred(Reason(ReasonCode.TAKES_NO_ORDERS), NOW).reason.coded.code == "takes_no_orders"
 
 
@@ -107,7 +106,7 @@ def test_finished_ends_every_drive_order_even_without_events() -> None:
 
 
 def test_failure_keeps_what_was_done_and_says_why() -> None:
-    order = assigned_order("A", "B").drive_order_finished(0, NOW).failed("wheel lost", NOW)
+    order = assigned_order("A", "B").drive_order_finished(0, NOW).failed(Reason.of("wheel lost"), NOW)
     assert drive_states(order) == [D.FINISHED, D.FAILED]
     assert order.status.reason == "wheel lost"
     assert order.status.history[-1].supplements == ("FAILED", "wheel lost")
@@ -121,7 +120,7 @@ def test_withdrawal_of_an_order_under_way_waits_for_the_vehicle() -> None:
     order = assigned_order().withdrawn("not needed", NOW)
     assert order.state is S.WITHDRAWN
     assert "V-1" in order.status.reason
-    assert order.failed("let go", NOW).state is S.FAILED
+    assert order.failed(Reason.of("let go"), NOW).state is S.FAILED
 
 
 def test_events_of_a_withdrawn_order_keep_the_withdrawal_reason() -> None:
@@ -132,16 +131,18 @@ def test_events_of_a_withdrawn_order_keep_the_withdrawal_reason() -> None:
 
 def test_a_vehicles_wait_reason_is_published_once_while_it_applies() -> None:
     order = assigned_order("A", "B")
-    waiting = order.with_wait_reason("the robot is paused")
+    waiting = order.with_wait_reason(Reason.of("the robot is paused"))
     assert waiting.status.reason == f"{order.status.reason}, but the robot is paused"
     assert waiting.status.version == order.status.version + 1
-    assert waiting.with_wait_reason("the robot is paused") is waiting
-    assert waiting.with_wait_reason("").status.reason == order.status.reason
-    assert order.with_wait_reason("") is order
+    assert waiting.with_wait_reason(Reason.of("the robot is paused")) is waiting
+    assert waiting.with_wait_reason(None).status.reason == order.status.reason
+    assert order.with_wait_reason(None) is order
 
 
 def test_a_withdrawn_order_reports_what_it_waits_for_and_why() -> None:
-    order = assigned_order("A").withdrawn("not needed", NOW).with_wait_reason("the robot is silent")
+    order = (
+        assigned_order("A").withdrawn("not needed", NOW).with_wait_reason(Reason.of("the robot is silent"))
+    )
     assert order.status.reason == "not needed; waiting for vehicle V-1 to release it, but the robot is silent"
 
 
@@ -153,12 +154,16 @@ def test_unroutable_is_final() -> None:
 
 
 def test_same_deferral_again_changes_nothing() -> None:
-    order = dispatchable_order().deferred("nobody is free", NOW)
-    assert order.deferred("nobody is free", NOW + timedelta(hours=1)) is order
+    order = dispatchable_order().deferred(Reason.of("nobody is free"), NOW)
+    assert order.deferred(Reason.of("nobody is free"), NOW + timedelta(hours=1)) is order
 
 
 def test_consecutive_deferrals_are_one_history_entry() -> None:
-    order = dispatchable_order().deferred("nobody is free", NOW).deferred("all are offline", NOW)
+    order = (
+        dispatchable_order()
+        .deferred(Reason.of("nobody is free"), NOW)
+        .deferred(Reason.of("all are offline"), NOW)
+    )
     assert codes(order) == [EventCode.ORDER_CREATED, EventCode.DISPATCHING_DEFERRED]
     assert order.status.history[-1].supplements == ("all are offline",)
 
@@ -172,9 +177,9 @@ def test_events_of_an_ended_drive_order_change_nothing() -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        lambda order: order.deferred("x", NOW),
+        lambda order: order.deferred(Reason.of("x"), NOW),
         lambda order: order.finished(NOW),
-        lambda order: order.failed("x", NOW),
+        lambda order: order.failed(Reason.of("x"), NOW),
         lambda order: order.withdrawn("x", NOW),
         lambda order: order.adopted(NOW),
         lambda order: order.operating(0, NOW),
@@ -244,9 +249,9 @@ class LifeCycle(RuleBasedStateMachine):
     @rule(
         change=st.sampled_from(CHANGES),
         index=st.integers(0, 3),
-        text=st.sampled_from(["a", "b"]),
+        text=st.sampled_from(["a", "b"]).map(Reason.of),
     )
-    def change(self, change: str, index: int, text: str) -> None:
+    def change(self, change: str, index: int, text: Reason) -> None:
         self.before = self.order
         index %= len(self.order.status.drive_orders)
         routes = [("A",) for _ in self.order.status.drive_orders]
@@ -328,7 +333,7 @@ def test_an_order_whose_conditions_are_met_stays_held() -> None:
 
 
 def test_a_resumed_order_has_all_its_retries_again() -> None:
-    order = assigned_order().retried(2, "blocked", now=NOW)
+    order = assigned_order().retried(2, Reason.of("blocked"), now=NOW)
     assert order.current.measures_taken == 2
 
     order = order.on_hold(HOLD, NOW).resumed("Bob", "go", NOW)
@@ -339,20 +344,20 @@ def test_a_resumed_order_has_all_its_retries_again() -> None:
 
 def test_an_ended_order_cannot_be_held() -> None:
     with pytest.raises(IllegalTransitionError):
-        assigned_order().failed("lost", NOW).on_hold(HOLD, NOW)
-    assert not assigned_order().on_hold(HOLD, NOW).failed("lost", NOW).held
+        assigned_order().failed(Reason.of("lost"), NOW).on_hold(HOLD, NOW)
+    assert not assigned_order().on_hold(HOLD, NOW).failed(Reason.of("lost"), NOW).held
     assert not assigned_order().on_hold(HOLD, NOW).withdrawn("not wanted", NOW).held
 
 
 def test_failures_during_a_hold_are_reported_too() -> None:
-    order = assigned_order().on_hold(HOLD, NOW).failed_while_held("wheel lost")
+    order = assigned_order().on_hold(HOLD, NOW).failed_while_held(Reason.of("wheel lost"))
 
     assert order.status.reason.endswith("tea; since then: wheel lost")
 
 
 def test_another_vehicle_continues_where_the_first_one_stopped() -> None:
     order = assigned_order("A", "B", "C").drive_order_finished(0, NOW)
-    order = order.reassigned(1, "wheel lost", NOW)
+    order = order.reassigned(1, Reason.of("wheel lost"), NOW)
 
     assert (order.state, order.vehicle, order.index) == (TransportOrderState.DISPATCHABLE, None, 1)
     assert order.status.excluded_vehicles == ("V-1",)
@@ -364,7 +369,7 @@ def test_another_vehicle_continues_where_the_first_one_stopped() -> None:
 
 
 def test_a_skipped_operation_counts_as_failed_in_a_finished_order() -> None:
-    order = assigned_order("A:Load", "B").skipped("jammed", NOW).operating(1, NOW)
+    order = assigned_order("A:Load", "B").skipped(Reason.of("jammed"), NOW).operating(1, NOW)
     order = order.drive_order_finished(1, NOW).finished(NOW)
 
     assert [each.state for each in order.status.drive_orders] == ["FAILED", "FINISHED"]
@@ -380,7 +385,7 @@ def test_each_replan_avoids_more() -> None:
 
 
 def test_a_retry_delay_ends() -> None:
-    order = assigned_order().retried(1, "blocked", now=NOW, next_try=NOW + timedelta(seconds=5))
+    order = assigned_order().retried(1, Reason.of("blocked"), now=NOW, next_try=NOW + timedelta(seconds=5))
     assert order.status.next_try == NOW + timedelta(seconds=5)
     assert order.restarted().tried().status.next_try is None
     assert order.restarted().current.attempts == 1

@@ -24,7 +24,7 @@ VEHICLES = ("Robot-01", "Robot-02")
 def findings(wanted: TransportOrderRequest) -> tuple[list[str], bool]:
     with pytest.raises(InvalidRequestError) as caught:
         check_request(wanted, PLANT, VEHICLES)
-    return [finding.text for finding in caught.value.findings], caught.value.only_unknown
+    return [str(finding.text) for finding in caught.value.findings], caught.value.only_unknown
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_locked_and_unlinked_locations_are_refused() -> None:
     )
     with pytest.raises(InvalidRequestError) as caught:
         check_request(request("Storage:NOP", "Packing:NOP"), changed, ())
-    assert [finding.text.split(": ")[1].split(";")[0] for finding in caught.value.findings] == [
+    assert [str(finding.text).split(": ")[1].split(";")[0] for finding in caught.value.findings] == [
         "location 'Storage' is locked",
         "location 'Packing' has no link to a point, so no vehicle can reach it.",
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from nena_order_service.peripherals.devices import EXECUTION_TIMEOUT, Devices, Overdue, Verdict
 from nena_order_service.peripherals.settings import PeripheralSettings
 from nena_shared.fleet_api.peripherals import DeviceJobState, PeripheralState
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import Location
 
 D = DeviceJobState
@@ -45,14 +46,18 @@ def test_an_unacknowledged_job_is_sent_again_and_then_fails() -> None:
     assert made.overdue(4.9) == []
     assert made.overdue(5.0) == [Overdue("J", "Door")]
     assert made.overdue(9.9) == []
-    assert made.overdue(10.0) == [Overdue("J", "Door", "peripheral 'Door' has not answered 2 requests")]
+    assert made.overdue(10.0) == [
+        Overdue("J", "Door", Reason(ReasonCode.DEVICE_SILENT, location="Door", count=2))
+    ]
 
 
 def test_the_time_of_an_execution_begins_with_its_acknowledgement() -> None:
     made = devices()
     made.answer("Door", "J", D.ACKNOWLEDGED, 4.0)
     assert made.overdue(63.9) == []
-    assert made.overdue(64.0) == [Overdue("J", "Door", "peripheral 'Door' has not finished it within 60 s")]
+    assert made.overdue(64.0) == [
+        Overdue("J", "Door", Reason(ReasonCode.DEVICE_SLOW, location="Door", limit=60.0))
+    ]
 
 
 def test_a_location_may_have_a_timeout_of_its_own() -> None:
@@ -88,7 +93,7 @@ def test_the_job_of_an_unavailable_device_has_the_execution_timeout_and_is_sent_
     assert not made.report("Door", PeripheralState.UNAVAILABLE, 4.0)
     assert made.overdue(63.9) == []
     (overdue,) = made.overdue(64.0)
-    assert overdue.reason == "peripheral 'Door' has not finished it within 60 s; it reports UNAVAILABLE"
+    assert str(overdue.reason) == "peripheral 'Door' has not finished it within 60 s; it reports UNAVAILABLE"
     assert made.report("Door", PeripheralState.EXECUTING, 63.0)
     assert not made.report("Door", PeripheralState.IDLE, 63.5)
     assert made.overdue(67.9) == []

@@ -14,6 +14,7 @@ from nena_order_service.vehicles.parking import (
     ParkingPositions,
     Prospect,
 )
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.property_keys import (
     ASSIGNED_PARKING_POSITION,
@@ -86,9 +87,12 @@ def test_assigned_position_is_the_only_one() -> None:
     assert choose(requests=assigned).point == "fair"
     assert choose(here="near", requests=assigned).point == "fair"
     assert choose(here="fair", requests=assigned) == PARKED
-    assert choose(taken=["fair"], requests=assigned).reason == "its assigned parking position 'fair' is taken"
+    assert (
+        str(choose(taken=["fair"], requests=assigned).reason)
+        == "its assigned parking position 'fair' is taken"
+    )
     gone = choose(requests=properties_of(ASSIGNED_PARKING_POSITION, "gone"))
-    assert gone.reason == "its assigned parking position 'gone' is not a point of the plant model"
+    assert str(gone.reason) == "its assigned parking position 'gone' is not a point of the plant model"
 
 
 def test_preferred_position_is_chosen_while_free() -> None:
@@ -109,10 +113,10 @@ def test_a_position_that_displaces_others_is_the_last_choice() -> None:
 def test_positions_of_vehicles_that_must_not_move_are_excluded() -> None:
     assert choose(displacing=["near", "fair"], may_displace=False).point == "good"
     barred = choose(displacing=["near", "fair", "good"], may_displace=False)
-    assert barred == Parking(reason=f"each free parking position near it {BARRED}")
+    assert barred == Parking(reason=Reason(ReasonCode.PARKING_BARRED))
     assigned = properties_of(ASSIGNED_PARKING_POSITION, "fair")
     assert choose(displacing=["fair"], may_displace=False, requests=assigned) == Parking(
-        reason=f"its assigned parking position 'fair' {BARRED}"
+        reason=Reason(ReasonCode.ASSIGNED_PARKING, BARRED, point="fair")
     )
     preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
     assert choose(displacing=["good"], may_displace=False, requests=preferred).point == "near"
@@ -138,9 +142,9 @@ def test_only_some_positions_are_evaluated() -> None:
 
 def test_the_reason_why_no_vehicle_can_park_is_reported() -> None:
     full = choose(taken=["near", "fair", "good"])
-    assert full == Parking(reason="no reachable parking position is free")
+    assert full == Parking(reason=Reason(ReasonCode.NO_PARKING_FREE))
     nowhere = choose(plant=PlantModel(name="no yard", points=(point("aisle"),)))
-    assert nowhere.reason == "the plant model has no parking positions"
+    assert str(nowhere.reason) == "the plant model has no parking positions"
 
 
 @given(

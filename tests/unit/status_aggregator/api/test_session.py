@@ -117,6 +117,7 @@ RULE = make_rule(HttpSettings(port=0))
         ("GET /", None),
         ("GET /login.html", None),
         ("GET /texts/en.js", None),
+        ("GET /reasons/en.json", None),
         ("GET /healthz", None),
         ("GET /readyz", None),
         ("GET /metrics", Role.VIEWER),

@@ -10,7 +10,6 @@ import pytest
 from nena_order_service.orders.transport_order import EventCode
 from nena_shared.fleet_api.audit import AuditResult
 from nena_shared.fleet_api.peripherals import PeripheralJobState, PeripheralState
-from nena_shared.fleet_api.reasons import JOINED, ReasonCode
 from nena_shared.fleet_api.transport_order import DriveOrderState, FailureMeasure, TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.vda5050.action import ActionStatus
@@ -68,7 +67,6 @@ def test_every_code_has_a_text() -> None:
     wanted |= {f"action.{each}" for each in ActionStatus}
     wanted |= {f"eventLog.{each}" for each in Code}
     wanted |= {f"reason.{each}" for each in TEXTS if each != "emergency_stop"}
-    wanted |= {f"because.{each.code}" for each in ReasonCode}
     wanted |= {f"measure.{each}" for each in FailureMeasure if not each.last}
     wanted |= {f"urgent.{each}" for each in URGENT}
     wanted |= {f"zone.{each}" for each in ZoneType}
@@ -78,12 +76,3 @@ def test_every_code_has_a_text() -> None:
     wanted |= {f"reports.kind.{each}" for each in FailureKind}
     wanted |= {f"reports.cause.{each}" for each in TEXTS if each.startswith("wait")}
     assert wanted - KEYS == set()
-
-
-def test_texts_of_reasons_use_the_values_that_are_sent() -> None:
-    """Otherwise the panel shows the English sentence instead, in every language."""
-    for each in ReasonCode:
-        values = set(re.findall(r"\{(\w+)", each.value))
-        assert set(re.findall(r"\{(\w+)\}", texts("en")[f"because.{each.code}"])) == values
-    source = (PANEL / "reasons.js").read_text(encoding="utf-8")
-    assert set(re.findall(r"^  (\w+): \(\) =>", source, re.MULTILINE)) == {each.code for each in JOINED}

@@ -245,12 +245,12 @@ def _of_safety(vehicle: VehicleStatus) -> Iterator[str]:
 def _needs_a_person(vehicle: VehicleStatus) -> bool:
     if vehicle.connection == "HIBERNATING":
         return False
-    return is_stuck(vehicle) or ReasonCode.PATH_LOCKED.code in _reason_codes(vehicle) or _is_empty(vehicle)
+    return is_stuck(vehicle) or ReasonCode.PATH_LOCKED in _reason_codes(vehicle) or _is_empty(vehicle)
 
 
 def _is_empty(vehicle: VehicleStatus) -> bool:
     """Return whether the battery of an idle vehicle is too low for orders."""
-    return vehicle.state is VehicleState.IDLE and ReasonCode.MUST_RECHARGE.code in _reason_codes(vehicle)
+    return vehicle.state is VehicleState.IDLE and ReasonCode.MUST_RECHARGE in _reason_codes(vehicle)
 
 
 def _reason_codes(vehicle: VehicleStatus) -> set[str]:
@@ -320,7 +320,7 @@ ADVICE: Final[tuple[tuple[Callable[[VehicleStatus], bool], str], ...]] = (
     (lambda each: each.localized is False, "Set its position in the control panel."),
     (is_stuck, "Go to the robot. Details: nena vehicles show {name}"),
     (
-        lambda each: ReasonCode.PATH_LOCKED.code in _reason_codes(each),
+        lambda each: ReasonCode.PATH_LOCKED in _reason_codes(each),
         "Unlock the path in the control panel.",
     ),
     (_is_empty, "Take it to a charging station."),

@@ -393,7 +393,7 @@ def delivery_status(order: TransportOrderStatus, view: RobotView | None) -> Deli
         vehicle=order.processing_vehicle,
         order_id=own,
         echoed_update_id=view.state.order_update_id if view.state and echoed else None,
-        note=view.wait_reason,
+        note=str(view.wait_reason or ""),
     )
 
 

@@ -45,7 +45,7 @@ def _invalid(error: InvalidRequestError) -> Problem:
         title="Not possible in this plant",
         status=refusal.status,
         detail="The request does not fit the plant model; nothing was created. Fix what errors lists.",
-        errors=tuple(finding.text for finding in error.findings),
+        errors=tuple(str(finding.text) for finding in error.findings),
     )
 
 

@@ -121,7 +121,7 @@ class Energy:
         wanted = self.thresholds.fully_recharged if fully else self.thresholds.sufficiently_recharged
         return self.level >= wanted and not self.critical
 
-    def restriction(self, *, fully: bool) -> str:
+    def restriction(self, *, fully: bool) -> Reason | None:
         """Return, as a predicate, why it only takes orders to recharge; empty if it takes any order.
 
         ``fully``: a charging vehicle continues until it is fully recharged, not just sufficiently. The text
@@ -133,7 +133,7 @@ class Energy:
             return Reason(R.RECHARGES, level=until)
         if self.critical:
             return Reason(R.MUST_RECHARGE, level=levels.critical)
-        return ""
+        return None
 
 
 def acceptable(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
@@ -152,10 +152,10 @@ def type_priority(accepted: Iterable[AcceptableOrderType], order_type: str) -> i
     return priorities.get(order_type, priorities.get(ANY_TYPE))
 
 
-def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -> str:
+def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -> Reason | None:
     """Return, as a predicate, why a vehicle takes no orders of this type; empty if it does."""
     if type_priority(accepted, order_type) is not None:
-        return ""
+        return None
     if not accepted:
         return Reason(R.ACCEPTS_NO_TYPE)
     names = ", ".join(repr(each.name) for each in sorted(accepted, key=lambda each: each.priority))
@@ -173,7 +173,7 @@ class Carried:
     places_of: Mapping[str, frozenset[str]] = field(default_factory=dict, hash=False)
     """Load positions that only take loads of one type, by type."""
 
-    def why_no_room(self, pick: Pick) -> str:
+    def why_no_room(self, pick: Pick) -> Reason | None:
         """Return, as a predicate, why there is no room for a load; empty if there may be.
 
         A vehicle without known load positions has one; a load without a position may be on any of them.
@@ -184,7 +184,7 @@ class Carried:
             wanted = self.places_of.get(pick.load_type, self.places)
             elsewhere = self.places - wanted
         if sum(load not in elsewhere for load in self.loads) < max(len(wanted), 1):
-            return ""
+            return None
         where = [Reason(R.AT_PLACE, place=pick.place)] if pick.place else []
         if len(self.loads) == 1:
             return Reason(R.LOADED, *where)
@@ -219,10 +219,10 @@ class DispatchedVehicle(NamedTuple):
     """Whether a vehicle takes orders now, and which; reasons are predicates such as "is offline"."""
 
     name: str
-    obstacle: str = ""
-    """Why it takes no order at all; empty if it may."""
-    restriction: str = ""
-    """Why it only takes orders to recharge; empty if it takes others too."""
+    obstacle: Reason | None = None
+    """Why it takes no order at all; None if it may."""
+    restriction: Reason | None = None
+    """Why it only takes orders to recharge; None if it takes others too."""
     energy: float = 100.0
     """State of charge, percent."""
     idle: bool = True
@@ -263,7 +263,7 @@ class DispatchedVehicle(NamedTuple):
         priority = type_priority(self.order_types, order.status.type)
         return inf if priority is None else priority
 
-    def why_not(self, order: TransportOrder, *, recharges: bool, pick: Pick | None = None) -> str:
+    def why_not(self, order: TransportOrder, *, recharges: bool, pick: Pick | None = None) -> Reason | None:
         """Return, as a predicate, why it does not take this order now; empty if it may.
 
         ``recharges``: the order's next operation is to recharge. ``pick``: the load that it is to pick up
@@ -277,4 +277,4 @@ class DispatchedVehicle(NamedTuple):
             return self.restriction
         if self.gives_up and order.status.dispensable:
             return DISPENSABLE
-        return self.carried.why_no_room(pick) if self.carried and pick else ""
+        return self.carried.why_no_room(pick) if self.carried and pick else None

@@ -257,7 +257,7 @@ class Knowledge(Protocol):
         """Return the vehicles that an order or its sequence names: for others, only their group counts."""
         ...
 
-    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
+    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
         """Return why a vehicle must not execute an order, regardless of its current work; empty if it may.
 
         The answer is the same for all orders of one :class:`OrderKind`.
@@ -282,7 +282,7 @@ class Knowledge(Protocol):
         """Return how often vehicles will still visit each location or point for their orders."""
         ...
 
-    def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
+    def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason:
         """Return why there is no route."""
         ...
 
@@ -293,7 +293,7 @@ class Assignment:
 
     order: TransportOrder
     vehicle: str
-    why: str
+    why: Reason
     """Why this vehicle was chosen."""
     gives_up: str = ""
     """Name of the dispensable order that the vehicle must give up first; empty if none."""
@@ -304,8 +304,8 @@ class Decisions:
     """Assignments to make now, and the reasons why other orders wait."""
 
     assignments: list[Assignment] = field(default_factory=list)
-    reasons: dict[str, str] = field(default_factory=dict)
-    """Wait reason of each unassigned order by name; the text stays the same while the reason holds."""
+    reasons: dict[str, Reason] = field(default_factory=dict)
+    """Wait reason of each unassigned order by name; it stays the same while it holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -371,7 +371,7 @@ class _Fleet:
             if not vehicle.obstacle:
                 self.free[vehicle.name] = vehicle
             elif vehicle.soon:
-                self.soon[vehicle.name] = vehicle._replace(obstacle="")
+                self.soon[vehicle.name] = vehicle._replace(obstacle=None)
 
     def _add(self, vehicle: DispatchedVehicle) -> None:
         self._vehicles[vehicle.name] = vehicle
@@ -386,7 +386,7 @@ class _Fleet:
         """Return the only vehicle that may get an order; None: any."""
         return self._kept.get(order.number, order.status.intended_vehicle)
 
-    def why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
+    def why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason | None:
         """Return why a vehicle does not take an order; empty if it does."""
         if self.intended(order) not in (None, vehicle.name):
             return NOT_INTENDED
@@ -417,7 +417,7 @@ class _Fleet:
             vehicles += [vehicle for vehicle in free if not self.why_not(order, vehicle)]
         return vehicles
 
-    def why_waiting(self, order: TransportOrder) -> str:
+    def why_waiting(self, order: TransportOrder) -> Reason:
         """Return why no vehicle takes an order; call it only if none does."""
         intended = self.intended(order)
         if intended is not None:
@@ -488,7 +488,7 @@ class _Decision:
         self._key = settings.vehicle_candidates[0]
         self._rank = rank_candidates(settings.vehicle_candidates, now)
         self._assigned: set[int] = set()
-        self._reasons: dict[int | OrderKind, str] = {}
+        self._reasons: dict[int | OrderKind, Reason] = {}
         """Why no vehicle takes the orders of a kind, or one with a reserved vehicle."""
 
     @cached_property
@@ -631,13 +631,13 @@ class _Decision:
         visits = sum(self._visits.get(stop.location_name, 0) for stop in stops_of(order)) if crowding else 0
         return _Choices(pairs[:size], offer.takers, self._key, crowding * visits)
 
-    def _assign(self, pair: Candidate, why: str) -> None:
+    def _assign(self, pair: Candidate, why: Reason) -> None:
         order, vehicle = pair.order, pair.vehicle
         self._assigned.add(order.number)
         self.fleet.take(vehicle)
         self.decisions.assignments.append(Assignment(order, vehicle.name, why, vehicle.gives_up))
 
-    def _why_best(self, best: Candidate, choices: int) -> str:
+    def _why_best(self, best: Candidate, choices: int) -> Reason:
         """Return why an order gets the vehicle that suits it best of several choices."""
         if self.fleet.intended(best.order) is not None:
             return Reason(R.ASSIGNED_INTENDED)
@@ -669,14 +669,14 @@ class _Decision:
         self.decisions.reasons[order.name] = why
 
 
-def why_no_vehicle(intended: str | None, wait_reasons: Collection[str]) -> str:
+def why_no_vehicle(intended: str | None, wait_reasons: Collection[Reason | None]) -> Reason:
     """Return why an order waits, from the reasons of all vehicles."""
     if intended is not None:
         why = next(iter(wait_reasons), Reason(R.TAKES_NO_ORDERS))
         return Reason(R.WAITS_FOR_VEHICLE, why, vehicle=intended)
     if not wait_reasons:
         return Reason(R.NO_VEHICLES)
-    kinds = sorted(set(wait_reasons))
+    kinds = sorted({reason for reason in wait_reasons if reason}, key=str)
     more = [Reason(R.SOMETHING_ELSE)] if len(kinds) > KINDS_NAMED else []
     return Reason(R.WAITS_FOR_ANY_VEHICLE, *kinds[:KINDS_NAMED], *more)
 
@@ -691,7 +691,7 @@ class VehicleFit:
     vehicle: str
     fits: bool
     """Whether the vehicle could do it now."""
-    reason: str
+    reason: Reason
     """Why not, as a predicate; or that it could execute the order."""
     cost: float | None = None
     """Cost of its route, in the router's unit, if feasible."""

@@ -55,11 +55,11 @@ class Sequences:
         if sequence := self._of(order):
             self._put(sequence.bound(vehicle, self._clock.now()))
 
-    def why_waiting(self, order: TransportOrder) -> str:
+    def why_waiting(self, order: TransportOrder) -> Reason | None:
         """Return what an order waits for in its sequence; empty if it does not wait."""
         sequence = self._of(order)
         if sequence is None or sequence.next_order in (None, order.name):
-            return ""
+            return None
         return Reason(R.WAITS_IN_SEQUENCE, sequence=sequence.name, order=sequence.next_order)
 
     def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
@@ -79,17 +79,17 @@ class Sequences:
         self._put(sequence)
         return failed, sequence.next_order
 
-    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
+    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
         """Return why a vehicle must not execute an order because of a sequence; empty if it may."""
         bound, sequence = self._sequences.of_vehicle(vehicle), self._of(order)
         if bound and bound is not sequence:
             return Reason(R.BOUND_TO_SEQUENCE, sequence=bound.name)
         if sequence is None:
-            return ""
+            return None
         meant = sequence.bound_vehicle or sequence.status.intended_vehicle
         if meant not in (None, vehicle):
             return Reason(R.NOT_OF_SEQUENCE, sequence=sequence.name, vehicle=meant)
-        return ""
+        return None
 
     def meant(self, order: TransportOrder) -> str | None:
         """Return the vehicle of an order's sequence; None if any vehicle may execute the order."""
@@ -152,11 +152,11 @@ class Dependencies:
             if not self._dependents[name]:
                 del self._dependents[name]
 
-    def why_waiting(self, order: TransportOrder) -> str:
+    def why_waiting(self, order: TransportOrder) -> Reason | None:
         """Return what an order waits for; empty if it does not wait."""
         names = sorted(self._waits_for.get(order.number, ()))
         if not names:
-            return ""
+            return None
         shown = ", ".join(repr(name) for name in names[:NAMES_SHOWN])
         if more := len(names[NAMES_SHOWN:]):
             return Reason(R.WAITS_FOR_MORE_ORDERS, orders=shown, count=more)

@@ -119,7 +119,7 @@ class Dispatching:
         """Drop all cached routes, because the plant has changed."""
         self._knowledge.forget_routes()
 
-    def idle_reason(self, vehicle: FleetVehicle) -> str:
+    def idle_reason(self, vehicle: FleetVehicle) -> Reason:
         """Return why a vehicle without an order has none."""
         seen = self.consider(vehicle)
         return seen.obstacle or seen.restriction or (NO_ORDER_FITS if self._orders.any_waiting else NO_ORDER)
@@ -135,7 +135,7 @@ class Dispatching:
         if not obstacle and order is not None and not self._would_give_up(order):
             giving_up = self._is_giving_up(vehicle, order)
             soon = not giving_up and self._unloads_at_end(order)
-            obstacle = GIVES_UP if giving_up else "" if soon else BUSY
+            obstacle = GIVES_UP if giving_up else None if soon else BUSY
         start, view = "", None
         if not obstacle:
             view = self._view(vehicle)
@@ -148,8 +148,8 @@ class Dispatching:
         energy = self.energy(vehicle, view)
         return DispatchedVehicle(
             vehicle.name,
-            BUSY if soon else "",
-            restriction=energy.restriction(fully=self._energy.until_fully_recharged) if energy else "",
+            BUSY if soon else None,
+            restriction=energy.restriction(fully=self._energy.until_fully_recharged) if energy else None,
             energy=energy.level if energy else 100.0,
             idle=(order is None or soon) and not (energy and energy.charging),
             gives_up=order.name if order and not soon else "",
@@ -164,7 +164,7 @@ class Dispatching:
 
     def _obstacle_and_start(
         self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None
-    ) -> tuple[str, str]:
+    ) -> tuple[Reason | None, str]:
         """Return why a vehicle, whose order does not keep it, takes none, or from which point it drives."""
         if obstacle := self._obstacle(vehicle, view, order):
             return obstacle, ""
@@ -182,22 +182,24 @@ class Dispatching:
         power = view.state.power_supply
         return Energy(power.state_of_charge, power.charging, thresholds)
 
-    def _obstacle(self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None) -> str:
+    def _obstacle(
+        self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None
+    ) -> Reason | None:
         """Return why a vehicle, with no order or with one that it would give up, cannot take an order."""
         if stopped := self._driving.stopped(vehicle):
             return stopped
         if order is None:
             obstacle = self._driving.obstacle(vehicle)
-            reason = "" if view.availability.can_take_order else view.availability.reason
+            reason = None if view.availability.can_take_order else view.availability.reason
             return reason if view.link is LinkStatus.UNREADABLE else obstacle or reason
         if view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
             return BUSY
         return self._driving.positions.obstacle(vehicle)
 
-    def _lacks_map(self, vehicle: FleetVehicle, view: RobotView, start: str) -> str:
+    def _lacks_map(self, vehicle: FleetVehicle, view: RobotView, start: str) -> Reason | None:
         """Return why a robot cannot drive on the map of its start point; it rejects other maps itself."""
         if view.state is None or not view.state.maps or not self._maps_respected:
-            return ""
+            return None
         return why_not_on(self._planner.map_id(start, vehicle), view.state)
 
     def _carried(self, view: RobotView, bound: str | None) -> Carried | None:
@@ -234,5 +236,5 @@ class Dispatching:
             waits = order is not None and order.state is TransportOrderState.DISPATCHABLE and not order.held
             intended = order.status.intended_vehicle if order else None
             obstacle = self.consider(vehicle).obstacle if vehicle else BUSY
-            if not waits or intended not in (None, name) or obstacle not in ("", GIVES_UP):
+            if not waits or intended not in (None, name) or obstacle not in (None, GIVES_UP):
                 del self._kept[number]

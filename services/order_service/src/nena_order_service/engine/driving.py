@@ -95,10 +95,10 @@ class RestartGate:
         return self._open
 
     @property
-    def reason(self) -> str:
+    def reason(self) -> Reason | None:
         """Why nothing is sent yet; empty when the gate is open."""
         if self.is_open:
-            return ""
+            return None
         missing = self._missing()
         if not missing:
             return Reason(R.FIRST_STATES)
@@ -151,18 +151,18 @@ class Pauses:
         """Return whether a vehicle can continue with its order."""
         return not self._orders.get(self._numbers[vehicle.name]).held and not self.why(vehicle)
 
-    def why(self, vehicle: FleetVehicle) -> str:
+    def why(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle cannot continue; empty if it can, or if its order is on hold."""
         order = self._orders.get(self._numbers[vehicle.name])
         status = order.status
         if status.held:
-            return ""
+            return None
         if status.next_try and self._context.clock.now() < status.next_try:
             return Reason(R.RETRIES_AT, time=status.next_try)
         if jobs := self._peripherals.behind(vehicle):
             return self._peripherals.wait_for(jobs[0])
         if order.current.state is DriveOrderState.FINISHED:
-            return ""
+            return None
         view = self._context.view(vehicle)
         try:
             standing = self._context.planner.standing(vehicle, view)
@@ -213,7 +213,7 @@ class Mobility:
         works = self._context.state.drives.order_number(vehicle.key) is not None
         return not works and not self.movable(name)
 
-    def misplaced(self, vehicle: FleetVehicle) -> str:
+    def misplaced(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle cannot be where it says; empty if it can."""
         try:
             self._context.planner.standing(vehicle, self._context.view(vehicle))
@@ -221,9 +221,9 @@ class Mobility:
             return error.reason
         except NotLocatedError:
             pass
-        return ""
+        return None
 
-    def why_it_stays(self, vehicle: FleetVehicle) -> str:
+    def why_it_stays(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle cannot start to drive for its order; empty if it can."""
         view = self._context.view(vehicle)
         if not view.availability.can_take_order:
@@ -234,13 +234,13 @@ class Mobility:
             return self.misplaced(vehicle) or Reason(R.POSITION_UNKNOWN)
         return self.why_it_waits(vehicle.name)
 
-    def why_it_waits(self, name: str) -> str:
+    def why_it_waits(self, name: str) -> Reason | None:
         """Return why a vehicle waits for traffic, and why the states of the others are unreadable."""
         refusal, why = self._traffic.refusal(name), self._traffic.why_waiting(name)
         for vehicle in map(self._context.registry.named, refusal.vehicles if refusal else ()):
             if vehicle and (view := self._context.view(vehicle)).link is LinkStatus.UNREADABLE:
                 why = Reason(R.WAITS_FOR_UNREADABLE, why, view.availability.reason, vehicle=vehicle.name)
-        return Reason(R.IT, why) if why else ""
+        return Reason(R.IT, why) if why else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,7 +248,7 @@ class Stuck:
     """A vehicle has no route for its order."""
 
     vehicle: FleetVehicle
-    reason: str
+    reason: Reason
 
 
 def _way_mm(vehicle: FleetVehicle, factsheet: Factsheet | None, seconds: float) -> float:
@@ -298,7 +298,7 @@ class Driving:
         self._gate = gate
         self._peripherals = peripherals
         self._stops = stops
-        self._wait_reasons: dict[str, str] = {}
+        self._wait_reasons: dict[str, Reason] = {}
         """For what vehicles waited at the last call of :meth:`let_drive`, by name."""
 
     def request_route(
@@ -439,7 +439,7 @@ class Driving:
         for name in self._traffic.waiting.union(due, self._wait_reasons):
             vehicle = self._vehicle(name)
             reason = self.wait_reason(vehicle) if name in due else self.mobility.why_it_waits(name)
-            if reason != self._wait_reasons.pop(name, ""):
+            if reason != self._wait_reasons.pop(name, None):
                 yield vehicle
             if reason:
                 self._wait_reasons[name] = reason
@@ -476,10 +476,10 @@ class Driving:
         if granted := self._drives.granted.get(robot):
             self._request_again(granted)
         elif drive and not drive.cancelled and not drive.all_released:
-            log.info("vehicle rerouted", vehicle=name, reason=self._traffic.why_waiting(name))
+            log.info("vehicle rerouted", vehicle=name, reason=str(self._traffic.why_waiting(name) or ""))
             self.end_early(drive, partial=True)
 
-    def wait_reason(self, vehicle: FleetVehicle) -> str:
+    def wait_reason(self, vehicle: FleetVehicle) -> Reason | None:
         """Return what a vehicle waits for with its order; empty if it does not wait."""
         drive = self._drives.sent.get(vehicle.key)
         if drive and drive.relocation:
@@ -493,7 +493,7 @@ class Driving:
         if self._drives.unsent_of_order(vehicle.key):
             return self.mobility.why_it_stays(vehicle)
         waits_for_base = drive is not None and not drive.all_released
-        misplaced = self.mobility.misplaced(vehicle) if waits_for_base else ""
+        misplaced = self.mobility.misplaced(vehicle) if waits_for_base else None
         return misplaced or self.mobility.why_it_waits(vehicle.name)
 
     def traffic_wait(self, vehicle: FleetVehicle) -> TrafficWait | None:
@@ -511,16 +511,16 @@ class Driving:
             **explained(reason or Reason(R.IT, refusal.in_words())),
         )
 
-    def obstacle(self, vehicle: FleetVehicle) -> str:
+    def obstacle(self, vehicle: FleetVehicle) -> Reason | None:
         """Return, as a predicate, why its drive or position keeps a vehicle from orders; or empty."""
         if self._traffic.route_of(vehicle.name):
             return Reason(R.MAKES_ROOM)
         return self.positions.obstacle(vehicle)
 
-    def stopped(self, vehicle: FleetVehicle) -> str:
+    def stopped(self, vehicle: FleetVehicle) -> Reason | None:
         """Return, as a predicate, why a stop keeps a vehicle from new orders; empty if none does."""
         stop = self._stops.stop_of(vehicle)
-        return Reason(R.IS_STOPPED, stop.text) if stop else ""
+        return Reason(R.IS_STOPPED, stop.text) if stop else None
 
     def _vehicle(self, name: str) -> FleetVehicle:
         vehicle = self._registry.named(name)

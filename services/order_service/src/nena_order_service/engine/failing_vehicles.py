@@ -65,7 +65,7 @@ class FailingVehicles:
         if not 0 < self._limit <= count or record.integration_level is not IntegrationLevel.TO_BE_UTILIZED:
             return
         why = Reason(R.TAKEN_OUT, failure.words, count=count)
-        log.warning("vehicle is taken out of dispatching", vehicle=vehicle.name, reason=why)
+        log.warning("vehicle is taken out of dispatching", vehicle=vehicle.name, reason=str(why))
         self._set(vehicle, IntegrationLevel.TO_BE_RESPECTED, taken_out=str(why), coded_taken_out=why.coded)
 
     def drove(self, vehicle: FleetVehicle, destination: Destination | None = None) -> None:

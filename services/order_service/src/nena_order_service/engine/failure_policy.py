@@ -65,12 +65,12 @@ class Decision:
 
     step: FailureStep
     taken: int
-    passed_over: tuple[str, ...] = ()
+    passed_over: tuple[Reason, ...] = ()
 
 
 def decide(policy: Sequence[FailureStep], taken: int, situation: Situation) -> Decision:
     """Return the next measure of ``policy``, of which ``taken`` measures are used up."""
-    passed_over: list[str] = []
+    passed_over: list[Reason] = []
     for number, step in enumerate(_one_by_one(policy), start=1):
         if number <= taken:
             continue
@@ -87,47 +87,49 @@ def _one_by_one(policy: Iterable[FailureStep]) -> Iterator[FailureStep]:
     return (step for step in policy for _ in range(step.times))
 
 
-def _objection(step: FailureStep, situation: Situation) -> str:
+def _objection(step: FailureStep, situation: Situation) -> Reason | None:
     """Return why a measure does not apply; empty if it does."""
     if step.do.last:
-        return ""
+        return None
     if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):
         return Reason(R.UNKNOWN_PROGRESS)
     return _AGAINST[step.do](step, situation)
 
 
-def _against_retry(step: FailureStep, situation: Situation) -> str:
+def _against_retry(step: FailureStep, situation: Situation) -> Reason | None:
     if situation.kind is K.UNFIT:
         return Reason(R.ROBOT_INCAPABLE)
     useless = situation.kind is K.NO_WAY and not step.after
-    return Reason(R.STILL_NO_ROUTE) if useless else ""
+    return Reason(R.STILL_NO_ROUTE) if useless else None
 
 
-def _against_other_way(_: FailureStep, situation: Situation) -> str:
+def _against_other_way(_: FailureStep, situation: Situation) -> Reason | None:
     if situation.kind is not K.DRIVE:
         return Reason(R.DRIVE_NOT_FAILED)
-    return "" if situation.other_way else Reason(R.NO_OTHER_ROUTE)
+    return None if situation.other_way else Reason(R.NO_OTHER_ROUTE)
 
 
-def _against_other_vehicle(_: FailureStep, situation: Situation) -> str:
+def _against_other_vehicle(_: FailureStep, situation: Situation) -> Reason | None:
     if situation.carrying:
         return Reason(R.CARRIES_ITS_LOAD)
     if not situation.online:
         return Reason(R.ROBOT_SILENT)
-    return "" if situation.others else Reason(R.NO_OTHER_VEHICLE)
+    return None if situation.others else Reason(R.NO_OTHER_VEHICLE)
 
 
-def _against_skip(_: FailureStep, situation: Situation) -> str:
-    return "" if situation.kind is K.ACTION else Reason(R.NO_OPERATION_FAILED)
+def _against_skip(_: FailureStep, situation: Situation) -> Reason | None:
+    return None if situation.kind is K.ACTION else Reason(R.NO_OPERATION_FAILED)
 
 
-_AGAINST: Final[Mapping[FailureMeasure, Callable[[FailureStep, Situation], str]]] = MappingProxyType(
-    {
-        FailureMeasure.RETRY: _against_retry,
-        FailureMeasure.REPLAN: _against_other_way,
-        FailureMeasure.OTHER_VEHICLE: _against_other_vehicle,
-        FailureMeasure.SKIP: _against_skip,
-    }
+_AGAINST: Final[Mapping[FailureMeasure, Callable[[FailureStep, Situation], Reason | None]]] = (
+    MappingProxyType(
+        {
+            FailureMeasure.RETRY: _against_retry,
+            FailureMeasure.REPLAN: _against_other_way,
+            FailureMeasure.OTHER_VEHICLE: _against_other_vehicle,
+            FailureMeasure.SKIP: _against_skip,
+        }
+    )
 )
 
 
@@ -235,6 +237,6 @@ class FailureAssessment:
         return vehicle
 
 
-def with_others(words: str, decision: Decision) -> str:
+def with_others(words: Reason, decision: Decision) -> Reason:
     """Append why other measures of the policy were skipped."""
     return Reason(R.PASSED_OVER, words, *decision.passed_over) if decision.passed_over else words

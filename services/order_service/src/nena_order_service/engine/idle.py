@@ -36,10 +36,10 @@ class _Idle:
     """Time from which it may be sent again, by order type."""
     displaced: int = 0
     """How often others had to make room for it to park since its last order from a host."""
-    note: str = ""
-    """Why it cannot recharge although it should; empty otherwise."""
-    parking_note: str = ""
-    """Why it cannot park although it should; empty otherwise."""
+    note: Reason | None = None
+    """Why it cannot recharge although it should; None otherwise."""
+    parking_note: Reason | None = None
+    """Why it cannot park although it should; None otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class IdleVehicles:
             seen = self._dispatching.consider(vehicle)
             record = self._idle.setdefault(vehicle.name, _Idle())
             if not _has_nothing_to_do(seen):
-                record.since, record.note, record.parking_note = None, "", ""
+                record.since = record.note = record.parking_note = None
                 if self._works_for_a_host(vehicle):
                     record.displaced = 0
                 continue
@@ -95,17 +95,17 @@ class IdleVehicles:
                 record.since = round_.now
             self._attend(vehicle, seen, record, round_)
 
-    def note(self, vehicle: FleetVehicle) -> str:
+    def note(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why an idle vehicle cannot recharge or park although it should; empty otherwise."""
         record = self._idle.get(vehicle.name)
         if record and record.note and record.parking_note:
             return Reason(R.ALL, record.note, record.parking_note)
-        return record.note or record.parking_note if record else ""
+        return record.note or record.parking_note if record else None
 
     def _attend(
         self, vehicle: FleetVehicle, seen: DispatchedVehicle, record: _Idle, round_: _IdleRound
     ) -> None:
-        record.note = ""
+        record.note = None
         energy = self._dispatching.energy(vehicle, self._context.view(vehicle))
         if energy and energy.charging:
             return
@@ -114,7 +114,7 @@ class IdleVehicles:
         if self._settings.recharging.enabled and energy and wants_energy:
             request = self._recharging(vehicle, seen, record, round_, urgent=energy.critical)
         if request is not None or bound or not self._is_to_park(seen, record, round_):
-            record.parking_note = ""
+            record.parking_note = None
         elif round_.now >= record.not_before.get(PARK_TYPE, 0.0):
             request = self._parking(vehicle, seen, record, round_)
         if request and round_.now >= record.not_before.get(request.type, 0.0):
@@ -168,7 +168,7 @@ class IdleVehicles:
                 may_displace=record.displaced < DISPLACES_AT_MOST,
             ),
         )
-        record.parking_note = Reason(R.CANNOT_PARK, choice.reason) if choice.reason else ""
+        record.parking_note = Reason(R.CANNOT_PARK, choice.reason) if choice.reason else None
         if choice.reason:  # this may need many route searches
             record.not_before[PARK_TYPE] = round_.now + PAUSE
         return park_request(vehicle.name, choice.point) if choice.point else None

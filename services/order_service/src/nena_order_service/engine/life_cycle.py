@@ -100,7 +100,7 @@ class LifeCycle:
         self._deadlines = DueTimes(self._orders.is_over)
         self._timeouts = DueTimes(self._orders.is_over)
         self._reasons_left = REASONS_PER_CHECK
-        self._answers: dict[str, tuple[str, str]] = {}
+        self._answers: dict[str, tuple[str, Reason]] = {}
         """VDA 5050 orderIds and failure texts, by the IDs of the instant actions sent for them."""
 
     # Requests of hosts
@@ -143,7 +143,7 @@ class LifeCycle:
             self.withdraw(order, Reason(R.NOT_STARTED), immediate=True)
         return begun
 
-    def withdraw(self, order: TransportOrder, reason: str, *, immediate: bool) -> None:
+    def withdraw(self, order: TransportOrder, reason: Reason | str, *, immediate: bool) -> None:
         """Withdraw an order that has not ended (openTCS: withdrawal).
 
         With ``immediate`` its robot is sent cancelOrder (VDA 5050 3.0, section 6.1.3); otherwise it drives to
@@ -257,7 +257,7 @@ class LifeCycle:
         now = self._clock.now()
         for order in orders:
             reason = reasons.get(order.name)
-            if reason is None or reason == order.status.reason:
+            if reason is None or reason.is_sent_as(order.status.coded_reason):
                 continue
             if order.status.history[-1].event_code != EventCode.DISPATCHING_DEFERRED:
                 self._orders.put(order.deferred(reason, now))  # its first reason is never late
@@ -265,7 +265,7 @@ class LifeCycle:
                 self._reasons_left -= 1
                 self._orders.put(order.deferred(reason, now))
 
-    def _give_way(self, dispatched: Dispatched) -> str:
+    def _give_way(self, dispatched: Dispatched) -> Reason:
         """Withdraw a vehicle's dispensable order for another one; return what that one waits for.
 
         The vehicle drives to the end of its base; one that is recharging is sent cancelOrder.
@@ -285,7 +285,7 @@ class LifeCycle:
             why = Reason(R.JOINS_TRACK, why, metres=metres, point=standing.point)
         routes = (leg.points for leg in way.legs)
         order = dispatched.assignment.order.assigned(vehicle.name, routes, why, self._clock.now())
-        log.info("order assigned", order=order.name, vehicle=vehicle.name, why=why)
+        log.info("order assigned", order=order.name, vehicle=vehicle.name, why=str(why))
         self._watch_times(order)
         self._drives.assign(order, vehicle.key)
         self._sequences.bind(order, vehicle.name)
@@ -390,7 +390,7 @@ class LifeCycle:
         if isinstance(event, outputs.VdaOrderFinished):
             self._failing_vehicles.drove(vehicle)
         if isinstance(event, outputs.VdaOrderFailed):
-            log.warning("vehicle did not make room", vehicle=vehicle.name, reason=event.reason)
+            log.warning("vehicle did not make room", vehicle=vehicle.name, reason=str(event.reason))
         if isinstance(event, outputs.VdaOrderFinished | outputs.VdaOrderFailed | outputs.VdaOrderCancelled):
             self._state.dispatch_due = True
 
@@ -467,7 +467,7 @@ class LifeCycle:
             return
         decision = self._failures.decide(order, failure)
         step, words, now = decision.step, failure.words, self._clock.now()
-        log.info("measure taken", order=order.name, measure=step.do, kind=failure.kind, reason=words)
+        log.info("measure taken", order=order.name, measure=step.do, kind=failure.kind, reason=str(words))
         if step.do in (FailureMeasure.OTHER_VEHICLE, FailureMeasure.FAIL):
             self._failing_vehicles.failed(vehicle, order.current.destination, failure)
         match step.do:
@@ -545,10 +545,10 @@ class LifeCycle:
         words = with_details(event.reason, event.details)
         action = retry_or_skip(unique_id(), event.action_id, retry=self._retries_action(order, words))
         self._answers[action.action_id] = event.order_id, words
-        log.info("action has failed", vda_order=event.order_id, answer=action.action_type, reason=words)
+        log.info("action has failed", vda_order=event.order_id, answer=action.action_type, reason=str(words))
         self._state.after_commit(lambda: self._context.fleet.instant_action(event.robot, action))
 
-    def _retries_action(self, order: TransportOrder, words: str) -> bool:
+    def _retries_action(self, order: TransportOrder, words: Reason) -> bool:
         if order.held or order.state is not S.BEING_PROCESSED:
             return False
         decision = self._failures.decide(order, OrderFailure(FailureKind.ACTION, words))
@@ -559,11 +559,15 @@ class LifeCycle:
 
     def on_instant_action(self, event: outputs.InstantActionEnded) -> None:
         """Cancel the VDA 5050 order of a robot that did not execute ``retry`` or ``skipRetry``."""
-        order_id, words = self._answers.pop(event.action.action_id, ("", ""))
+        if (answered := self._answers.pop(event.action.action_id, None)) is None:
+            return
+        order_id, words = answered
         drive = self._drives.with_id(event.robot, order_id)
         if drive and not drive.cancelled and event.status is not ActionStatus.FINISHED:
             log.warning(
-                "robot rejected the answer about its failed action", vda_order=order_id, reason=event.reason
+                "robot rejected the answer about its failed action",
+                vda_order=order_id,
+                reason=str(event.reason),
             )
             known = event.status is ActionStatus.FAILED  # otherwise it may be retrying right now
             kind = FailureKind.ACTION if known else FailureKind.UNCLEAR
@@ -571,7 +575,7 @@ class LifeCycle:
 
     # The end
 
-    def give_up(self, robot: RobotKey, reason: str) -> None:
+    def give_up(self, robot: RobotKey, reason: Reason) -> None:
         """Fail the order of a robot, if it has one, whatever its robot reports and its policy says."""
         if order := self._state.order_of(robot):
             self._end_order(order.failed(reason, self._clock.now()))
@@ -672,6 +676,6 @@ def _vehicle_gone(order: TransportOrder) -> Reason:
     return Reason(R.VEHICLE_GONE, vehicle=order.vehicle or "")
 
 
-def _end_of_withdrawn(order: TransportOrder, end: str) -> Reason:
+def _end_of_withdrawn(order: TransportOrder, end: Reason) -> Reason:
     """Return why an order was withdrawn, and how its vehicle has ended it."""
     return Reason(R.WITHDRAWN, why_withdrawn(order.status), end)

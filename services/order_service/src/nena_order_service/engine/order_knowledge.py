@@ -49,7 +49,7 @@ class OrderFit:
         """Set the order types that a vehicle accepts; its current order is not affected."""
         self.records.change(vehicle.key, acceptable_order_types=types)
 
-    def why_unsuitable(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
+    def why_unsuitable(self, order: TransportOrder, vehicle: FleetVehicle) -> Reason | None:
         """Return, as a predicate, why a vehicle must not execute an order; empty if it may."""
         if vehicle.name in order.status.excluded_vehicles:
             return Reason(R.FAILED_BEFORE)
@@ -96,10 +96,10 @@ class OrderKnowledge:
         excluded, meant = order.status.excluded_vehicles, self._fit.sequences.meant(order)
         return (*excluded, meant) if meant and meant not in excluded else excluded
 
-    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> str:
+    def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
         """Return, as a predicate, why a vehicle must never execute an order; empty if it may."""
         known = self._registry.named(vehicle)
-        return "" if known is None or order.status.automatic else self._fit.why_unsuitable(order, known)
+        return None if known is None or order.status.automatic else self._fit.why_unsuitable(order, known)
 
     def recharges(self, order: TransportOrder) -> bool:
         """Return whether the next operation of an order is a recharge."""
@@ -141,7 +141,7 @@ class OrderKnowledge:
         assigned = map(self._state.orders.get, self._state.drives.assigned)
         return Counter(stop.location_name for order in assigned for stop in stops_of(order))
 
-    def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
+    def why_no_route(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason:
         """Return why a vehicle has no route for an order."""
         return self._why_no_route(
             tuple(stops_of(order)), order.resources_to_avoid, vehicle.name, vehicle.start
@@ -149,7 +149,7 @@ class OrderKnowledge:
 
     def _search_route(
         self, stops: Sequence[Destination], avoid: frozenset[str], vehicle: str, start: str
-    ) -> str:
+    ) -> Reason:
         try:
             self._finder.find(start, stops, vehicle=self._registry.model(vehicle), avoid=avoid)
         except (NoRouteError, UnknownObjectError) as error:

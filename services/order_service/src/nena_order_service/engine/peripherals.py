@@ -174,10 +174,10 @@ class Peripherals:
             return Reason(R.TO_EXECUTE_USED, operation=status.operation, vehicles=", ".join(users))
         return Reason(R.TO_EXECUTE, operation=status.operation)
 
-    def note(self, vehicle: str) -> str:
+    def note(self, vehicle: str) -> Reason | None:
         """Return for which device a vehicle waits; empty if it waits for none."""
         job = self._jobs.named(self.waiting.get(vehicle, ""))
-        return self.wait_for(job) if job else ""
+        return self.wait_for(job) if job else None
 
     def wait_for(self, job: PeripheralJob) -> Reason:
         """Return that a vehicle waits for a job."""
@@ -350,7 +350,8 @@ class Peripherals:
             self._put(job.finished(self._clock.now()))
             log.info("peripheral job finished", job=job.name, peripheral=location)
         elif verdict is Verdict.FAILED:
-            self._fail(job, answer.reason or Reason(R.DEVICE_GIVES_NO_REASON))
+            words = answer.reason
+            self._fail(job, Reason.of(words) if words else Reason(R.DEVICE_GIVES_NO_REASON))
         self._state.drive_due = True
         self._state.peripheral_changed(location)
 
@@ -419,22 +420,22 @@ class Peripherals:
         for port in self.ports:
             self._state.after_commit(partial(port.request, job.status.location, request))
 
-    def _fail(self, job: PeripheralJob, reason: str, *, cancel: bool = False) -> None:
+    def _fail(self, job: PeripheralJob, reason: Reason, *, cancel: bool = False) -> None:
         """Fail a job, and the vehicle that depends on it; ``cancel``: its device may not know."""
         self._end_early(job, reason, cancel=cancel)
         if job.status.completion_required and job.key:
             self._failed.append(job.failed(reason, self._clock.now()))
         self._state.drive_due = True
 
-    def _withdraw(self, job: PeripheralJob, reason: str) -> None:
+    def _withdraw(self, job: PeripheralJob, reason: Reason) -> None:
         """End a job of which its vehicle has let go; if it needs the operation again, that is another job."""
         self._end_early(job.model_copy(update={"order_id": ""}), reason, cancel=True)
 
-    def _end_early(self, job: PeripheralJob, reason: str, *, cancel: bool) -> None:
+    def _end_early(self, job: PeripheralJob, reason: Reason, *, cancel: bool) -> None:
         location = job.status.location
-        log.warning("peripheral job failed", job=job.name, peripheral=location, reason=reason)
+        log.warning("peripheral job failed", job=job.name, peripheral=location, reason=str(reason))
         if cancel and job.status.state is PeripheralJobState.BEING_PROCESSED:
-            cancellation = DeviceCancellation(job_id=job.name, reason=reason)
+            cancellation = DeviceCancellation(job_id=job.name, reason=str(reason))
             for port in self.ports:
                 self._state.after_commit(partial(port.cancel, location, cancellation))
         self._devices.end(location, job.name)

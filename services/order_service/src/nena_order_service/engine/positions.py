@@ -102,17 +102,17 @@ class Positions:
         if doubt:
             self._doubted[vehicle.name] = self._clock.monotonic()
 
-    def unseen(self, vehicle: FleetVehicle) -> str:
+    def unseen(self, vehicle: FleetVehicle) -> Reason | None:
         """Return, as a predicate, that others are not kept away from a vehicle that reports; or empty."""
         unseen = self._counts(vehicle) and vehicle.name not in self._traffic
-        return Reason(R.UNSEEN_BY_TRAFFIC) if unseen and self._view(vehicle).link in SPEAKS else ""
+        return Reason(R.UNSEEN_BY_TRAFFIC) if unseen and self._view(vehicle).link in SPEAKS else None
 
     def located(self, vehicle: FleetVehicle) -> bool:
         """Return whether a vehicle has reported its position, and holds those resources."""
         sighting = self._sightings.get(vehicle.name)
         return sighting is not None and sighting.standing is not None and vehicle.name in self._traffic
 
-    def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> str:
+    def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> Reason | None:
         """Return, as a predicate, why a vehicle's level or position keeps it from taking orders; or empty.
 
         ``working``: it already has an order, which it finishes at TO_BE_RESPECTED, too.
@@ -125,7 +125,7 @@ class Positions:
                 return Reason.of(record.taken_out, record.coded_taken_out)
             return Reason(R.HAS_LEVEL, level=level.value)
         if not self._traffic.broke_off(vehicle.name):
-            return ""
+            return None
         view = self._view(vehicle)
         if view.state and view.order_id is None and (view.state.node_states or view.state.edge_states):
             return Reason(R.UNKNOWN_ORDER, order=view.state.order_id)

@@ -44,7 +44,7 @@ class Rerouted:
     """The result: the outcome, its reason, and the points of the route from the end of the base."""
 
     outcome: ReroutingOutcome
-    reason: str
+    reason: Reason
     route: tuple[str, ...] = ()
 
 
@@ -127,7 +127,7 @@ class Rerouting:
             return
         done = self._replan(vehicle, order, drive, Reason(R.PATH_WAS_LOCKED))
         if done.outcome is ReroutingOutcome.UNCHANGED:
-            log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=done.reason)
+            log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=str(done.reason))
             self._driving.end_early(drive, partial=True)
 
     def kept_waiting(self) -> Sequence[str]:
@@ -201,7 +201,7 @@ class Rerouting:
         self._orders.put(order.rerouted(None, why, self._clock.now()))
         return Rerouted(ReroutingOutcome.STOPPING, why)
 
-    def _replan(self, vehicle: FleetVehicle, order: TransportOrder, drive: Drive, why: str) -> Rerouted:
+    def _replan(self, vehicle: FleetVehicle, order: TransportOrder, drive: Drive, why: Reason) -> Rerouted:
         self._traffic.give_back(vehicle.name)
         current = self._traffic.route_of(vehicle.name)
         if current is None or drive.all_released or current.all_allocated:
@@ -265,7 +265,7 @@ class Rerouting:
         drivable = self._plant.points_by_name.keys() | self._plant.paths_by_name.keys()
         return frozenset(use for each in held for use in each.uses if use in drivable)
 
-    def _problem(self, under_way: _UnderWay, route: Route) -> str | None:
+    def _problem(self, under_way: _UnderWay, route: Route) -> Reason | None:
         """Return why the robot, by its factsheet, cannot execute the order along another route; or None."""
         factsheet = self._view(under_way.vehicle).factsheet
         if factsheet is None:
@@ -282,7 +282,7 @@ class Rerouting:
         )
         return with_other_horizon(drive.vda_order, drive.allocated, tail)
 
-    def _send(self, under_way: _UnderWay, route: Route, why: str) -> None:
+    def _send(self, under_way: _UnderWay, route: Route, why: Reason) -> None:
         vehicle, drive = under_way.vehicle, under_way.drive
         vda_order = self._with_route(under_way, route)
         current = self._traffic.route_of(vehicle.name)
@@ -291,7 +291,7 @@ class Rerouting:
         self._state.drive_due = True
         points = tuple(n.node_id for n in vda_order.nodes if n.node_id in self._plant.points_by_name)
         self._orders.put(under_way.order.rerouted(points, why, self._clock.now()))
-        log.info("vehicle rerouted", vehicle=vehicle.name, reason=why, route=route.points)
+        log.info("vehicle rerouted", vehicle=vehicle.name, reason=str(why), route=route.points)
 
     def _leads_over_lock(self, drive: Drive) -> bool:
         """Return whether the horizon of a VDA order leads over a locked path."""

@@ -77,7 +77,7 @@ def essentials(
     order_types: tuple[AcceptableOrderType, ...],
     transport_order: str | None,
     order_sequence: str | None,
-    reason: str,
+    reason: Reason,
     wait: TrafficWait | None = None,
     stop: VehicleStop | None = None,
 ) -> Essentials:
@@ -214,10 +214,10 @@ class StatusReporter:
             stop=self._stops.vehicle_stop(vehicle),
         )
 
-    def _idle_reason(self, vehicle: FleetVehicle) -> str:
+    def _idle_reason(self, vehicle: FleetVehicle) -> Reason:
         reason = self._dispatching.idle_reason(vehicle)
         bound = self._sequences.bound_to(vehicle.name)
-        awaits = Reason(R.WAITS_FOR_SEQUENCE, sequence=bound) if bound else ""
+        awaits = Reason(R.WAITS_FOR_SEQUENCE, sequence=bound) if bound else None
         more = (
             self._driving.positions.unseen(vehicle),
             awaits,

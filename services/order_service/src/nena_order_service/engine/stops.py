@@ -225,15 +225,15 @@ class Stops:
             return None
         return VehicleStop(name=stop.name, by=stop.by, reason=stop.reason, area=stop.area is not None)
 
-    def why(self, vehicle: FleetVehicle) -> str:
+    def why(self, vehicle: FleetVehicle) -> Reason | None:
         """Return why a vehicle does not drive for its order because of a stop; empty if it may."""
         if not self._stops:
-            return ""
+            return None
         if stop := self.stop_of(vehicle):
             return stop.text
         if stop := self.bar(vehicle, self._state.order_of(vehicle.key)):
             return Reason(R.CROSSES_PAUSED_AREA, stop.reason, by=stop.by)
-        return ""
+        return None
 
     def bar(self, vehicle: FleetVehicle, order: TransportOrder | None) -> FleetStop | None:
         """Return the stop whose area a vehicle would touch on its straight drive to a coordinate, if any."""
@@ -281,7 +281,7 @@ class Stops:
         attempt.running, attempt.again_at = False, self._clock.monotonic() + RETRY_AFTER
         before, attempt.note = attempt.note, ""
         if event.status is not ActionStatus.FINISHED:
-            attempt.note = ": ".join(filter(None, (event.reason, event.result)))
+            attempt.note = ": ".join(map(str, filter(None, (event.reason, event.result))))
         if attempt.note and attempt.note != before:
             action = attempt.action_type
             log.warning("stop not executed", robot=str(event.robot), action=action, reason=attempt.note)
@@ -309,7 +309,7 @@ class Stops:
             if view.link is LinkStatus.UNKNOWN and self._never_connected(vehicle):
                 continue
             covering = stops.keys() & self._covering(vehicle, view)
-            reason = self._why_not_paused(vehicle, view) if covering else ""
+            reason = self._why_not_paused(vehicle, view) if covering else None
             for name in covering:
                 if reason:
                     others[name].append(UnpausedVehicle(vehicle=vehicle.name, **explained(reason)))
@@ -334,15 +334,15 @@ class Stops:
         patience = self._context.settings.restart_patience
         return vehicle.key not in self._state.vehicles and self._context.fleet.connected_for() >= patience
 
-    def _why_not_paused(self, vehicle: FleetVehicle, view: RobotView) -> str:
+    def _why_not_paused(self, vehicle: FleetVehicle, view: RobotView) -> Reason | None:
         """Return, as a predicate, why a robot does not report that it is paused; empty if it does."""
         if view.link is not LinkStatus.UNKNOWN:
             if view.link is not LinkStatus.ONLINE or view.state is None or view.stale:
-                return view.availability.reason or f"is {view.link}"
+                return view.availability.reason or Reason.of(f"is {view.link}")
             if view.state.paused:
-                return ""
+                return None
         attempt = self._attempts.get(vehicle.key)
-        failed = attempt.note if attempt and attempt.action_type == START_PAUSE else ""
+        failed = attempt.note if attempt and attempt.action_type == START_PAUSE else None
         return Reason(R.PAUSE_FAILED, failed) if failed else UNCONFIRMED
 
     # How it works

@@ -22,7 +22,9 @@ LINK_REASONS: Final = {
 }
 
 
-def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool = False) -> str | None:
+def away(
+    link: LinkStatus, unreadable: Reason | None = None, *, broker: bool, unread: bool = False
+) -> Reason | None:
     """Return, as a predicate, why the robot cannot be reached; None if it can.
 
     ``unreadable`` describes the problem with its messages; ``broker`` is whether our own link is up.
@@ -37,7 +39,7 @@ def away(link: LinkStatus, unreadable: str = "", *, broker: bool, unread: bool =
     return LINK_REASONS.get(link)
 
 
-def occupied(state: State, instant_ids: Collection[str]) -> str | None:
+def occupied(state: State, instant_ids: Collection[str]) -> Reason | None:
     """Return, as a predicate, why a reachable robot is not free for a new order (section 6.6.8), or None."""
     if not state.operating_mode.takes_orders:
         return Reason(R.IN_MODE, mode=state.operating_mode)
@@ -46,7 +48,7 @@ def occupied(state: State, instant_ids: Collection[str]) -> str | None:
     return None
 
 
-def unfit(state: State, *, placed: bool) -> str | None:
+def unfit(state: State, *, placed: bool) -> Reason | None:
     """Return, as a predicate, why a free robot would refuse or could not drive an order; or None.
 
     ``placed``: the robot reports its position in general.
@@ -68,14 +70,14 @@ def lost(state: State, *, placed: bool) -> bool:
     return placed if position is None else not position.localized
 
 
-def cannot_drive(state: State) -> str | None:
+def cannot_drive(state: State) -> Reason | None:
     """Return, as a predicate, why a robot that accepts orders cannot drive now; None if it can."""
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         return Reason(R.EMERGENCY_STOP)
     return Reason(R.IS_PAUSED) if state.paused else _without_navigation(state)
 
 
-def _without_navigation(state: State) -> str | None:
+def _without_navigation(state: State) -> Reason | None:
     waiting = failures.no_navigation(state.errors)
     return Reason(R.NO_NAVIGATION, failures.describe(waiting)) if waiting else None
 

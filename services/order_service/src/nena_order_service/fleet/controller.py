@@ -114,7 +114,7 @@ class RobotControl:
         self.robot.take_factsheet(message)
         yield from self._send_and_report(now)
 
-    def on_malformed(self, problem: str | None, now: float) -> Iterator[FleetOutput]:
+    def on_malformed(self, problem: Reason | None, now: float) -> Iterator[FleetOutput]:
         """Count another message that could not be read.
 
         ``problem`` describes the error; None: fleet control does not need the message.
@@ -129,7 +129,9 @@ class RobotControl:
             yield from self._run.on_undeliverable(topic)
             yield from self._send_and_report(now)
 
-    def on_unreadable_state(self, problem: str, sighting: State | None, now: float) -> Iterator[FleetOutput]:
+    def on_unreadable_state(
+        self, problem: Reason, sighting: State | None, now: float
+    ) -> Iterator[FleetOutput]:
         """Handle a state that could not be read; ``sighting``: what it says about the robot itself."""
         self.robot.take_unreadable_state(problem, sighting, now)
         yield from self._send_and_report(now)
@@ -360,7 +362,7 @@ class RobotControl:
         self._ended.append(run.vda_order.order_id)
         self._run = None
 
-    def _why_unsendable(self, now: float) -> str | None:
+    def _why_unsendable(self, now: float) -> Reason | None:
         """Return, as a predicate, why the robot must not be sent an order now; None if it may."""
         link = self.robot.link(now)
         sent = self._run is not None and self._run.phase is VdaOrderPhase.SENT
@@ -381,32 +383,32 @@ class RobotControl:
         occupied = availability.occupied(state, self._instant_actions.ids)
         return occupied or availability.unfit(state, placed=self.robot.placed)
 
-    def _why_away(self, link: LinkStatus) -> str | None:
+    def _why_away(self, link: LinkStatus) -> Reason | None:
         """Return, as a predicate, why the robot cannot be reached by this link; None if it can."""
         ours = self._instant_actions
         return availability.away(link, self.robot.unreadable, broker=ours.broker, unread=ours.unread)
 
-    def _find_availability(self, now: float, away: str | None) -> Availability:
+    def _find_availability(self, now: float, away: Reason | None) -> Availability:
         if away is None and self._run:
             return self._run.occupies_robot
         state = self.robot.state
         reason = away or self._why_unsendable(now) or (availability.cannot_drive(state) if state else None)
         return Availability(reason is None, reason or Reason(R.IS_FREE))
 
-    def _wait_reason(self, now: float, away: str | None) -> str:
+    def _wait_reason(self, now: float, away: Reason | None) -> Reason | None:
         run = self._run
         if run is None:
-            return ""
+            return None
         if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             reason = self._why_unsendable(now)
             unseen = self.robot.unreadable or (Reason(R.ORDER_UNCONFIRMED) if run.sent_again else None)
             reason = reason or unseen
-            return Reason(R.ROBOT, reason) if reason else ""
+            return Reason(R.ROBOT, reason) if reason else None
         if run.phase is VdaOrderPhase.CANCELLING:
             return Reason(R.ROBOT, away or Reason(R.END_UNCONFIRMED))
         state = self.robot.state
         reason = away or (availability.cannot_drive(state) or run.at_end_with_nodes(state) if state else None)
-        return Reason(R.ROBOT, reason) if reason else ""
+        return Reason(R.ROBOT, reason) if reason else None
 
     def _stop_stray(self, now: float) -> None:
         """Cancel an order that the robot executes although it has already ended here."""

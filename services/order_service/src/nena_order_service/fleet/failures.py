@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import Final
 
 from nena_order_service.fleet.vda_order import VdaOrder
-from nena_shared.fleet_api.reasons import Reason, ReasonCode
+from nena_shared.fleet_api.reasons import Reason, ReasonCode, StoredReason
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.v2_1.state import REJECTIONS, WRITTEN
@@ -42,7 +42,7 @@ class OrderFailure:
     """A failure of an order at its vehicle: kind and description; ``ahead`` names the next path and point."""
 
     kind: FailureKind
-    words: str
+    words: StoredReason
     ahead: tuple[str, ...] = ()
     by_device: bool = False
     """Whether a peripheral device has failed, not the robot."""
@@ -83,7 +83,7 @@ def describe(error: ErrorEntry) -> str:
     return f"{text} ({error.error_hint})" if error.error_hint else text
 
 
-def with_details(reason: str, details: Iterable[str]) -> str:
+def with_details(reason: Reason, details: Iterable[str]) -> Reason:
     """Append the robot's own error texts to a reason."""
     described = [*details]
     return Reason(R.DETAILS, reason, *described) if "".join(described) else reason

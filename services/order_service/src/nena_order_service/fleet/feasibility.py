@@ -301,25 +301,25 @@ _LONGEST_HEADER: Final[Mapping[str, Any]] = MappingProxyType(
 )
 
 
-def order_problem(vda_order: VdaOrder, abilities: Abilities) -> str | None:
+def order_problem(vda_order: VdaOrder, abilities: Abilities) -> Reason | None:
     """Return why the robot cannot execute a fitted VDA order (section 7.10); None if it can."""
     return next(_order_problems(vda_order, abilities), None)
 
 
-def instant_action_problem(action: Action, abilities: Abilities) -> str | None:
+def instant_action_problem(action: Action, abilities: Abilities) -> Reason | None:
     """Return why the robot cannot execute a fitted instant action (section 7.10); None if it can."""
     if action.action_type in ALWAYS_THERE:
         return None
     return next(_instant_problems(action, abilities), None)
 
 
-def _instant_problems(action: Action, abilities: Abilities) -> Iterator[str]:
+def _instant_problems(action: Action, abilities: Abilities) -> Iterator[Reason]:
     yield from _action_problems(action, ActionScope.INSTANT, abilities)
     yield from _bad_ids((action.action_id,), abilities)
     yield from _wire_problems(InstantActions(**_header(abilities), actions=(action,)), abilities)
 
 
-def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
+def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reason]:
     yield from _long_lists(vda_order, abilities)
     for node in vda_order.nodes:
         for action in node.actions:
@@ -339,7 +339,7 @@ def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
     yield from _wire_problems(order, abilities)
 
 
-def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
+def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reason]:
     """Yield lists that are too long in the order, or would be in the robot's states."""
     limits = abilities.factsheet.protocol_limits.maximum_array_lengths
     if not any(vars(limits).values()):
@@ -355,7 +355,7 @@ def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
     yield from _too_many(len(vda_order.actions), limits.state_action_states, R.ACTION_STATES)
 
 
-def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -> Iterator[str]:
+def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -> Iterator[Reason]:
     limits, name = abilities.factsheet.protocol_limits, action.action_type
     most = limits.maximum_array_lengths.action_parameters
     yield from _too_many(len(action.action_parameters), most, R.ACTION_PARAMETERS, action=name)
@@ -390,7 +390,7 @@ def _declaration_problems(action: Action, scope: ActionScope, declared: MobileRo
         yield from _value_problems(action, wanted)
 
 
-def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescription]) -> Iterator[str]:
+def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescription]) -> Iterator[Reason]:
     for given in action.action_parameters:
         parameter = wanted.get(given.key)
         if parameter is None:
@@ -406,7 +406,7 @@ def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescript
             )
 
 
-def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
+def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reason]:
     """Yield required fields that are missing, and unsupported fields that the order needs."""
     required = abilities.required_fields
     document = vda_order.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
@@ -431,7 +431,7 @@ def _filled(part: JsonValue, path: list[str]) -> bool:
     return isinstance(part, dict) and path[0] in part and _filled(part[path[0]], path[1:])
 
 
-def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[str]:
+def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[Reason]:
     limits = abilities.factsheet.protocol_limits.maximum_string_lengths
     for each in ids if limits.maximum_id_length or limits.id_numerical_only else ():
         if limits.maximum_id_length and len(each) > limits.maximum_id_length:
@@ -450,12 +450,12 @@ def _ids(vda_order: VdaOrder) -> Iterator[str]:
     yield from vda_order.action_ids
 
 
-def _too_many(count: int, limit: int | None, what: ReasonCode, **values: str) -> Iterator[str]:
+def _too_many(count: int, limit: int | None, what: ReasonCode, **values: str) -> Iterator[Reason]:
     if limit and count > limit:
         yield Reason(R.TOO_MANY, Reason(what, **values), limit=limit, count=count)
 
 
-def _wire_problems(message: Header, abilities: Abilities) -> Iterator[str]:
+def _wire_problems(message: Header, abilities: Abilities) -> Iterator[Reason]:
     if abilities.codec is None:
         return
     limit = abilities.factsheet.protocol_limits.maximum_string_lengths.maximum_message_length

@@ -48,7 +48,7 @@ class Outcome:
     """The end of an instant action; ``status`` is None if the robot never reported it."""
 
     status: ActionStatus | None
-    reason: str
+    reason: Reason
     result: str | None = None
 
 
@@ -110,7 +110,7 @@ class InstantRun:
             self._first_sent_at = now
         return True
 
-    def on_tick(self, now: float, unreadable: str = "") -> None:
+    def on_tick(self, now: float, unreadable: Reason | None = None) -> None:
         """Time out the action on a reachable robot; ``unreadable``: why its states cannot be used."""
         if self._seen_at is None and self._delivery.failed(now):
             if self._may_wake(now):
@@ -129,7 +129,7 @@ class InstantRun:
             return False
         return now - since < self._settings.instant_action_limit
 
-    def hold(self, reason: str, now: float) -> None:
+    def hold(self, reason: Reason, now: float) -> None:
         """Suspend the action's timeout while it cannot be sent for ``reason``.
 
         A requested action that the robot may not have received ends instead: no caller wants, for example,
@@ -243,7 +243,7 @@ class InstantActionManager:
         """Whether a cancelOrder is active."""
         return bool(self._runs) and any(each.cancels for each in self._runs.values())
 
-    def unsendable(self, action_type: str, now: float) -> str | None:
+    def unsendable(self, action_type: str, now: float) -> Reason | None:
         """Return, as a predicate, why the robot must not be sent such an action now; None if it may."""
         link = self._robot.link(now)
         if link in REPORTS_NOTHING and self._robot.reachable:
@@ -350,7 +350,7 @@ class InstantActionManager:
         for first in range(0, len(due), at_once):
             yield PublishInstantActions(self._robot.key, due[first : first + at_once])
 
-    def _refusal(self, action: Action, now: float) -> str | None:
+    def _refusal(self, action: Action, now: float) -> Reason | None:
         if len(self._runs) >= INSTANT_ACTIONS_LIMIT:
             return Reason(R.ACTIONS_TOO_MANY, count=INSTANT_ACTIONS_LIMIT)
         if action.action_id in self.ids:

@@ -250,7 +250,7 @@ class OrderExecution:
         """Excuse the next refusal, because the robot may not have been localised."""
         self._position_doubted = True
 
-    def refuse(self, reason: str) -> FleetOutput:
+    def refuse(self, reason: Reason) -> FleetOutput:
         """Fail the order before anything is sent."""
         return self._end_order(self._failure_of(FailureKind.UNFIT, reason))
 
@@ -289,7 +289,9 @@ class OrderExecution:
         if self.phase is VdaOrderPhase.CANCELLING and not self.ended:
             yield from self._settle_cancel(state)
 
-    def on_tick(self, state: State | None, now: float, unreadable: str = "") -> Iterator[FleetOutput]:
+    def on_tick(
+        self, state: State | None, now: float, unreadable: Reason | None = None
+    ) -> Iterator[FleetOutput]:
         """Handle timeouts; ``unreadable``: why the robot's states cannot be used."""
         if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
@@ -318,7 +320,7 @@ class OrderExecution:
         elif self._pending and self.phase is VdaOrderPhase.RUNNING:
             self._cancel_for(self._failure_of(FailureKind.DRIVE, reason))
 
-    def at_end_with_nodes(self, state: State) -> str:
+    def at_end_with_nodes(self, state: State) -> Reason | None:
         """Return, as a predicate, why the order of a robot at its last node is not finished.
 
         Empty unless the robot still reports nodes or edges.
@@ -326,12 +328,12 @@ class OrderExecution:
         last = self.vda_order.nodes[-1]
         at_end = (state.last_node_id, state.last_node_sequence_id) == (last.node_id, last.sequence_id)
         if not at_end or state.driving or not self._known_in(state):
-            return ""
+            return None
         names = [each.node_id for each in state.node_states] or [each.edge_id for each in state.edge_states]
         field = "nodeStates" if state.node_states else "edgeStates"
         listed = ", ".join(f"'{each}'" for each in names[:STATES_NAMED])
         if not names:
-            return ""
+            return None
         return Reason(
             R.KEEPS_STATES,
             node=last.node_id,
@@ -514,7 +516,7 @@ class OrderExecution:
         else:
             yield self._end_order(VdaOrderCancelled(self._robot, self.vda_order.order_id))
 
-    def _failure_of(self, kind: FailureKind, reason: str, details: tuple[str, ...] = ()) -> VdaOrderFailed:
+    def _failure_of(self, kind: FailureKind, reason: Reason, details: tuple[str, ...] = ()) -> VdaOrderFailed:
         return VdaOrderFailed(self._robot, self.vda_order.order_id, reason, details, kind)
 
     def _failure_of_loss(self, state: State) -> VdaOrderFailed:
@@ -534,7 +536,7 @@ def _describe_errors(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
     return tuple(map(failures.describe, errors))
 
 
-def _why_given_up(state: State) -> str:
+def _why_given_up(state: State) -> Reason:
     if not state.operating_mode.takes_orders:
         return Reason(R.ABANDONED_IN_MODE, mode=state.operating_mode)
     return Reason(R.ABANDONED)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from nena_order_service.fleet.failures import FailureKind
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.vda_order import VdaOrder
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.responses import Response
 from nena_shared.vda5050.topics import RobotKey
@@ -170,7 +171,7 @@ class VdaOrderFailed:
 
     robot: RobotKey
     order_id: str
-    reason: str
+    reason: Reason
     details: tuple[str, ...] = ()
     kind: FailureKind = FailureKind.DRIVE
 
@@ -185,7 +186,7 @@ class ActionRetriable:
     robot: RobotKey
     order_id: str
     action_id: str
-    reason: str
+    reason: Reason
     details: tuple[str, ...] = ()
 
 
@@ -208,7 +209,7 @@ class InstantActionEnded:
     robot: RobotKey
     action: Action
     status: ActionStatus | None
-    reason: str
+    reason: Reason
     result: str | None = None
 
 

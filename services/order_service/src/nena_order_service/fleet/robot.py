@@ -144,7 +144,7 @@ class Availability:
     """Whether a robot can take a VDA order now; ``reason`` explains it, as a predicate."""
 
     can_take_order: bool
-    reason: str
+    reason: Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +164,8 @@ class RobotView:
     """Number of its messages that could not be read."""
     order_id: str | None
     order_phase: VdaOrderPhase | None
-    wait_reason: str
-    """What the VDA order waits for; empty if the robot simply executes it."""
+    wait_reason: Reason | None
+    """What the VDA order waits for; None if the robot simply executes it."""
     stale: bool = False
     """Whether the state is from before the robot last connected."""
     deviations: tuple[Repair, ...] = ()
@@ -277,6 +277,11 @@ NOT_REACHED: Final = frozenset(AWAY.values())
 """The same as states of the link."""
 
 
+def _before_quote(problem: Reason) -> str:
+    """Return a problem of a message without the quoted value, which may change with every message."""
+    return str(problem).partition(QUOTE)[0]
+
+
 @dataclass(slots=True)
 class Robot:
     """The last messages of a robot, and when they arrived (monotonic seconds)."""
@@ -298,8 +303,8 @@ class Robot:
     """Whether it reports its position in general; some robots never do."""
     stale: bool = False
     """Whether its last state is from before it last connected: it may have been restarted since."""
-    unreadable: str = ""
-    """The problem of its last state or connection message; empty if that could be read."""
+    unreadable: Reason | None = None
+    """The problem of its last state or connection message; None if that could be read."""
     states_unreadable: bool = False
     """Whether its last state could not be read."""
     _unreadable_at: float = -inf
@@ -349,7 +354,7 @@ class Robot:
         """
         if not self._order.is_new(message.header_id, message.timestamp, now, message):
             return False
-        self.unreadable, self.states_unreadable, self.sighting = "", False, None
+        self.unreadable, self.states_unreadable, self.sighting = None, False, None
         self.stale = False
         if message.mobile_robot_position is not None:
             self.placed, self._placed_until = True, None
@@ -362,7 +367,7 @@ class Robot:
             self.connection = ConnectionState.ONLINE
         return True
 
-    def take_unreadable_state(self, problem: str, sighting: State | None, now: float) -> None:
+    def take_unreadable_state(self, problem: Reason, sighting: State | None, now: float) -> None:
         """Count an unreadable state, and store what it says about the robot itself, if anything."""
         self.take_malformed(problem, now)
         self.states_unreadable = True
@@ -373,16 +378,16 @@ class Robot:
         """Note that a state is ignored, because its header does not come after the last one's."""
         self._note_problem(Reason(R.OLD_STATES, received=header, last=last), now)
 
-    def take_malformed(self, problem: str | None, now: float) -> None:
+    def take_malformed(self, problem: Reason | None, now: float) -> None:
         """Count an unreadable message; ``problem`` describes it if orders depend on such messages."""
         self.malformed += 1
         if problem is not None:
             self._note_problem(problem, now)
 
-    def _note_problem(self, problem: str, now: float) -> None:
+    def _note_problem(self, problem: Reason, now: float) -> None:
         self._unreadable_at = now
-        if problem.partition(QUOTE)[0] != self.unreadable.partition(QUOTE)[0]:
-            self.unreadable = problem  # the quoted value may change with every message
+        if self.unreadable is None or _before_quote(problem) != _before_quote(self.unreadable):
+            self.unreadable = problem
 
     def take_factsheet(self, message: Factsheet) -> None:
         """Store what the robot supports and how often it reports (section 7.10)."""

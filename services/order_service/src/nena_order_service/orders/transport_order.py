@@ -224,13 +224,13 @@ class TransportOrder:
         held = self.status.held
         return self._moved(S.DISPATCHABLE, why_held(held) if held else WAITS_FOR_TURN)
 
-    def waiting(self, reason: str) -> Self:
+    def waiting(self, reason: Reason) -> Self:
         """Return the order with its wait reason; unchanged if it is the same, or if the order is held."""
         self.require("waiting for its conditions", S.ACTIVE)
-        same = self.status.held or reason == self.status.reason
+        same = self.status.held or reason.is_sent_as(self.status.coded_reason)
         return self if same else self.changed(**explained(reason))
 
-    def unroutable(self, reason: str, now: datetime) -> Self:
+    def unroutable(self, reason: Reason, now: datetime) -> Self:
         """Refuse a RAW order for which the plant has no route."""
         return self._ended(S.UNROUTABLE, reason, now)
 
@@ -244,18 +244,18 @@ class TransportOrder:
         reason = self.reason if self.state is S.ACTIVE or self.held else WAITS_FOR_TURN
         return self.changed(intended_vehicle=vehicle, history=history, **explained(reason))
 
-    def deferred(self, reason: str, now: datetime) -> Self:
+    def deferred(self, reason: Reason, now: datetime) -> Self:
         """Note why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""
         self.require("deferring", S.DISPATCHABLE)
-        if reason == self.status.reason:
+        if reason.is_sent_as(self.status.coded_reason):
             return self
         history = self.status.history
         if history[-1].event_code == EventCode.DISPATCHING_DEFERRED:
             history = history[:-1]
-        entry = self.entry(now, EventCode.DISPATCHING_DEFERRED, Reason.of(reason))
+        entry = self.entry(now, EventCode.DISPATCHING_DEFERRED, reason)
         return self.changed(history=(*history, entry), **explained(reason))
 
-    def assigned(self, vehicle: str, routes: Iterable[tuple[str, ...]], why: str, now: datetime) -> Self:
+    def assigned(self, vehicle: str, routes: Iterable[tuple[str, ...]], why: Reason, now: datetime) -> Self:
         """Assign the order to a vehicle, with the names of the points of each remaining route."""
         self.require("assigning", S.DISPATCHABLE)
         done, left = self.status.drive_orders[: self.index], self.status.drive_orders[self.index :]
@@ -338,7 +338,7 @@ class TransportOrder:
             current_drive_order_index=len(drive_orders) - 1,
         )
 
-    def failed(self, reason: str, now: datetime) -> Self:
+    def failed(self, reason: Reason, now: datetime) -> Self:
         """Fail the order; its unfinished drive orders fail as well."""
         drive_orders = tuple(
             each
@@ -348,26 +348,28 @@ class TransportOrder:
         )
         return self._ended(S.FAILED, reason, now, drive_orders=drive_orders)
 
-    def withdrawn(self, reason: str, now: datetime) -> Self:
+    def withdrawn(self, reason: Reason | str, now: datetime) -> Self:
         """Withdraw the order: it fails at once, or once the vehicle that works on it has released it."""
-        entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, Reason.of(reason))
+        reason = Reason.of(reason)
+        entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
         if self.state not in (S.ACTIVE, S.DISPATCHABLE):
             return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
         noted = self.status.model_copy(update={"history": (*self.status.history, entry)})
         return type(self)(self.number, noted, self.idempotency_key).failed(reason, now)
 
-    def rerouted(self, route: tuple[str, ...] | None, why: str, now: datetime) -> Self:
+    def rerouted(self, route: tuple[str, ...] | None, why: Reason, now: datetime) -> Self:
         """Note that the vehicle was rerouted; ``route`` None: the new route is not known yet."""
         self.require("rerouting", S.BEING_PROCESSED)
         current = self.current if route is None else self.current.model_copy(update={"route": route})
         entry = self.entry(now, EventCode.REROUTED, why)
         return self.changed(drive_orders=self.with_current(current), history=(*self.status.history, entry))
 
-    def with_wait_reason(self, why: str) -> Self:
-        """Note why the vehicle cannot continue, empty if it can; a repeated reason changes nothing."""
+    def with_wait_reason(self, why: Reason | None) -> Self:
+        """Note why the vehicle cannot continue, None if it can; a repeated reason changes nothing."""
         self.require("getting a wait reason", S.BEING_PROCESSED, S.WITHDRAWN)
         reason = Reason(R.BUT, _doing(self.status), why) if why else _doing(self.status)
-        return self if reason == self.status.reason else self.changed(**explained(reason))
+        same = reason.is_sent_as(self.status.coded_reason)
+        return self if same else self.changed(**explained(reason))
 
     def overdue(self, now: datetime) -> Self:
         """Note that the deadline has passed; this has no other effect."""
@@ -408,21 +410,21 @@ class TransportOrder:
             changes |= explained(WAITS_FOR_CONDITIONS)
         return self.changed(history=(*self.status.history, entry), **changes)
 
-    def failed_while_held(self, words: str) -> Self:
+    def failed_while_held(self, words: Reason) -> Self:
         """Add a failure that occurred while the order is held; it takes effect when the order is resumed."""
         hold = self.status.held
         assert hold, "asked for held orders only"  # noqa: S101 - for the type
         reason = Reason(R.SINCE_THEN, Reason.of(hold.reason, hold.coded_reason), words)
         return self.changed(held=hold.model_copy(update=explained(reason)))
 
-    def retried(self, taken: int, why: str, *, now: datetime, next_try: datetime | None = None) -> Self:
+    def retried(self, taken: int, why: Reason, *, now: datetime, next_try: datetime | None = None) -> Self:
         """Note a retry by the same vehicle, at ``next_try`` if given."""
         return self._again(EventCode.RETRIED, taken, why, now=now, next_try=next_try)
 
     def replanned(
         self,
         taken: int,
-        why: str,
+        why: Reason,
         *,
         now: datetime,
         avoided: tuple[str, ...],
@@ -434,18 +436,18 @@ class TransportOrder:
         current = order.current.model_copy(update={"avoided": (*order.current.avoided, *avoided)})
         return order.changed(drive_orders=order.with_current(current))
 
-    def reassigned(self, taken: int, why: str, now: datetime) -> Self:
+    def reassigned(self, taken: int, why: Reason, now: datetime) -> Self:
         """Release the order for another vehicle; the one that failed does not get it again."""
         assert self.vehicle, "it was assigned"  # noqa: S101 - for the type
-        entry = self.entry(now, EventCode.REASSIGNED, self.vehicle, Reason.of(why))
+        entry = self.entry(now, EventCode.REASSIGNED, self.vehicle, why)
         excluded = (*self.status.excluded_vehicles, self.vehicle)
         current = self.current.model_copy(update={"measures_taken": taken})
         order = self.changed(drive_orders=self.with_current(current))
         return order.dispatchable_again(entry, excluded_vehicles=excluded)
 
-    def skipped(self, why: str, now: datetime) -> Self:
+    def skipped(self, why: Reason, now: datetime) -> Self:
         """Skip the current operation and continue; its drive order counts as failed."""
-        entry = self.entry(now, EventCode.SKIPPED, self.current.destination.operation, Reason.of(why))
+        entry = self.entry(now, EventCode.SKIPPED, self.current.destination.operation, why)
         return self.moved_on(DriveOrderState.FAILED, entry)
 
     def tried(self) -> Self:
@@ -472,13 +474,13 @@ class TransportOrder:
         return self.with_current(self.current.model_copy(update={"state": DriveOrderState.OPERATING}))
 
     def _again(
-        self, code: EventCode, taken: int, why: str, *, now: datetime, next_try: datetime | None
+        self, code: EventCode, taken: int, why: Reason, *, now: datetime, next_try: datetime | None
     ) -> Self:
         current = self.current.model_copy(update={"measures_taken": taken})
         return self.changed(
             drive_orders=self.with_current(current),
             next_try=next_try,
-            history=(*self.status.history, self.entry(now, code, Reason.of(why))),
+            history=(*self.status.history, self.entry(now, code, why)),
         )
 
     def with_current(self, drive_order: DriveOrderStatus) -> tuple[DriveOrderStatus, ...]:
@@ -491,8 +493,8 @@ class TransportOrder:
         changed = drive_orders[index].model_copy(update={"state": state})
         return (*drive_orders[:index], changed, *drive_orders[index + 1 :])
 
-    def _ended(self, state: TransportOrderState, reason: str, now: datetime, **changes: object) -> Self:
-        entry = self.entry(now, EventCode.FINAL_STATE_REACHED, state, Reason.of(reason))
+    def _ended(self, state: TransportOrderState, reason: Reason, now: datetime, **changes: object) -> Self:
+        entry = self.entry(now, EventCode.FINAL_STATE_REACHED, state, reason)
         deadline = self.status.deadline
         late = self.status.late or (deadline is not None and deadline < now)
         return self._moved(state, reason, entry, finished=now, late=late, held=None, next_try=None, **changes)
@@ -500,7 +502,7 @@ class TransportOrder:
     def _moved(
         self,
         state: TransportOrderState,
-        reason: str | None,
+        reason: Reason | None,
         entry: HistoryEntry | None = None,
         **changes: object,
     ) -> Self:
@@ -525,7 +527,7 @@ class TransportOrder:
             raise IllegalTransitionError(self.name, self.state, change)
 
     @staticmethod
-    def entry(now: datetime, code: EventCode, *supplements: str) -> HistoryEntry:
+    def entry(now: datetime, code: EventCode, *supplements: Reason | str) -> HistoryEntry:
         """Return a history entry; a reason among the supplements is the last one."""
         last = supplements[-1] if supplements else ""
         return HistoryEntry(

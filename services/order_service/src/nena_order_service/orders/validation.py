@@ -32,7 +32,7 @@ NAMES_SHOWN = 10
 class Finding:
     """A problem of a request; ``unknown``: it names something that does not exist."""
 
-    text: str
+    text: Reason
     unknown: bool = False
 
 

@@ -133,7 +133,7 @@ class OrderPlanner:
                 return None
         return None
 
-    def locked_out(self, order: TransportOrder, vehicle: FleetVehicle, standing: Standing) -> str:
+    def locked_out(self, order: TransportOrder, vehicle: FleetVehicle, standing: Standing) -> Reason | None:
         """Return what a vehicle waits for if only path locks of hosts close its route; else empty."""
         try:
             self.way(order, vehicle, standing)
@@ -144,10 +144,10 @@ class OrderPlanner:
                 vehicle.model,
                 order.resources_to_avoid,
             )
-            return Reason(R.PATH_LOCKED, error.reason) if closed else ""
+            return Reason(R.PATH_LOCKED, error.reason) if closed else None
         except UnknownObjectError:
-            return ""
-        return ""
+            return None
+        return None
 
     def route_request(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> RouteRequest:
         """Return the vehicle's route request for the current drive order, with the route ``leg``."""

@@ -53,11 +53,11 @@ class _Execution:
 
 @dataclass(frozen=True, slots=True)
 class Overdue:
-    """A job whose device has not answered in time; ``reason`` empty: send it again."""
+    """A job whose device has not answered in time; ``reason`` None: send it again."""
 
     job: str
     location: str
-    reason: str = ""
+    reason: Reason | None = None
 
 
 class Devices:

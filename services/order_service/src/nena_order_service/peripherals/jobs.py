@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 from pydantic import BaseModel, ConfigDict
 
 from nena_shared.fleet_api.peripherals import DeviceRequest, PeripheralJobState, PeripheralJobStatus
-from nena_shared.fleet_api.reasons import explained
+from nena_shared.fleet_api.reasons import Reason, explained
 from nena_shared.plant_terms import ExecutionTrigger
 
 
@@ -73,7 +73,7 @@ class PeripheralJob(BaseModel):
         """Return the job as executed."""
         return self._with(state=PeripheralJobState.FINISHED, finished=now)
 
-    def failed(self, reason: str, now: datetime) -> Self:
+    def failed(self, reason: Reason, now: datetime) -> Self:
         """Return the job as failed."""
         return self._with(state=PeripheralJobState.FAILED, finished=now, **explained(reason))
 

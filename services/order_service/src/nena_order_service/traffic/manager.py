@@ -247,10 +247,10 @@ class TrafficManager:
         route = self._routes.get(vehicle)
         return (route and route.refusal) or self._refusals.get(vehicle)
 
-    def why_waiting(self, vehicle: str) -> str:
+    def why_waiting(self, vehicle: str) -> Reason | None:
         """Return why a vehicle waits for traffic; empty if it does not."""
         refusal = self.refusal(vehicle)
-        return refusal.in_words() if refusal else ""
+        return refusal.in_words() if refusal else None
 
     def waiting_at_end(self) -> dict[str, int]:
         """Return the vehicles that wait at the end of what they hold, and how far each has driven."""
@@ -281,10 +281,10 @@ class TrafficManager:
                 if refusal and refusal.reason is WaitReason.RESTING and any(map(lost, refusal.vehicles)):
                     yield vehicle
 
-    def sharing(self, vehicle: str) -> str:
+    def sharing(self, vehicle: str) -> Reason | None:
         """Return, as a predicate, which vehicle stands on the same resource; empty if there is none."""
         shared = self.scheduler.sharing(vehicle) if vehicle in self.scheduler else None
-        return Reason(R.SHARES, at=shared[1], vehicle=shared[0]) if shared else ""
+        return Reason(R.SHARES, at=shared[1], vehicle=shared[0]) if shared else None
 
     def displaces(self, vehicle: str, goal: str) -> bool:
         """Return whether vehicles that rest, now or soon, would have to make room for a drive to ``goal``."""

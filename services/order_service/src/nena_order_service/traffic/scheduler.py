@@ -43,7 +43,7 @@ class Refusal:
     """How far the first vehicle would have to turn back if the refused one went first."""
 
     def __str__(self) -> str:
-        return self.in_words()
+        return str(self.in_words())
 
     @property
     def cause(self) -> tuple[WaitReason, tuple[str, ...], str]:

@@ -38,13 +38,13 @@ class Prospect:
     may_displace: bool = True
     """Whether others are asked to make room if there is no other route to a position."""
 
-    def why_not(self, point: str) -> str:
+    def why_not(self, point: str) -> Reason | None:
         """Return why the vehicle cannot park at a point; empty if it can."""
         if self.taken(point):
             return Reason(R.IS_TAKEN)
         if self.cost(point) == inf:
             return Reason(R.IS_UNREACHABLE)
-        return "" if self.may_displace or not self.displaces(point) else BARRED
+        return None if self.may_displace or not self.displaces(point) else BARRED
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Parking:
     """Where to park. Without a ``point``, no drive is needed, or ``reason`` explains why none is possible."""
 
     point: str = ""
-    reason: str = ""
+    reason: Reason | None = None
 
 
 PARKED = Parking()
@@ -109,7 +109,7 @@ class ParkingPositions:
     def _rank(self, name: str) -> float:
         return self._positions.get(name, inf) if self._priorities else 0.0
 
-    def _why_none(self, free: Sequence[_Ranked]) -> str:
+    def _why_none(self, free: Sequence[_Ranked]) -> Reason:
         if not self._positions:
             return Reason(R.NO_PARKING_POSITIONS)
         if free:
@@ -141,7 +141,7 @@ class Recharging:
 
     location: str = ""
     operation: str = ""
-    reason: str = ""
+    reason: Reason | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +210,7 @@ class RechargeLocations:
         return [each for each in possible if (each == own if own else self._recharges(each))]
 
 
-def _why_none(assigned: str | None) -> str:
+def _why_none(assigned: str | None) -> Reason:
     if assigned is None:
         return Reason(R.NO_RECHARGE_LOCATION)
     return Reason(R.RECHARGE_UNREACHABLE, location=assigned)

@@ -25,7 +25,7 @@ class FleetVehicle:
     profile: RobotProfile
     model: Vehicle | None
     """Its data in the plant model; None: it is not in the model."""
-    obstacle: str = ""
+    obstacle: Reason | None = None
     """Why it never gets orders, as a predicate; empty if it may."""
 
 
@@ -89,7 +89,7 @@ class VehicleRegistry:
         known = self._by_key.get(key)
         if known:
             return known
-        obstacle = "" if self._adopt_unknown else Reason(R.NOT_IN_PLANT)
+        obstacle = None if self._adopt_unknown else Reason(R.NOT_IN_PLANT)
         profile = RobotProfile(
             map_id=self._default_map_id, transforms=self._transforms, max_distance_m=self._max_distance_m
         )
@@ -144,11 +144,11 @@ def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
     )
 
 
-def why_not_on(map_id: str, state: State) -> str:
+def why_not_on(map_id: str, state: State) -> Reason | None:
     """Return, as a predicate, why a robot cannot drive on a map; empty if it can, or reports no maps."""
     if not state.maps or not map_id:
-        return ""
+        return None
     versions = [each for each in state.maps if each.map_id == map_id]
     if any(each.map_status is MapStatus.ENABLED for each in versions):
-        return ""
+        return None
     return Reason(R.NO_MAP_ENABLED if versions else R.NO_MAP, map=map_id)

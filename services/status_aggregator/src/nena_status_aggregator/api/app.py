@@ -12,6 +12,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_shared.clock import SystemClock
+from nena_shared.fleet_api.reasons import TEXTS
 from nena_shared.web.access import AccessControl, access_tokens_of
 from nena_shared.web.metrics import METRICS, metrics_response
 from nena_shared.web.problem import describe_problems, make_problem_router
@@ -159,5 +160,6 @@ def make_app(
     app.include_router(make_problem_router(DESCRIBED, OPENAPI))
     app.include_router(make_health_router(aggregator, Exposition(aggregator)))
     describe_problems(app)
+    app.mount("/reasons", PanelFiles(directory=TEXTS), name="reasons")
     app.mount("/", PanelFiles(directory=PANEL, html=True), name="panel")
     return app

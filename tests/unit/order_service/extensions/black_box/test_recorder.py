@@ -18,6 +18,7 @@ from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.extensions.black_box.box import BlackBox
 from nena_shared.extensions.black_box.mcap_file import encoded
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.fleet_api.stops import VehicleStop
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
@@ -79,8 +80,8 @@ def with_box(folder: Path) -> BlackBoxSettings:
 
 def test_dispatch_is_recorded_with_its_reasons_once(recorded: Recorded) -> None:
     waits = dispatchable_order()
-    deferred = waits.deferred("all are busy", NOW)
-    again = deferred.deferred("V-1 is charging", NOW)
+    deferred = waits.deferred(Reason.of("all are busy"), NOW)
+    again = deferred.deferred(Reason.of("V-1 is charging"), NOW)
     order = again.assigned("V-1", [("A", "B")], "it is near", NOW)
     recorded.order(waits, deferred, again, order, order.rerouted(("A", "C", "B"), "a path is locked", NOW))
 

@@ -23,6 +23,7 @@ from nena_order_service.fleet.outputs import (
 from nena_order_service.fleet.vda_order import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.extensions.tracing import Span, TraceContext, order_span_id, trace_id_of, vda_order_span_id
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.vda5050.topics import RobotKey
 from support.clocks import ManualClock
 from support.order_service import NOW, assigned_order, dispatchable_order
@@ -107,7 +108,7 @@ def test_an_order_is_created_once_and_never_one_from_before_the_start() -> None:
     order = dispatchable_order()
     traced.clock.advance(1.0)
     traced.tracer.order_changed(order.status)
-    traced.tracer.order_changed(order.deferred("all are busy", NOW).status)
+    traced.tracer.order_changed(order.deferred(Reason.of("all are busy"), NOW).status)
     assert [(each.name, each.begin, each.end) for each in traced.spans] == [
         ("create order", NOW, NOW + later(1))
     ]

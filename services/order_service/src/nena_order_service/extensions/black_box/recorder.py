@@ -142,7 +142,7 @@ class DecisionRecorder:
             case outputs.RobotChanged(robot):
                 self._look_for_stop(robot)
             case outputs.VdaOrderFailed(robot, order_id, reason, details):
-                failure = {"orderId": order_id, "reason": reason, "details": details, "kind": event.kind}
+                failure = {"orderId": order_id, "reason": str(reason), "details": details, "kind": event.kind}
                 self._add_event(robot, "orderFailed", failure)
             case outputs.VdaOrderAccepted(robot, order_id):
                 self._add_event(robot, "orderAccepted", {"orderId": order_id})
@@ -151,7 +151,7 @@ class DecisionRecorder:
             case outputs.VdaOrderCancelled(robot, order_id):
                 self._add_event(robot, "orderCancelled", {"orderId": order_id})
             case outputs.InstantActionEnded(robot, action, status, reason):
-                values = {"actions": [action.action_type], "status": status, "reason": reason}
+                values = {"actions": [action.action_type], "status": status, "reason": str(reason)}
                 self._add_event(robot, "instantActionEnded", values)
             case _:
                 pass

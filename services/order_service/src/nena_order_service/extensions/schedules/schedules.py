@@ -250,7 +250,7 @@ class Schedules:
         """Create the order of a planned time, or record why it is not created."""
         name = schedule.order_name(planned)
         if await self._engine.store.order(name=name) or self._engine.state.orders.named(name):
-            refused: str = Reason(R.ORDER_EXISTS, order=name)
+            refused = Reason(R.ORDER_EXISTS, order=name)
         else:
             try:
                 request = self._prepare_request(schedule.definition.transport_order)

@@ -177,7 +177,7 @@ class OrderTracer:
             case outputs.VdaOrderCancelled(robot, order_id):
                 self._export_execution(robot, order_id, "cancelled")
             case outputs.VdaOrderFailed(robot, order_id, reason):
-                self._export_execution(robot, order_id, "failed", error=cut(reason))
+                self._export_execution(robot, order_id, "failed", error=cut(str(reason)))
             case _:
                 pass
 

@@ -30,6 +30,11 @@ function locale() {
   return regional;
 }
 
+/** Add texts of the chosen language, with keys behind a prefix. */
+export function addTexts(prefix, texts) {
+  for (const [key, text] of Object.entries(texts)) TEXTS[language][`${prefix}.${key}`] = text;
+}
+
 /** Return whether a text exists. */
 export function has(key) {
   return key in TEXTS[language];

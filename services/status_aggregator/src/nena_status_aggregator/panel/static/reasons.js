@@ -1,7 +1,10 @@
 // The order service's reasons in the panel's language.
 
 import { element, foreign } from "./dom.js";
-import { chosenLanguage, dateAndTime, fillable, has, number, t, timeOfDay } from "./i18n.js";
+import { addTexts, chosenLanguage, dateAndTime, fillable, has, number, t, timeOfDay } from "./i18n.js";
+
+// The order service makes its sentences from the same tables.
+addTexts("because", await (await fetch(`./reasons/${chosenLanguage()}.json`)).json());
 
 // What is between the causes; others: a semicolon.
 const JOINED = {
