@@ -92,7 +92,7 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
         guard = _guard_fleet(settings, store_id(engine), epoch, always)
-        await _lead(settings, plant, store, supervisor, stop, server=server, guard=guard)
+        await _lead_fleet(settings, plant, store, supervisor, stop, server=server, guard=guard)
     store.close()
 
 
@@ -111,7 +111,7 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
                 supervisor.start("leadership", leadership.keep(store, engine, fence))
                 log.info("shared store taken over", epoch=fence.epoch)
                 guard = _guard_fleet(settings, store_id(engine), fence.epoch, leadership.lease.term)
-                await _lead(settings, plant, store, supervisor, stop, server=server, guard=guard)
+                await _lead_fleet(settings, plant, store, supervisor, stop, server=server, guard=guard)
         finally:
             await server.close()
     if store:
@@ -124,7 +124,7 @@ def _guard_fleet(settings: OrderServiceSettings, store: str, epoch: int, term: T
     return FleetGuard(settings.mqtt, topic, store=store, epoch=epoch, term=term)
 
 
-async def _lead(
+async def _lead_fleet(
     settings: OrderServiceSettings,
     plant: PlantFile,
     store: Store,

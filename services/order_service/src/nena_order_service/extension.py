@@ -192,7 +192,7 @@ class Listeners(Extension):
         self._listeners = listeners
         for name in EVENTS:
             own = [ext for ext in listeners if getattr(type(ext), name) is not getattr(Extension, name)]
-            setattr(self, name, partial(_tell, [getattr(ext, name) for ext in own]))
+            setattr(self, name, partial(_tell_all, [getattr(ext, name) for ext in own]))
 
     def committing(self, request: OpenRequest, changes: Changes) -> None:
         """Let extensions add to the changes: none is committed without its row in the audit trail."""
@@ -200,7 +200,7 @@ class Listeners(Extension):
             extension.committing(request, changes)
 
 
-def _tell(handlers: Sequence[Callable[..., None]], *values: object, **options: object) -> None:
+def _tell_all(handlers: Sequence[Callable[..., None]], *values: object, **options: object) -> None:
     for handle in handlers:
         try:
             handle(*values, **options)

@@ -95,8 +95,8 @@ class ServiceRunner:
 
         """
         self._supervisor.start("store", self._store.run())
-        self.service = self._make(await self._present())
-        await self._begin(self.service)
+        self.service = self._make(await self._present_model())
+        await self._begin_service(self.service)
         self._supervisor.start("plant model", self._change_when_asked())
 
     async def change_plant(self, model: PlantModel | EditPlant, *, check_only: bool = False) -> None:
@@ -124,10 +124,10 @@ class ServiceRunner:
         while True:
             asked = await self._asked.get()
             if asked is None:
-                await self._restart()
+                await self._restart_service()
                 continue
             try:
-                await self._change(asked)
+                await self._change_model(asked)
             except (InvalidPlantError, PlantInUseError, StoreNotReadyError) as error:
                 if not asked.done.done():
                     asked.done.set_exception(error)
@@ -135,7 +135,7 @@ class ServiceRunner:
                 if not asked.done.done():
                     asked.done.set_result(None)
 
-    async def _change(self, asked: _RequestedChange) -> None:
+    async def _change_model(self, asked: _RequestedChange) -> None:
         old = self.service
         if old.engine.unit_of_work.failed.is_set():
             raise StoreNotReadyError(old.engine.unit_of_work.closed)
@@ -153,67 +153,67 @@ class ServiceRunner:
         if asked.check_only:
             return
         old.engine.close(CHANGING)  # nothing else has run since the check above
-        await self._replace(service, partial(self._keep, model, asked.record))
+        await self._replace_service(service, partial(self._keep_model, model, asked.record))
         log.info("plant model changed", name=model.name, points=len(model.points))
 
-    async def _restart(self) -> None:
+    async def _restart_service(self) -> None:
         """Rebuild the service from the store; not at once again, if its engine fails again and again."""
         time = asyncio.get_running_loop().time
         await asyncio.sleep(self._restart_at - time())
         self._restart_at = time() + RESTART_PAUSE
         service = await asyncio.to_thread(self._make, self.service.engine.plant)
-        await self._replace(service, partial(self._commit, Changes()))
+        await self._replace_service(service, partial(self._commit_after_all, Changes()))
         log.warning("restarted from the store after an internal error")
 
-    async def _replace(self, service: OrderService, commit: Callable[[], Awaitable[None]]) -> None:
+    async def _replace_service(self, service: OrderService, commit: Callable[[], Awaitable[None]]) -> None:
         """Run ``service`` in place of the present one, from what is stored after ``commit``."""
         old = self.service
         absent = old.engine.absent()  # a location that is locked does not hold the fleet for half a minute
-        await self._end(old)
+        await self._end_service(old)
         await commit()
         self.service = service
         try:
-            await self._begin(service, absent, old.extensions)
+            await self._begin_service(service, absent, old.extensions)
         except StoreNotReadyError as error:
             # Not an answer to a host: no engine is active any more, so the program must exit.
             message = "the order service cannot continue from its store: it is unavailable"
             raise RuntimeError(message) from error
         self._show(service.app)
 
-    async def _begin(
+    async def _begin_service(
         self,
         service: OrderService,
         absent: Collection[RobotKey] = (),
         previous: Mapping[str, Extension] = MappingProxyType({}),
     ) -> None:
-        await service.begin(self._start, absent, previous)
-        self._start("restart", self._request_restart(service.engine.unit_of_work.failed), vital=False)
+        await service.begin(self._start_task, absent, previous)
+        self._start_task("restart", self._request_restart(service.engine.unit_of_work.failed), vital=False)
 
     async def _request_restart(self, failed: asyncio.Event) -> None:
         await failed.wait()
         self._asked.put_nowait(None)
 
-    async def _end(self, service: OrderService) -> None:
+    async def _end_service(self, service: OrderService) -> None:
         tasks, self._tasks = self._tasks, []
         await end(*tasks)
         await service.end()
 
-    async def _keep(self, model: PlantModel, record: Callable[[Changes], None]) -> None:
+    async def _keep_model(self, model: PlantModel, record: Callable[[Changes], None]) -> None:
         """Commit the model, however long the store takes."""
         given = model.model_dump_json(by_alias=True, exclude_none=True, exclude_unset=True)
         stored = StoredPlant(file=self._file.digest, model=given)
         changes = Changes()
         changes.documents[PLANT_MODEL, ""] = stored.model_dump_json()
         record(changes)
-        await self._commit(changes)
+        await self._commit_after_all(changes)
 
-    async def _commit(self, changes: Changes) -> None:
+    async def _commit_after_all(self, changes: Changes) -> None:
         """Commit all earlier changes and these."""
         done = asyncio.Event()
         self._store.commit(changes, done.set)
         await done.wait()
 
-    async def _present(self) -> PlantModel:
+    async def _present_model(self) -> PlantModel:
         """Return the model that a host uploaded, unless the file has changed since."""
         document = (await self._store.documents(PLANT_MODEL)).get("")
         if document is None:
@@ -226,11 +226,11 @@ class ServiceRunner:
             return self._file.model
         if stored.file != self._file.digest:
             log.warning("the plant model file has changed: using it and discarding the uploaded model")
-            await self._commit(Changes(documents={(PLANT_MODEL, ""): None}))
+            await self._commit_after_all(Changes(documents={(PLANT_MODEL, ""): None}))
             return self._file.model
         return model
 
-    def _start(self, name: str, work: Any, *, vital: bool = True) -> asyncio.Task[None]:  # noqa: ANN401 - a coroutine
+    def _start_task(self, name: str, work: Any, *, vital: bool = True) -> asyncio.Task[None]:  # noqa: ANN401 - a coroutine
         task = self._supervisor.start(name, work, vital=vital)
         self._tasks.append(task)
         return task

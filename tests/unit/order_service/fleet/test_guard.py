@@ -21,7 +21,7 @@ async def test_the_decision_timeout_starts_once_the_broker_is_asked(
     deciding = asyncio.create_task(guarding.decided())
     await time_passes(0.2)
     assert not deciding.done(), "the broker is still being connected"
-    guarding._ask()
+    guarding._ask_leader()
     async with asyncio.timeout(PATIENCE):
         await deciding
     assert not guarding.won.is_set()

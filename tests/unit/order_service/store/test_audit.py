@@ -264,7 +264,7 @@ def test_chain_continues_after_a_commit_whose_answer_was_lost(
     engine: sa.Engine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The retry finds the commit made, so its rows are not written twice, and the next ones follow them."""
-    chain, fence, lose = AuditChain(), Mock(), database._write
+    chain, fence, lose = AuditChain(), Mock(), database._write_changes
 
     def losing(*arguments: Any) -> None:
         lose(*arguments)
@@ -273,7 +273,7 @@ def test_chain_continues_after_a_commit_whose_answer_was_lost(
     changes = Changes(audit=[row(), row(1)])
     fence.lets_pass.return_value = True
     with monkeypatch.context() as patched:
-        patched.setattr(database, "_write", losing)
+        patched.setattr(database, "_write_changes", losing)
         with pytest.raises(ConnectionError):
             database.write(engine, changes, fence, chain)
     fence.lets_pass.return_value = False

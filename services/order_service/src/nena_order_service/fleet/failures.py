@@ -107,11 +107,11 @@ def refusals(
     They name its orderId; or, because 2.x does not require references, they have the type of a refusal, name
     neither an order nor another action, and were not reported ``before`` the VDA order was sent.
     """
-    return tuple(error for error in errors if _refuses(error, vda_order, before))
+    return tuple(error for error in errors if _refuses_order(error, vda_order, before))
 
 
-def _refuses(error: ErrorEntry, vda_order: VdaOrder, before: frozenset[ErrorIdentity]) -> bool:
-    named = _referenced(error, "orderId")
+def _refuses_order(error: ErrorEntry, vda_order: VdaOrder, before: frozenset[ErrorIdentity]) -> bool:
+    named = _referenced_values(error, "orderId")
     if named:
         return vda_order.order_id in named
     known = identity(error) in before or of_another_action(error, vda_order) or _of_another_topic(error)
@@ -120,26 +120,26 @@ def _refuses(error: ErrorEntry, vda_order: VdaOrder, before: frozenset[ErrorIden
 
 def is_named(error: ErrorEntry, vda_order: VdaOrder) -> bool:
     """Return whether an error names the VDA order or one of its actions (section 6.6.5.2)."""
-    return vda_order.order_id in _referenced(error, "orderId") or bool(
-        _referenced(error, "actionId") & vda_order.action_ids
+    return vda_order.order_id in _referenced_values(error, "orderId") or bool(
+        _referenced_values(error, "actionId") & vda_order.action_ids
     )
 
 
 def _of_another_topic(error: ErrorEntry) -> bool:
     """Return whether an error names other topics, but not ``order``: it refuses a different message."""
-    topics = _referenced(error, "topic")
+    topics = _referenced_values(error, "topic")
     return bool(topics) and Topic.ORDER not in topics
 
 
 def of_another_action(error: ErrorEntry, vda_order: VdaOrder) -> bool:
     """Return whether an error names only actions outside the VDA order: it refuses an instant action."""
-    actions = _referenced(error, "actionId")
+    actions = _referenced_values(error, "actionId")
     return bool(actions) and actions.isdisjoint(vda_order.action_ids)
 
 
 def name_actions(errors: Iterable[ErrorEntry]) -> bool:
     """Return whether any of the errors names an action (section 6.6.5.2)."""
-    return any(_referenced(error, "actionId") for error in errors)
+    return any(_referenced_values(error, "actionId") for error in errors)
 
 
 def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
@@ -147,7 +147,7 @@ def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
 
     It names the orderUpdateId; in 2.x, an error without references may also be about the update.
     """
-    orders, updates = _referenced(error, "orderId"), _referenced(error, "orderUpdateId")
+    orders, updates = _referenced_values(error, "orderId"), _referenced_values(error, "orderUpdateId")
     foreign = _of_another_topic(error) or (orders and order_id not in orders)
     if error.error_type not in ORDER_REFUSALS or foreign:
         return False
@@ -156,7 +156,7 @@ def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
 
 def names_update(error: ErrorEntry) -> bool:
     """Return whether an error names an orderUpdateId (section 6.6.5.2)."""
-    return bool(_referenced(error, "orderUpdateId"))
+    return bool(_referenced_values(error, "orderUpdateId"))
 
 
 def about(
@@ -175,7 +175,7 @@ def unexplained(
 
 def of_action(errors: Iterable[ErrorEntry], action_id: str) -> Iterator[str]:
     """Return the descriptions of all errors that name an action."""
-    return (describe(error) for error in errors if action_id in _referenced(error, "actionId"))
+    return (describe(error) for error in errors if action_id in _referenced_values(error, "actionId"))
 
 
 def _new_stops(errors: Iterable[ErrorEntry], before: frozenset[ErrorIdentity]) -> Iterator[ErrorEntry]:
@@ -187,18 +187,18 @@ def _new_stops(errors: Iterable[ErrorEntry], before: frozenset[ErrorIdentity]) -
 
 def _is_about(error: ErrorEntry, vda_order: VdaOrder) -> bool | None:
     """Return whether an error names the VDA order or a part of it; None if it names no order."""
-    orders = _referenced(error, "orderId")
+    orders = _referenced_values(error, "orderId")
     if orders:
         return vda_order.order_id in orders
     parts = (
-        _referenced(error, "nodeId") & {node.node_id for node in vda_order.nodes},
-        _referenced(error, "edgeId") & {edge.edge_id for edge in vda_order.edges},
-        _referenced(error, "actionId") & vda_order.action_ids,
+        _referenced_values(error, "nodeId") & {node.node_id for node in vda_order.nodes},
+        _referenced_values(error, "edgeId") & {edge.edge_id for edge in vda_order.edges},
+        _referenced_values(error, "actionId") & vda_order.action_ids,
     )
     return True if any(parts) else None
 
 
-def _referenced(error: ErrorEntry, key: str) -> set[str]:
+def _referenced_values(error: ErrorEntry, key: str) -> set[str]:
     return {each.reference_value for each in error.error_references if each.reference_key == key}
 
 

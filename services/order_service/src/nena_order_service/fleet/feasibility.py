@@ -55,13 +55,13 @@ def fitted(vda_order: VdaOrder, abilities: Abilities | None) -> VdaOrder:
     """
     if abilities is None:
         nothing = {"maximum_speed": None, **dict.fromkeys(_RULED.values())}
-        edges = tuple(_changed(each, nothing) for each in vda_order.edges)
+        edges = tuple(_with_changes(each, nothing) for each in vda_order.edges)
         return VdaOrder(order_id=vda_order.order_id, nodes=vda_order.nodes, edges=edges)
     rules, nodes = _EdgeRules.of(abilities), list[Node]()
     before: Node | None = None
     heading = 0.0
     for node in vda_order.nodes:
-        heading = _heading(before, node, heading)
+        heading = _heading_at(before, node, heading)
         nodes.append(_fitted_node(node, heading, abilities))
         before = node
     edges = tuple(
@@ -78,11 +78,11 @@ def fitted_action(action: Action, abilities: Abilities) -> Action:
     """
     wanted = abilities.parameters(action)
     parameters = tuple(
-        _typed(each, wanted.get(each.key))
+        _convert_parameter(each, wanted.get(each.key))
         for each in _with_listed_name(action, wanted, abilities)
         if not wanted or each.key in wanted or each.key not in STATION_PARAMETERS
     )
-    return _changed(action, {"action_parameters": parameters})
+    return _with_changes(action, {"action_parameters": parameters})
 
 
 def _with_listed_name(
@@ -100,7 +100,7 @@ def _with_listed_name(
         yield each.model_copy(update={"key": listed}) if renamed and listed else each
 
 
-def _changed(part: P, changes: Mapping[str, object]) -> P:
+def _with_changes(part: P, changes: Mapping[str, object]) -> P:
     """Return a part of an order with changes; usually nothing changes, and it is the same object."""
     before = vars(part)
     new = {
@@ -117,7 +117,7 @@ def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
         changes["node_position"] = _fitted_position(node, node.node_position, heading, abilities)
     if "nodes.nodeDescriptor" in abilities.required_fields:
         changes["node_descriptor"] = node.node_id
-    return _changed(node, changes)
+    return _with_changes(node, changes)
 
 
 def _fitted_in_order(action: Action, abilities: Abilities) -> Action:
@@ -148,7 +148,7 @@ def _fitted_position(
         changes["allowed_deviation_theta"] = pi
     if not abilities.takes_field(DEVIATION_THETA_FIELD):
         changes["allowed_deviation_theta"] = None
-    return _changed(position, changes)
+    return _with_changes(position, changes)
 
 
 def _fitted_edge(edge: Edge, ends: _Ends, abilities: Abilities, rules: _EdgeRules) -> Edge:
@@ -162,7 +162,7 @@ def _fitted_edge(edge: Edge, ends: _Ends, abilities: Abilities, rules: _EdgeRule
         for field, fill in rules.required
         if field not in _RULED.values() or getattr(edge, field) is None
     }
-    return _changed(edge, changes)
+    return _with_changes(edge, changes)
 
 
 _RULED: Final[Mapping[str, str]] = MappingProxyType(
@@ -182,7 +182,7 @@ _RULED: Final[Mapping[str, str]] = MappingProxyType(
 """Edge fields that layouts define; sent only to robots that list them, because others may refuse them."""
 
 
-def _distance(_: Edge, ends: _Ends, __: Abilities) -> float | None:
+def _distance_between(_: Edge, ends: _Ends, __: Abilities) -> float | None:
     start, end = ends
     return hypot(end.x - start.x, end.y - start.y) if start and end else None
 
@@ -193,7 +193,7 @@ def _limits_speed(speed: float, abilities: Abilities) -> bool:
     return abilities.lists_field("edges.maximumSpeed") and (not own or speed < own)
 
 
-def _speed(edge: Edge, _: _Ends, abilities: Abilities) -> float | None:
+def _adapt_speed(edge: Edge, _: _Ends, abilities: Abilities) -> float | None:
     if edge.maximum_speed is not None and _limits_speed(edge.maximum_speed, abilities):
         return edge.maximum_speed
     return abilities.factsheet.physical_parameters.maximum_speed or None
@@ -207,8 +207,8 @@ _Fill = Callable[[Edge, _Ends, Abilities], object]
 _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
     {
         "edges.edgeDescriptor": ("edge_descriptor", lambda edge, *_: edge.edge_id),
-        "edges.length": ("length", _distance),
-        "edges.maximumSpeed": ("maximum_speed", _speed),
+        "edges.length": ("length", _distance_between),
+        "edges.maximumSpeed": ("maximum_speed", _adapt_speed),
         "edges.maximumRotationSpeed": ("maximum_rotation_speed", _rotation_speed),
         "edges.reachOrientationBeforeEntering": (
             "reach_orientation_before_entering",
@@ -236,7 +236,7 @@ class _EdgeRules:
         )
 
 
-def _heading(before: Node | None, node: Node, arrived: float) -> float:
+def _heading_at(before: Node | None, node: Node, arrived: float) -> float:
     """Return the heading, rad, with which a robot arrives at a node when it drives straight and forwards.
 
     ``arrived`` is that at the node before. It does not depend on later nodes, so that an update can repeat
@@ -248,7 +248,9 @@ def _heading(before: Node | None, node: Node, arrived: float) -> float:
     return arrived
 
 
-def _typed(parameter: ActionParameter, wanted: ActionParameterDescription | None) -> ActionParameter:
+def _convert_parameter(
+    parameter: ActionParameter, wanted: ActionParameterDescription | None
+) -> ActionParameter:
     """Convert text to the declared type, or a number to text; keep values that cannot be converted."""
     if wanted is None:
         return parameter
@@ -261,23 +263,23 @@ def _typed(parameter: ActionParameter, wanted: ActionParameterDescription | None
     return parameter
 
 
-def _boolean(text: str) -> bool:
+def _parse_boolean(text: str) -> bool:
     return {"true": True, "false": False}[text.strip().lower()]
 
 
-def _json(text: str) -> JsonValue:
+def _parse_json(text: str) -> JsonValue:
     value: JsonValue = from_json(text)  # rejects values nested deeper than messages may be
     return value if isinstance(value, dict | list) else text
 
 
 _READ: Final[Mapping[ValueDataType, Callable[[str], JsonValue]]] = MappingProxyType(
     {
-        ValueDataType.BOOL: _boolean,
+        ValueDataType.BOOL: _parse_boolean,
         ValueDataType.NUMBER: float,
         ValueDataType.INTEGER: int,
         ValueDataType.STRING: str,
-        ValueDataType.OBJECT: _json,
-        ValueDataType.ARRAY: _json,
+        ValueDataType.OBJECT: _parse_json,
+        ValueDataType.ARRAY: _parse_json,
     }
 )
 
@@ -316,7 +318,7 @@ def instant_action_problem(action: Action, abilities: Abilities) -> Reason | Non
 def _instant_problems(action: Action, abilities: Abilities) -> Iterator[Reason]:
     yield from _action_problems(action, ActionScope.INSTANT, abilities)
     yield from _bad_ids((action.action_id,), abilities)
-    yield from _wire_problems(InstantActions(**_header(abilities), actions=(action,)), abilities)
+    yield from _wire_problems(InstantActions(**_header_fields(abilities), actions=(action,)), abilities)
 
 
 def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reason]:
@@ -327,10 +329,10 @@ def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reaso
     for edge in vda_order.edges:
         for action in edge.actions:
             yield from _action_problems(action, ActionScope.EDGE, abilities)
-    yield from _fields(vda_order, abilities)
-    yield from _bad_ids(_ids(vda_order), abilities)
+    yield from _unmet_fields(vda_order, abilities)
+    yield from _bad_ids(_all_ids(vda_order), abilities)
     order = Order(
-        **_header(abilities),
+        **_header_fields(abilities),
         order_id=vda_order.order_id,
         order_update_id=0,
         nodes=vda_order.nodes,
@@ -406,12 +408,12 @@ def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescript
             )
 
 
-def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reason]:
+def _unmet_fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[Reason]:
     """Yield required fields that are missing, and unsupported fields that the order needs."""
     required = abilities.required_fields
     document = vda_order.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
     for path in required:
-        if not _filled(document, path.split(".")):
+        if not _is_filled(document, path.split(".")):
             yield Reason(R.MISSING_FIELD, field=path)
     if not abilities.takes_field(THETA_FIELD) and any(map(_must_be_headed, vda_order.nodes)):
         yield Reason(R.NO_HEADINGS)
@@ -422,13 +424,13 @@ def _must_be_headed(node: Node) -> bool:
     return heads and node.node_id.startswith(GOAL_PREFIX)
 
 
-def _filled(part: JsonValue, path: list[str]) -> bool:
+def _is_filled(part: JsonValue, path: list[str]) -> bool:
     """Return whether ``path`` exists in each item of the lists along it."""
     if isinstance(part, list):
-        return all(_filled(each, path) for each in part)
+        return all(_is_filled(each, path) for each in part)
     if not path:
         return True
-    return isinstance(part, dict) and path[0] in part and _filled(part[path[0]], path[1:])
+    return isinstance(part, dict) and path[0] in part and _is_filled(part[path[0]], path[1:])
 
 
 def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[Reason]:
@@ -440,7 +442,7 @@ def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[Reason]:
             yield Reason(R.NOT_NUMERIC, id=each)
 
 
-def _ids(vda_order: VdaOrder) -> Iterator[str]:
+def _all_ids(vda_order: VdaOrder) -> Iterator[str]:
     yield vda_order.order_id
     for node in vda_order.nodes:
         yield node.node_id
@@ -468,7 +470,7 @@ def _wire_problems(message: Header, abilities: Abilities) -> Iterator[Reason]:
         yield Reason(R.LONG_MESSAGE, limit=limit, count=size)
 
 
-def _header(abilities: Abilities) -> dict[str, Any]:
+def _header_fields(abilities: Abilities) -> dict[str, Any]:
     robot = abilities.factsheet
     return {
         **_LONGEST_HEADER,

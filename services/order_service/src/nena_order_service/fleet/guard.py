@@ -91,7 +91,7 @@ class FleetGuard:
             client_id=f"nena-order-service-leader-{self._own.instance}",
             hooks=LinkHooks(
                 will=lambda: Outbound(topic, b"", retain=True),
-                on_subscribed=self._ask,
+                on_subscribed=self._ask_leader,
                 on_lost=self._forget_connection,
             ),
             term=term,
@@ -135,28 +135,28 @@ class FleetGuard:
             if not step.is_set():
                 return
 
-    def _ask(self) -> None:
+    def _ask_leader(self) -> None:
         """Publish the question; retained records arrive before it comes back."""
         self._asked.set()
         self._link.publish(Outbound(self._question, self._own.instance.encode()))
 
     def _on_question(self, message: Inbound) -> None:
         if self._holds:
-            self._publish()
+            self._publish_record()
         elif message.payload != self._own.instance.encode():
             return
         elif self._left is None:
-            self._hold()
+            self._hold_back()
         elif self._giving_up is None:
-            self._giving_up = asyncio.get_running_loop().call_later(ANSWERED_WITHIN, self._hold)
+            self._giving_up = asyncio.get_running_loop().call_later(ANSWERED_WITHIN, self._hold_back)
 
     def _on_record(self, message: Inbound) -> None:
         if not message.payload:
             self._left = None
             if self._holds:
-                self._publish()  # the last will of another one has cleared it
+                self._publish_record()  # the last will of another one has cleared it
             elif self._giving_up:
-                self._hold()
+                self._hold_back()
             return
         try:
             record = LeaderRecord.model_validate_json(message.payload)
@@ -168,7 +168,7 @@ class FleetGuard:
         own_store, is_higher = record.store == self._own.store, record.rank > self._own.rank
         if (own_store or self.won.is_set()) and not is_higher:
             if self._holds:
-                self._publish()
+                self._publish_record()
         elif own_store or not message.retained:
             self._holds = False
             if not self._taken.done():
@@ -176,14 +176,14 @@ class FleetGuard:
         else:
             self._left = record
 
-    def _hold(self) -> None:
+    def _hold_back(self) -> None:
         if self._left is not None:
             log.warning("previous leader of this fleet does not answer", store=self._left.store)
         self._left, self._giving_up, self._holds = None, None, True
-        self._publish()
+        self._publish_record()
         self.won.set()
 
-    def _publish(self) -> None:
+    def _publish_record(self) -> None:
         body = self._own.model_dump_json(by_alias=True).encode()
         self._link.publish(Outbound(self._topic, body, retain=True))
 

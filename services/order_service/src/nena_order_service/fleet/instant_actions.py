@@ -269,18 +269,18 @@ class InstantActionManager:
         """Begin a requested instant action, unless the robot certainly would not receive or accept it."""
         if self._robot.abilities:
             action = fitted_action(action, self._robot.abilities)
-        refusal = self._refusal(action, now)
+        refusal = self._why_refused(action, now)
         if refusal:
             failed = ActionStatus.FAILED
             yield InstantActionEnded(self._robot.key, action, failed, Reason(R.ACTION_NOT_SENT, refusal))
         else:
-            self._begin(action, requested=True)
+            self._begin_run(action, requested=True)
 
     def cancel(self, order_id: str) -> InstantRun:
         """Begin a cancelOrder, with the orderId if the robot's version has that parameter (section 6.1.3)."""
         rules = self._robot.rules
         named = order_id if rules and rules.cancel_names_order else None
-        return self._begin(cancel_order(self._new_id(), named), requested=False)
+        return self._begin_run(cancel_order(self._new_id(), named), requested=False)
 
     def can_cancel(self, now: float) -> bool:
         """Return whether cancelOrder may be sent now."""
@@ -289,7 +289,7 @@ class InstantActionManager:
     def ask_for_state(self) -> None:
         """Request the robot's state until it reports; does nothing while it is being asked."""
         if not any(each.awaits_state for each in self._runs.values()):
-            self._begin(state_request(self._new_id()), requested=False)
+            self._begin_run(state_request(self._new_id()), requested=False)
 
     def reconnected(self) -> None:
         """Handle a new connection: request the factsheet again, and forget that the robot was leaving."""
@@ -350,7 +350,7 @@ class InstantActionManager:
         for first in range(0, len(due), at_once):
             yield PublishInstantActions(self._robot.key, due[first : first + at_once])
 
-    def _refusal(self, action: Action, now: float) -> Reason | None:
+    def _why_refused(self, action: Action, now: float) -> Reason | None:
         if len(self._runs) >= INSTANT_ACTIONS_LIMIT:
             return Reason(R.ACTIONS_TOO_MANY, count=INSTANT_ACTIONS_LIMIT)
         if action.action_id in self.ids:
@@ -362,7 +362,7 @@ class InstantActionManager:
         reason = self.unsendable(action.action_type, now)
         return Reason(R.ROBOT, reason) if reason else None
 
-    def _begin(self, action: Action, *, requested: bool) -> InstantRun:
+    def _begin_run(self, action: Action, *, requested: bool) -> InstantRun:
         run = InstantRun(action, self._settings, requested=requested)
         self._runs[action.action_id] = run
         if action.action_type in LEAVES:
@@ -392,7 +392,7 @@ class InstantActionManager:
     def _ask_for_factsheet(self, now: float) -> None:
         """Request the factsheet, once per connection, if the broker has not retained it (section 7.10)."""
         if self._robot.abilities is None and self._asked is None:
-            self._asked = self._begin(factsheet_request(self._new_id()), requested=False)
+            self._asked = self._begin_run(factsheet_request(self._new_id()), requested=False)
             self._asked_at = now
 
     def _clear_ended(self, state: State, now: float) -> None:
@@ -406,9 +406,9 @@ class InstantActionManager:
         if not abilities or not abilities.declarations(CLEAR_INSTANT_ACTIONS):
             return
         action = clear_instant_actions(self._new_id())
-        if self._refusal(action, now) is None:
+        if self._why_refused(action, now) is None:
             self._next_clearing = now + CLEARING_PAUSE
-            self._begin(action, requested=False)
+            self._begin_run(action, requested=False)
 
     def _drop_ended(self) -> Iterator[FleetOutput]:
         for run in [each for each in self._runs.values() if each.outcome]:

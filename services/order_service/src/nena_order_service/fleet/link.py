@@ -206,9 +206,9 @@ class RobotAddresses:
             ]
             self._schemes.update(dict.fromkeys(schemes))
             if vehicle.protocol_version:
-                address = self._addresses[robot] = self._configured(vehicle, vehicle.protocol_version)
+                address = self._addresses[robot] = self._configured_address(vehicle, vehicle.protocol_version)
                 self._sources.expect(robot, address.scheme)
-            self._expected[robot] = tuple(map(_oldest, schemes))
+            self._expected[robot] = tuple(map(_oldest_address, schemes))
 
     def dialect(self, robot: RobotKey) -> Dialect:
         """Return the configured deviations of ``robot`` from the standard."""
@@ -224,7 +224,7 @@ class RobotAddresses:
         known = self._addresses.get(robot)
         if known:
             return (known,)
-        return self._expected.get(robot) or tuple(map(_oldest, self._defaults.values()))
+        return self._expected.get(robot) or tuple(map(_oldest_address, self._defaults.values()))
 
     def learn(
         self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Dated, *, retained: bool
@@ -248,7 +248,7 @@ class RobotAddresses:
         )
         return True
 
-    def _configured(self, vehicle: Vehicle, version: str) -> RobotAddress:
+    def _configured_address(self, vehicle: Vehicle, version: str) -> RobotAddress:
         try:
             codec = codec_named(version)
         except UnknownVersionError as error:
@@ -260,7 +260,7 @@ class RobotAddresses:
         )
 
 
-def _oldest(scheme: TopicScheme) -> RobotAddress:
+def _oldest_address(scheme: TopicScheme) -> RobotAddress:
     """Return the address of a robot of unknown version: newer minor versions understand the oldest one."""
     version = next(each for each in CODECS if f"v{each.partition('.')[0]}" == scheme.major_version)
     return RobotAddress(CODECS[version], scheme)
@@ -308,7 +308,7 @@ class Outgoing:
         """Return the message and its topic."""
         match output:
             case PublishOrder():
-                header = self._header(output.robot, Topic.ORDER, version)
+                header = self._next_header(output.robot, Topic.ORDER, version)
                 return Topic.ORDER, Order(
                     **header,
                     nena_epoch=self._epoch,
@@ -318,18 +318,18 @@ class Outgoing:
                     edges=output.vda_order.edges,
                 )
             case PublishInstantActions():
-                header = self._header(output.robot, Topic.INSTANT_ACTIONS, version)
+                header = self._next_header(output.robot, Topic.INSTANT_ACTIONS, version)
                 return Topic.INSTANT_ACTIONS, InstantActions(
                     **header, nena_epoch=self._epoch, actions=output.actions
                 )
             case PublishResponses():
-                header = self._header(output.robot, Topic.RESPONSES, version)
+                header = self._next_header(output.robot, Topic.RESPONSES, version)
                 return Topic.RESPONSES, Responses(**header, responses=output.responses)
             case PublishZoneSet():
-                header = self._header(output.robot, Topic.ZONE_SET, version)
+                header = self._next_header(output.robot, Topic.ZONE_SET, version)
                 return Topic.ZONE_SET, ZoneSetTransfer(**header, zone_set=output.zone_set)
 
-    def _header(self, robot: RobotKey, topic: Topic, version: str) -> dict[str, Any]:
+    def _next_header(self, robot: RobotKey, topic: Topic, version: str) -> dict[str, Any]:
         header_id = self._header_ids.get((robot, topic), 0)
         self._header_ids[robot, topic] = (header_id + 1) % HEADER_ID_COUNT
         return {
@@ -360,7 +360,7 @@ LOGGED_OF_NAME: Final = 60
 """Characters of a name that is too long."""
 
 
-def _mark(topic: str, payload: bytes) -> int:
+def _fingerprint_of(topic: str, payload: bytes) -> int:
     return hash((topic, payload))
 
 
@@ -433,12 +433,12 @@ class FleetLink:
 
     async def run(self) -> None:
         """Handle timeouts periodically, until cancelled."""
-        await forever("fleet control", self._look)
+        await forever("fleet control", self._check_periodically)
 
     def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         """Send a VDA order (section 6.1.1); raises RobotBusyError."""
         outputs = self._controller.control(robot).start(vda_order, self._now())
-        self._begin(vda_order, outputs, restored=False)
+        self._tell_begun(vda_order, outputs, restored=False)
 
     def adopt_vda_order(
         self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
@@ -447,9 +447,9 @@ class FleetLink:
         outputs = self._controller.control(robot).adopt(
             vda_order, self._now(), accepted=accepted, update_id=update_id
         )
-        self._begin(vda_order, outputs, restored=True)
+        self._tell_begun(vda_order, outputs, restored=True)
 
-    def _begin(self, vda_order: VdaOrder, outputs: Iterable[FleetOutput], *, restored: bool) -> None:
+    def _tell_begun(self, vda_order: VdaOrder, outputs: Iterable[FleetOutput], *, restored: bool) -> None:
         for listener in self.listeners:
             listener.begun(vda_order.order_id, self._now(), restored=restored)
         self._hand_out(outputs)
@@ -468,7 +468,7 @@ class FleetLink:
 
     def send_zone_set(self, robot: RobotKey, zone_set: ZoneSet) -> None:
         """Send a zone set to a robot; its states show whether it has accepted it (section 6.4)."""
-        self._publish(PublishZoneSet(robot, zone_set), self._now())
+        self._publish_output(PublishZoneSet(robot, zone_set), self._now())
 
     def all_known(self) -> bool:
         """Return whether every robot that is connected, according to the broker, has reported its state."""
@@ -486,7 +486,7 @@ class FleetLink:
         """Return the last state of a robot; None if it never reported one."""
         return self._controller.state(robot)
 
-    async def _look(self) -> None:
+    async def _check_periodically(self) -> None:
         await asyncio.sleep(self._settings.tick_interval)
         await self._mqtt.read_waiting(READ_WITHIN)
         self._notice_broker()
@@ -515,7 +515,7 @@ class FleetLink:
 
     def _check_command(self, inbound: Inbound) -> None:
         """Log an error if another program commands robots; the broker returns our own commands as well."""
-        if not inbound.payload or _mark(inbound.topic, inbound.payload) in self._sent:
+        if not inbound.payload or _fingerprint_of(inbound.topic, inbound.payload) in self._sent:
             return
         if self.statistics.foreign % MALFORMED_LOGGED_EACH == 0:
             log.error(
@@ -527,10 +527,10 @@ class FleetLink:
             )
         self.statistics.foreign += 1
 
-    def _remember(self, topic: str, payload: bytes) -> None:
+    def _remember_sent(self, topic: str, payload: bytes) -> None:
         if len(self._sent) >= SENT_REMEMBERED:
             del self._sent[next(iter(self._sent))]
-        self._sent[_mark(topic, payload)] = None
+        self._sent[_fingerprint_of(topic, payload)] = None
 
     def _subscribe_to(self, topic: Topic, kind: type[M], take: Take[M], *, qos: int) -> None:
         """Subscribe to a topic of all robots; ``take`` receives valid, current messages."""
@@ -540,14 +540,14 @@ class FleetLink:
             read(scheme, inbound)
 
         def read(scheme: TopicScheme, inbound: Inbound) -> None:
-            found = self._read(kind, scheme, inbound, later=partial(read, scheme, inbound))
+            found = self._read_message(kind, scheme, inbound, later=partial(read, scheme, inbound))
             if found:
                 self._hand_out(take(*found, self._now()))
 
         for scheme in self._addresses.schemes:
             self._mqtt.subscribe(scheme.for_all(topic), partial(handle, scheme), qos=qos)
 
-    def _read(
+    def _read_message(
         self, kind: type[M], scheme: TopicScheme, inbound: Inbound, *, later: Callable[[], None]
     ) -> tuple[RobotKey, M] | None:
         """Read a message; ignore one that is malformed, outdated or beyond the limits.
@@ -645,7 +645,7 @@ class FleetLink:
         now = self._now()
         for output in tuple(outputs):
             if isinstance(output, Publish):
-                self._publish(output, now)
+                self._publish_output(output, now)
             else:
                 for listener in self.listeners:
                     listener.happened(output, now)
@@ -653,7 +653,7 @@ class FleetLink:
         if events:
             self._on_events(*events)
 
-    def _publish(self, output: Publish, now: float) -> None:
+    def _publish_output(self, output: Publish, now: float) -> None:
         refused, robot = self._mqtt.state.refused_names, output.robot
         unheard = refused and self.view(robot).link is LinkStatus.UNKNOWN
         for address in self._addresses.of(robot):
@@ -678,7 +678,7 @@ class FleetLink:
             self._hand_out(self._controller.control(output.robot).on_undeliverable(place, now))
             return
         if topic in COMMANDS:
-            self._remember(place, payload)
+            self._remember_sent(place, payload)
         for listener in self.listeners:
             listener.published(topic, output, now)
         self._mqtt.publish(Outbound(place, payload, qos=self._settings.qos, keep=False))

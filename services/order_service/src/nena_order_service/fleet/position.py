@@ -138,33 +138,33 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
     if not profile.knows_frame(pose.map_id):
         raise NotLocatedError(Reason(R.UNKNOWN_FRAME))
     here = profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y))
-    if last and _on(last, pose, profile) and _distance(last, here) <= profile.deviation_xy:
+    if last and _is_on_map(last, pose, profile) and _distance_to(last, here) <= profile.deviation_xy:
         return Standing(last.name, on_point=True, pose=pose)
-    nearest = _nearest(plant, here, pose.map_id, profile)
+    nearest = _nearest_point(plant, here, pose.map_id, profile)
     if nearest is None:
         raise NotLocatedError(
             Reason(R.OTHER_MAP, map=pose.map_id, own=profile.map_id) if plant.points else Reason(R.NO_POINTS)
         )
-    distance = _distance(nearest, here)
+    distance = _distance_to(nearest, here)
     at_coordinate = state.last_node_id.startswith(GOAL_PREFIX)  # an order may send it far from all points
     if distance > profile.max_distance_m and not at_coordinate:
         raise TooFarError(distance, nearest, last)
     return Standing(nearest.name, distance <= profile.deviation_xy, pose, distance)
 
 
-def _nearest(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotProfile) -> Point | None:
+def _nearest_point(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotProfile) -> Point | None:
     """Return the nearest point of a map; points without a map are on the robot's map."""
     maps = (map_id or None, None) if map_id == profile.map_id else (map_id,)
     indices = (plant.points_by_map.get(each) for each in dict.fromkeys(maps))
     found = (index.nearest(here.x_m, here.y_m) for index in indices if index)
-    return min(filter(None, found), key=lambda point: _distance(point, here), default=None)
+    return min(filter(None, found), key=lambda point: _distance_to(point, here), default=None)
 
 
-def _on(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:
+def _is_on_map(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:
     """Return whether the point is on the robot's current map."""
     return (point.map_id or profile.map_id) == pose.map_id
 
 
-def _distance(point: Point, here: PlantPlace) -> float:
+def _distance_to(point: Point, here: PlantPlace) -> float:
     """Return the distance, m, in the plant's frame."""
     return hypot(point.x_m - here.x_m, point.y_m - here.y_m)

@@ -87,14 +87,14 @@ class MessageOrder:
                 return False
         elif last is not None:
             old = header_id <= last[0] and timestamp <= last[1]
-            if old and not self._believed(header, now):
+            if old and not self._is_believed(header, now):
                 return False
             self._counts = True
         self._last, self._content = header, content
         self._last_old = None
         return True
 
-    def _believed(self, header: tuple[int, datetime], now: float) -> bool:
+    def _is_believed(self, header: tuple[int, datetime], now: float) -> bool:
         if self._last_old is None or header <= self._last_old:
             self._old_in_a_row, self._old_since = 0, now
         self._old_in_a_row += 1

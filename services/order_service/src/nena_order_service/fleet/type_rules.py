@@ -50,13 +50,13 @@ class TypeRules:
 
     def at(self, point: Point) -> track.VehicleTypeAtPoint | None:
         """Return the rule for the vehicle at a point, or None."""
-        return self._common(point.vehicle_types)
+        return self._common_use(point.vehicle_types)
 
     def along(self, edge: DirectedEdge) -> track.VehicleTypeOnPath | None:
         """Return the rule for the vehicle on an edge, or None."""
-        return self._common(edge.path.vehicle_types) if edge.is_forward else None
+        return self._common_use(edge.path.vehicle_types) if edge.is_forward else None
 
-    def _common(self, uses: Iterable[Use]) -> Use | None:
+    def _common_use(self, uses: Iterable[Use]) -> Use | None:
         found = [use for use in uses if use.vehicle_type_id in self.vehicle_types]
         if not found:
             return None
@@ -88,12 +88,12 @@ def edge_fields(
             heading = None
             yield {}
             continue
-        tangents = _tangents(edge, rule, plant)
-        orientation = _orientation(rule, tangents, heading, wanted, can_reverse=rules.can_reverse)
-        heading = None if orientation is None else _absolute(rule, orientation, tangents[1])
+        tangents = _tangents_of(edge, rule, plant)
+        orientation = _orientation_of(rule, tangents, heading, wanted, can_reverse=rules.can_reverse)
+        heading = None if orientation is None else _absolute_orientation(rule, orientation, tangents[1])
         transform = profile.on(end.map_id or profile.map_id)
-        trajectory = _trajectory(rule.trajectory, (plant.point(edge.source), end), transform)
-        yield {**_fields(rule, orientation, transform, profile.corridor_width), "trajectory": trajectory}
+        trajectory = _make_trajectory(rule.trajectory, (plant.point(edge.source), end), transform)
+        yield {**_edge_fields(rule, orientation, transform, profile.corridor_width), "trajectory": trajectory}
 
 
 def required_heading(rule: track.VehicleTypeAtPoint | None, point: Point) -> float | None:
@@ -105,7 +105,7 @@ Tangents = tuple[float | None, float | None]
 """Directions of a path at its start and end, rad in the plant's frame; None if it has no length."""
 
 
-def _tangents(edge: DirectedEdge, rule: track.VehicleTypeOnPath, plant: PlantModel) -> Tangents:
+def _tangents_of(edge: DirectedEdge, rule: track.VehicleTypeOnPath, plant: PlantModel) -> Tangents:
     a, b = plant.point(edge.source), plant.point(edge.destination)
     places = [(a.x_m, a.y_m), (b.x_m, b.y_m)]
     if rule.trajectory:  # its control points show the directions at its ends
@@ -121,7 +121,7 @@ _SAME_TURN = 6
 """Decimal places to which turns, rad, are rounded for comparison."""
 
 
-def _orientation(
+def _orientation_of(
     rule: track.VehicleTypeOnPath,
     tangents: Tangents,
     heading: float | None,
@@ -133,24 +133,26 @@ def _orientation(
     possible = [each for each in rule.orientations if can_reverse or not rule.leads_backward(each)]
 
     def turning(orientation: float) -> float:
-        before = _turn(heading, _absolute(rule, orientation, tangents[0]))
-        after = _turn(_absolute(rule, orientation, tangents[1]), wanted)
+        before = _turn_between(heading, _absolute_orientation(rule, orientation, tangents[0]))
+        after = _turn_between(_absolute_orientation(rule, orientation, tangents[1]), wanted)
         return round(before + after, _SAME_TURN)
 
     return min(possible, key=turning, default=None)
 
 
-def _absolute(rule: track.VehicleTypeOnPath, orientation: float, tangent: float | None) -> float | None:
+def _absolute_orientation(
+    rule: track.VehicleTypeOnPath, orientation: float, tangent: float | None
+) -> float | None:
     if rule.orientation_type is track.PathOrientationType.GLOBAL:
         return orientation
     return None if tangent is None else tangent + orientation
 
 
-def _turn(start: float | None, end: float | None) -> float:
+def _turn_between(start: float | None, end: float | None) -> float:
     return 0.0 if start is None or end is None else abs(normalized(end - start))
 
 
-def _fields(
+def _edge_fields(
     rule: track.VehicleTypeOnPath,
     orientation: float | None,
     transform: MapTransform,
@@ -165,7 +167,7 @@ def _fields(
         "maximum_mobile_robot_height": _not_negative(rule.max_height),
         "direction": guidance.direction if guidance else None,
         "length": transform.length_to_map(guidance.length) if guidance and guidance.length else None,
-        "corridor": _corridor(rule.corridor, transform, corridor_width),
+        "corridor": _make_corridor(rule.corridor, transform, corridor_width),
     }
     if orientation is not None:
         absolute = rule.orientation_type is track.PathOrientationType.GLOBAL
@@ -181,7 +183,7 @@ def _not_negative(height: float | None) -> float | None:
     return None if height is None or height < 0 else height
 
 
-def _corridor(
+def _make_corridor(
     corridor: track.PathCorridor | None, transform: MapTransform, width: float | None
 ) -> vda.Corridor | None:
     if corridor is None or width == 0:
@@ -195,7 +197,7 @@ def _corridor(
     )
 
 
-def _trajectory(
+def _make_trajectory(
     trajectory: track.PathTrajectory | None, ends: tuple[Point, Point], transform: MapTransform
 ) -> vda.Trajectory | None:
     """Return the trajectory in the map's frame; None if it does not lead from node to node."""
@@ -237,7 +239,7 @@ def required_actions(
             action_id=action_id,
             action_descriptor=each.action_description or each.action_type,
             blocking_type=BlockingType(each.blocking_type),
-            action_parameters=tuple(_fixed(each)),
+            action_parameters=tuple(_fixed_parameters(each)),
         )
         for each, action_id in zip(required, ids, strict=False)
     )
@@ -251,7 +253,7 @@ def as_ruled(actions: Iterable[Action], rule: track.VehicleTypeAtPoint | None) -
         if ruled is None:
             yield action
             continue
-        fixed = tuple(_fixed(ruled))
+        fixed = tuple(_fixed_parameters(ruled))
         keys = {each.key for each in fixed}
         others = (each for each in action.action_parameters if each.key not in keys)
         changes = {
@@ -261,5 +263,5 @@ def as_ruled(actions: Iterable[Action], rule: track.VehicleTypeAtPoint | None) -
         yield action.model_copy(update=changes)
 
 
-def _fixed(action: track.TypeAction) -> Iterator[ActionParameter]:
+def _fixed_parameters(action: track.TypeAction) -> Iterator[ActionParameter]:
     return (ActionParameter(key=each.key, value=json_value(each)) for each in action.action_parameters)

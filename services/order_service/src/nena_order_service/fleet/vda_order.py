@@ -146,19 +146,19 @@ class OperationMap:
         action_type = self.action_type(operation)
         if action_type == NO_ACTION:
             return ()
-        parameters = {**_station(action_type, location), **properties}
+        parameters = {**_station_parameters(action_type, location), **properties}
         action = Action(
             action_type=action_type,
             action_id=self.new_id(),
             action_descriptor=operation,
             blocking_type=BlockingType.HARD,
-            action_parameters=tuple(_parameters(parameters.items())),
+            action_parameters=tuple(_make_parameters(parameters.items())),
             retriable=retriable or None,
         )
         return (action,)
 
 
-def _station(action_type: str, location: Location | None) -> dict[str, JsonValue]:
+def _station_parameters(action_type: str, location: Location | None) -> dict[str, JsonValue]:
     if action_type not in STATION_ACTIONS:
         return {}
     station: dict[str, JsonValue] = (
@@ -167,7 +167,7 @@ def _station(action_type: str, location: Location | None) -> dict[str, JsonValue
     return {"stationType": "point", **station, "loadType": UNSPECIFIED_LOAD}
 
 
-def _parameters(values: Iterable[tuple[str, JsonValue]]) -> Iterable[ActionParameter]:
+def _make_parameters(values: Iterable[tuple[str, JsonValue]]) -> Iterable[ActionParameter]:
     return (ActionParameter(key=key, value=value) for key, value in values)
 
 
@@ -237,19 +237,19 @@ def build_vda_order(
     if route is not None and route.source != standing.point:
         message = f"the route begins at {route.source!r}, the robot is at {standing.point!r}"
         raise ValueError(message)
-    stops = list(_way(name, plant, standing, profile, route, rules=rules, speed_limit=speed_limit))
+    stops = list(_stops_of_route(name, plant, standing, profile, route, rules=rules, speed_limit=speed_limit))
     if coordinate is not None:
-        stops.append(_goal(name, profile, coordinate, stops[-1].map_id, speed_limit(None)))
-    elif len(stops) > 1 and (heading := _heading(plant, profile, stops[-1].node_id, rules)) is not None:
+        stops.append(_stop_at_goal(name, profile, coordinate, stops[-1].map_id, speed_limit(None)))
+    elif len(stops) > 1 and (heading := _heading_at(plant, profile, stops[-1].node_id, rules)) is not None:
         stops[-1] = replace(stops[-1], theta=heading)
     return VdaOrder(
         order_id=name,
-        nodes=tuple(_nodes(stops, profile, actions)),
-        edges=tuple(_edges(stops)),
+        nodes=tuple(_make_nodes(stops, profile, actions)),
+        edges=tuple(_make_edges(stops)),
     )
 
 
-def _way(
+def _stops_of_route(
     name: str,
     plant: PlantModel,
     standing: Standing,
@@ -269,22 +269,22 @@ def _way(
         yield _Stop(START_PREFIX + name, MapPlace(pose.x, pose.y), pose.map_id)
     if pose is None or route is not None:
         fields: dict[str, object] = {} if pose is None else {"maximum_speed": speed_limit(None)}
-        yield _at(plant, profile, rules, standing.point, fields)
+        yield _stop_at(plant, profile, rules, standing.point, fields)
     steps = route.steps if route else ()
     ruled = edge_fields([each.edge for each in steps], rules, plant, standing, profile)
     for step, of_rule in zip(steps, ruled, strict=True):
         fields = {"maximum_speed": speed_limit(step.edge), **of_rule}
-        yield _at(plant, profile, rules, step.destination, fields, step=step)
+        yield _stop_at(plant, profile, rules, step.destination, fields, step=step)
 
 
 def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing, rules: TypeRules) -> bool:
-    wanted = _heading(plant, profile, standing.point, rules)
+    wanted = _heading_at(plant, profile, standing.point, rules)
     if wanted is None or standing.pose is None:
         return False
     return abs(normalized(wanted - standing.pose.theta)) > profile.deviation_theta
 
 
-def _at(
+def _stop_at(
     plant: PlantModel,
     profile: RobotProfile,
     rules: TypeRules,
@@ -307,14 +307,14 @@ def _at(
     )
 
 
-def _heading(plant: PlantModel, profile: RobotProfile, point_name: str, rules: TypeRules) -> float | None:
+def _heading_at(plant: PlantModel, profile: RobotProfile, point_name: str, rules: TypeRules) -> float | None:
     point = plant.point(point_name)
     wanted = required_heading(rules.at(point), point)
     transform = profile.on(point.map_id or profile.map_id)
     return None if wanted is None else transform.heading_to_map(wanted)
 
 
-def _goal(
+def _stop_at_goal(
     name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str, maximum_speed: float | None
 ) -> _Stop:
     """Return the node of a coordinate, on the map of the node before it."""
@@ -323,7 +323,7 @@ def _goal(
     return _Stop(GOAL_PREFIX + name, place, map_id, theta, edge_fields={"maximum_speed": maximum_speed})
 
 
-def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...]) -> Iterator[Node]:
+def _make_nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...]) -> Iterator[Node]:
     last = len(stops) - 1
     for index, stop in enumerate(stops):
         own = tuple(as_ruled(actions, stop.rule)) if index == last else ()
@@ -332,12 +332,12 @@ def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...
             node_id=stop.node_id,
             sequence_id=2 * index,
             released=True,
-            node_position=_position(stop, profile, starts=index == 0),
+            node_position=_node_position(stop, profile, starts=index == 0),
             actions=(*required, *own),
         )
 
 
-def _position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePosition:
+def _node_position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePosition:
     """Return the position of a node; the start node has a wide deviation (section 6.6.2).
 
     The layout's bounds do not apply to the start node: a robot outside them would refuse the order.
@@ -359,7 +359,7 @@ def _position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePositi
     )
 
 
-def _edges(stops: list[_Stop]) -> Iterator[Edge]:
+def _make_edges(stops: list[_Stop]) -> Iterator[Edge]:
     for index, (before, after) in enumerate(pairwise(stops)):
         yield Edge(
             edge_id=after.edge_id or f"{before.node_id} --- {after.node_id}",
@@ -407,8 +407,8 @@ def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
 
 def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
     """Return the plan with its base ending at the node ``sequence_id`` (section 6.1.1)."""
-    nodes = tuple(_released(each, released=each.sequence_id <= sequence_id) for each in plan.nodes)
-    edges = tuple(_released(each, released=each.sequence_id < sequence_id) for each in plan.edges)
+    nodes = tuple(_with_release(each, released=each.sequence_id <= sequence_id) for each in plan.nodes)
+    edges = tuple(_with_release(each, released=each.sequence_id < sequence_id) for each in plan.edges)
     return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
 
 
@@ -422,16 +422,16 @@ def _same_base(held: VdaOrder, plan: VdaOrder, base: int) -> bool:
     """Return whether both have the same base; its optional fields may differ, as after a new factsheet."""
     before: tuple[Node | Edge, ...] = (*held.nodes[:base], *held.edges[: base - 1])
     after: tuple[Node | Edge, ...] = (*plan.nodes[:base], *plan.edges[: base - 1])
-    return [*map(_outline, before)] == [*map(_outline, after)]
+    return [*map(_outline_of, before)] == [*map(_outline_of, after)]
 
 
-def _outline(part: Node | Edge) -> tuple[str, int, list[str]]:
+def _outline_of(part: Node | Edge) -> tuple[str, int, list[str]]:
     """Return the identity of a node or an edge."""
     name = part.node_id if isinstance(part, Node) else part.edge_id
     return name, part.sequence_id, [action.action_id for action in part.actions]
 
 
-def _released(part: G, *, released: bool) -> G:
+def _with_release(part: G, *, released: bool) -> G:
     return part if part.released is released else part.model_copy(update={"released": released})
 
 

@@ -58,13 +58,13 @@ class ReleaseManager:
 
     def on_state(self, robot: RobotKey, state: State) -> None:
         """Update a robot's requests from its state (section 6.9)."""
-        requests = {(_place(each), each.request_id): each for each in _requests(state)}
+        requests = {(_place_of(each), each.request_id): each for each in _open_requests(state)}
         for place, asked in list(self._asked.items()):
             asked[:] = [each for each in asked if each.robot != robot or (place, each.request_id) in requests]
             if not asked:
                 del self._asked[place]
         for (place, _), request in requests.items():
-            self._note(robot, self._asked.setdefault(place, []), request)
+            self._note_request(robot, self._asked.setdefault(place, []), request)
 
     def answers(
         self, now: float, *, all_known: bool, reachable: Callable[[RobotKey], bool]
@@ -76,9 +76,9 @@ class ReleaseManager:
         by_robot: dict[RobotKey, list[Response]] = {}
         for asked in self._asked.values():
             for each in asked:
-                wanted = self._wanted(each, asked, all_known=all_known)
-                if reachable(each.robot) and self._due(each, wanted, now):
-                    by_robot.setdefault(each.robot, []).append(self._answer(each, wanted, now))
+                wanted = self._wanted_answer(each, asked, all_known=all_known)
+                if reachable(each.robot) and self._is_due(each, wanted, now):
+                    by_robot.setdefault(each.robot, []).append(self._make_answer(each, wanted, now))
         for robot, responses in by_robot.items():
             yield PublishResponses(robot, tuple(responses))
 
@@ -87,14 +87,14 @@ class ReleaseManager:
         """Whether any robot has requests."""
         return bool(self._asked)
 
-    def _note(self, robot: RobotKey, asked: list[_Asked], request: Request) -> None:
+    def _note_request(self, robot: RobotKey, asked: list[_Asked], request: Request) -> None:
         for each in asked:
             if (each.robot, each.request_id) == (robot, request.request_id):
                 each.shown = request.request_status
                 return
         asked.append(_Asked(robot, request.request_id, request.request_status))
 
-    def _wanted(self, each: _Asked, asked: list[_Asked], *, all_known: bool) -> GrantType:
+    def _wanted_answer(self, each: _Asked, asked: list[_Asked], *, all_known: bool) -> GrantType:
         """Return the answer to a request by the release policy."""
         policy = self.settings.release_policy
         if policy is ReleasePolicy.ALL:
@@ -106,9 +106,9 @@ class ReleaseManager:
             return GrantType.REVOKED if each.holds else GrantType.QUEUED
         return GrantType.GRANTED if all_known or each.holds else GrantType.QUEUED
 
-    def _due(self, each: _Asked, wanted: GrantType, now: float) -> bool:
+    def _is_due(self, each: _Asked, wanted: GrantType, now: float) -> bool:
         """Return whether to send the answer: it is new, the robot does not show it, or its lease runs out."""
-        if _shows(each, wanted):
+        if _shows_answer(each, wanted):
             return wanted is GrantType.GRANTED and self._must_renew(each, now)
         if each.answer is not wanted:
             return True
@@ -120,8 +120,8 @@ class ReleaseManager:
         lease = self.settings.release_lease
         return lease > 0 and (each.lease_until is None or now >= each.lease_until - lease / 2)
 
-    def _answer(self, each: _Asked, wanted: GrantType, now: float) -> Response:
-        again = each.answer is wanted and not _shows(each, wanted)
+    def _make_answer(self, each: _Asked, wanted: GrantType, now: float) -> Response:
+        again = each.answer is wanted and not _shows_answer(each, wanted)
         each.repeats = each.repeats + 1 if again else 0
         each.answer, each.answered_at = wanted, now
         lease = self.settings.release_lease if wanted is GrantType.GRANTED else 0.0
@@ -130,20 +130,20 @@ class ReleaseManager:
         return Response(request_id=each.request_id, grant_type=wanted, lease_expiry=expiry)
 
 
-def _requests(state: State) -> Iterator[Request]:
+def _open_requests(state: State) -> Iterator[Request]:
     """Yield the requests to answer; corridors of the horizon must wait until their edges are released."""
     horizon = {each.sequence_id for each in state.edge_states if not each.released}
     yield from state.zone_requests or ()
     yield from (each for each in state.edge_requests or () if each.sequence_id not in horizon)
 
 
-def _place(request: Request) -> Place:
+def _place_of(request: Request) -> Place:
     if isinstance(request, EdgeRequest):
         return (request.edge_id,)
     return request.zone_set_id, request.zone_id
 
 
-def _shows(each: _Asked, wanted: GrantType) -> bool:
+def _shows_answer(each: _Asked, wanted: GrantType) -> bool:
     """Return whether the robot's state shows the answer; some answers, such as QUEUED, need not be shown."""
     match wanted:
         case GrantType.GRANTED:

@@ -39,7 +39,7 @@ class DueTimes:
         self._times[number] = time
         heappush(self._queue, (time, number))
         if len(self._queue) >= self._sweep_at:
-            self._sweep()
+            self._drop_passed()
 
     def take(self, now: datetime) -> list[int]:
         """Remove and return the numbers of the orders that are due, once each; some may have ended."""
@@ -51,7 +51,7 @@ class DueTimes:
                 due.append(number)
         return due
 
-    def _sweep(self) -> None:
+    def _drop_passed(self) -> None:
         self._times = {number: time for number, time in self._times.items() if not self._is_over(number)}
         self._queue = [(time, number) for number, time in self._times.items()]
         heapify(self._queue)

@@ -103,7 +103,7 @@ class OrderSequence:
             message = f"order sequence {self.name!r} is complete"
             raise SequenceRuleError(message)
         orders = (*self.status.orders, order)
-        return self._changed(now, SequenceEvent.ORDER_APPENDED, order, orders=orders)
+        return self._with_event(now, SequenceEvent.ORDER_APPENDED, order, orders=orders)
 
     def bound(self, vehicle: str, now: datetime) -> Self:
         """Bind the whole sequence to a vehicle."""
@@ -113,7 +113,7 @@ class OrderSequence:
             message = f"order sequence {self.name!r} is not free for {vehicle!r}"
             raise SequenceRuleError(message)
         event = SequenceEvent.PROCESSING_VEHICLE_CHANGED
-        return self._changed(now, event, vehicle, processing_vehicle=vehicle)
+        return self._with_event(now, event, vehicle, processing_vehicle=vehicle)
 
     def rebound(self, vehicle: str) -> Self:
         """Replace the name of the bound vehicle, after a change of the plant model."""
@@ -128,7 +128,7 @@ class OrderSequence:
         """Close the sequence to new orders; do nothing if it is already complete."""
         if self.status.complete:
             return self
-        return self._changed(now, SequenceEvent.SEQUENCE_COMPLETED, why, complete=True)
+        return self._with_event(now, SequenceEvent.SEQUENCE_COMPLETED, why, complete=True)
 
     def advanced(self, is_ended: Callable[[str], bool], now: datetime) -> Self:
         """Advance past all ended orders without a gap; never go back."""
@@ -137,13 +137,13 @@ class OrderSequence:
             index += 1
         if index == self.status.finished_index:
             return self
-        return self._changed(now, None, finished_index=index)
+        return self._with_event(now, None, finished_index=index)
 
     def behind(self, order: str) -> tuple[str, ...]:
         """Return the names of the orders behind ``order``."""
         return self.status.orders[self.status.orders.index(order) + 1 :]
 
-    def _changed(
+    def _with_event(
         self, now: datetime, event: SequenceEvent | None, *supplements: str, **changes: object
     ) -> Self:
         history = self.status.history

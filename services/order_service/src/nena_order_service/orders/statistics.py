@@ -57,11 +57,11 @@ class OrderStatistics:
 
     def loaded(self, order: TransportOrder) -> None:
         """Count an order from before the restart in its current state."""
-        self._move(None, order)
+        self._count_change(None, order)
 
     def changed(self, before: TransportOrder | None, order: TransportOrder) -> None:
         """Count the new version of an order; ``before`` is the previous one, None for a new order."""
-        self._move(before, order)
+        self._count_change(before, order)
         status, was = order.status, before.status if before else None
         for entry in status.history[len(was.history) if was else 0 :]:
             if entry.event_code in self.events:
@@ -75,7 +75,7 @@ class OrderStatistics:
             if status.finished:
                 self.durations[status.state].observe((status.finished - status.created).total_seconds())
 
-    def _move(self, before: TransportOrder | None, order: TransportOrder) -> None:
+    def _count_change(self, before: TransportOrder | None, order: TransportOrder) -> None:
         for version, step in ((before, -1), (order, 1)):
             if version is None or version.state.final:
                 continue

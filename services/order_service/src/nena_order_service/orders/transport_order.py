@@ -217,12 +217,12 @@ class TransportOrder:
 
     def activated(self) -> Self:
         """Accept a RAW order; it is ACTIVE while it waits for its conditions."""
-        return self._moved(S.ACTIVE, WAITS_FOR_CONDITIONS)
+        return self._move_to(S.ACTIVE, WAITS_FOR_CONDITIONS)
 
     def dispatchable(self) -> Self:
         """Make an ACTIVE order assignable."""
         held = self.status.held
-        return self._moved(S.DISPATCHABLE, why_held(held) if held else WAITS_FOR_TURN)
+        return self._move_to(S.DISPATCHABLE, why_held(held) if held else WAITS_FOR_TURN)
 
     def waiting(self, reason: Reason) -> Self:
         """Return the order with its wait reason; unchanged if it is the same, or if the order is held."""
@@ -232,7 +232,7 @@ class TransportOrder:
 
     def unroutable(self, reason: Reason, now: datetime) -> Self:
         """Refuse a RAW order for which the plant has no route."""
-        return self._ended(S.UNROUTABLE, reason, now)
+        return self._end_in(S.UNROUTABLE, reason, now)
 
     def intended_for(self, vehicle: str | None, now: datetime) -> Self:
         """Set the intended vehicle of an unassigned order; None: any."""
@@ -264,7 +264,7 @@ class TransportOrder:
             each.model_copy(update={"route": route, "state": state})
             for each, route, state in zip(left, routes, states, strict=True)
         ]
-        return self._moved(
+        return self._move_to(
             S.BEING_PROCESSED,
             None,
             self.entry(now, EventCode.ASSIGNED_TO_VEHICLE, vehicle, why),
@@ -277,7 +277,7 @@ class TransportOrder:
     def dispatchable_again(self, entry: HistoryEntry, **changes: object) -> Self:
         """Make the order assignable to another vehicle, from its current destination on."""
         waiting = self.current.model_copy(update={"state": DriveOrderState.PRISTINE, "route": None})
-        return self._moved(
+        return self._move_to(
             S.DISPATCHABLE,
             WAITS_FOR_ANOTHER_VEHICLE,
             entry,
@@ -328,7 +328,7 @@ class TransportOrder:
         )
         left_out = sum(each.state is DriveOrderState.FAILED for each in drive_orders)
         vehicle = self.vehicle or ""
-        return self._ended(
+        return self._end_in(
             S.FINISHED,
             Reason(R.DONE_WITHOUT, vehicle=vehicle, count=left_out)
             if left_out
@@ -346,14 +346,14 @@ class TransportOrder:
             else each.model_copy(update={"state": DriveOrderState.FAILED})
             for each in self.status.drive_orders
         )
-        return self._ended(S.FAILED, reason, now, drive_orders=drive_orders)
+        return self._end_in(S.FAILED, reason, now, drive_orders=drive_orders)
 
     def withdrawn(self, reason: Reason | str, now: datetime) -> Self:
         """Withdraw the order: it fails at once, or once the vehicle that works on it has released it."""
         reason = Reason.of(reason)
         entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
         if self.state not in (S.ACTIVE, S.DISPATCHABLE):
-            return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
+            return self._move_to(S.WITHDRAWN, None, entry, held=None, next_try=None)
         noted = self.status.model_copy(update={"history": (*self.status.history, entry)})
         return type(self)(self.number, noted, self.idempotency_key).failed(reason, now)
 
@@ -367,7 +367,7 @@ class TransportOrder:
     def with_wait_reason(self, why: Reason | None) -> Self:
         """Note why the vehicle cannot continue, None if it can; a repeated reason changes nothing."""
         self.require("getting a wait reason", S.BEING_PROCESSED, S.WITHDRAWN)
-        reason = Reason(R.BUT, _doing(self.status), why) if why else _doing(self.status)
+        reason = Reason(R.BUT, _activity_of(self.status), why) if why else _activity_of(self.status)
         same = reason.is_sent_as(self.status.coded_reason)
         return self if same else self.changed(**explained(reason))
 
@@ -419,7 +419,7 @@ class TransportOrder:
 
     def retried(self, taken: int, why: Reason, *, now: datetime, next_try: datetime | None = None) -> Self:
         """Note a retry by the same vehicle, at ``next_try`` if given."""
-        return self._again(EventCode.RETRIED, taken, why, now=now, next_try=next_try)
+        return self._with_measures(EventCode.RETRIED, taken, why, now=now, next_try=next_try)
 
     def replanned(
         self,
@@ -432,7 +432,7 @@ class TransportOrder:
     ) -> Self:
         """Note a retry by the same vehicle on a route that also avoids these paths and points."""
         why = Reason(R.AVOIDS, why, names=", ".join(avoided))
-        order = self._again(EventCode.REPLANNED, taken, why, now=now, next_try=next_try)
+        order = self._with_measures(EventCode.REPLANNED, taken, why, now=now, next_try=next_try)
         current = order.current.model_copy(update={"avoided": (*order.current.avoided, *avoided)})
         return order.changed(drive_orders=order.with_current(current))
 
@@ -473,7 +473,7 @@ class TransportOrder:
             return self.status.drive_orders
         return self.with_current(self.current.model_copy(update={"state": DriveOrderState.OPERATING}))
 
-    def _again(
+    def _with_measures(
         self, code: EventCode, taken: int, why: Reason, *, now: datetime, next_try: datetime | None
     ) -> Self:
         current = self.current.model_copy(update={"measures_taken": taken})
@@ -493,13 +493,15 @@ class TransportOrder:
         changed = drive_orders[index].model_copy(update={"state": state})
         return (*drive_orders[:index], changed, *drive_orders[index + 1 :])
 
-    def _ended(self, state: TransportOrderState, reason: Reason, now: datetime, **changes: object) -> Self:
+    def _end_in(self, state: TransportOrderState, reason: Reason, now: datetime, **changes: object) -> Self:
         entry = self.entry(now, EventCode.FINAL_STATE_REACHED, state, reason)
         deadline = self.status.deadline
         late = self.status.late or (deadline is not None and deadline < now)
-        return self._moved(state, reason, entry, finished=now, late=late, held=None, next_try=None, **changes)
+        return self._move_to(
+            state, reason, entry, finished=now, late=late, held=None, next_try=None, **changes
+        )
 
-    def _moved(
+    def _move_to(
         self,
         state: TransportOrderState,
         reason: Reason | None,
@@ -518,7 +520,7 @@ class TransportOrder:
         """Return the next version, with changed fields of the status."""
         status = self.status.model_copy(update={**changes, "version": self.status.version + 1})
         if "reason" not in changes and status.state in (S.BEING_PROCESSED, S.WITHDRAWN):
-            status = status.model_copy(update=explained(_doing(status)))
+            status = status.model_copy(update=explained(_activity_of(status)))
         return type(self)(self.number, status, self.idempotency_key)
 
     def require(self, change: str, *states: TransportOrderState) -> None:
@@ -550,7 +552,7 @@ def why_held(hold: Hold) -> Reason:
     return Reason(R.HELD, Reason.of(hold.reason, hold.coded_reason), by=hold.by, since=hold.since)
 
 
-def _doing(status: TransportOrderStatus) -> Reason:
+def _activity_of(status: TransportOrderStatus) -> Reason:
     """Return what a vehicle is doing for its order."""
     vehicle, number = status.processing_vehicle or "", status.current_drive_order_index + 1
     if status.state is S.WITHDRAWN:

@@ -120,7 +120,7 @@ def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[
         yield from _check_operation(destination.operation, plant.location(name), plant)
     elif name is not None and name not in plant.points_by_name:
         known = [*plant.locations_by_name, *plant.points_by_name]
-        yield Finding(Reason(R.UNKNOWN_PLACE, *_like(name, known), name=name), unknown=True)
+        yield Finding(Reason(R.UNKNOWN_PLACE, *_similar_names(name, known), name=name), unknown=True)
     elif destination.operation not in POINT_OPERATIONS:
         operation = destination.operation
         at_coordinate = Reason(R.NOT_AT_COORDINATE, operation=operation)
@@ -131,7 +131,7 @@ def _check_peripherals(destination: Destination, plant: PlantModel) -> Iterator[
     for each in destination.peripheral_operations:
         location = plant.locations_by_name.get(each.location)
         if location is None:
-            like = _like(each.location, plant.locations_by_name)
+            like = _similar_names(each.location, plant.locations_by_name)
             yield Finding(Reason(R.UNKNOWN_DEVICE, *like, location=each.location), unknown=True)
             continue
         possible = plant.location_types_by_name[location.type].allowed_peripheral_operations
@@ -145,19 +145,19 @@ def _check_operation(operation: str, location: Location, plant: PlantModel) -> I
     if not location.links:
         yield Finding(Reason(R.NO_LINK, location=location.name))
     elif not plant.access_points(location.name, operation):
-        possible = {NO_OPERATION, *_operations(location.links, location, plant)}
+        possible = {NO_OPERATION, *_operations_at(location.links, location, plant)}
         names = ", ".join(sorted(possible))
         yield Finding(Reason(R.NOT_AT_LOCATION, operation=operation, location=location.name, names=names))
 
 
-def _operations(links: Iterable[Link], location: Location, plant: PlantModel) -> Iterator[str]:
+def _operations_at(links: Iterable[Link], location: Location, plant: PlantModel) -> Iterator[str]:
     for link in links:
         yield from plant.link_operations(location, link)
 
 
 def _check_vehicle(name: str | None, vehicles: Collection[str]) -> Iterator[Finding]:
     if name is not None and name not in vehicles:
-        yield Finding(Reason(R.UNKNOWN_VEHICLE, *_like(name, vehicles), vehicle=name), unknown=True)
+        yield Finding(Reason(R.UNKNOWN_VEHICLE, *_similar_names(name, vehicles), vehicle=name), unknown=True)
 
 
 def _check_resources_to_avoid(properties: Iterable[Property], plant: PlantModel) -> Iterator[Finding]:
@@ -169,7 +169,7 @@ def _check_resources_to_avoid(properties: Iterable[Property], plant: PlantModel)
             yield Finding(why, unknown=True)
 
 
-def _like(name: str, known: Collection[str]) -> Iterator[Reason]:
+def _similar_names(name: str, known: Collection[str]) -> Iterator[Reason]:
     """Yield what may have been meant, if it is known."""
     alike = get_close_matches(name, list(known), n=3)
     if alike:

@@ -67,15 +67,15 @@ class PeripheralJob(BaseModel):
 
     def begun(self) -> Self:
         """Return the job as sent to its device."""
-        return self._with(state=PeripheralJobState.BEING_PROCESSED)
+        return self._with_status(state=PeripheralJobState.BEING_PROCESSED)
 
     def finished(self, now: datetime) -> Self:
         """Return the job as executed."""
-        return self._with(state=PeripheralJobState.FINISHED, finished=now)
+        return self._with_status(state=PeripheralJobState.FINISHED, finished=now)
 
     def failed(self, reason: Reason, now: datetime) -> Self:
         """Return the job as failed."""
-        return self._with(state=PeripheralJobState.FAILED, finished=now, **explained(reason))
+        return self._with_status(state=PeripheralJobState.FAILED, finished=now, **explained(reason))
 
     def request(self, now: datetime) -> DeviceRequest:
         """Return the message to its device."""
@@ -91,5 +91,5 @@ class PeripheralJob(BaseModel):
             timestamp=now,
         )
 
-    def _with(self, **changes: object) -> Self:
+    def _with_status(self, **changes: object) -> Self:
         return self.model_copy(update={"status": self.status.model_copy(update=changes)})

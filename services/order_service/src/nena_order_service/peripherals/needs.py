@@ -85,7 +85,7 @@ class NeedsFinder:
         for step, edge in enumerate(edges):
             path = edge.removesuffix(BACKWARD_SUFFIX)
             for place, each in enumerate(self._by_path.get(path, ())):
-                yield _needed(JobKey(order_id, step, path, place), step, each)
+                yield _needed_operation(JobKey(order_id, step, path, place), step, each)
 
     def _of_destination(
         self, order_id: str, last: int, operations: Sequence[StepOperation]
@@ -101,7 +101,7 @@ class NeedsFinder:
             )
 
 
-def _needed(key: JobKey, step: int, operation: PeripheralOperation) -> NeededOperation:
+def _needed_operation(key: JobKey, step: int, operation: PeripheralOperation) -> NeededOperation:
     return NeededOperation(
         key,
         step,

@@ -98,10 +98,10 @@ class NoRouteError(Exception):
         self.destinations = tuple(destinations)
         self.vehicle = None if vehicle is None else vehicle.name
         self.avoid = tuple(sorted(avoid))
-        self.reason = self._reason()
+        self.reason = self._reason_text()
         super().__init__(self.reason)
 
-    def _reason(self) -> Reason:
+    def _reason_text(self) -> Reason:
         details = []
         if self.vehicle:
             details.append(Reason(R.FOR_VEHICLE, vehicle=self.vehicle))
@@ -200,9 +200,9 @@ class Access:
 
     def _path_is_open(self, path: Path) -> bool:
         types = self._profile.vehicle_types
-        return all(map(path.is_open_to, types)) and all(map(self._fits, self._profile.uses_of(path)))
+        return all(map(path.is_open_to, types)) and all(map(self._fits_box, self._profile.uses_of(path)))
 
-    def _fits(self, use: VehicleTypeOnPath) -> bool:
+    def _fits_box(self, use: VehicleTypeOnPath) -> bool:
         box = self._profile.bounding_box
         return use.max_height is None or box is None or box.height_mm <= use.max_height * MM_PER_M
 
@@ -292,22 +292,22 @@ class RoutingGraph:
         self._backward: rx.PyDiGraph[str, Step] | None = None
         self._graph: rx.PyDiGraph[str, Step] = rx.PyDiGraph()
         self._graph.add_nodes_from(list(self._indices))
-        self._add(plant.edges(), locks)
+        self._add_edges(plant.edges(), locks)
 
     def lock(self, paths: Iterable[Path], locks: Mapping[str, bool]) -> None:
         """Remove or add the edges of the paths whose locks have changed."""
         for path in paths:
             for index in {*self._path_indices(path)}:
                 self._graph.remove_edge_from_index(index)
-            self._add(path.edges(), locks)
+            self._add_edges(path.edges(), locks)
         self._backward = None
 
-    def _add(self, edges: Iterable[DirectedEdge], locks: Mapping[str, bool] | None) -> None:
+    def _add_edges(self, edges: Iterable[DirectedEdge], locks: Mapping[str, bool] | None) -> None:
         allowed = filter(Access(self._plant, self._profile, locks).allows, edges)
         self._graph.add_edges_from(
             [
                 (self._indices[step.source], self._indices[step.destination], step)
-                for step in _steps(allowed, self._costs, self._profile)
+                for step in _steps_of(allowed, self._costs, self._profile)
             ]
         )
 
@@ -403,13 +403,15 @@ class RoutingGraph:
         """
         for source in {each.source for path in changed for each in path.edges()} - {goal}:
             before = costs.source(source)
-            ways = [(step.cost + costs.source(step.destination), step.cost) for step in self._from(source)]
+            ways = [
+                (step.cost + costs.source(step.destination), step.cost) for step in self._steps_from(source)
+            ]
             now, last = min(ways, default=(inf, inf))
             if now != before or not last:
                 return False
         return True
 
-    def _from(self, point: str) -> list[Step]:
+    def _steps_from(self, point: str) -> list[Step]:
         return [step for _, _, step in self._graph.out_edges(self._indices[point])]
 
     def _path_indices(self, path: Path) -> list[int]:
@@ -422,7 +424,7 @@ class RoutingGraph:
         ]
 
 
-def _steps(
+def _steps_of(
     edges: Iterable[DirectedEdge], costs: Sequence[CostEvaluator], profile: RoutingProfile
 ) -> Iterator[Step]:
     for edge in edges:

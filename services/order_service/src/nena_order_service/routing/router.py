@@ -88,13 +88,13 @@ class Router:
             NoRouteError: there is no route.
         """
         self._check_points((source, destination))
-        graph = self._graph(vehicle, avoid)
+        graph = self._graph_for(vehicle, avoid)
         if burden:
             usual = self.costs_to(destination, vehicle=vehicle)
             steps = graph.shortest_now(source, destination, burden, usual)
         else:
             steps = graph.shortest(source, destination)
-        return _found(steps, source, destination, vehicle, avoid)
+        return _route_of_steps(steps, source, destination, vehicle, avoid)
 
     def route_through(
         self,
@@ -111,30 +111,31 @@ class Router:
         :meth:`route`; NoRouteError names the first destination that cannot be reached.
         """
         self._check_points([source, *chain.from_iterable(destinations)])
-        graph = self._graph(vehicle, avoid)
+        graph = self._graph_for(vehicle, avoid)
         points = (source, *chain.from_iterable(destinations))
         if any(len(choice) != 1 for choice in destinations):  # otherwise there is nothing to compare
             ways = {source: _Way(0.0, (source,))}
             for choice in destinations:
-                longer = _longer(graph, ways, choice)
+                longer = _longer_routes(graph, ways, choice)
                 if not longer:
                     raise NoRouteError(next(iter(ways)), choice, vehicle, avoid)
                 ways = longer
             points = min(ways.values()).points
         return tuple(
-            _found(graph.shortest(start, end), start, end, vehicle, avoid) for start, end in pairwise(points)
+            _route_of_steps(graph.shortest(start, end), start, end, vehicle, avoid)
+            for start, end in pairwise(points)
         )
 
     def along(
         self, start: str, way: Iterable[tuple[str, Collection[str]]], *, vehicle: Vehicle | None = None
     ) -> tuple[Step, ...] | None:
         """Return the steps to these points in turn; see :meth:`RoutingGraph.along`."""
-        return self._graph(vehicle).along(start, way)
+        return self._graph_for(vehicle).along(start, way)
 
     def costs_from(self, source: str, *, vehicle: Vehicle | None = None) -> dict[str, float]:
         """Return the cost of each reachable point. Raises UnknownObjectError."""
         self._check_points((source,))
-        return self._graph(vehicle).costs_from(source, self._plant.points_by_name)
+        return self._graph_for(vehicle).costs_from(source, self._plant.points_by_name)
 
     def costs_to(
         self, destination: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
@@ -147,7 +148,7 @@ class Router:
         known = self._maps.get(key)
         if known is None:
             self._check_points((destination,))
-            known = self._maps[key] = self._graph(vehicle, avoid).costs_to(destination)
+            known = self._maps[key] = self._graph_for(vehicle, avoid).costs_to(destination)
             while len(self._maps) * len(self._plant.points) > COSTS_KEPT and len(self._maps) > 1:
                 self._maps.popitem(last=False)
         else:
@@ -168,19 +169,19 @@ class Router:
         """Return the possible types of a vehicle, as far as they affect its routes."""
         return self._kinds.of(vehicle).profile.vehicle_types
 
-    def _graph(self, vehicle: Vehicle | None, avoid: Collection[str] = ()) -> RoutingGraph:
+    def _graph_for(self, vehicle: Vehicle | None, avoid: Collection[str] = ()) -> RoutingGraph:
         kind = self._kinds.of(vehicle)
         graph = self._graphs.get(kind.number)
         if graph is None:
             graph = RoutingGraph(self._plant, self._costs, kind.profile, self._locks)
             self._graphs[kind.number] = graph
-        return graph.without(*self._resources(avoid)) if avoid else graph
+        return graph.without(*self._points_and_paths(avoid)) if avoid else graph
 
     def _check_points(self, names: Iterable[str]) -> None:
         for name in names:
             self._plant.point(name)
 
-    def _resources(self, names: Collection[str]) -> tuple[list[str], list[Path]]:
+    def _points_and_paths(self, names: Collection[str]) -> tuple[list[str], list[Path]]:
         """Return the points and paths of these names; locations stand for their linked points."""
         plant = self._plant
         points = [name for name in names if name in plant.points_by_name]
@@ -199,7 +200,7 @@ class _Way(NamedTuple):
     points: tuple[str, ...]
 
 
-def _found(
+def _route_of_steps(
     steps: tuple[Step, ...] | None,
     source: str,
     destination: str,
@@ -211,7 +212,7 @@ def _found(
     return Route(source, destination, steps)
 
 
-def _longer(graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[str]) -> dict[str, _Way]:
+def _longer_routes(graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[str]) -> dict[str, _Way]:
     """Return the cheapest route to each reachable point of the choice, given the cheapest routes so far."""
     longer: dict[str, _Way] = {}
     for start, way in ways.items():
@@ -311,7 +312,7 @@ class RouteFinder:
     ) -> bool:
         """Return whether :meth:`find` would find a route without the locks set by hosts."""
         try:
-            self._find(self._without_host_locks, start, destinations, vehicle, avoid)
+            self._find_plan(self._without_host_locks, start, destinations, vehicle, avoid)
         except NoRouteError:
             return False
         return True
@@ -331,9 +332,9 @@ class RouteFinder:
 
         """
         with self.planning.timed():
-            return self._find(self.router, start, destinations, vehicle, avoid)
+            return self._find_plan(self.router, start, destinations, vehicle, avoid)
 
-    def _find(
+    def _find_plan(
         self,
         router: Router,
         start: str,
@@ -393,7 +394,7 @@ class RouteFinder:
         reason = Reason(R.NO_ACCESS_POINT)
         for start in starts:
             try:
-                self._find(self._without_host_locks, start, destinations, None, avoid)
+                self._find_plan(self._without_host_locks, start, destinations, None, avoid)
             except NoRouteError as error:
                 reason = error.reason
             else:
@@ -467,7 +468,7 @@ class RouteCosts:
     ) -> RouteCost:
         """Return the cost of the route that :meth:`RouteFinder.find` would find."""
         if any(each.coordinate for each in destinations):
-            return self._searched(start, destinations, vehicle, avoid)
+            return self._search_cost(start, destinations, vehicle, avoid)
         return self.of(destinations, vehicle=vehicle, avoid=avoid).source(start)
 
     def of(
@@ -491,7 +492,7 @@ class RouteCosts:
             later = OrderCosts(entries)
         return OrderCosts(entries)
 
-    def _searched(
+    def _search_cost(
         self, start: str, destinations: Sequence[Destination], vehicle: Vehicle | None, avoid: Collection[str]
     ) -> RouteCost:
         try:
@@ -516,7 +517,7 @@ class VehicleRoutes:
         """``model_of`` returns the plant model's data of the vehicle of this name; None if it has none."""
         self._router = router
         self._model_of = model_of
-        self._route = lru_cache(ROUTES_KEPT)(self._find)
+        self._route = lru_cache(ROUTES_KEPT)(self._find_plan)
         self._nearest = lru_cache(PLACES_KEPT)(self._sort_places)
 
     def route(
@@ -536,7 +537,7 @@ class VehicleRoutes:
         if burden:
             model = self._model_of(vehicle)
             return self._router.route(start, goal, vehicle=model, avoid=avoid, burden=burden)
-        found = self._route(self._model(vehicle), start, goal, frozenset(avoid))
+        found = self._route(self._model_name(vehicle), start, goal, frozenset(avoid))
         if isinstance(found, NoRouteError):
             raise found.with_traceback(None)
         return found
@@ -549,17 +550,17 @@ class VehicleRoutes:
 
     def nearest(self, vehicle: str, start: str) -> Sequence[str]:
         """Return the points that can be reached from ``start``, the nearest first."""
-        return self._nearest(self._model(vehicle), start)
+        return self._nearest(self._model_name(vehicle), start)
 
     def forget(self) -> None:
         """Drop all cached routes, because the plant has changed."""
         self._route.cache_clear()
         self._nearest.cache_clear()
 
-    def _model(self, vehicle: str) -> str | None:
+    def _model_name(self, vehicle: str) -> str | None:
         return vehicle if self._model_of(vehicle) else None
 
-    def _find(
+    def _find_plan(
         self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]
     ) -> Route | NoRouteError:
         """Return the route, or the error: both are cached, because a failed search costs as much."""

@@ -186,21 +186,21 @@ def read_page(engine: sa.Engine, wanted: AuditQuery) -> AuditPage:
         after = int(wanted.after)
         query = query.where(table.c.sequence > after if wanted.oldest_first else table.c.sequence < after)
     order = table.c.sequence if wanted.oldest_first else table.c.sequence.desc()
-    with _snapshot(engine).connect() as connection:
+    with _snapshot_engine(engine).connect() as connection:
         rows = connection.execute(query.order_by(order).limit(wanted.limit + 1)).mappings().all()
         last, deleted = read_mark(connection, LAST), read_mark(connection, DELETED)
-    entries = tuple(_entry(dict(row)) for row in rows[: wanted.limit])
+    entries = tuple(_entry_of(dict(row)) for row in rows[: wanted.limit])
     following = str(entries[-1].sequence) if len(rows) > wanted.limit else None
     return AuditPage(entries=entries, next=following, deleted=deleted, last=last)
 
 
-def _snapshot(engine: sa.Engine) -> sa.Engine:
+def _snapshot_engine(engine: sa.Engine) -> sa.Engine:
     """Return the engine with transactions that see one state of the database; those of SQLite always do."""
     is_sqlite = engine.dialect.name == "sqlite"
     return engine if is_sqlite else engine.execution_options(isolation_level="REPEATABLE READ")
 
 
-def _entry(values: dict[str, Any]) -> AuditEntry:
+def _entry_of(values: dict[str, Any]) -> AuditEntry:
     return AuditEntry.model_validate({**_as_json(values), "hash": values["hash"]})
 
 

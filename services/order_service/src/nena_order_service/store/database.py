@@ -125,13 +125,13 @@ DatabaseRow = dict[str, object]
 
 
 @lru_cache
-def _statements(name: str) -> Mapping[str, str]:
+def _statements_for(name: str) -> Mapping[str, str]:
     """Return the statements in a database's dialect, as text: it takes half the time of SQLAlchemy's objects.
 
     Their parameters are named like the tables' columns, also in WHERE.
     """
     orders, history, audit_rows = schema.transport_orders.c, schema.history.c, schema.audit.c
-    inserting, dialect = _dialect(name)
+    inserting, dialect = _dialect_of(name)
     others: dict[str, sa.BindParameter[Any]] = {
         column.name: sa.bindparam(column.name) for column in orders if column.name != "number"
     }
@@ -153,13 +153,13 @@ def _statements(name: str) -> Mapping[str, str]:
         ),
         "insert audit": sa.insert(schema.audit),
         "delete audit": sa.delete(schema.audit).where(audit_rows.sequence <= sa.bindparam("sequence")),
-        **{f"put {table.name}": _put(inserting, table) for table in replaced},
-        **{f"delete {table.name}": _delete(table) for table in (schema.drives, schema.documents)},
+        **{f"put {table.name}": _upsert_row(inserting, table) for table in replaced},
+        **{f"delete {table.name}": _delete_row(table) for table in (schema.drives, schema.documents)},
     }
     return {key: str(text.compile(dialect=dialect)) for key, text in texts.items()}
 
 
-def _dialect(name: str) -> tuple[Callable[[sa.Table], Any], Any]:
+def _dialect_of(name: str) -> tuple[Callable[[sa.Table], Any], Any]:
     """Return the function that creates an INSERT of this dialect, and the dialect with named parameters."""
     if name == "sqlite":
         return sqlite.insert, sqlite.dialect(paramstyle="named")
@@ -169,7 +169,7 @@ def _dialect(name: str) -> tuple[Callable[[sa.Table], Any], Any]:
     return postgresql.insert, psycopg.dialect()  # type: ignore[no-untyped-call] # of the library
 
 
-def _put(inserting: Callable[[sa.Table], Any], table: sa.Table) -> sa.ClauseElement:
+def _upsert_row(inserting: Callable[[sa.Table], Any], table: sa.Table) -> sa.ClauseElement:
     """Insert a row, or replace the one with the same key."""
     # Both dialects use the same syntax, in classes of their own.
     statement = inserting(table)
@@ -177,7 +177,7 @@ def _put(inserting: Callable[[sa.Table], Any], table: sa.Table) -> sa.ClauseElem
     return statement.on_conflict_do_update(index_elements=list(table.primary_key), set_=others)  # type: ignore[no-any-return]
 
 
-def _delete(table: sa.Table) -> sa.ClauseElement:
+def _delete_row(table: sa.Table) -> sa.ClauseElement:
     return sa.delete(table).where(*(column == sa.bindparam(column.name) for column in table.primary_key))
 
 
@@ -186,14 +186,14 @@ def equals(column: sa.Column[Any], text: str) -> sa.ColumnElement[bool]:
     return sa.false() if "\0" in text else column == text
 
 
-def _execute(connection: sa.Connection, statement: str, rows: Sequence[DatabaseRow]) -> None:
+def _execute_rows(connection: sa.Connection, statement: str, rows: Sequence[DatabaseRow]) -> None:
     """Execute a statement for each row; do nothing without rows."""
     if rows:
-        text = _statements(connection.dialect.name)[statement]
+        text = _statements_for(connection.dialect.name)[statement]
         connection.exec_driver_sql(text, list(rows) if len(rows) > 1 else rows[0])
 
 
-def _replace(
+def _replace_rows(
     connection: sa.Connection,
     table: sa.Table,
     rows: Iterable[tuple[Mapping[str, object], Mapping[str, object] | None]],
@@ -206,8 +206,8 @@ def _replace(
             deleted.append({**key})
         else:
             present.append({**key, **values})
-    _execute(connection, f"put {table.name}", present)
-    _execute(connection, f"delete {table.name}", deleted)
+    _execute_rows(connection, f"put {table.name}", present)
+    _execute_rows(connection, f"delete {table.name}", deleted)
 
 
 def _replace_documents(connection: sa.Connection, documents: Mapping[tuple[str, str], str | None]) -> None:
@@ -215,7 +215,7 @@ def _replace_documents(connection: sa.Connection, documents: Mapping[tuple[str, 
         ({"kind": kind, "name": name}, None if text is None else {"document": text})
         for (kind, name), text in documents.items()
     )
-    _replace(connection, schema.documents, rows)
+    _replace_rows(connection, schema.documents, rows)
 
 
 def read_documents(engine: sa.Engine, kind: str) -> dict[str, str]:
@@ -245,11 +245,11 @@ def read_sequence(
 ) -> OrderSequence | None:
     """Read the sequence with this key, otherwise with this name."""
     with engine.connect() as connection:
-        row = _find(connection, schema.order_sequences, name, idempotency_key)
-        return _sequence(row) if row else None
+        row = _find_row(connection, schema.order_sequences, name, idempotency_key)
+        return _read_sequence(row) if row else None
 
 
-def _find(
+def _find_row(
     connection: sa.Connection, table: sa.Table, name: str | None, idempotency_key: str | None
 ) -> Row[Any] | None:
     for column, value in ((table.c.idempotency_key, idempotency_key), (table.c.name, name)):
@@ -275,10 +275,10 @@ def read_sequences(engine: sa.Engine, wanted: SequenceFilter) -> tuple[OrderSequ
     if wanted.before is not None:
         query = query.where(table.c.number < wanted.before)
     with engine.connect() as connection:
-        return tuple(map(_sequence, connection.execute(query)))
+        return tuple(map(_read_sequence, connection.execute(query)))
 
 
-def _sequence(row: Row[Any]) -> OrderSequence:
+def _read_sequence(row: Row[Any]) -> OrderSequence:
     status = OrderSequenceStatus.model_validate_json(row.document)
     return OrderSequence(row.number, status, row.idempotency_key)
 
@@ -394,7 +394,7 @@ def write(
     """
     chain = chain or AuditChain()
     try:
-        _write(engine, changes, fence, chain)
+        _write_changes(engine, changes, fence, chain)
     except BaseException:
         chain.forget()
         raise
@@ -402,7 +402,7 @@ def write(
         fence.passed()
 
 
-def _write(engine: sa.Engine, changes: Changes, fence: Fence | None, chain: AuditChain) -> None:
+def _write_changes(engine: sa.Engine, changes: Changes, fence: Fence | None, chain: AuditChain) -> None:
     # Many long requests take seconds, and PostgreSQL ends transactions that are idle for that long.
     audited = [row.values() for row in changes.audit]
     with engine.begin() as connection:
@@ -416,12 +416,12 @@ def _write(engine: sa.Engine, changes: Changes, fence: Fence | None, chain: Audi
             )
             for robot, drive in changes.drives.items()
         )
-        _replace(connection, schema.drives, drives)
+        _replace_rows(connection, schema.drives, drives)
         vehicles = (({"robot": robot}, {"document": text()}) for robot, text in changes.vehicles.items())
-        _replace(connection, schema.vehicles, vehicles)
-        _replace(connection, schema.order_sequences, map(_sequence_row, changes.sequences.values()))
+        _replace_rows(connection, schema.vehicles, vehicles)
+        _replace_rows(connection, schema.order_sequences, map(_sequence_row, changes.sequences.values()))
         locks = (({"path": path}, {"locked": locked}) for path, locked in changes.path_locks.items())
-        _replace(connection, schema.path_locks, locks)
+        _replace_rows(connection, schema.path_locks, locks)
         _replace_documents(connection, changes.documents)
         _write_audit(connection, audited, changes.expired_audit, chain)
 
@@ -432,10 +432,10 @@ def _write_audit(
     marks: dict[tuple[str, str], str | None] = {}
     if new:
         rows, last = chain.chain(connection, new)
-        _execute(connection, "insert audit", rows)
+        _execute_rows(connection, "insert audit", rows)
         marks[audit.LAST] = last.model_dump_json(by_alias=True)
     if expired:
-        _execute(connection, "delete audit", [{"sequence": expired.sequence}])
+        _execute_rows(connection, "delete audit", [{"sequence": expired.sequence}])
         marks[audit.DELETED] = expired.model_dump_json(by_alias=True)
     _replace_documents(connection, marks)
 
@@ -450,10 +450,10 @@ def _write_orders(connection: sa.Connection, changes: Iterable[OrderChange]) -> 
         if not change.new:
             replaced.append({"order_number": change.order.number, "entry": change.unchanged_history})
         entries.extend(_history_rows(change))
-    _execute(connection, "insert transport_orders", new)
-    _execute(connection, "update transport_orders", changed)
-    _execute(connection, "delete history", replaced)
-    _execute(connection, "insert history", entries)
+    _execute_rows(connection, "insert transport_orders", new)
+    _execute_rows(connection, "update transport_orders", changed)
+    _execute_rows(connection, "delete history", replaced)
+    _execute_rows(connection, "insert history", entries)
 
 
 def _sequence_row(sequence: OrderSequence) -> tuple[DatabaseRow, DatabaseRow]:
@@ -526,7 +526,9 @@ def _read_unfinished(engine: sa.Engine) -> Unfinished:
             last_number=last,
             vehicles={row.robot: row.document for row in vehicles},
             last_change=last_change,
-            sequences=tuple(map(_sequence, connection.execute(open_sequences.order_by(sequences.c.number)))),
+            sequences=tuple(
+                map(_read_sequence, connection.execute(open_sequences.order_by(sequences.c.number)))
+            ),
             last_sequence=last_sequence,
         )
 
@@ -542,7 +544,7 @@ def read_order(
 ) -> TransportOrder | None:
     """Read the order with this key, otherwise with this name."""
     with engine.connect() as connection:
-        row = _find(connection, schema.transport_orders, name, idempotency_key)
+        row = _find_row(connection, schema.transport_orders, name, idempotency_key)
         return _read_orders(connection, [row])[0] if row else None
 
 

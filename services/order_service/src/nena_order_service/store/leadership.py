@@ -145,7 +145,7 @@ class Leadership:
             StoreError: the database cannot be reached at all.
 
         """
-        winning = asyncio.create_task(self._win(), name="stand by")
+        winning = asyncio.create_task(self._win_lock(), name="stand by")
         stopping = asyncio.create_task(stop.wait(), name="wait for the end")
         try:
             await asyncio.wait((winning, stopping), return_when=asyncio.FIRST_COMPLETED)
@@ -176,7 +176,7 @@ class Leadership:
         """
         try:
             while True:
-                await self._watch(store)
+                await self._watch_lock(store)
                 await self._win_again(store, engine, fence)
         finally:
             self.lease.end()
@@ -186,12 +186,12 @@ class Leadership:
         """Give up the lead, even while the database does not answer."""
         self._ended.set()
         close_connections(self._engine)
-        await self._run(self._hang_up)
+        await self._run_in_thread(self._hang_up)
         self._thread.shutdown()
 
-    async def _win(self) -> None:
+    async def _win_lock(self) -> None:
         try:
-            await self._run(self._connect)
+            await self._run_in_thread(self._open_connection)
         except DBAPIError as error:
             raise unusable(reason_of(error)) from error
         stood_by = False
@@ -200,17 +200,17 @@ class Leadership:
             await asyncio.sleep(POLL)
         if stood_by:  # the lease of the former leader may last that long, however it lost the lock
             self.lease.not_before = seconds_since_boot() + LEASE_SECONDS
-        self._renewing = asyncio.ensure_future(self._run(self._renew))
+        self._renewing = asyncio.ensure_future(self._run_in_thread(self._renew_lease))
 
     async def _try_to_win(self) -> bool:
         try:
             is_new = self._connection is None
-            await self._run(self._connect)
+            await self._run_in_thread(self._open_connection)
             if is_new:
                 # The database was unavailable: the former leader gets the lock again if it still runs.
                 await asyncio.sleep(GRACE)
-            won = await self._run(self._take)
-            self.active_url = "" if won else await self._run(self._read_active_url)
+            won = await self._run_in_thread(self._take_lock)
+            self.active_url = "" if won else await self._run_in_thread(self._read_active_url)
         except DBAPIError as error:
             if not self.problem:
                 log.warning("standing by, but the database does not answer", reason=reason_of(error))
@@ -219,7 +219,7 @@ class Leadership:
         self.problem = ""
         return won
 
-    async def _watch(self, store: Store) -> None:
+    async def _watch_lock(self, store: Store) -> None:
         """Wait until the lock is lost; while the database hangs, accept no orders."""
         while not self._renewing.done():
             await asyncio.wait((self._renewing,), timeout=POLL)
@@ -235,52 +235,52 @@ class Leadership:
         won = False
         while not won:
             try:
-                won = await self._run(self._take)
-                if not await self._run(lambda: fence.is_up(engine)):
+                won = await self._run_in_thread(self._take_lock)
+                if not await self._run_in_thread(lambda: fence.is_up(engine)):
                     raise FencedError
             except DBAPIError as error:
                 won, store.lead_problem = False, reason_of(error)
             if not won:
                 await asyncio.sleep(POLL)
-        self._renewing = asyncio.ensure_future(self._run(self._renew))
+        self._renewing = asyncio.ensure_future(self._run_in_thread(self._renew_lease))
         store.lead_problem = ""
         log.info("instance lock kept")
 
-    async def _run(self, work: Callable[[], T]) -> T:
+    async def _run_in_thread(self, work: Callable[[], T]) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._thread, work)
 
     # In the thread
 
-    def _renew(self) -> None:
+    def _renew_lease(self) -> None:
         """Renew the lease as long as the lock is held."""
         while not self._ended.is_set():
             asked_at = seconds_since_boot()
             try:
                 if self._connection is None:
                     break
-                self._ask(sa.text("SELECT 1"))
+                self._ask_database(sa.text("SELECT 1"))
             except DBAPIError:
                 break
             self.lease.renew(asked_at)
             self._ended.wait(POLL)
         self.lease.end()
 
-    def _take(self) -> bool:
-        return bool(self._ask(_TAKE, lock_class=LOCK_CLASS))
+    def _take_lock(self) -> bool:
+        return bool(self._ask_database(_TAKE, lock_class=LOCK_CLASS))
 
     def _read_active_url(self) -> str:
-        if self._ask(sa.text("SELECT to_regclass('leadership')")) is None:
+        if self._ask_database(sa.text("SELECT to_regclass('leadership')")) is None:
             return ""
-        return str(self._ask(sa.select(schema.leadership.c.url).where(LEADERSHIP_ROW)) or "")
+        return str(self._ask_database(sa.select(schema.leadership.c.url).where(LEADERSHIP_ROW)) or "")
 
-    def _ask(self, statement: sa.Executable, **values: object) -> Any:  # noqa: ANN401 - of any column
+    def _ask_database(self, statement: sa.Executable, **values: object) -> Any:  # noqa: ANN401 - of any column
         try:
-            return self._connect().execute(statement, values).scalar()
+            return self._open_connection().execute(statement, values).scalar()
         except DBAPIError:
             self._hang_up()
             raise
 
-    def _connect(self) -> sa.Connection:
+    def _open_connection(self) -> sa.Connection:
         if self._connection is None:
             connection = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
             for setting in _SETTINGS:

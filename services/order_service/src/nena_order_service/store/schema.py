@@ -305,7 +305,7 @@ def make_engine(url: str, *, pooled: bool = True) -> sa.Engine:
         if parsed.get_backend_name() == "sqlite":
             engine = sa.create_engine(parsed, poolclass=pool)
             sa.event.listen(engine, "connect", _set_up_sqlite)
-            sa.event.listen(engine, "begin", _begin)
+            sa.event.listen(engine, "begin", _begin_transaction)
             return engine
         given = {name: value for name, value in TIMEOUTS.items() if name not in parsed.query}
         engine = sa.create_engine(parsed, poolclass=pool, connect_args=given)
@@ -346,5 +346,5 @@ def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> 
     cursor.close()
 
 
-def _begin(connection: sa.Connection) -> None:
+def _begin_transaction(connection: sa.Connection) -> None:
     connection.exec_driver_sql("BEGIN")

@@ -134,7 +134,7 @@ class Store:
     def why_not_ready(self) -> str:
         """Return why new orders cannot be accepted; empty if they can."""
         full = "too many changes are waiting to be written" if len(self._then) >= WAITING_LIMIT else ""
-        return self._lost() or self.problem or self.lead_problem or full
+        return self._why_file_is_lost() or self.problem or self.lead_problem or full
 
     @property
     def why_not_answered(self) -> str:
@@ -174,7 +174,7 @@ class Store:
         """
         while True:
             await self._wake.wait()
-            if self._lost():
+            if self._why_file_is_lost():
                 await asyncio.sleep(LOSS_SHOWN)
                 raise StoreLostError(self._loss)
             await self._write_waiting()
@@ -202,7 +202,7 @@ class Store:
 
     async def unfinished(self) -> Unfinished:
         """Return everything that a restart restores."""
-        found = await self._read(lambda: database.read_unfinished(self._engine))
+        found = await self._read_from_store(lambda: database.read_unfinished(self._engine))
         self.numbers.begin(found.last_change)
         return found
 
@@ -210,53 +210,55 @@ class Store:
         self, *, name: str | None = None, idempotency_key: str | None = None
     ) -> TransportOrder | None:
         """Read the order with this key, otherwise with this name."""
-        return await self._read(
+        return await self._read_from_store(
             lambda: database.read_order(self._engine, name=name, idempotency_key=idempotency_key)
         )
 
     async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
         """Read a page of orders, newest first."""
-        return await self._read(lambda: database.read_orders(self._engine, wanted))
+        return await self._read_from_store(lambda: database.read_orders(self._engine, wanted))
 
     async def order_number_at(self, moment: datetime) -> int:
         """Return the lowest number of the orders created at ``moment`` or later; if none, the next number."""
-        return await self._read(lambda: database.read_number_at(self._engine, moment))
+        return await self._read_from_store(lambda: database.read_number_at(self._engine, moment))
 
     async def sequence(
         self, *, name: str | None = None, idempotency_key: str | None = None
     ) -> OrderSequence | None:
         """Read the order sequence with this key, otherwise with this name."""
-        return await self._read(
+        return await self._read_from_store(
             lambda: database.read_sequence(self._engine, name=name, idempotency_key=idempotency_key)
         )
 
     async def sequences(self, wanted: database.SequenceFilter) -> tuple[OrderSequence, ...]:
         """Read a page of order sequences, newest first."""
-        return await self._read(lambda: database.read_sequences(self._engine, wanted))
+        return await self._read_from_store(lambda: database.read_sequences(self._engine, wanted))
 
     async def path_locks(self) -> dict[str, bool]:
         """Read which paths hosts have locked or unlocked, by path name."""
-        return await self._read(lambda: database.read_path_locks(self._engine))
+        return await self._read_from_store(lambda: database.read_path_locks(self._engine))
 
     async def documents(self, kind: str) -> dict[str, str]:
         """Read the documents of a kind, by name."""
-        return await self._read(lambda: read_documents(self._engine, kind))
+        return await self._read_from_store(lambda: read_documents(self._engine, kind))
 
     async def audit_page(self, wanted: AuditQuery) -> AuditPage:
         """Read a page of the audit trail."""
-        return await self._read(lambda: audit.read_page(self._engine, wanted), self._audit_reader)
+        return await self._read_from_store(lambda: audit.read_page(self._engine, wanted), self._audit_reader)
 
     async def expired_audit(self, before: datetime) -> AuditMark | None:
         """Read the last of the oldest rows of the audit trail that are from ``before`` this time."""
-        return await self._read(lambda: audit.read_expired(self._engine, before), self._audit_reader)
+        return await self._read_from_store(
+            lambda: audit.read_expired(self._engine, before), self._audit_reader
+        )
 
     async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
         """Read the orders changed since change ``number``, each with the number of its last change."""
-        return await self._read(lambda: database.read_changes(self._engine, number, limit))
+        return await self._read_from_store(lambda: database.read_changes(self._engine, number, limit))
 
-    async def _read(self, work: Callable[[], T], reader: ThreadPoolExecutor | None = None) -> T:
+    async def _read_from_store(self, work: Callable[[], T], reader: ThreadPoolExecutor | None = None) -> T:
         try:
-            return await asyncio.get_running_loop().run_in_executor(reader or self._reader, _twice(work))
+            return await asyncio.get_running_loop().run_in_executor(reader or self._reader, _with_retry(work))
         except TRANSIENT_ERRORS as error:
             raise StoreNotReadyError(reason_of(error)) from error
 
@@ -267,17 +269,17 @@ class Store:
         self._writing = True
         try:
             if changes:
-                await self._write(changes)
-                if self._lost():
+                await self._write_changes(changes)
+                if self._why_file_is_lost():
                     return  # the commit is lost with its file, so it is not published
             for publish in then:
                 if self._loss:
                     break  # what is not published yet is lost with the database file
-                self._publish(publish)
+                self._publish_changes(publish)
         finally:
             self._writing = False
 
-    async def _write(self, changes: Changes) -> None:
+    async def _write_changes(self, changes: Changes) -> None:
         loop = asyncio.get_running_loop()
         while True:
             try:
@@ -294,7 +296,7 @@ class Store:
                 self._set_problem("")
                 return
 
-    def _lost(self) -> str:
+    def _why_file_is_lost(self) -> str:
         """Check the database file; return why it is no longer the one that was opened, empty if it is."""
         if not self._loss and self._lock and (loss := self._lock.loss()):
             log.critical("accepting no more orders; the order service exits", reason=loss)
@@ -312,14 +314,14 @@ class Store:
         self.problem = problem
 
     @staticmethod
-    def _publish(then: Callable[[], None]) -> None:
+    def _publish_changes(then: Callable[[], None]) -> None:
         try:
             then()
         except Exception as error:  # noqa: BLE001 - it is reported
             report_failure("a committed change was not published", error)
 
 
-def _twice(work: Callable[[], T]) -> Callable[[], T]:
+def _with_retry(work: Callable[[], T]) -> Callable[[], T]:
     """Return ``work`` with one retry if the connection has ended since its last use."""
 
     def tried() -> T:

@@ -71,14 +71,14 @@ class ParkingPositions:
         self._priorities = priorities
         self._repark = priorities and repark
         self._positions = {
-            point.name: _priority(point) for point in plant.points if point.type is PointType.PARK_POSITION
+            point.name: _priority_of(point) for point in plant.points if point.type is PointType.PARK_POSITION
         }
 
     def choose(self, model: Vehicle | None, here: str | None, prospect: Prospect) -> Parking:
         """Return the best position for a vehicle at the point ``here``; None: the vehicle is on no point."""
         properties = model.properties if model else {}
         if assigned := properties.get(ASSIGNED_PARKING_POSITION):
-            return self._assigned(assigned, here, prospect)
+            return self._assign_position(assigned, here, prospect)
         parked = here in self._positions
         if parked and not self._repark:
             return PARKED
@@ -87,26 +87,26 @@ class ParkingPositions:
             return PARKED
         if not parked and preferred in self._points and not prospect.why_not(preferred):
             return Parking(preferred)
-        free = sorted(self._free(prospect))
+        free = sorted(self._free_positions(prospect))
         if parked:
-            better = _best([each for each in free if each[0] < self._rank(here or "")], prospect)
+            better = _best_position([each for each in free if each[0] < self._rank_of(here or "")], prospect)
             return Parking(better[-1]) if better else PARKED
-        best = _best(free, prospect)
+        best = _best_position(free, prospect)
         return Parking(best[-1]) if best else Parking(reason=self._why_none(free))
 
-    def _assigned(self, point: str, here: str | None, prospect: Prospect) -> Parking:
+    def _assign_position(self, point: str, here: str | None, prospect: Prospect) -> Parking:
         if point == here:
             return PARKED
         why_not = prospect.why_not(point) if point in self._points else Reason(R.NO_POINT)
         return Parking(reason=Reason(R.ASSIGNED_PARKING, why_not, point=point)) if why_not else Parking(point)
 
-    def _free(self, prospect: Prospect) -> Iterator[_Ranked]:
+    def _free_positions(self, prospect: Prospect) -> Iterator[_Ranked]:
         for name in self._positions:
             costs = inf if prospect.taken(name) else prospect.cost(name)
             if costs < inf:
-                yield self._rank(name), costs, name
+                yield self._rank_of(name), costs, name
 
-    def _rank(self, name: str) -> float:
+    def _rank_of(self, name: str) -> float:
         return self._positions.get(name, inf) if self._priorities else 0.0
 
     def _why_none(self, free: Sequence[_Ranked]) -> Reason:
@@ -121,13 +121,13 @@ _Ranked = tuple[float, float, str]
 """A position's rank, the cost of its route, and its name."""
 
 
-def _best(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:
+def _best_position(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:
     """Return the first position for which no vehicle has to make room, otherwise the first if allowed."""
     quiet = (each for each in islice(free, WAYS_TRIED) if not prospect.displaces(each[-1]))
     return next(quiet, free[0] if free and prospect.may_displace else None)
 
 
-def _priority(point: Point) -> float:
+def _priority_of(point: Point) -> float:
     """Return the priority of a position; those without one come last."""
     try:
         return float(int(point.properties[PARKING_POSITION_PRIORITY]))
@@ -178,7 +178,9 @@ class RechargeLocations:
         """
         properties = model.properties if model else {}
         assigned = properties.get(ASSIGNED_RECHARGE_LOCATION)
-        places = sorted(self._places(model, assigned, cost), key=lambda each: (each.cost, each.point))
+        places = sorted(
+            self._recharge_places(model, assigned, cost), key=lambda each: (each.cost, each.point)
+        )
         if not places:
             return Recharging(reason=_why_none(assigned))
         free = [each for each in places if not taken(each.point)]
@@ -190,18 +192,18 @@ class RechargeLocations:
             return Recharging(reason=Reason(R.ASSIGNED_RECHARGE_TAKEN, location=assigned))
         return Recharging(reason=Reason(R.RECHARGE_TAKEN))
 
-    def _places(
+    def _recharge_places(
         self, model: Vehicle | None, assigned: str | None, cost: Callable[[str], float]
     ) -> Iterator[_Place]:
         for location in self._plant.locations:
             if location.locked or assigned not in (None, location.name):
                 continue
-            for operation in self._operations(model, location)[:1]:
+            for operation in self._recharge_operations(model, location)[:1]:
                 for point in self._plant.access_points(location.name, operation):
                     if (costs := cost(point)) < inf:
                         yield _Place(costs, location.name, operation, point)
 
-    def _operations(self, model: Vehicle | None, location: Location) -> Sequence[str]:
+    def _recharge_operations(self, model: Vehicle | None, location: Location) -> Sequence[str]:
         """Return the operations by which the vehicle recharges at a location."""
         own = model.properties.get(VDA5050_RECHARGE_OPERATION) if model else None
         possible = dict.fromkeys(

@@ -54,7 +54,7 @@ class VehicleRegistry:
         self._max_distance_m = max_distance_m(plant) if max_distance is None else max_distance
         self._names: frozenset[str] | None = None
         for vehicle in plant.vehicles:
-            self._add(self._of_plant(vehicle))
+            self._add_vehicle(self._of_plant(vehicle))
 
     def __iter__(self) -> Iterator[FleetVehicle]:
         """Yield all vehicles, those of the plant model first."""
@@ -93,18 +93,20 @@ class VehicleRegistry:
         profile = RobotProfile(
             map_id=self._default_map_id, transforms=self._transforms, max_distance_m=self._max_distance_m
         )
-        return self._add(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
+        return self._add_vehicle(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
 
     def learn_map(self, vehicle: FleetVehicle, map_id: str) -> FleetVehicle:
         """Put a vehicle without a configured map on the one that its robot reports."""
         if vehicle.profile.map_id:
             return vehicle
-        return self._add(replace(vehicle, profile=replace(vehicle.profile, map_id=map_id)))
+        return self._add_vehicle(replace(vehicle, profile=replace(vehicle.profile, map_id=map_id)))
 
     def learn_frame(self, vehicle: FleetVehicle, *, transforms_itself: bool) -> None:
         """Note from a robot's factsheet whether it uses the plant's frame."""
         if vehicle.profile.transforms_itself is not transforms_itself:
-            self._add(replace(vehicle, profile=replace(vehicle.profile, transforms_itself=transforms_itself)))
+            self._add_vehicle(
+                replace(vehicle, profile=replace(vehicle.profile, transforms_itself=transforms_itself))
+            )
 
     def _of_plant(self, vehicle: Vehicle) -> FleetVehicle:
         key = RobotKey(vehicle.manufacturer or DEFAULT_MANUFACTURER, vehicle.serial_number or vehicle.name)
@@ -116,7 +118,7 @@ class VehicleRegistry:
         )
         return FleetVehicle(vehicle.name, key, profile, vehicle)
 
-    def _add(self, vehicle: FleetVehicle) -> FleetVehicle:
+    def _add_vehicle(self, vehicle: FleetVehicle) -> FleetVehicle:
         self._by_name[vehicle.name] = vehicle
         self._by_key[vehicle.key] = vehicle
         self._names = None
