@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -109,29 +108,6 @@ def test_manifest_matches_the_schema(manifest: Any, release: str) -> None:
     kubernetes_validate.validate(manifest, release, strict=True)
 
 
-def test_misspelt_field_does_not_match_the_schema() -> None:
-    wrong = {"apiVersion": "v1", "kind": "Service", "metadata": {"name": "a"}, "spec": {"prots": []}}
-    with pytest.raises(kubernetes_validate.ValidationError, match="prots"):
-        kubernetes_validate.validate(wrong, RELEASES[0], strict=True)
-
-
-def test_every_file_is_listed_as_a_resource() -> None:
-    files = {path.name for path in FOLDER.iterdir()} - {"kustomization.yaml"}
-
-    assert files == set(KUSTOMIZATION["resources"])
-
-
-@pytest.mark.parametrize("name", PROGRAMS)
-def test_images_are_built_here_in_this_version(name: str) -> None:
-    compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"][name]["image"]
-    project = tomllib.loads((ROOT / "services" / name.replace("-", "_") / "pyproject.toml").read_text())
-    image, version = container_of(name)["image"], project["project"]["version"]
-
-    assert image == compose.partition(":")[0]
-    assert {"name": image, "newTag": version} in KUSTOMIZATION["images"]
-    assert f"-t {image}:{version} ." in GUIDE
-
-
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_environment_variables_are_valid_settings(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for variable, value in environment(name).items():
@@ -157,12 +133,6 @@ def test_files_named_by_settings_are_mounted(name: str) -> None:
     wanted = {value for value in environment(name).values() if value.startswith("/etc/nena/")}
 
     assert wanted == files_of(name)
-
-
-@pytest.mark.parametrize("name", PROGRAMS)
-def test_manifests_contain_no_secrets(name: str) -> None:
-    assert not [each for each in environment(name) if each.endswith(("PASSWORD", "STORE__URL"))]
-    assert manifests("Secret") == []
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

@@ -53,14 +53,6 @@ def test_units_are_restricted(unit: Path) -> None:
     assert result.returncode == 0, result.stdout
 
 
-def test_each_service_has_a_unit() -> None:
-    assert [path.stem for path in UNITS] == [
-        "nena-edge-agent",
-        "nena-order-service",
-        "nena-status-aggregator",
-    ]
-
-
 @pytest.fixture
 def supervisor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
     """Listen as systemd does, and pass the address to programs."""

@@ -74,13 +74,3 @@ def test_docker_compose_names_settings() -> None:
         if not any(knows(model, each[5:].lower().split("__")) for model in MODELS.values())
     ]
     assert unknown == []
-
-
-def test_drop_ins_name_settings_of_their_units() -> None:
-    folder = ROOT / "deploy" / "systemd"
-
-    assert variables((folder / "broker-password.conf").read_text()) == {"NENA_MQTT__PASSWORD_FILE"}
-    assert variables((folder / "users.conf").read_text()) == {"NENA_HTTP__USERS"}
-    for service in ("order_service", "status_aggregator"):
-        assert knows(MODELS[service], ["http", "users"])
-        assert knows(MODELS[service], ["mqtt", "password_file"])

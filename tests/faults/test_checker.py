@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
-import httpx
 import pytest
 
-from faults.checker import MOST_JOURNAL_KB, Account, check, check_journals, stored, told_in
-from faults.site import Site
+from faults.checker import MOST_JOURNAL_KB, Account, check, check_journals, told_in
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.topics import RobotKey
@@ -58,10 +54,6 @@ class Robot:
         """Repeat the same timestamps from now on."""
         self._start -= self._number
 
-    def restarts(self) -> None:
-        """Leave out the headerIds that were set apart on disk."""
-        self._number += 77
-
 
 def status(end: str = "FINISHED", name: str = NAME) -> TransportOrderStatus:
     return order_status(name, 9, TransportOrderState(end), processing_vehicle="loop-1")
@@ -89,22 +81,6 @@ def judge(
 
 def both_legs(robot: Robot) -> list[Inbound]:
     return [*robot.does(f"{NAME}-0"), *robot.does(f"{NAME}-1")]
-
-
-def test_an_order_executed_once_is_consistent() -> None:
-    judge(both_legs(Robot()))
-
-
-def test_an_order_that_failed_halfway_is_consistent() -> None:
-    robot = Robot()
-    failed = status("FAILED")
-
-    judge([*robot.does(f"{NAME}-0"), robot.says(f"{NAME}-1", "FAILED")], store=[failed])
-
-
-def test_nothing_ordered_yields_no_findings() -> None:
-    with pytest.raises(AssertionError, match="nothing was ordered"):
-        judge([], store=[], answered=())
 
 
 def test_a_lost_order_is_detected() -> None:
@@ -179,61 +155,6 @@ def test_a_load_dropped_by_another_robot_is_detected() -> None:
         judge([*Robot().does(f"{NAME}-0"), *Robot("loop-2").does(f"{NAME}-1")])
 
 
-def test_a_failed_attempt_and_a_successful_one_count_as_done_once() -> None:
-    robot = Robot()
-    failed = [robot.says(f"{NAME}-0", each) for each in ("WAITING", "RUNNING", "FAILED")]
-
-    judge([*failed, *robot.does(f"{NAME}-0~1", "of the second try"), *robot.does(f"{NAME}-1")])
-
-
-def test_an_action_repeated_after_a_failure_counts_once() -> None:
-    robot = Robot()
-    failed = [robot.says(f"{NAME}-0", each) for each in ("RUNNING", "RETRIABLE")]
-
-    judge([*failed, *both_legs(robot)])
-
-
-def test_replayed_states_do_not_count_as_second_execution() -> None:
-    said = both_legs(Robot())
-
-    judge([*said, *said, said[0], said[2], said[0], said[2]])
-
-
-def test_replayed_states_from_before_a_restart_do_not_count_as_second_execution() -> None:
-    said = both_legs(Robot())
-    restarted = Robot(start=LATER)
-    now = [restarted.says(f"{NAME}-1", "FINISHED") for _ in range(2)]
-
-    judge([*said, now[0], *said, now[1]])
-
-
-def test_damaged_states_do_not_count_as_second_execution() -> None:
-    robot = Robot()
-    said = both_legs(robot)
-    more = robot.does(f"{NAME}-0")
-    damaged = [Inbound(each.topic, each.payload[:-1] + b"\xff", each.retained) for each in more]
-
-    judge([*said, *damaged])
-
-
-def test_a_robot_that_restarts_with_its_journal_does_nothing_twice() -> None:
-    robot = Robot()
-    said = robot.does(f"{NAME}-0")
-    robot.restarts()
-    said += [robot.says(f"{NAME}-0", "FINISHED"), robot.says(f"{NAME}-1", "RUNNING")]
-    robot.restarts()
-    said += [robot.says(f"{NAME}-1", each) for each in ("RUNNING", "FINISHED", "FINISHED")]
-
-    judge(said)
-
-
-def test_a_robot_with_restarted_header_ids_executes_nothing_twice() -> None:
-    said = both_legs(Robot())
-    restarted = Robot(start=LATER)
-
-    judge([*said, *(restarted.says(f"{NAME}-1", "FINISHED") for _ in said)])
-
-
 def test_falsely_reported_executions_are_detected() -> None:
     said = Robot().does(f"{NAME}-0")
 
@@ -289,18 +210,3 @@ def test_a_growing_journal_is_detected(tmp_path: Path) -> None:
         check_journals(tmp_path.iterdir())
     with pytest.raises(AssertionError, match="no robot has a journal"):
         check_journals([])
-
-
-async def test_the_store_is_read_to_its_last_page() -> None:
-    """A run of hours has more orders than a page."""
-    names = [f"T-{number}" for number in range(7)]
-
-    def answer(request: httpx.Request) -> httpx.Response:
-        begin = names.index(request.url.params["after"]) + 1 if "after" in request.url.params else 0
-        page = names[begin : begin + 3]
-        orders = [status(name=name).model_dump(mode="json", by_alias=True) for name in page]
-        more = page[-1] if page[-1] != names[-1] else None
-        return httpx.Response(200, json={"transportOrders": orders, "next": more})
-
-    async with httpx.AsyncClient(transport=httpx.MockTransport(answer), base_url="http://site") as client:
-        assert list(await stored(cast("Site", SimpleNamespace(orders=client)))) == names

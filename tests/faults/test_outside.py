@@ -40,11 +40,6 @@ def store(*states: TransportOrderState, **more: Any) -> dict[str, Any]:
     return {f"T-{n}": order_status(name=f"T-{n}", state=state, **more) for n, state in enumerate(states)}
 
 
-def test_each_leg_of_a_finished_order_is_executed_once() -> None:
-    assert done_wrongly(work("T-0-0", "T-0-1~2"), store(FINISHED)) == []
-    assert done_wrongly(work("T-0-0"), store(FAILED)) == []
-
-
 @pytest.mark.parametrize(
     ("history", "state", "said"),
     [
@@ -90,11 +85,6 @@ def test_statuses_that_go_back_are_detected() -> None:
     assert told_back(good) == []
     for worse in (published(FINISHED, 2, 1), published(FINISHED, 1, 2), published(FAILED, 3, 2)):
         assert len(told_back([*good, worse])) == 1
-
-
-def test_delays_grow_from_the_shortest_to_the_longest() -> None:
-    assert steps(3) == [1.0, 30.5, 60.0]
-    assert len(steps(50)) == 50
 
 
 @pytest.mark.long  # test_frozen_leader.py shows one pause

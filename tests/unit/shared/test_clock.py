@@ -7,24 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.clock import SystemClock, in_utc, iso
-from support.clocks import ManualClock
-
-
-def test_manual_clock_moves_only_when_advanced() -> None:
-    clock = ManualClock()
-    start = clock.now()
-
-    clock.advance(1.5)
-    clock.advance(0)
-
-    assert clock.monotonic() == 1.5
-    assert clock.now() - start == timedelta(seconds=1.5)
-    assert clock.now().tzinfo is UTC
-
-
-def test_manual_clock_does_not_go_back() -> None:
-    with pytest.raises(ValueError, match="cannot go back"):
-        ManualClock().advance(-0.1)
 
 
 def test_system_clock_is_utc_and_advances() -> None:
@@ -65,11 +47,3 @@ def test_written_time_has_milliseconds_and_a_four_digit_year(moment: datetime) -
 
     assert len(written) == len("2026-01-01T00:00:00.000Z")
     assert datetime.fromisoformat(written) == moment.replace(microsecond=moment.microsecond // 1000 * 1000)
-
-
-def test_a_time_that_is_written_again_is_not_formatted_again() -> None:
-    moment = datetime(2026, 11, 28, 1, 2, 3, 456_789, tzinfo=UTC)
-    iso(moment)
-    formatted = iso.cache_info().misses
-    assert [iso(moment) for _ in range(5)] == ["2026-11-28T01:02:03.456Z"] * 5
-    assert iso.cache_info().misses == formatted
