@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from support.oidc_issuer import OidcIssuer
 
 # How long an example takes says something about the machine and its load, not about the code.
-settings.register_profile("nena", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("nena")
+settings.register_profile("long", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("nena", settings.get_profile("long"), max_examples=30)
+settings.load_profile("nena")  # or the long one, see support.selection
 
 # As programs do: the traceback with all local variables that is structlog's default takes seconds.
 structlog.configure(

@@ -25,5 +25,5 @@ DAMAGED_FILES = int(os.environ.get("NENA_FUZZ_FILES", "100"))
 FUZZ_SEED = os.environ.get("NENA_FUZZ_SEED", "")
 """Chooses how messages and files go wrong; as it is, the same in each run."""
 
-RESTARTS = int(os.environ.get("NENA_RESTARTS", "12"))
+RESTARTS = int(os.environ.get("NENA_RESTARTS", "8"))
 """Moments of each order at which the edge agent dies."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 QUARANTINE = Path("tests/quarantine.toml")
 """Path below pytest's root folder."""
@@ -31,7 +32,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Report the deselected tests."""
+    """Report the deselected tests, and try more examples where long tests run."""
+    if config.getoption("--long"):
+        settings.load_profile("long")
     config.pluginmanager.register(Summary())
 
 

@@ -57,12 +57,6 @@ def test_the_environment_is_set_up_and_the_log_directory_removed_at_exit(tmp_pat
     assert not Path(directory).exists()
 
 
-@pytest.mark.parametrize("module", ["driver", "settings", "goal_tracker", "session_control", "localisation"])
-def test_rclpy_is_not_loaded_before_the_driver_is_started(module: str) -> None:
-    program = f"import sys, nena_edge_agent.nav2.{module}\nassert 'rclpy' not in sys.modules"
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=90)
-
-
 def test_threads_share_memory_pools(tmp_path: Path) -> None:
     program = (
         "import ctypes, threading\n"

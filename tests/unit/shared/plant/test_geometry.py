@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, hypot, inf, nan, pi, sin
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.plant import MapPlace, MapTransform, PlantPlace, PlantPose
@@ -88,7 +88,6 @@ COORDINATES = st.integers(-50, 50) | st.sampled_from([-1e6, 0.5, 2e5, 1e9])
 PLACES = st.tuples(COORDINATES, COORDINATES)
 
 
-@settings(max_examples=300)
 @given(st.lists(PLACES, max_size=30), PLACES)
 def test_the_first_of_the_nearest_points_is_found(
     points: list[tuple[float, float]], place: tuple[float, float]
@@ -104,7 +103,6 @@ def test_the_first_of_the_nearest_points_is_found(
     assert index.nearest(*place) == expected
 
 
-@settings(max_examples=300)
 @given(st.lists(st.tuples(PLACES, PLACES), max_size=30), PLACES, st.floats(0.1, 1e5))
 def test_nothing_near_is_passed_over_and_all_in_order(
     ends: list[tuple[tuple[float, float], tuple[float, float]]], place: tuple[float, float], reach: float

@@ -16,6 +16,7 @@ from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError
+from support.examples import MESSAGES
 from support.json_schema import json_schema
 from support.messages import messages
 from support.schemas import official_schema
@@ -86,7 +87,7 @@ def _fields(root: Mapping[str, Any], part: Mapping[str, Any], path: str) -> Iter
 
 @pytest.mark.clause("7.3", "7.4", "7.5", "7.6", "7.7", "7.8", "7.9", "7.10/message")
 @EACH_MESSAGE
-@settings(max_examples=30)
+@settings(max_examples=MESSAGES)
 @given(st.data())
 def test_everything_sent_fits(codec: Codec, topic: Topic, data: st.DataObject) -> None:
     payload = codec.encode(data.draw(messages(codec.kinds[topic])))

@@ -24,6 +24,7 @@ from nena_shared.vda5050.repair import Repair, Repairs, Scope, repair, without_m
 from nena_shared.vda5050.state import EmergencyStop, State
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.versions import CODECS
+from support.examples import MESSAGES
 from support.fleet_examples import connection, position, way
 from support.fleet_examples import state as robot_state
 from support.messages import messages
@@ -171,13 +172,11 @@ def test_deviation_is_read_alike_after_any_other() -> None:
     payloads = [deviating(path, value) for path, value, *_ in REPAIRED]
     alone = [read(payload) for payload in payloads]
     found: list[Repair] = []
-    for first in payloads:
-        reader = MessageReader(lambda _, repairs: found.extend(repairs))
-        reader.read(State, TOPIC, first, "v2")
-        for payload, (message, repairs) in zip(payloads, alone, strict=True):
-            found.clear()
-            assert reader.read(State, TOPIC, payload, "v2") == message
-            assert found == repairs
+    reader = MessageReader(lambda _, repairs: found.extend(repairs))
+    for payload, (message, repairs) in 2 * list(zip(payloads, alone, strict=True)):
+        found.clear()
+        assert reader.read(State, TOPIC, payload, "v2") == message
+        assert found == repairs
 
 
 @pytest.mark.parametrize("strict", [False, True])
@@ -327,7 +326,7 @@ def test_a_factsheet_with_null_lists_and_an_unknown_scope_is_read(factsheet: dic
     [(codec, kind) for codec in CODECS.values() for kind in codec.forms],
     ids=lambda value: value.version if isinstance(value, Codec) else value.__name__,
 )
-@settings(max_examples=25)
+@settings(max_examples=MESSAGES)
 @given(st.data())
 def test_valid_message_is_not_repaired(codec: Codec, kind: type[Header], data: st.DataObject) -> None:
     payload = codec.encode(data.draw(messages(kind)))

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import subprocess
 import sys
 import time
 from collections.abc import AsyncIterator
@@ -344,10 +343,3 @@ def test_missing_libraries_error_names_the_extra(monkeypatch: pytest.MonkeyPatch
 
     with pytest.raises(ConfigurationError, match=r"http\.oidc\.issuer: .*jwt.*\[oidc\]"):
         access_tokens_of(HttpSettings(port=0, oidc=OIDC))
-
-
-def test_service_without_oidc_loads_none_of_its_libraries() -> None:
-    code = "import nena_order_service.app, nena_status_aggregator.__main__, sys; print('jwt' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-
-    assert done.stdout.strip() == "False"
