@@ -1,12 +1,9 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from nena_cli.options import DEFAULT_URL, Format, group
+from nena_cli.options import Format, group
 from nena_cli.service import Service, of_service
 
 seen: list[Service] = []
@@ -53,10 +50,6 @@ def test_an_option_before_the_command_wins_over_the_environment(monkeypatch: pyt
     assert given("--url", "http://a", "fleet", "list").urls == ["http://a"]
 
 
-def test_defaults() -> None:
-    assert given("fleet", "list") == Service([DEFAULT_URL], None, None, Format.TABLE)
-
-
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
@@ -69,15 +62,3 @@ def test_defaults() -> None:
 )
 def test_output_formats(arguments: tuple[str, ...], expected: Format) -> None:
     assert given(*arguments).output is expected
-
-
-def test_token_file_before_the_command(tmp_path: Path) -> None:
-    file = tmp_path / "token"
-    assert given("--token-file", str(file), "fleet", "list").token_file == file
-
-
-def test_only_the_command_shows_the_options_of_the_service() -> None:
-    assert isinstance(app, typer.Typer)
-    environment = {"COLUMNS": "200"}
-    assert "--url" not in CliRunner().invoke(app, ["fleet", "--help"], env=environment).stdout
-    assert "--url" in CliRunner().invoke(app, ["fleet", "list", "--help"], env=environment).stdout

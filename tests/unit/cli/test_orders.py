@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from datetime import datetime
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -15,7 +13,6 @@ from nena_cli.options import Format
 from nena_cli.tables import vehicles_table
 from nena_client import Client, Event, RefusedError
 from nena_shared.fleet_api.operations import SHOW_VEHICLE, Operation
-from nena_shared.fleet_api.requests import TransportOrderPage
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
@@ -64,21 +61,6 @@ def test_watch_output_ends_with_a_newline(
     assert told == [status]
     assert "Robot-01" in out
     assert out.endswith("\n")
-
-
-def test_orders_are_listed_by_local_time_of_creation(monkeypatch: pytest.MonkeyPatch) -> None:
-    queries: list[Any] = []
-
-    def pages(_: Client, __: object, query: object) -> Iterator[TransportOrderPage]:
-        queries.append(query)
-        yield TransportOrderPage(transport_orders=(), next=None)
-
-    monkeypatch.setattr(Client, "pages", pages)
-    arguments = ["list", "--since", "2026-01-01T08:00:00", "--until", "2026-01-02"]
-    assert CliRunner().invoke(orders.app, arguments).exit_code == 0
-    since, until = (datetime.fromisoformat(queries[0][name]) for name in ("since", "until"))
-    assert since == datetime.fromisoformat("2026-01-01T08:00").astimezone()
-    assert until == datetime.fromisoformat("2026-01-02T00:00").astimezone()
 
 
 def test_options_of_the_order_are_refused_beside_a_file(tmp_path: Path) -> None:

@@ -100,33 +100,6 @@ def test_check_names_files_of_the_old_plant_overview(tmp_path: Path, data: bytes
     assert "openTCS 4" in finding["text"]
 
 
-def test_check_prints_json_for_scripts(odd_lif: Path) -> None:
-    done = nena("check", str(odd_lif), "--json")
-    assert done.exit_code == 0
-    found = json.loads(done.stdout)
-    assert (found["file"], found["format"], found["usable"]) == (str(odd_lif), "lif", True)
-    assert found["model"] == {
-        "name": "plant",
-        "points": 2,
-        "paths": 2,
-        "locationTypes": 0,
-        "locations": 0,
-        "blocks": 0,
-        "vehicles": 0,
-    }
-    assert codes(found) == ["IGNORED", "NO_PARK_POSITION"]
-    strict = nena("check", str(odd_lif), "--json", "--strict")
-    assert strict.exit_code == 1
-    found = json.loads(strict.stdout)
-    assert (found["usable"], found["model"], codes(found)) == (False, None, ["IGNORED"])
-    assert found["findings"][0]["severity"] == "error"
-
-
-def test_file_is_read_from_standard_input() -> None:
-    done = nena("check", "-", "--json", stdin=sample_plant_path().read_bytes())
-    assert json.loads(done.stdout)["model"]["name"] == "Sample hall"
-
-
 def test_import_loses_nothing(tmp_path: Path) -> None:
     out = tmp_path / "hall.json"
     done = nena("import", SAMPLE, "-o", str(out))
@@ -147,15 +120,6 @@ def test_lif_and_own_json_are_converted(kind: str, odd_lif: Path, tmp_path: Path
     assert ("NOT_EXPORTED" in codes(found)) is (kind in ("opentcs", "lif-2.0"))
     assert files.format_of(out.read_bytes()) == kind.removesuffix("-2.0")
     assert set(files.read(out.read_bytes()).model.paths_by_name) == {"A-B", "B-A"}
-
-
-def test_conversion_to_standard_output_reports_on_standard_error() -> None:
-    more = ("--map", "hall", "--vehicle-type", "t", "--vehicle-type", "u", "--json")
-    done = nena("convert", SAMPLE, "--format", "lif", "-o", "-", *more)
-    (first, *_) = json.loads(done.stdout)["layouts"][0]["nodes"]
-    assert first["mapId"] == "hall"
-    assert [each["vehicleTypeId"] for each in first["vehicleTypeNodeProperties"]] == ["t", "u"]
-    assert "NOT_EXPORTED" in codes(json.loads(done.stderr))
 
 
 @pytest.mark.parametrize(
@@ -179,17 +143,6 @@ def test_existing_file_is_kept_unless_replaced_explicitly(tmp_path: Path) -> Non
     assert out.read_text() != "mine"
 
 
-def test_failed_work_exits_with_2(tmp_path: Path) -> None:
-    done = nena("check", str(tmp_path / "nowhere.xml"))
-    assert done.exit_code == 2
-    assert "No such file" in done.stderr
-    own = tmp_path / "own.json"
-    own.write_text(plant(path("A B"), properties={"k": "\u0001"}).to_json())
-    done = nena("convert", str(own), "--format", "opentcs", "-o", str(tmp_path / "out.xml"))
-    assert done.exit_code == 2
-    assert "UNWRITABLE_TEXT" in done.stderr
-
-
 def test_a_route_graph_is_exported_for_nav2(tmp_path: Path) -> None:
     out = tmp_path / "hall.geojson"
     done = nena("convert", SAMPLE, "--nav2-route", "-o", str(out), "--map", "hall", "--json")
@@ -198,10 +151,3 @@ def test_a_route_graph_is_exported_for_nav2(tmp_path: Path) -> None:
     names = {each["properties"]["metadata"]["name"] for each in graph["features"]}
     model = files.read(Path(SAMPLE).read_bytes()).model
     assert set(model.points_by_name) <= names
-
-
-@pytest.mark.parametrize("options", [(), ("--nav2-route", "--format", "lif")])
-def test_one_target_is_wanted(options: tuple[str, ...], tmp_path: Path) -> None:
-    done = nena("convert", SAMPLE, *options, "-o", str(tmp_path / "out"))
-    assert done.exit_code == 2
-    assert "either --format or --nav2-route" in done.stderr

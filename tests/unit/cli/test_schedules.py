@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -104,44 +102,6 @@ def test_schedule_is_put_with_its_order(asked: list[tuple[str, str, Any]]) -> No
         "maxOpenOrders": 100,
         "enabled": True,
     }
-
-
-def test_order_may_come_from_a_file(asked: list[tuple[str, str, Any]], tmp_path: Path) -> None:
-    file = tmp_path / "order.json"
-    file.write_text(json.dumps(TEMPLATE))
-    run("put", "milk-run", "30 6 * * *", "--file", str(file), "--disabled")
-    assert (asked[0][2]["transportOrder"], asked[0][2]["enabled"]) == (TEMPLATE, False)
-
-
-def test_options_of_the_order_are_refused_beside_a_file(
-    asked: list[tuple[str, str, Any]], tmp_path: Path
-) -> None:
-    file = tmp_path / "order.json"
-    file.write_text(json.dumps(TEMPLATE))
-    command = ["put", "milk-run", "30 6 * * *", "--file", str(file), "--priority", "0", "--vehicle", "V1"]
-    result = CliRunner().invoke(schedules.app, command, env={"COLUMNS": "250"})
-    assert (result.exit_code, asked) == (2, [])
-    assert "set --vehicle, --priority there instead" in result.output
-
-
-@pytest.mark.parametrize("more", [[], ["Storage", "--file", "order.json"]])
-def test_order_comes_from_stops_or_a_file(
-    asked: list[tuple[str, str, Any]], more: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "order.json").write_text("{}")
-    result = CliRunner().invoke(schedules.app, ["put", "milk-run", "30 6 * * *", *more])
-    assert result.exit_code == 2
-    assert "Specify stops or --file" in result.output
-    assert asked == []
-
-
-def test_file_that_is_no_json_is_named(asked: list[tuple[str, str, Any]], tmp_path: Path) -> None:
-    file = tmp_path / "order.json"
-    file.write_text("{")
-    result = CliRunner().invoke(schedules.app, ["put", "milk-run", "30 6 * * *", "--file", str(file)])
-    assert (result.exit_code != 0, asked) == (True, [])
-    assert "order.json" in result.output
 
 
 def test_schedule_is_switched_and_deleted(asked: list[tuple[str, str, Any]]) -> None:

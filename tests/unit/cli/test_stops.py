@@ -70,11 +70,6 @@ def test_area_may_begin_at_a_negative_coordinate(asked: list[tuple[str, str, Any
     assert asked == [("stop", "", {"by": "Anna", "reason": "spill", "area": area})]
 
 
-def test_empty_reason_is_left_to_the_service(asked: list[tuple[str, str, Any]]) -> None:
-    run("all", "", "--by", "Anna")
-    assert asked == [("stop", "", {"by": "Anna", "reason": ""})]
-
-
 @pytest.mark.parametrize("corners", ["1,2,3", "a,b,c,d", "2,0,2,4"])
 def test_invalid_area_is_named(asked: list[tuple[str, str, Any]], corners: str) -> None:
     result = CliRunner().invoke(stops.app, ["area", corners, "spill"])

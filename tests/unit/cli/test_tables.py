@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from datetime import timedelta
 from io import StringIO
 
 from rich.console import Console, RenderableType
@@ -10,7 +9,7 @@ from nena_cli.tables import history_table, sequence_details, sequences_table
 from nena_cli.watching import ENDED_SHOWN, Board
 from nena_client import Event
 from nena_order_service.orders.order_sequence import OrderSequence
-from nena_shared.fleet_api.traffic import PlannedPoint, TrafficPlan, TrafficWait, VehiclePlan, WaitCause
+from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.fleet_api.transport_order import (
     DeliveryPhase,
     DeliveryStatus,
@@ -18,11 +17,8 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderStatus,
 )
 from nena_shared.fleet_api.vehicle import (
-    AcceptableOrderType,
     PrecisePosition,
     ProcessingState,
-    ReroutingAnswer,
-    ReroutingOutcome,
     RobotMap,
     VehicleState,
     VehicleStatus,
@@ -41,10 +37,6 @@ def test_orders_say_where_they_are_and_no_markup_is_read() -> None:
     shown = text_of(tables.orders_table([order.status]))
     for part in ("T-[red]1", "BEING_PROCESSED", "V-[blink]1", "A: MOVE > B: Load [bold]", "3"):
         assert part in shown
-
-
-def test_intended_vehicle_is_shown_in_parentheses() -> None:
-    assert "(V-2)" in text_of(tables.orders_table([dispatchable_order(intended_vehicle="V-2").status]))
 
 
 def test_details_include_the_delivery_and_omit_empty_values() -> None:
@@ -90,45 +82,11 @@ def waiting(name: str, *others: str) -> VehicleStatus:
     return VEHICLE.model_copy(update={"name": name, "state": VehicleState.IDLE, "wait": wait})
 
 
-def test_waiting_vehicles_are_followed_to_the_head_of_the_queue() -> None:
-    fleet = [waiting("V-3", "V-2"), waiting("V-2", "V-1"), VEHICLE]
-    shown = text_of(tables.vehicles_table(fleet))
-    for part in ("WAITING", "waits for", "V-2 > V-1 (ERROR)"):
-        assert part in shown
-    assert "V-2 > V-1 (ERROR)" in text_of(tables.vehicles_table(fleet[:1], fleet))
-    assert "waits for" not in text_of(tables.vehicles_table([VEHICLE]))
-
-
 def test_vehicles_that_wait_in_a_circle_are_named() -> None:
     shown = text_of(
         tables.vehicles_table([waiting("V-3", "V-2"), waiting("V-2", "V-3"), waiting("V-4", "V-3")])
     )
     assert "V-3 > V-2 (circle: V-2, V-3)" in shown
-
-
-def test_traffic_plan_shows_future_positions_and_waits() -> None:
-    wait = TrafficWait(vehicles=("V-2",), at="[B]", cause=WaitCause.PASSES, reason="it waits for V-2")
-    ahead = (PlannedPoint(point="[B]", held=True, seconds=2.4), PlannedPoint(point="C", held=False))
-    one = VehiclePlan(
-        vehicle="V-1", transport_order="T-1", at="A", holds=("A",), ahead=ahead, goal="C", wait=wait
-    )
-    rests = VehiclePlan(vehicle="V-2", at="D", holds=("D",))
-    shown = text_of(tables.traffic_table(TrafficPlan(time=NOW, horizon=60, vehicles=(one, rests))))
-    for part in ("V-1", "[B] 2 s > C", "T-1", "it waits for V-2", "V-2", "D"):
-        assert part in shown
-
-
-def test_rerouting_result_is_shown() -> None:
-    done = ReroutingAnswer(
-        vehicle="V-1",
-        transport_order="T-1",
-        outcome=ReroutingOutcome.REROUTED,
-        reason="requested by a host",
-        route=("A", "[b]"),
-    )
-    shown = text_of(tables.rerouting_table(done))
-    for part in ("V-1", "T-1", "REROUTED", "A > [b]", "requested by a host"):
-        assert part in shown
 
 
 def test_board_shows_the_newest_of_each_and_lets_old_ends_go() -> None:
@@ -144,17 +102,6 @@ def test_board_shows_the_newest_of_each_and_lets_old_ends_go() -> None:
     assert shown.count("FAILED") == ENDED_SHOWN
     assert "T-4 " not in shown
     assert "T-5 " in shown
-
-
-def test_late_order_and_accepted_order_types_are_shown() -> None:
-    late = assigned_order("A", deadline=NOW, dispensable=True).overdue(NOW + timedelta(seconds=1))
-    delivery = DeliveryStatus(transport_order="T", phase=DeliveryPhase.NONE)
-    shown = text_of(tables.order_details(late.status, delivery))
-    assert "late" in shown
-    assert "dispensable" in shown
-    types = (AcceptableOrderType(name="Transport", priority=2), AcceptableOrderType(name="[b]", priority=1))
-    shown = text_of(tables.order_types_table(VEHICLE.model_copy(update={"acceptable_order_types": types})))
-    assert shown.index("[b]") < shown.index("Transport")
 
 
 def test_sequences_say_how_far_they_are_and_no_markup_is_read() -> None:

@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from rich.console import Console
 
 from nena_conversations.recording import read_file
-from nena_conversations.show import MOVED, describe, show
-from nena_shared.vda5050.action import Action, ActionState, ActionStatus, InstantActions
+from nena_conversations.show import describe, show
+from nena_shared.vda5050.action import Action, InstantActions
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import OperatingMode
@@ -162,17 +160,6 @@ def test_ends_are_shown(fields: dict[str, Any], line: str) -> None:
     assert changed(fields, FULL) == [line]
 
 
-@pytest.mark.parametrize(("by", "told"), [(0.99 * MOVED, False), (1.01 * MOVED, True)])
-def test_movement_is_shown_from_some_centimetres_on(by: float, *, told: bool) -> None:
-    lines = changed({"mobile_robot_position": position(4.0 + by, 2.0)}, FULL)
-    assert lines == (["at x 4.05, y 2.00 on 'hall'"] if told else ["no change"])
-
-
-def test_first_position_is_shown_with_its_localisation() -> None:
-    lines = changed({"mobile_robot_position": position(1.0, 2.0, localized=False)})
-    assert lines == ["at x 1.00, y 2.00 on 'hall'", "not localised"]
-
-
 def test_first_state_shows_the_position_and_no_empty_values() -> None:
     assert describe(state(), None) == [
         "no order yet",
@@ -184,36 +171,6 @@ def test_first_state_shows_the_position_and_no_empty_values() -> None:
     first = describe(state(**FULL), None)
     assert {"driving: yes", "loads: box", "work 'a' RUNNING", "maps: hall ENABLED"} <= set(first)
     assert not any("paused" in each or "emergency" in each for each in first)
-
-
-def test_action_result_is_shown() -> None:
-    done = ActionState(
-        action_id="a", action_type=None, action_status=ActionStatus.FAILED, action_result="dropped it"
-    )
-    assert changed({"action_states": (done,)}) == ["action 'a' FAILED: dropped it"]
-
-
-def test_errors_are_raised_and_cleared_independently() -> None:
-    other = error(ErrorType.ACTION_FAILED, "slipped")
-    assert changed({"errors": (other,)}, {"errors": (WALL,)}) == [
-        f"{other.error_level} ACTION_FAILED: slipped",
-        "cleared: NODE_UNREACHABLE",
-    ]
-
-
-FIELDS = st.fixed_dictionaries({}, optional={name: st.just(value) for name, value in FULL.items()})
-
-
-@given(FIELDS)
-def test_the_same_again_is_nothing_new(fields: dict[str, Any]) -> None:
-    assert changed({}, fields) == ["no change"]
-
-
-@given(FIELDS, FIELDS)
-def test_change_and_reversal_are_both_shown(one: dict[str, Any], other: dict[str, Any]) -> None:
-    there = describe(state(2, **other), state(1, **one))
-    back = describe(state(3, **one), state(2, **other))
-    assert (there == ["no change"]) == (back == ["no change"])
 
 
 @pytest.mark.parametrize(

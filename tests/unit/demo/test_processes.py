@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nena_demo import processes as module
-from nena_demo.processes import ChildFailedError, Processes, mosquitto_path, start_broker
+from nena_demo.processes import ChildFailedError, Processes, start_broker
 from nena_demo.processes import free_port as chosen_port
 from support.broker import free_port
 from support.waiting import until
@@ -18,16 +18,6 @@ STUBBORN = (
     "-c",
     "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('up', flush=True); signal.pause()",
 )
-
-
-async def test_children_are_ended_the_newest_first(tmp_path: Path) -> None:
-    async with Processes(tmp_path / "logs") as processes:
-        first = await processes.start("first", SLEEPS)
-        second = await processes.start("second", SLEEPS)
-        await until(lambda: "up" in first.tail() and "up" in second.tail(), what="both are up")
-        processes.check()
-
-    assert first.process.returncode == second.process.returncode == -15
 
 
 async def test_child_that_ignores_sigterm_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,17 +53,6 @@ async def test_killed_child_comes_back_however_often(tmp_path: Path, monkeypatch
         keeper.cancel()
 
 
-async def test_variables_reach_the_child(tmp_path: Path) -> None:
-    async with Processes(tmp_path) as processes:
-        script = "import os; print(os.environ['NENA_TEST'])"
-        child = await processes.start(
-            "teller", (sys.executable, "-c", script), environment={"NENA_TEST": "seen"}
-        )
-        await child.process.wait()
-
-        assert child.tail().strip() == "seen"
-
-
 async def test_python_broker_is_used_without_mosquitto(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -83,16 +62,6 @@ async def test_python_broker_is_used_without_mosquitto(
 
         assert (tmp_path / "amqtt.yaml").exists()
         assert not (tmp_path / "mosquitto.conf").exists()
-
-
-async def test_mosquitto_configuration_has_limits_and_no_delay(tmp_path: Path) -> None:
-    assert mosquitto_path() is not None
-    async with Processes(tmp_path) as processes:
-        await start_broker(processes, free_port(), "mosquitto")
-
-        configuration = (tmp_path / "mosquitto.conf").read_text()
-    for line in ("set_tcp_nodelay true", "max_queued_messages 10000", "max_inflight_messages 200"):
-        assert line in configuration.splitlines()
 
 
 async def test_broker_that_cannot_start_is_reported_with_its_log(tmp_path: Path) -> None:

@@ -18,8 +18,8 @@ from nena_demo import processes as processes_module
 from nena_demo import tour as tour_module
 from nena_demo.hall_stack import HallStack
 from nena_demo.host import Host, JobFailedError
-from nena_demo.plants.hall import BLOCKED_AISLE, make_hall
-from nena_demo.processes import Child, Processes
+from nena_demo.plants.hall import make_hall
+from nena_demo.processes import Processes
 from nena_demo.session import ProgressPrinter
 from nena_demo.tour import Tour
 from nena_shared.mqtt import Outbound
@@ -77,14 +77,6 @@ async def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterato
         yield made
 
 
-async def test_aisle_is_blocked_and_opened_again(scene: Scene) -> None:
-    await scene.tour.press("b")
-    await scene.tour.press("b")
-
-    path = f"/v1/paths/{BLOCKED_AISLE}/lock"
-    assert scene.requests == [(path, {"locked": True}), (path, {"locked": False})]
-
-
 async def test_failed_step_can_be_repeated(scene: Scene) -> None:
     scene.down = True
     await scene.tour.press("b")
@@ -94,28 +86,6 @@ async def test_failed_step_can_be_repeated(scene: Scene) -> None:
     await scene.tour.press("b")
 
     assert [body for _, body in scene.requests] == [{"locked": True}]
-
-
-async def test_order_service_stops_and_starts_again(scene: Scene) -> None:
-    await scene.tour.press("o")
-    assert is_running(scene.running.order_service) == (False, False)
-
-    await scene.tour.press("o")
-    assert is_running(scene.running.order_service) == (True, True)
-
-
-def is_running(child: Child) -> tuple[bool, bool]:
-    """Return whether a process runs, and whether it is wanted to."""
-    return child.process.returncode is None, child.wanted
-
-
-async def test_agent_is_killed_and_remains_wanted(scene: Scene) -> None:
-    await scene.tour.press("k")
-    await scene.tour.press("k")  # it is not started again yet: nothing to kill
-
-    assert scene.running.agent.process.returncode == -9
-    assert scene.running.agent.wanted
-    assert scene.lines == ["killing the agent of AMR-2 (SIGKILL)"]
 
 
 async def test_emergency_stop_is_pressed_at_a_driving_robot_and_released_there(scene: Scene) -> None:
@@ -132,14 +102,6 @@ async def test_emergency_stop_is_pressed_at_a_driving_robot_and_released_there(s
     ]
 
 
-async def test_other_keys_list_the_steps(scene: Scene) -> None:
-    await scene.tour.press("x")
-    await scene.tour.press("r")
-
-    assert [line.split()[0] for line in scene.lines[1:-1]] == [*"bkoepr", "q"]
-    assert scene.lines[-1] == "replay: open http://panel.test/#/history and press Play"
-
-
 async def test_lost_and_returned_robots_are_reported_but_not_those_of_a_new_order_service(
     scene: Scene,
 ) -> None:
@@ -154,25 +116,6 @@ async def test_lost_and_returned_robots_are_reported_but_not_those_of_a_new_orde
         "AMR-2 is CONNECTION_BROKEN: has lost its connection",
         "AMR-2 is back, and goes on with T-1",
     ]
-
-
-async def test_status_counts_robots_and_orders(scene: Scene) -> None:
-    scene.vehicle("AMR-1", state="IDLE")
-    scene.vehicle("AMR-2", connection="CONNECTION_BROKEN")
-    scene.tour.feed.open |= {"good", "bad", "open"}
-    scene.tour.changed("order", "good", "FINISHED", "")
-    scene.tour.changed("order", "bad", "FAILED", "no route")
-
-    assert scene.lines[-1] == "order bad FAILED: no route"
-    assert scene.tour.status() == (
-        "robots: 1 connection broken, 1 idle | orders: 1 finished, 1 failed, 1 open"
-    )
-
-
-async def test_batteries_range_from_nearly_empty_to_full(scene: Scene) -> None:
-    scene.tour.spread_charges()
-
-    assert [command["stateOfCharge"] for _, command in scene.commands] == [24, 100]
 
 
 async def test_hall_whose_robots_do_not_come_is_reported(

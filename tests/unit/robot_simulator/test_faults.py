@@ -49,17 +49,6 @@ def test_what_is_no_fault_is_refused_with_the_reason(text: str, problem: str) ->
     assert any(problem in line for line in caught.value.problems)
 
 
-def test_a_fault_is_switched_on_and_off() -> None:
-    switched = Faults()
-    switched.apply(faults.Stuck())
-    switched.apply(faults.Silence())
-    assert switched.on(faults.Stuck)
-    switched.apply(faults.Stuck(active=False))
-    switched.apply(faults.Inactive(active=False))
-    assert not switched.on(faults.Stuck)
-    assert switched.on(faults.Silence)
-
-
 def test_a_counted_fault_ends_with_its_last_goal() -> None:
     switched = Faults()
     switched.apply(faults.RejectGoals(goals=2))
@@ -68,14 +57,6 @@ def test_a_counted_fault_ends_with_its_last_goal() -> None:
     switched.spend(faults.RejectGoals)
     assert not switched.on(faults.RejectGoals)
     switched.spend(faults.RejectGoals)
-
-
-def test_an_uncounted_fault_never_ends_by_itself() -> None:
-    switched = Faults()
-    switched.apply(faults.RejectGoals())
-    for _ in range(10):
-        switched.spend(faults.RejectGoals)
-    assert switched.on(faults.RejectGoals)
 
 
 def test_unreachable_circles() -> None:
@@ -93,10 +74,6 @@ def with_fault(fault: Lasting) -> Faults:
     active = Faults()
     active.apply(fault)
     return active
-
-
-def test_without_a_fault_each_array_comes_once() -> None:
-    assert disturbed(OVER, RUNS, Faults()) == (OVER,)
 
 
 @pytest.mark.parametrize(

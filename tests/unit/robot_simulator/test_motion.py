@@ -7,89 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nena_robot_simulator.motion import OCCUPIED, GridMap, Limits, Motion, Pose, command_to, hall, obey
-from nena_shared.ros import wrap, yaw_of
-
-metres = st.floats(-1000, 1000)
-poses = st.builds(Pose, metres, metres, st.floats(-10, 10).map(wrap))
-
-
-@given(st.floats(-100, 100))
-def test_a_wrapped_angle_is_the_same_direction_in_range(angle: float) -> None:
-    wrapped = wrap(angle)
-    assert -math.pi < wrapped <= math.pi
-    assert math.cos(wrapped - angle) == pytest.approx(1.0)
-
-
-@given(poses)
-def test_a_pose_and_its_inverse_cancel(pose: Pose) -> None:
-    assert pose.then(pose.inverse()).distance(Pose(0, 0, 0)) == pytest.approx(0.0, abs=1e-9)
-    assert math.cos(pose.then(pose.inverse()).yaw) == pytest.approx(1.0)
-
-
-def test_a_pose_ahead_of_a_turned_one() -> None:
-    x, y, yaw = Pose(1.0, 2.0, math.pi / 2).then(Pose(3.0, 0.0, math.pi / 2))
-    assert (x, y, yaw) == pytest.approx((1.0, 5.0, math.pi))
-
-
-@given(st.floats(-math.pi + 1e-6, math.pi), st.sampled_from([1.0, -1.0]))
-def test_yaw_is_right_for_either_sign_of_the_quaternion(yaw: float, sign: float) -> None:
-    found = yaw_of(0.0, 0.0, sign * math.sin(yaw / 2), sign * math.cos(yaw / 2))
-    assert found is not None
-    assert found == pytest.approx(yaw, abs=1e-6)
-
-
-@pytest.mark.parametrize("quaternion", [(0, 0, 0, 0), (0, 0, 1, 1), (0, 0, math.nan, 1), (0, 0, math.inf, 0)])
-def test_what_is_no_unit_quaternion_has_no_yaw(quaternion: tuple[float, float, float, float]) -> None:
-    assert yaw_of(*quaternion) is None
+from nena_robot_simulator.motion import GridMap, Limits, Motion, Pose, command_to, hall, obey
+from nena_shared.ros import wrap
 
 
 @pytest.fixture
 def place() -> GridMap:
     return hall(min_x=-2.0, min_y=-1.0, max_x=8.0, max_y=4.0, resolution=0.1)
-
-
-def test_the_cells_fill_the_grid_with_walls_around(place: GridMap) -> None:
-    assert (place.width, place.height) == (104, 54)
-    assert len(place.cells) == 104 * 54
-    assert place.cells.count(OCCUPIED) == 104 * 54 - 100 * 50
-    assert (place.origin_x, place.origin_y) == pytest.approx((-2.2, -1.2))
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "free", "covered"),
-    [
-        (0.0, 0.0, True, True),
-        (7.95, 3.95, True, True),
-        (8.05, 0.0, False, True),
-        (0.0, -1.1, False, True),
-        (8.5, 0.0, False, False),
-        (0.0, -9.0, False, False),
-        (math.nan, 0.0, False, False),
-        (0.0, math.inf, False, False),
-        (1e308, -1e308, False, False),
-    ],
-)
-def test_inside_wall_and_outside(place: GridMap, x: float, y: float, *, free: bool, covered: bool) -> None:
-    assert place.is_free(x, y) is free
-    assert place.covers(x, y) is covered
-
-
-def test_a_free_goal_stays_where_it_is(place: GridMap) -> None:
-    assert place.free_near(Pose(1.0, 1.0, 0.3), 0.5) == Pose(1.0, 1.0, 0.3)
-
-
-def test_a_goal_in_the_wall_moves_to_the_nearest_free_place(place: GridMap) -> None:
-    near = place.free_near(Pose(8.15, 1.0, 0.3), 0.5)
-    assert near is not None
-    assert place.is_free(near.x, near.y)
-    assert near.x == pytest.approx(7.95)
-    assert (near.y, near.yaw) == pytest.approx((1.0, 0.3))
-
-
-def test_a_goal_too_deep_in_the_wall_or_outside_has_no_place(place: GridMap) -> None:
-    assert place.free_near(Pose(8.15, 1.0, 0.0), 0.1) is None
-    assert place.free_near(Pose(8.3, 1.0, 0.0), 0.5) is None
 
 
 LIMITS = Limits(speed=1.0, acceleration=1.0, yaw_rate=1.5, yaw_acceleration=3.0)

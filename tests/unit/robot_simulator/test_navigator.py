@@ -73,14 +73,6 @@ def driving(goal_id: UUID = A) -> Bench:
     return bench
 
 
-def test_plain_drive() -> None:
-    bench = driving()
-    bench.rounds(50)
-    bench.reach()
-    assert bench.arrays == ["A:2", "A:4"]
-    assert not bench.navigator.busy
-
-
 def test_a_second_goal_while_driving_takes_over_without_a_stop() -> None:
     bench = driving()
     bench.take(B)
@@ -203,14 +195,6 @@ def test_a_cancel_that_comes_with_the_arrival_still_halts() -> None:
     assert bench.arrays == ["A:2", "A:3", "A:5"]
 
 
-def test_rounds_without_a_goal_do_nothing() -> None:
-    bench = Bench()
-    bench.rounds(3, Progress.REACHED)
-    assert bench.arrays == []
-    assert bench.cancel() == 0
-    assert bench.arrays == []
-
-
 class AnyConversation(RuleBasedStateMachine):
     """Requests of all kinds in any order: each accepted goal ends exactly once, with a status that fits."""
 
@@ -302,25 +286,6 @@ START = Pose(0.0, 0.0, 0.0)
 def progress_at(drive: Drive, pose: Pose) -> Progress:
     drive.move_to(pose)
     return drive.progress(pose, 0.0)
-
-
-def test_the_goal_counts_as_reached_within_place_and_heading() -> None:
-    drive = Drive(TARGET, START, GOAL)
-    assert progress_at(drive, Pose(9.7, 0.0, 1.0)) is Progress.UNDERWAY
-    assert progress_at(drive, Pose(9.8, 0.0, 0.7)) is Progress.UNDERWAY
-    assert progress_at(drive, Pose(9.8, 0.0, 0.8)) is Progress.REACHED
-
-
-def test_the_place_once_met_stays_met_while_the_robot_turns() -> None:
-    drive = Drive(TARGET, START, GOAL)
-    drive.move_to(Pose(9.8, 0.0, 0.0))
-    assert progress_at(drive, Pose(9.6, 0.0, 1.0)) is Progress.REACHED
-
-
-def test_headings_agree_across_the_half_turn() -> None:
-    goal = Pose(10.0, 0.0, 3.1)
-    drive = Drive(Target(UUID(int=1), goal), START, goal)
-    assert progress_at(drive, Pose(10.0, 0.0, -3.1)) is Progress.REACHED
 
 
 def test_the_end_of_the_way_counts_and_not_the_goal() -> None:

@@ -199,51 +199,6 @@ def test_the_odometry_does_not_jump_with_an_initial_pose() -> None:
     assert bench.robot.odometry == pytest.approx(before)
 
 
-def test_an_estimate_is_given_while_standing_only_when_it_is_forced() -> None:
-    bench = Bench()
-    assert bench.robot.scan() is not None
-    assert bench.robot.scan() is None
-    bench.robot.force_estimate()
-    assert bench.robot.scan() is not None
-
-
-def test_driving_empties_the_battery() -> None:
-    bench = Bench(battery={"charge": 0.8, "drain_per_km": 10.0, "drain_per_hour": 0.0})
-    bench.take(A, 10.0, 0.0)
-    bench.until_ended()
-    bench.run(2.0)
-    assert bench.robot.battery.charge == pytest.approx(0.7, abs=0.005)
-
-
-def test_unreachable_goals_by_area_and_number() -> None:
-    bench = Bench()
-    bench.apply(faults.Unreachable(circles=(faults.Circle(x=3, y=0, radius=1),), goals=1))
-    bench.take(A, 1.0, 0.0)
-    assert bench.until_ended() == 4
-    bench.take(B, 3.0, 0.0)
-    assert bench.until_ended(B, seconds=0.1) == 6
-    bench.take(UUID(int=3), 3.0, 0.0)
-    assert bench.until_ended(UUID(int=3)) == 4
-
-
-def test_unreachable_goals_elsewhere_are_not_counted() -> None:
-    bench = Bench()
-    bench.apply(faults.Unreachable(circles=(faults.Circle(x=3, y=0, radius=1),), goals=1))
-    bench.take(A, -1.0, 0.0)
-    bench.until_ended()
-    assert bench.robot.faults.on(faults.Unreachable)
-
-
-def test_abort_halfway() -> None:
-    bench = Bench()
-    bench.apply(faults.AbortHalfway(fraction=0.5, goals=1))
-    bench.take(A, 8.0, 0.0)
-    assert bench.until_ended() == 6
-    assert bench.robot.pose.x == pytest.approx(4.0, abs=0.1)
-    bench.take(B, 8.0, 0.0)
-    assert bench.until_ended(B) == 4
-
-
 def test_rejected_goals_leave_no_trace() -> None:
     bench = Bench()
     bench.apply(faults.RejectGoals(goals=1))
@@ -280,16 +235,6 @@ def test_an_inactive_navigator_aborts_and_swallows() -> None:
     assert bench.take(B, 1.0, 0.0)
 
 
-def test_a_foreign_goal_pre_empts_the_own_one() -> None:
-    bench = Bench()
-    bench.take(A, 8.0, 0.0)
-    bench.run(1.0)
-    bench.apply(faults.ForeignGoal(x=0.0, y=4.0), goal_id=B)
-    bench.run(0.05)
-    assert (int(bench.robot.goals(Action.TO_POSE)[A]), int(bench.robot.goals(Action.TO_POSE)[B])) == (6, 2)
-    assert bench.until_ended(B) == 4
-
-
 def test_a_silent_amcl_while_the_robot_drives_well() -> None:
     bench = Bench()
     bench.apply(faults.AmclSilent())
@@ -321,14 +266,6 @@ def test_a_pose_jump_is_seen_in_the_estimates_and_not_in_the_world() -> None:
     assert estimate is not None
     assert (estimate.pose.x, estimate.pose.y) == pytest.approx((2.0, -1.0), abs=0.15)
     assert bench.robot.pose == Pose(0.0, 0.0, 0.0)
-
-
-def test_a_pose_without_numbers() -> None:
-    bench = Bench()
-    bench.apply(faults.NanPose())
-    estimate = bench.robot.scan()
-    assert estimate is not None
-    assert math.isnan(estimate.pose.x)
 
 
 def test_an_unconfigured_navigator_forgets_its_goals_and_the_robot_stops() -> None:

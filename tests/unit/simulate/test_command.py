@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from defusedxml.ElementTree import fromstring
 from typer.testing import CliRunner
 
 from bench.halls import two_halls
 from nena_cli.__main__ import app as nena
 from nena_simulate.__main__ import app
-from nena_simulate.heat_map import heat_map
 
 SHORT = ("--hours", "0.02", "--warm-up", "0.2", "--speed", "3", "--work", "2")
 
@@ -57,28 +54,3 @@ def test_unusable_plant_is_refused_with_a_reason(tmp_path: Path, text: str) -> N
 
     assert result.exit_code == 1
     assert "nena simulate: " in result.output
-
-
-def test_the_picture_shows_where_waiting_is_longest() -> None:
-    plant = two_halls().plant
-    path, point = plant.paths[0].name, plant.points[5].name
-
-    picture = fromstring(heat_map(plant, {path: 3.0, f"{path}:backward": 1.0, point: 2.0}, "halls & doors"))
-
-    lines = [each for each in picture if each.tag.endswith("line")]
-    assert len(lines) == len(plant.paths)
-    assert lines[-1].get("stroke") == "#c92a2a"
-    assert lines[-1][0].text == f"{path}: 4.0"
-    (circle,) = [each for each in picture if each.tag.endswith("circle")]
-    assert circle[0].text == f"{point}: 2.0"
-
-
-def test_version_is_shown() -> None:
-    shown = CliRunner().invoke(app, ["--version"]).stdout
-    assert shown == f"nena-simulate {version('nena-simulate')}\n"
-
-
-def test_help_is_plain_and_fits_a_terminal_of_80_columns() -> None:
-    shown = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "80"}).stdout
-    assert max(map(len, shown.splitlines())) <= 80
-    assert "─" not in shown

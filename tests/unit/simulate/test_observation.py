@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_simulate.observation import Doing, Observed, Words
-from nena_simulate.report import Figures, Report
+from nena_simulate.report import Figures
 
 
 @pytest.mark.parametrize(
@@ -42,15 +42,3 @@ def test_parts_are_reported_as_if_one_had_followed_the_other() -> None:
     assert found.waiting_by_place == {"P1": 33.33}
     assert (found.driven_km, found.empty_share) == (0.08, 0.25)
     assert one.leads == [10.0, 20.0], "parts stay as they were"
-
-
-def test_a_single_part_is_reported_as_it_is() -> None:
-    one = part(10.0, waiting=3, idle=100.0)
-    assert Observed.joined([one]) is one
-
-
-@pytest.mark.parametrize(("parts", "title"), [(1, "hall, seed 5"), (3, "hall, seeds 5 to 7")])
-def test_the_report_names_the_seeds_of_all_parts(parts: int, title: str) -> None:
-    report = Report("hall", 5, (), parts)
-    assert report.to_text().splitlines()[0] == title
-    assert report.to_markdown().splitlines()[0] == f"# {title}"

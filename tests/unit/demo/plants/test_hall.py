@@ -6,7 +6,7 @@ import pytest
 
 from nena_demo.plants.hall import BLOCKED_AISLE, GATE, Hall, make_hall
 from nena_plant_formats.files import read
-from nena_shared.plant import PlantModel, PointType
+from nena_shared.plant import PlantModel
 
 
 def hall(robots: int) -> Hall:
@@ -34,30 +34,6 @@ def test_every_station_is_reachable_from_every_other_also_when_the_aisle_is_bloc
     assert BLOCKED_AISLE in plant.paths_by_name
     for station in stations:
         assert stations <= reachable(plant, station, without=BLOCKED_AISLE)
-
-
-@pytest.mark.parametrize("robots", [1, 12, 52, 200])
-def test_each_robot_starts_at_a_parking_position_of_its_own(robots: int) -> None:
-    made = hall(robots)
-    parking = {(each.x_m, each.y_m) for each in made.plant.points if each.type is PointType.PARK_POSITION}
-    starts = {(each.x, each.y) for each in made.starts}
-
-    assert len(made.plant.vehicles) == len(starts) == robots
-    assert starts <= parking
-
-
-def test_loads_stay_in_a_section_however_large_the_hall_is() -> None:
-    small, large = hall(12), hall(52)
-    assert (len(small.sections), len(large.sections)) == (1, 3)
-
-    for section in (*small.sections, *large.sections):
-        assert (len(section.goods_in), len(section.storage), len(section.goods_out)) == (4, 8, 4)
-    for section in large.sections:
-        names = (*section.goods_in, *section.storage, *section.goods_out)
-        at = [large.plant.locations_by_name[each].x_m for each in names]
-        assert max(at) - min(at) < small.width + 5
-    every = [each for part in large.sections for each in (*part.goods_in, *part.storage, *part.goods_out)]
-    assert len(set(every)) == 3 * 16
 
 
 def test_the_door_opens_before_its_path_and_closes_behind_the_next() -> None:
