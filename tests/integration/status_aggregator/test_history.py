@@ -93,9 +93,3 @@ async def test_history_is_exported_as_files(broker: Broker, interface_name: str,
         assert taken["values"] == {"orderId": "o1", "orderUpdateId": 0}
         nobody = await served.http.get("/api/v1/history.csv?robot=nobody")
         assert nobody.text == "id,time,code,robot,order,text,values\r\n"
-
-
-async def test_disabled_history_names_the_setting(served: Served) -> None:
-    answer = await served.http.get("/api/v1/history")
-    assert answer.status_code == 404
-    assert "--history.url" in answer.json()["detail"]

@@ -103,8 +103,3 @@ async def test_limits_of_reports_are_refused_with_advice(
         monkeypatch.setattr(routes, "WAITING_LIMIT", 0)
         busy = await served.http.get("/api/v1/report")
         assert (busy.status_code, "try again" in busy.json()["detail"]) == (503, True)
-
-
-async def test_disabled_history_has_no_reports(served: Served) -> None:
-    answer = await served.http.get("/api/v1/report")
-    assert (answer.status_code, "--history.url" in answer.json()["detail"]) == (404, True)

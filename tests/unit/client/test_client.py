@@ -23,7 +23,6 @@ from nena_shared.fleet_api.operations import (
     LIST_ORDERS,
     Operation,
 )
-from nena_shared.fleet_api.requests import TransportOrdersQuery
 from nena_shared.fleet_api.transport_order import (
     DeliveryPhase,
     DeliveryStatus,
@@ -31,7 +30,6 @@ from nena_shared.fleet_api.transport_order import (
     Problem,
     TransportOrderBatch,
     TransportOrderRequest,
-    TransportOrderState,
 )
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
@@ -187,21 +185,11 @@ def test_a_creation_gets_a_key_and_keeps_the_one_it_has() -> None:
     assert keyed.arguments["json"]["idempotencyKey"] == "WMS-7"
 
 
-def test_an_empty_key_is_no_key() -> None:
-    made = Call.of(CREATE_ORDER, "", ORDER.model_copy(update={"idempotency_key": None}), {})
-    assert made.arguments["json"]["idempotencyKey"]
-
-
 def test_each_order_of_a_batch_gets_a_key() -> None:
     made = Call.of(CREATE_ORDERS, "", TransportOrderBatch(transport_orders=(ORDER, ORDER)), {})
     keys = [each["idempotencyKey"] for each in made.arguments["json"]["transportOrders"]]
     assert made.repeatable
     assert len(set(keys)) == 2
-
-
-def test_a_query_model_becomes_query_parameters() -> None:
-    query = TransportOrdersQuery(state=[TransportOrderState.FAILED], limit=5, after=None)
-    assert Call.of(LIST_ORDERS, "", query, {}).arguments["params"] == {"state": ["FAILED"], "limit": 5}
 
 
 @pytest.mark.parametrize(

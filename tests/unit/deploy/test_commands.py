@@ -9,7 +9,6 @@ import sys
 import tomllib
 from base64 import b64decode, b64encode
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -37,20 +36,6 @@ def site(tmp_path: Path) -> Path:
 
 def listed(site: Path) -> list[list[str]]:
     return [line.split() for line in run("list", site).stdout.splitlines()[1:]]
-
-
-@pytest.mark.parametrize("option", ["-V", "--version"])
-def test_the_version_is_shown(option: str) -> None:
-    assert run(option).stdout == f"nena-deploy {version('nena-deploy')}\n"
-
-
-def test_a_site_has_its_services(site: Path) -> None:
-    assert [line[0] for line in listed(site)] == ["order-service", "status-aggregator"]
-    configuration = (site / "broker" / "mosquitto.conf").read_text()
-    assert "listener 8884\n" in configuration
-    assert "require_certificate true\n" in configuration
-    assert "allow_anonymous false\n" in configuration
-    assert (site / "authority").stat().st_mode & 0o077 == 0
 
 
 def test_a_broker_may_have_a_long_name(tmp_path: Path) -> None:

@@ -14,10 +14,6 @@ from nena_deploy.identities import (
 )
 
 
-def test_robot_is_named_as_in_its_topics() -> None:
-    assert robot_name("ACME Robots", "AGV-0001") == "ACME Robots/AGV-0001"
-
-
 @pytest.mark.parametrize(
     "level", ["", "a/b", "a+", "#", "a\n", "../x", ".", "$SYS", "x" * 65, " a", "a ", " ", "a\x7f"]
 )
@@ -44,19 +40,6 @@ def test_both_parts_together_fit_into_a_certificate() -> None:
 def test_no_host_has_the_name_of_a_service(name: str) -> None:
     with pytest.raises(IdentityError, match="name of a service"):
         host_name(name)
-
-
-@pytest.mark.parametrize(
-    ("kind", "name", "folder"),
-    [
-        (Kind.ROBOT, "ACME/1", "robots/ACME/1"),
-        (Kind.HOST, "wms", "hosts/wms"),
-        (Kind.DEVICE, "nena/peripherals/Door 1", "devices/Door 1"),
-        (Kind.ORDER_SERVICE, "order-service", "order-service"),
-    ],
-)
-def test_each_has_a_folder(kind: Kind, name: str, folder: str) -> None:
-    assert Identity(kind=kind, name=name, certificate=1).folder == folder
 
 
 def rules_of(kind: Kind, name: str) -> list[str]:
@@ -110,12 +93,3 @@ def test_only_the_order_service_writes_orders() -> None:
     assert [each for each in rules if not each.startswith("read ")] == [
         "write nena/v1/robots/+/+/recordings/answer"
     ]
-
-
-def test_topics_are_those_of_the_site() -> None:
-    topics = SiteTopics(interface_name="site/hall", interface_name_v3="site/v3", prefix="site/nena")
-    text = access_list([Identity(kind=Kind.ROBOT, name="A/1", certificate=1)], topics)
-
-    assert "topic write site/hall/v2/A/1/state\n" in text
-    assert "topic write site/v3/v3/A/1/state\n" in text
-    assert "topic read site/nena/plantModel\n" in text

@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
-from typing import get_args
 
-from nena_robot_simulator import faults
 from nena_robot_simulator.settings import SimulatorSettings
 
 README = Path(__file__).parents[3] / "tools" / "robot_simulator" / "README.md"
@@ -17,12 +15,3 @@ def test_the_settings_that_it_shows_are_settings() -> None:
     (example,) = re.findall(r"```toml\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     settings = SimulatorSettings(**tomllib.loads(example))
     assert [robot.name for robot in settings.robots] == ["alpha", "beta"]
-
-
-def test_it_shows_every_kind_of_fault() -> None:
-    shown = [
-        faults.parse(text) for text in re.findall(r"`(\{\"kind.*?\})`", README.read_text(encoding="utf-8"))
-    ]
-    assert {fault.kind for fault in shown} == {
-        kind.model_fields["kind"].default for kind in get_args(faults.AnyFault)
-    }

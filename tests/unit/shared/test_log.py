@@ -35,16 +35,6 @@ def test_json_lines_hold_event_level_module_time_and_keys() -> None:
     }
 
 
-def test_earlier_loggers_follow_the_configuration() -> None:
-    early = log.get_logger("early")
-    out = io.StringIO()
-    log.configure(LogSettings(form="json"), out)
-
-    early.info("now")
-
-    assert lines(out)[0]["module"] == "early"
-
-
 def test_urls_of_requests_are_not_logged() -> None:
     out = io.StringIO()
     log.configure(LogSettings(level="info"), out)
@@ -52,16 +42,6 @@ def test_urls_of_requests_are_not_logged() -> None:
     logging.getLogger("httpx").info("HTTP Request: POST http://user:secret@host/")
 
     assert out.getvalue() == ""
-
-
-def test_level_cuts_off_below() -> None:
-    out = io.StringIO()
-    log.configure(LogSettings(level="warning", form="json"), out)
-
-    log.get_logger("example").info("not this")
-    log.get_logger("example").error("but this")
-
-    assert [line["event"] for line in lines(out)] == ["but this"]
 
 
 def test_libraries_log_in_the_same_form() -> None:
@@ -151,12 +131,3 @@ def test_a_log_on_a_full_disk_does_not_end_the_program() -> None:
     log.get_logger("a").info("lost", robot="r1")
 
     assert "lost" in log.recent_lines()[-1]
-
-
-def test_a_line_of_text_is_made_once_for_all_its_readers() -> None:
-    out = io.StringIO()
-    log.configure(LogSettings(), out)
-
-    log.get_logger("example").info("assigned", order="o1")
-
-    assert out.getvalue() == f"{log.recent_lines()[-1]}\n"

@@ -103,16 +103,6 @@ def test_exit_status_and_last_lines(
     assert [line for line in lines if not line.startswith("{")] == told
 
 
-def test_bad_setting_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    argv = ["--mqtt.port", "0"]
-
-    assert run(ServiceSettings, end_at_once, program="example", description="", argv=argv) == 2
-
-    assert capsys.readouterr().err == (
-        "example: setting mqtt.port: Input should be greater than or equal to 1\n"
-    )
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_signal_ends_the_process_in_order(number: signal.Signals, tmp_path: Path) -> None:
     file = tmp_path / "example.py"
@@ -220,11 +210,6 @@ async def test_missing_supervisor_is_harmless(tmp_path: Path) -> None:
         task = next(each for each in asyncio.all_tasks() if each.get_name() == "heartbeats")
         await asyncio.wait({task}, timeout=0.05)
         assert not task.done()
-
-
-async def test_without_a_supervisor_there_is_no_task() -> None:
-    async with heartbeats(asyncio.Event(), {}):
-        assert all(each.get_name() != "heartbeats" for each in asyncio.all_tasks())
 
 
 @pytest.mark.parametrize(

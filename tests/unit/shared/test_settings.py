@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import ClassVar
 
@@ -78,20 +77,6 @@ def problems(*argv: str) -> tuple[str, ...]:
     return caught.value.problems
 
 
-def test_defaults_are_enough() -> None:
-    settings = read()
-
-    assert (settings.colour, settings.mqtt.host, settings.http.port) == ("default", "127.0.0.1", 8080)
-
-
-def test_file_is_over_defaults(toml: Path) -> None:
-    toml.write_text('colour = "of the file"\n[mqtt]\nport = 2000\n')
-
-    settings = read("--config", str(toml))
-
-    assert (settings.colour, settings.mqtt.port, settings.mqtt.host) == ("of the file", 2000, "127.0.0.1")
-
-
 def test_environment_is_over_file_and_command_line_over_both(
     toml: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -102,19 +87,6 @@ def test_environment_is_over_file_and_command_line_over_both(
     mqtt = read(f"--config={toml}", "--mqtt.port", "4000").mqtt
 
     assert (mqtt.keep_alive, mqtt.host, mqtt.port) == (30, "environment", 4000)
-
-
-def test_setting_one_value_keeps_other_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NENA_HTTP__HOST", "192.0.2.1")
-
-    assert read().http == HttpSettings(host="192.0.2.1", port=8080)
-
-
-def test_switches(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert read("--loud").loud
-    monkeypatch.setenv("NENA_LOUD", "true")
-    assert read().loud
-    assert not read("--no-loud").loud
 
 
 def test_help_names_every_setting(capsys: pytest.CaptureFixture[str]) -> None:
@@ -139,17 +111,6 @@ def _options(model: type[BaseModel], prefix: str = "") -> list[str]:
         else:
             options.append(prefix + name)
     return options
-
-
-@pytest.mark.parametrize("option", ["-V", "--version"])
-def test_version_needs_no_settings(option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    class Demanding(ServiceSettings):
-        plant: str
-
-    with pytest.raises(SystemExit) as ended:
-        load(Demanding, [option], program="nena-shared", description="")
-    assert ended.value.code == 0
-    assert capsys.readouterr().out == f"nena-shared {version('nena-shared')}\n"
 
 
 def test_a_setting_named_version_needs_a_value(capsys: pytest.CaptureFixture[str]) -> None:
@@ -183,12 +144,6 @@ def test_unknown_name_in_the_file_is_refused(toml: Path) -> None:
     ]
 
 
-def test_unknown_name_in_the_environment_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NENA_MQTT__HOTS", "x")
-
-    assert problems() == ("mqtt.hots: unknown setting",)
-
-
 def test_setting_without_a_default_is_required() -> None:
     class Needy(ServiceSettings):
         plant: Path
@@ -219,13 +174,6 @@ def test_file_that_is_no_toml(toml: Path, content: bytes) -> None:
     assert len(problem) < 1000
 
 
-def test_config_without_a_file_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        read("--config")
-
-    assert "example: error: argument --config: expected one argument" in capsys.readouterr().err
-
-
 def test_bad_json_in_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NENA_MQTT", "{")
 
@@ -253,10 +201,6 @@ def test_password_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "sesame" not in f"{settings} {settings!r} {settings.model_dump_json()}"
 
 
-def test_no_password_is_none() -> None:
-    assert MqttSettings().secret() is None
-
-
 def test_password_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"mqtt\.password_file: .*No such file"):
         MqttSettings(password_file=tmp_path / "none").secret()
@@ -272,11 +216,6 @@ def test_password_file_that_is_empty(tmp_path: Path) -> None:
 
 class Prefixed(SettingsGroup):
     prefix: TopicPrefix
-
-
-@pytest.mark.parametrize("prefix", ["uagv", "site/hall 1"])
-def test_topic_prefix(prefix: str) -> None:
-    assert Prefixed(prefix=prefix).prefix == prefix
 
 
 @pytest.mark.parametrize("prefix", ["", "/uagv", "uagv/", "a/+/b", "a/#", "x" * 201])

@@ -102,20 +102,6 @@ async def test_lost_cancellation_can_be_detected() -> None:
     assert task.cancelled()
 
 
-async def test_ending_no_tasks_is_fine() -> None:
-    await end()
-
-
-async def test_tasks_are_named() -> None:
-    async with Supervisor() as tasks:
-        assert tasks.start("r1 driver", endless()).get_name() == "r1 driver"
-
-
-async def test_waiting_outside_the_supervisor_is_an_error() -> None:
-    with pytest.raises(RuntimeError, match="enter the supervisor"):
-        await Supervisor().wait(asyncio.Event())
-
-
 @pytest.mark.provokes_failures
 async def test_forever_continues_after_a_failure() -> None:
     calls = 0

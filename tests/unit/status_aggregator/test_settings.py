@@ -15,34 +15,7 @@ def loaded(*argv: str) -> AggregatorSettings:
     return load(AggregatorSettings, argv, program="nena-status-aggregator", description="")
 
 
-def test_defaults() -> None:
-    settings = loaded()
-    assert (settings.http.host, settings.http.port) == ("127.0.0.1", 8080)
-    assert (settings.interface_name, settings.topic_prefix) == ("uagv", "nena/v1")
-    assert settings.silence_limit is None
-
-
-def test_single_value_does_not_affect_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NENA_HTTP__HOST", "::1")
-    settings = loaded("--events.backlog", "7", "--silence_limit", "4")
-    assert (settings.http.host, settings.http.port) == ("::1", 8080)
-    assert (settings.events.backlog, settings.events.history) == (7, 1000)
-    assert settings.silence_limit == 4
-
-
-def test_a_wrong_value_is_named() -> None:
-    with pytest.raises(ConfigurationError, match="robots_limit"):
-        loaded("--robots_limit", "0")
-
-
 OIDC = ("--http.oidc.issuer", "https://login.example", "--http.oidc.audience", "nena")
-
-
-def test_an_issuer_is_off_until_it_is_named() -> None:
-    assert loaded().http.oidc is None
-    oidc = loaded(*OIDC).http.oidc
-    assert oidc is not None
-    assert (oidc.issuer, oidc.client_id, oidc.roles["nena-admin"]) == ("https://login.example", None, "admin")
 
 
 def test_a_table_of_roles_is_the_sites_own(tmp_path: Path) -> None:

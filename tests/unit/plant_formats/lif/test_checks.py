@@ -134,9 +134,6 @@ def test_unsupported_content_is_counted_by_kind() -> None:
     ]
 
 
-TURN = 2 * pi
-
-
 def put(raw: Any) -> list[tuple[str, str]]:
     return [(each.code, each.text) for each in repair(raw)]
 
@@ -148,12 +145,6 @@ def test_equal_problems_are_combined_with_count_and_first_place() -> None:
     place = "nodePosition: is missing (found 2 times, first at layouts.0.nodes.0.nodePosition)"
     assert f"layouts.*.nodes.*.{place}" in told
     assert {each.code for each in format_problems(caught.value)} == {"NOT_LIF"}
-
-
-def test_missing_stations_are_none_where_there_is_a_layout() -> None:
-    raw: dict[str, Any] = {"layouts": [{"nodes": [], "edges": []}, {"nodes": []}]}
-    assert put(raw) == []
-    assert raw["layouts"] == [{"nodes": [], "edges": [], "stations": []}, {"nodes": []}]
 
 
 def test_required_of_actions_becomes_their_requirement() -> None:
@@ -179,13 +170,6 @@ def test_unknown_fields_are_named_and_left_unchanged() -> None:
         ("IGNORED", "unknown field 'required' (found 1 times)"),
     ]
     assert raw[1] == {"colour": 2, "required": "perhaps"}
-
-
-@pytest.mark.parametrize("highest", [TURN, -TURN, 0])
-def test_headings_within_a_turn_are_radians(highest: float) -> None:
-    raw = [{"theta": highest}, {"vehicleOrientation": 1.5}]
-    assert put(raw) == []
-    assert raw == [{"theta": highest}, {"vehicleOrientation": 1.5}]
 
 
 @pytest.mark.parametrize("highest", [90, -90, "90", 6.3])
@@ -261,10 +245,6 @@ def test_points_closed_to_a_type_need_not_be_reachable() -> None:
     """It may not be at C, so no way there is wanted, and none that leads through it."""
     own = (open_point("C", "t"), open_path("A C", "t u"), open_path("C A", "t u"))
     assert told_of_reach(A, B, THERE, BACK, *own) == []
-
-
-def test_single_vehicle_type_has_no_reachability_warning() -> None:
-    assert told_of_reach(open_point("A", "t"), open_point("B", "t"), open_path("A B", "t")) == []
 
 
 def test_only_some_of_many_points_are_named() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from math import pi
 from typing import Any
 
@@ -11,16 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_plant_formats.exchange import JsonLimits
-from nena_plant_formats.lif import read, write
+from nena_plant_formats.lif import read
 from nena_plant_formats.lif.document import Station, StationPosition
 from nena_plant_formats.lif.reader import Names, StationMaker
 from nena_shared.plant import ConnectionType, PlantModel, PlantModelError
 from nena_shared.plant.errors import ObjectKind
 from nena_shared.plant.model import NO_OPERATION
 from nena_shared.plant.track import PlantBlockingType, Point, TypeAction, VehicleTypeAtPoint
-from support.cpu import least_cpu
 from support.lif_files import action, edge, layout, lif, lif_of, node, use
-from support.plants import grid_plant, point
+from support.plants import point
 
 RING = (node("A"), node("B", 3, 4), edge("A B"), edge("B A"))
 NO_PARKING = "NO_PARK_POSITION"
@@ -414,17 +412,3 @@ def test_allocated_names_are_unique(wanted: list[str]) -> None:
     assert len({"A", *given_names}) == len(wanted) + 1
     renamed = [one for one, other in zip(wanted, given_names, strict=True) if one != other]
     assert [each.name for each in names.renamed] == renamed
-
-
-MOST_GROWTH = 8.0
-"""For four times as many nodes; what grows with the square of their number takes sixteen times as long."""
-
-
-@pytest.mark.long
-def test_loading_grows_with_the_layout_and_not_faster() -> None:
-    day = datetime(2026, 11, 20, tzinfo=UTC)
-    small, large = (write(grid_plant(side, side), at=day).data for side in (50, 100))
-    model = read(large, strict=True).model
-    assert (len(model.points), len(model.paths)) == (10_000, 39_600)
-
-    assert least_cpu(lambda: read(large), 2) <= MOST_GROWTH * least_cpu(lambda: read(small), 2)

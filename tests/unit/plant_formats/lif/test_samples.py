@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from math import pi
-
 import pytest
 
 from nena_plant_formats.lif import read
 from nena_shared.plant import PlantModelError
-from nena_shared.plant.track import LoadRestriction
 from support.reference import reference_dir
 
 CHARGING = "vdma-10.13-charging-station.lif.json"
@@ -24,16 +21,6 @@ def test_no_sample_fits_the_schema(name: str) -> None:
     with pytest.raises(PlantModelError) as caught:
         read(sample(name), strict=True)
     assert {problem.code for problem in caught.value.problems} == {"NOT_LIF"}
-
-
-def test_the_charging_station_is_one() -> None:
-    model = read(sample(CHARGING)).model
-    (station,) = model.locations
-    assert model.access_points(station.name, "Charge") == ("N_CHARGER",)
-    (use,) = model.path("N_CHARGER-N1").vehicle_types
-    assert use.is_backward
-    assert use.load_restriction == LoadRestriction(unloaded=True, loaded=False)
-    assert use.vehicle_orientation == pytest.approx(pi)
 
 
 def test_the_levels_are_joined_by_edges() -> None:

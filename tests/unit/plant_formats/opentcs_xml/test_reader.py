@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import pytest
 
-from nena_plant_formats.opentcs_xml import read, write
+from nena_plant_formats.opentcs_xml import read
 from nena_plant_formats.opentcs_xml.document import Findings, FormatVersion, XmlObject
 from nena_plant_formats.opentcs_xml.reader import (
     FRAME_TOLERANCE_MM,
@@ -40,8 +40,7 @@ from nena_shared.plant import (
     Vehicle,
     VisualLayout,
 )
-from support.cpu import least_cpu
-from support.plants import grid_plant, opentcs_xml
+from support.plants import opentcs_xml
 
 POINTS = """
 <point name="A" positionX="0" positionY="-5" positionZ="7" vehicleOrientationAngle="90.5"
@@ -174,10 +173,6 @@ def test_everything_else() -> None:
     assert read_model.properties == {"author": "me"}
 
 
-def test_model_survives_json() -> None:
-    assert PlantModel.from_json(model().to_json()) == model()
-
-
 def test_all_errors_are_found_at_once_and_name_their_objects() -> None:
     body = """
     <point name="A" positionX="1.5" positionY="0" positionZ="0" vehicleOrientationAngle="north" type="SOFA"/>
@@ -218,11 +213,6 @@ def test_all_errors_are_found_at_once_and_name_their_objects() -> None:
     for code, name, part in expected:
         assert any(f[:2] == (code, name) and part in f[2] for f in found), (code, name, part, found)
     assert len(found) == len(expected)
-
-
-def test_exception_lists_all_problems() -> None:
-    with pytest.raises(PlantModelError, match=r"2 error\(s\)[\s\S]*block 'X'[\s\S]*block 'Y'"):
-        read(opentcs_xml('<block name="X" type="?"/><block name="Y" type="?"/>'))
 
 
 def test_names_keep_their_spaces() -> None:
@@ -411,25 +401,7 @@ def test_swapped_levels_are_corrected_in_old_files_and_refused_in_new_ones(
     assert ([each.code for each in findings.errors], findings.warnings) == (["THRESHOLDS_CROSSED"], [])
 
 
-def test_equal_levels_are_in_order() -> None:
-    _, findings = vehicle(NEW, **SPEEDS, **LEVELS | {"energyLevelCritical": "80"})
-    assert findings.errors == []
-
-
 @pytest.mark.parametrize("level", ["-1", "101"])
 def test_a_level_is_a_percentage(level: str) -> None:
     _, findings = vehicle(NEW, **SPEEDS, **LEVELS | {"energyLevelGood": level})
     assert "BAD_VALUE" in [each.code for each in findings.errors]
-
-
-MOST_GROWTH = 8.0
-"""For four times as many points; what grows with the square of their number takes sixteen times as long."""
-
-
-@pytest.mark.long
-def test_loading_grows_with_the_plant_and_not_faster() -> None:
-    small, large = (write(grid_plant(side, side)).data for side in (50, 100))
-    model = read(large).model
-    assert (len(model.points), len(model.paths)) == (10_000, 39_600)
-
-    assert least_cpu(lambda: read(large), 2) <= MOST_GROWTH * least_cpu(lambda: read(small), 2)

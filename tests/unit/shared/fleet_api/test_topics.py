@@ -99,7 +99,3 @@ def test_a_name_is_read_from_a_topic_of_an_older_version(name: str) -> None:
     topics = FleetTopics()
     assert topics.name_in(f"nena/v1/transportOrders/{name}/status") == name
     assert topics.robot_of_map(f"nena/v1/robots/ACME/{name}/map") == ("ACME", name)
-
-
-def test_the_record_of_a_leader_keeps_the_levels_of_an_interface_name() -> None:
-    assert FleetTopics().leader("uagv/hall 2.1") == "nena/v1/leader/uagv/hall%202%2E1"

@@ -18,10 +18,6 @@ def with_password(password: str) -> MqttSettings:
     return MqttSettings.model_validate({"username": "robot", "password": password})
 
 
-def test_client_id_without_a_secret_is_the_plain_name() -> None:
-    assert private_client_id("robot-1", MqttSettings()) == "robot-1"
-
-
 def test_it_is_the_same_at_each_start_and_another_one_for_each_name_and_secret(tmp_path: Path) -> None:
     made = {
         private_client_id(name, settings)

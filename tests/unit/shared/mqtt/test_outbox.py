@@ -25,27 +25,6 @@ def test_messages_leave_in_order() -> None:
     assert list(outbox) == drained(outbox) == sent
 
 
-def test_newer_status_replaces_the_older_one_in_place() -> None:
-    outbox = Outbox(limit=10)
-    for message in (status("a", b"old"), status("b", b"1"), status("a", b"new")):
-        outbox.add(message)
-    assert drained(outbox) == [status("a", b"new"), status("b", b"1")]
-
-
-def test_clearing_a_topic_waits_behind_its_last_status() -> None:
-    outbox = Outbox(limit=10)
-    for message in (status("a", b"1"), status("a", b""), status("b", b"1"), status("a", b"")):
-        outbox.add(message)
-    assert drained(outbox) == [status("a", b"1"), status("a", b""), status("b", b"1")]
-
-
-def test_status_after_clearing_prevails() -> None:
-    outbox = Outbox(limit=10)
-    for message in (status("a", b"1"), status("a", b""), status("a", b"2")):
-        outbox.add(message)
-    assert drained(outbox) == [status("a", b"2")]
-
-
 def test_only_messages_that_are_not_retained_are_dropped() -> None:
     outbox = Outbox(limit=2)
     others = [Outbound("b", bytes([number])) for number in range(4)]

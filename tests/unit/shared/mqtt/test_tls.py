@@ -10,10 +10,6 @@ from nena_shared.settings import ConfigurationError, MqttTlsSettings
 from support.certificates import Authority
 
 
-def test_by_default_nothing_is_encrypted() -> None:
-    assert tls_context(MqttTlsSettings()) is None
-
-
 @pytest.mark.parametrize("wish", ["enabled", "ca", "certificate"])
 def test_each_setting_encrypts_and_checks_the_broker(wish: str, tmp_path: Path) -> None:
     authority = Authority(tmp_path)

@@ -199,14 +199,6 @@ def test_unknown_vehicle_type_is_reported_if_the_plant_defines_any(
     assert [problem.code for problem in find_property_warnings(model)] == found
 
 
-def test_a_ring_is_connected() -> None:
-    assert disconnected_points(plant(path("A B"), path("B C"), path("C A"))) == ()
-
-
-def test_a_dead_end_is_not() -> None:
-    assert disconnected_points(plant(path("A B"), path("B C"), path("C A"), path("B D"))) == ("D",)
-
-
 def test_a_reverse_speed_leads_out_of_a_dead_end() -> None:
     model = plant(path("A B"), path("B A"), path("B D", max_reverse_velocity_mm_s=300))
     assert disconnected_points(model) == ()
@@ -223,7 +215,3 @@ def test_the_smaller_part_is_the_one_cut_off() -> None:
     island = plant(path("X Y"), path("Y X"))
     model = PlantModel(name="both", points=(*island.points, *grid.points), paths=(*island.paths, *grid.paths))
     assert disconnected_points(model) == ("X", "Y")
-
-
-def test_empty_model_has_no_unreachable_points() -> None:
-    assert disconnected_points(PlantModel(name="empty")) == ()

@@ -68,11 +68,6 @@ FULL = PlantModel(
 )
 
 
-def test_json_round_trip() -> None:
-    assert PlantModel.from_json(FULL.to_json()) == FULL
-    assert PlantModel.from_json(FULL.to_json().encode()) == FULL
-
-
 @given(
     st.lists(
         st.builds(
@@ -90,29 +85,8 @@ def test_json_preserves_numbers_and_names(points: list[Point]) -> None:
     assert PlantModel.from_json(model.to_json()) == model
 
 
-def test_json_has_camel_case_names_and_writes_defaults_out() -> None:
-    text = plant(path("A B")).to_json()
-    assert '"maxReverseVelocityMmS":0' in text
-    assert '"xMm":0' in text
-    assert "orientationDeg" not in text
-
-
 def test_json_of_a_newer_writer_is_read() -> None:
     assert PlantModel.from_json('{"name": "m", "somethingNew": 1}') == PlantModel(name="m")
-
-
-def test_a_model_cannot_be_changed() -> None:
-    with pytest.raises(ValidationError, match="frozen"):
-        FULL.points[0].__setattr__("x_mm", 7)
-
-
-def test_objects_are_found_by_name() -> None:
-    assert FULL.point("A").x_mm == 1500
-    assert FULL.path("A --- B").length_mm == 1521
-    assert FULL.location("L ").type == "T"
-    assert FULL.vehicle("V").envelope_key == "e"
-    assert FULL.location_type("T").allowed_operations == ("Load", "Unload")
-    assert FULL.blocks_by_name["X"].members == ("A", "A --- B")
 
 
 def test_unknown_name_error_suggests_similar_names() -> None:
@@ -145,11 +119,6 @@ def test_access_points_depend_on_the_operation(operation: str, points: tuple[str
     assert FULL.access_points("L ", operation) == points
 
 
-def test_access_points_of_an_unknown_location() -> None:
-    with pytest.raises(UnknownObjectError, match="no location 'L'"):
-        FULL.access_points("L", "Load")
-
-
 def test_properties_say_how_the_robot_is_reached() -> None:
     vehicle = Vehicle(
         name="V",
@@ -170,14 +139,6 @@ def test_properties_say_how_the_robot_is_reached() -> None:
     assert vehicle.deviation_xy_m == 0.25
     assert vehicle.deviation_theta_rad == pytest.approx(pi)
     assert vehicle.max_velocity_m_s == 1.2
-
-
-def test_vehicle_without_properties_has_no_parameters() -> None:
-    vehicle = Vehicle(name="V")
-    assert vehicle.manufacturer is vehicle.serial_number is vehicle.interface_name is None
-    assert vehicle.protocol_version is vehicle.map_id is None
-    assert vehicle.deviation_xy_m is None
-    assert vehicle.routing_group == ""
 
 
 @pytest.mark.parametrize("value", ["wide", "-1", "nan", "inf", ""])

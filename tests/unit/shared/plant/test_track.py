@@ -44,11 +44,6 @@ def test_box_contains_only_boxes_within_all_sides(outer: BoundingBox, inner: Bou
     assert outer.contains(inner) is (lies_within and inner.height_mm <= outer.height_mm)
 
 
-@given(BOXES)
-def test_a_box_holds_itself(box: BoundingBox) -> None:
-    assert box.contains(box)
-
-
 @pytest.mark.parametrize(
     ("forward", "reverse", "orientations"),
     [
@@ -70,10 +65,6 @@ def test_the_edges_of_a_path_lead_both_ways() -> None:
     assert (forward.source, forward.destination, forward.max_velocity_m_s) == ("A", "B", 1.5)
     assert (backward.source, backward.destination, backward.max_velocity_m_s) == ("B", "A", 0.3)
     assert forward.path is backward.path
-
-
-def test_locked_path_has_edges() -> None:
-    assert len(list(path("A B", locked=True).edges())) == 1
 
 
 def test_a_length_is_at_least_a_millimetre() -> None:

@@ -6,7 +6,6 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from nena_shared.vda5050.malformed import (
-    PROBLEMS_SHOWN,
     REFERENCE_LENGTH,
     MalformedMessageError,
     problems_of,
@@ -42,11 +41,6 @@ def test_readable_fields_identify_the_message() -> None:
 )
 def test_unreadable_or_empty_references_are_omitted(payload: bytes) -> None:
     assert MalformedMessageError("order", [], payload).references == {}
-
-
-def test_only_the_first_problems_are_listed() -> None:
-    error = MalformedMessageError("order", [str(number) for number in range(PROBLEMS_SHOWN + 3)])
-    assert error.problems == tuple(map(str, range(PROBLEMS_SHOWN)))
 
 
 def test_findings_name_the_path_of_the_field() -> None:

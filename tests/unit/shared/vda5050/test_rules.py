@@ -37,10 +37,6 @@ def kept(values: type[StrEnum], told: list[StrEnum]) -> frozenset[StrEnum]:
     return frozenset(value for value, other in zip(values, told, strict=True) if value is other)
 
 
-def test_every_version_has_a_row() -> None:
-    assert list(RULES) == list(CODECS)
-
-
 @pytest.mark.clause("6.6.6/STARTUP")
 @EACH_VERSION
 def test_operating_modes(version: str, neutral: State) -> None:

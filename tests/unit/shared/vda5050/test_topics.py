@@ -53,7 +53,3 @@ def test_robot_is_read_back_from_its_topic(
 
     assert scheme.robot_of(scheme.of(robot, topic)) == robot
     assert topic_matches_sub(scheme.for_all(topic), scheme.of(robot, topic))
-
-
-def test_robot_is_named_by_maker_and_number() -> None:
-    assert str(ROBOT) == "ACME/0001"

@@ -17,16 +17,6 @@ from nena_shared.vda5050.versions import (
 )
 
 
-def test_all_supported_versions() -> None:
-    assert list(CODECS)[:4] == ["2.0.0", "2.1.0", "3.0.0", "3.0.1"]
-
-
-@pytest.mark.parametrize("version", CODECS)
-def test_codec_of_a_version_is_in_the_folder_of_its_name(version: str) -> None:
-    codec = codec_for(version)
-    assert (codec.version, codec.major_version) == (version, f"v{version[0]}")
-
-
 def test_unsupported_version_error_lists_supported_ones() -> None:
     with pytest.raises(
         UnknownVersionError, match=r"'1\.1\.0' .* 2\.0\.0, 2\.1\.0, 3\.0\.0, 3\.0\.1"
@@ -48,11 +38,6 @@ def test_unsupported_version_error_lists_supported_ones() -> None:
 )
 def test_topics_of_a_version(version: str, interface: str | None, topic: str) -> None:
     assert topics_for(version, interface).of(RobotKey("ACME", "1"), Topic.STATE) == topic
-
-
-def test_topics_of_an_unknown_version() -> None:
-    with pytest.raises(UnknownVersionError):
-        topics_for("4.0.0")
 
 
 @pytest.mark.clause("7.2/version")

@@ -91,11 +91,3 @@ async def test_metrics_are_compressed_for_clients_that_accept_gzip(client: httpx
 )
 def test_accept_encoding_header(header: str, *, taken: bool) -> None:
     assert takes_gzip(header) is taken
-
-
-@pytest.mark.usefixtures("populated")
-async def test_metrics(client: httpx.AsyncClient) -> None:
-    answer = await client.get("/metrics")
-    assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
-    assert 'nena_robots{condition="IDLE"} 1.0' in answer.text
-    assert "process_resident_memory_bytes" in answer.text

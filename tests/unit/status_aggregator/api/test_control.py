@@ -139,16 +139,6 @@ async def test_only_what_the_panel_changes_accepts_put(
     assert far.asked == []
 
 
-async def test_integration_level_is_set(client: httpx.AsyncClient, far: Far) -> None:
-    await client.put("/vehicles/R1/integrationLevel", json={"integrationLevel": "TO_BE_RESPECTED"})
-    assert far.asked == [("PUT", "/v1/vehicles/R1/integrationLevel", {"integrationLevel": "TO_BE_RESPECTED"})]
-
-
-async def test_schedule_is_switched(client: httpx.AsyncClient, far: Far) -> None:
-    await client.put("/schedules/Night%20shift/enabled", json={"enabled": False})
-    assert far.asked == [("PUT", "/v1/schedules/Night%20shift/enabled", {"enabled": False})]
-
-
 async def test_problems_of_the_order_service_are_forwarded_unchanged(client: httpx.AsyncClient) -> None:
     answer = await client.post("/vehicles/taken/dispatch", json={"point": "A"})
     assert (answer.status_code, answer.headers["content-type"]) == (409, "application/problem+json")

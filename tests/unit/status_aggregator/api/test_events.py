@@ -5,23 +5,14 @@ import json
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
 
-import httpx
 import pytest
 
 from nena_shared.tasks import end
 from nena_shared.web import server_sent_events
-from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.settings import EventSettings
 from support.pausing import time_passes
 from support.waiting import PATIENCE
-
-
-async def test_client_limit_is_reported(client: httpx.AsyncClient, aggregator: Aggregator) -> None:
-    aggregator.events.clients = 1
-    answer = await client.get("/api/v1/events")
-    assert (answer.status_code, answer.json()["title"]) == (503, "Service Unavailable")
-
 
 Events = list[tuple[str, str]]
 

@@ -13,13 +13,6 @@ from support.clocks import ManualClock
 from support.fleet_examples import ROBOT, factsheet, peripheral_job, peripheral_status, sample_plant
 
 
-async def test_an_empty_fleet(client: httpx.AsyncClient) -> None:
-    fleet = (await client.get("/api/v1/fleet")).json()
-    assert fleet["robots"] == fleet["orders"] == []
-    assert fleet["plant"] is None
-    assert fleet["link"] == {"connected": False, "since": None}
-
-
 @pytest.mark.usefixtures("populated")
 async def test_the_fleet_with_the_age_of_states(client: httpx.AsyncClient, clock: ManualClock) -> None:
     clock.advance(7.5)

@@ -10,7 +10,6 @@ from nena_shared.fleet_api.traffic import TrafficWait, WaitCause
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.condition import (
-    TEXTS,
     Condition,
     ConditionInputs,
     RosSession,
@@ -301,10 +300,6 @@ def test_charging_while_there_is_nothing_else() -> None:
 def test_braces_of_a_robots_text_do_no_harm() -> None:
     errors = ({"error_type": "{x}", "error_level": "FATAL", "error_description": "{0} {type}"},)
     assert conclude_of(errors=errors)[1] == "{x}: {0} {type}"
-
-
-def test_all_sentences_end_as_sentences_do() -> None:
-    assert [text for text in TEXTS.values() if text[-1] not in ".?}"] == []
 
 
 BLIND = state(errors=({"error_type": "NAVIGATION_NOT_AVAILABLE", "error_level": "WARNING"},))

@@ -21,11 +21,6 @@ def action(status: str, name: str = "a1") -> dict[str, Any]:
     return {"action_id": name, "action_type": "pick", "action_status": status, "action_result": "box 7"}
 
 
-def test_nothing_happens_between_equal_states() -> None:
-    fields = {"order_id": "o1", "errors": (ERROR,), "action_states": (action("RUNNING"),), **way("B")}
-    assert changes_of(state(**fields), state(9, driving=True, **fields)) == {}
-
-
 def test_first_state_only_raises_errors() -> None:
     first = state(order_id="o1", errors=(ERROR,), action_states=(action("FINISHED"),), **way("B"))
     assert changes_of(None, first) == {

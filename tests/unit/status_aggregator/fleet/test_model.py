@@ -336,19 +336,6 @@ def test_deltas_connect_snapshots_for_any_messages(
         assert len(snapshot["orders"]) <= 3
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.lists(EVENTS, max_size=40))
-def test_replay_is_deterministic(events: list[Event]) -> None:
-    results = []
-    for _ in range(2):
-        fleet = FleetModel(ModelLimits(robots=4, orders=3))
-        for number, event in enumerate(events):
-            happen(fleet, event, at(number))
-        fleet.flush(at(len(events)))
-        results.append(fleet.snapshot())
-    assert results[0] == results[1]
-
-
 def test_conditions_advance_without_clients_and_the_next_delta_is_complete() -> None:
     fleet = model(silence=5)
     fleet.on_state(ROBOT, state(), at(0))
@@ -366,13 +353,6 @@ def test_conditions_advance_without_clients_and_the_next_delta_is_complete() -> 
 
 
 A, B, C = (RobotKey("ACME", name) for name in "abc")
-
-
-def test_robot_is_added_once() -> None:
-    register = RobotRegistry(2, None)
-    first, _ = register.find_or_add(A, at(0))
-    assert register.find_or_add(A, at(1)) == (first, None)
-    assert len(register) == 1
 
 
 def test_new_robot_is_refused_while_none_is_silent() -> None:

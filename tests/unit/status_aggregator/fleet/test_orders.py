@@ -115,7 +115,3 @@ def test_progress_counts_destinations() -> None:
     operating = drive_order("Packing", "Unload", DriveOrderState.OPERATING, ("A", "B"))
     status = order_status(drive_orders=(done, operating), current_drive_order_index=1)
     assert progress(status, "B") == 95
-
-
-def test_progress_before_the_order_is_planned() -> None:
-    assert progress(order_status(drive_orders=(), current_drive_order_index=-1), None) == 0

@@ -1,12 +1,10 @@
 from __future__ import annotations
 
 from datetime import timedelta
-from pathlib import Path
 from typing import Any
 
 import pytest
 from sqlalchemy import Engine, update
-from sqlalchemy.exc import OperationalError
 
 from nena_status_aggregator.fleet.events import Code, Event
 from nena_status_aggregator.history import database
@@ -121,12 +119,6 @@ def test_a_password_that_is_written_wrongly_is_not_repeated(end: str) -> None:
     with pytest.raises(HistoryError, match="unusable") as caught:
         database.make_engine(f"postgresql+psycopg://user:{end}/history")
     assert "secret" not in f"{caught.value}{caught.value.__cause__}"
-
-
-def test_missing_folder_is_a_database_error(tmp_path: Path) -> None:
-    engine = database.make_engine(f"sqlite:///{tmp_path / 'missing' / 'history.db'}")
-    with pytest.raises(OperationalError):
-        database.prepare(engine)
 
 
 def test_the_tables_are_those_that_a_history_of_today_has() -> None:

@@ -78,16 +78,6 @@ def test_figures_of_a_state() -> None:
     }
 
 
-def test_unreported_values_are_absent() -> None:
-    assert figures(robot())["r1"].keys() == {
-        "nena_robot_condition",
-        "nena_robot_condition_age_seconds",
-        "nena_robot_distance_meters_total",
-        "nena_robot_states_total",
-        "nena_robot_malformed_total",
-    }
-
-
 def test_odd_names_are_escaped() -> None:
     odd = RobotKey("A\\C", 'r"2\nx')
     assert figures(robot(odd))[odd.serial_number]["nena_robot_condition"] == 1

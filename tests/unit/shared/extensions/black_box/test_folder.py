@@ -79,7 +79,3 @@ def test_a_sent_file_is_kept_and_can_be_sent_again(tmp_path: Path) -> None:
     folder.mark_sent(name)
     assert names(folder) == []
     assert (tmp_path / "sent" / name).is_file()
-
-
-def test_marking_a_removed_file_is_harmless(tmp_path: Path) -> None:
-    OutgoingFolder(tmp_path, keep=3, keep_bytes=1000).mark_sent("001.mcap")

@@ -10,25 +10,6 @@ from nena_shared.extensions.black_box.ring import DOCUMENT_SIZE, ENTRY_OVERHEAD,
 STATE = Channel("uagv/v2/ACME/1/state")
 
 
-def test_entries_older_than_the_time_are_removed() -> None:
-    ring = Ring(seconds=10.0, limit=100_000)
-    for second in range(30):
-        ring.add(STATE, b"%d" % second, float(second))
-
-    assert [each.payload for each in ring.entries(29.0)] == [b"%d" % each for each in range(19, 30)]
-    assert ring.entries(100.0) == []
-    assert (ring.size, ring.displaced) == (0, 0)
-
-
-def test_without_room_the_oldest_goes_and_is_counted() -> None:
-    ring = Ring(seconds=1000.0, limit=5 * (ENTRY_OVERHEAD + 10))
-    for number in range(8):
-        ring.add(STATE, b"%010d" % number, 0.0)
-
-    assert [each.payload for each in ring.entries(0.0)] == [b"%010d" % number for number in range(3, 8)]
-    assert ring.displaced == 3
-
-
 def test_a_payload_that_would_replace_most_others_is_left_out() -> None:
     ring = Ring(seconds=10.0, limit=10_000)
     ring.add(STATE, b"small", 0.0)
@@ -36,13 +17,6 @@ def test_a_payload_that_would_replace_most_others_is_left_out() -> None:
 
     assert [each.payload for each in ring.entries(0.0)] == [b"small"]
     assert ring.too_large == 1
-
-
-def test_payloads_are_not_copied() -> None:
-    ring, payload = Ring(seconds=10.0, limit=10_000), bytes(100)
-    ring.add(STATE, payload, 0.0)
-
-    assert ring.entries(0.0)[0].payload is payload
 
 
 @given(st.lists(st.tuples(st.integers(0, 3000), st.floats(0, 5)), max_size=60))

@@ -182,16 +182,6 @@ def test_condition_from_before_the_range_lasts_to_its_end(shift: Engine) -> None
     assert [robot["utilisation"] for robot in found["robots"]] == [0.0, None]
 
 
-@pytest.mark.parametrize("years", [-10, 10])
-def test_range_without_events(engine: Engine, years: int) -> None:
-    database.write(engine, [Event(SIX, Code.LINK, "Connected.", values={"connected": True, "started": True})])
-    since = SIX.replace(year=SIX.year + years)
-    found = report(engine, since, since + timedelta(hours=1))
-    assert (found["recordedSince"] is None) == (years < 0)
-    assert (found["orders"]["finished"], found["orders"]["leadTimeP50"]) == (0, None)
-    assert (found["robots"], found["failures"], found["utilisation"]) == ([], [], None)
-
-
 def test_empty_history(engine: Engine) -> None:
     found = report(engine)
     assert (found["recordedSince"], found["recordedSeconds"]) == (None, 0)
@@ -226,26 +216,3 @@ def test_failures_are_limited(engine: Engine, monkeypatch: pytest.MonkeyPatch) -
     ]
     database.write(engine, errors)
     assert [each["cause"] for each in report(engine)["failures"]] == ["e5", "e1", "e2"]
-
-
-def test_cost_does_not_multiply_with_the_number_of_outages(engine: Engine) -> None:
-    """A flapping connection to the broker must not occupy the reports for hours."""
-    start, steps = datetime(2026, 1, 1, tzinfo=UTC), [0]
-    made = []
-    for number in range(1000):
-        at = start + timedelta(seconds=number)
-        if number % 10 == 0:
-            made.append(Event(at, Code.LINK, "", values={"connected": True, "started": True}))
-        values: dict[str, Any] = {"condition": "BUSY" if number % 2 else "IDLE", "reason": "r"}
-        made.append(Event(at, Code.CONDITION, "", "A/1", values=values))
-    database.write(engine, made)
-
-    def count() -> None:
-        steps[0] += 1000
-
-    if engine.dialect.name == "sqlite":
-        with engine.connect() as connection:
-            connection.connection.driver_connection.set_progress_handler(count, 1000)  # type: ignore[union-attr]
-    found = report(engine, start, start + timedelta(seconds=1000))
-    assert found["recordedSeconds"] < 1000
-    assert steps[0] < 1_000_000, "steps of SQLite's virtual machine"

@@ -82,12 +82,6 @@ def test_killed_run_ends_with_its_last_event() -> None:
     assert outages([first, down(10), up(50, before=30, started=True)], END) == [Outage(10, 50, restart=True)]
 
 
-def test_first_connection_of_the_history_is_no_outage() -> None:
-    assert outages([up(0, started=True)], END) == []
-    assert outages([up(50, before=30)], END) == [], "what was before it is unknown"
-    assert outages([], END) == []
-
-
 def test_longest_outages_are_kept() -> None:
     links = [up(0, started=True)]
     for number in range(OUTAGES_KEPT + 1):
