@@ -136,7 +136,7 @@ class OrderWithdrawnError(RefusedError):
 
     def __init__(self, name: str) -> None:
         super().__init__(
-            f"Transport order {name!r} is already withdrawn. It ends when its vehicle has released it."
+            f"Transport order {name!r} is already withdrawn and ends as soon as its vehicle stops."
         )
 
 
@@ -342,7 +342,7 @@ class NoBlackBoxError(RefusedError):
     refusal = Refusal.NO_BLACK_BOX
 
     def __init__(self) -> None:
-        super().__init__("The order service records nothing. Set black_box.enabled, and restart it.")
+        super().__init__("Recording is off. Set black_box.enabled and restart the order service.")
 
 
 class RecordingNotWrittenError(RefusedError):

@@ -1,4 +1,4 @@
-"""Schedules in the API: transport orders that are created again and again."""
+"""Schedules in the API: recurring transport orders."""
 
 from __future__ import annotations
 

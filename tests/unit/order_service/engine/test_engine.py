@@ -185,7 +185,7 @@ async def test_vehicle_with_a_changed_reason_is_published_once(engine: Engine, f
     engine.look()
     engine.look()
     assert [status.name for status in ear.vehicles[2:]] == ["V1"]
-    assert "for other vehicles" in ear.vehicles[-1].reason
+    assert ear.vehicles[-1].reason == "idle: no waiting order suits it"
     fleet.at["V2"] = "D"
     engine.look()
     assert engine.status(engine.registry.discover(key("V2"))).transport_order == "T"

@@ -584,7 +584,7 @@ async def test_an_order_ends_after_the_required_operation_of_its_last_movement(
     order = status_of(site.engine, "T-1")
     assert order.state is TransportOrderState.BEING_PROCESSED
     assert order.reason == (
-        "vehicle V1 is done at destination 1 of 1, but it waits for peripheral 'Door' to acknowledge 'close'"
+        "vehicle V1 completed destination 1 of 1, but it waits for peripheral 'Door' to acknowledge 'close'"
     )
 
     location, asked = site.door.asked[-1]

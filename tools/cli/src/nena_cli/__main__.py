@@ -49,7 +49,7 @@ COMMANDS: Final = {
     "explain": Command("nena_cli.diagnosis", "explain", "Show why an order or a vehicle is waiting."),
     "orders": Command("nena_cli.orders", "app", "Transport orders."),
     "sequences": Command("nena_cli.sequences", "app", "Order sequences."),
-    "schedules": Command("nena_cli.schedules", "app", "Schedules: orders that are created again and again."),
+    "schedules": Command("nena_cli.schedules", "app", "Schedules: recurring orders."),
     "vehicles": Command("nena_cli.vehicles", "app", "Vehicles."),
     "dispatch": Command("nena_cli.dispatch", "dispatch", "Send a vehicle to a destination."),
     "traffic": Command("nena_cli.traffic", "traffic", "Show where vehicles will be in the next minute."),

@@ -1,4 +1,4 @@
-"""``nena schedules``: transport orders that are created again and again."""
+"""``nena schedules``: recurring transport orders."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Schedules: transport orders that are created again and again."""
+"""Schedules: recurring transport orders."""
 
 from __future__ import annotations
 

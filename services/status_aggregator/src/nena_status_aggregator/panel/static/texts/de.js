@@ -58,7 +58,7 @@ export const TEXTS = {
   "stops.all.paused": "Alle Roboter pausiert von {by} um {time}",
   "stops.area.paused": "Bereich pausiert von {by} um {time}",
   "stops.count": "{paused} von {count} Robotern pausiert",
-  "stops.area.none": "Kein Roboter darin; andere bleiben draußen",
+  "stops.area.none": "Keine Roboter darin; andere können nicht hineinfahren",
   "stops.all.none": "Noch kein Roboter verbunden",
   "stops.notPaused": "Nicht pausiert:",
   "stops.end": "Beenden …",

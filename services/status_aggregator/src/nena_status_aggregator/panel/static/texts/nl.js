@@ -58,7 +58,7 @@ export const TEXTS = {
   "stops.all.paused": "Alle robots gepauzeerd door {by} om {time}",
   "stops.area.paused": "Gebied gepauzeerd door {by} om {time}",
   "stops.count": "{paused} van {count} robots gepauzeerd",
-  "stops.area.none": "Geen robot erin; andere blijven erbuiten",
+  "stops.area.none": "Geen robots erin; andere kunnen er niet in",
   "stops.all.none": "Nog geen robot verbonden",
   "stops.notPaused": "Niet gepauzeerd:",
   "stops.end": "Beëindigen …",
