@@ -122,7 +122,7 @@ class Energy:
         return self.level >= wanted and not self.critical
 
     def restriction(self, *, fully: bool) -> Reason | None:
-        """Return, as a predicate, why it only takes orders to recharge; empty if it takes any order.
+        """Return, as a predicate, why it only takes orders to recharge; None if it takes any order.
 
         ``fully``: a charging vehicle continues until it is fully recharged, not just sufficiently. The text
         stays the same while the energy changes.
@@ -153,7 +153,7 @@ def type_priority(accepted: Iterable[AcceptableOrderType], order_type: str) -> i
 
 
 def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -> Reason | None:
-    """Return, as a predicate, why a vehicle takes no orders of this type; empty if it does."""
+    """Return, as a predicate, why a vehicle takes no orders of this type; None if it does."""
     if type_priority(accepted, order_type) is not None:
         return None
     if not accepted:
@@ -174,7 +174,7 @@ class Carried:
     """Load positions that only take loads of one type, by type."""
 
     def why_no_room(self, pick: Pick) -> Reason | None:
-        """Return, as a predicate, why there is no room for a load; empty if there may be.
+        """Return, as a predicate, why there is no room for a load; None if there may be.
 
         A vehicle without known load positions has one; a load without a position may be on any of them.
         """
@@ -264,7 +264,7 @@ class DispatchedVehicle(NamedTuple):
         return inf if priority is None else priority
 
     def why_not(self, order: TransportOrder, *, recharges: bool, pick: Pick | None = None) -> Reason | None:
-        """Return, as a predicate, why it does not take this order now; empty if it may.
+        """Return, as a predicate, why it does not take this order now; None if it may.
 
         ``recharges``: the order's next operation is to recharge. ``pick``: the load that it is to pick up
         first; None: it drops something before, or picks up nothing.

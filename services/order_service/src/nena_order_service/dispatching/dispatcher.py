@@ -258,7 +258,7 @@ class Knowledge(Protocol):
         ...
 
     def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
-        """Return why a vehicle must not execute an order, regardless of its current work; empty if it may.
+        """Return why a vehicle must not execute an order, regardless of its current work; None if it may.
 
         The answer is the same for all orders of one :class:`OrderKind`.
         """
@@ -387,7 +387,7 @@ class _Fleet:
         return self._kept.get(order.number, order.status.intended_vehicle)
 
     def why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> Reason | None:
-        """Return why a vehicle does not take an order; empty if it does."""
+        """Return why a vehicle does not take an order; None if it does."""
         if self.intended(order) not in (None, vehicle.name):
             return NOT_INTENDED
         knowledge = self._knowledge

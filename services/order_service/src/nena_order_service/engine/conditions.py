@@ -56,7 +56,7 @@ class Sequences:
             self._put(sequence.bound(vehicle, self._clock.now()))
 
     def why_waiting(self, order: TransportOrder) -> Reason | None:
-        """Return what an order waits for in its sequence; empty if it does not wait."""
+        """Return what an order waits for in its sequence; None if it does not wait."""
         sequence = self._of(order)
         if sequence is None or sequence.next_order in (None, order.name):
             return None
@@ -80,7 +80,7 @@ class Sequences:
         return failed, sequence.next_order
 
     def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
-        """Return why a vehicle must not execute an order because of a sequence; empty if it may."""
+        """Return why a vehicle must not execute an order because of a sequence; None if it may."""
         bound, sequence = self._sequences.of_vehicle(vehicle), self._of(order)
         if bound and bound is not sequence:
             return Reason(R.BOUND_TO_SEQUENCE, sequence=bound.name)
@@ -153,7 +153,7 @@ class Dependencies:
                 del self._dependents[name]
 
     def why_waiting(self, order: TransportOrder) -> Reason | None:
-        """Return what an order waits for; empty if it does not wait."""
+        """Return what an order waits for; None if it does not wait."""
         names = sorted(self._waits_for.get(order.number, ()))
         if not names:
             return None

@@ -96,7 +96,7 @@ class RestartGate:
 
     @property
     def reason(self) -> Reason | None:
-        """Why nothing is sent yet; empty when the gate is open."""
+        """Why nothing is sent yet; None when the gate is open."""
         if self.is_open:
             return None
         missing = self._missing()
@@ -152,7 +152,7 @@ class Pauses:
         return not self._orders.get(self._numbers[vehicle.name]).held and not self.why(vehicle)
 
     def why(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return why a vehicle cannot continue; empty if it can, or if its order is on hold."""
+        """Return why a vehicle cannot continue; None if it can, or if its order is on hold."""
         order = self._orders.get(self._numbers[vehicle.name])
         status = order.status
         if status.held:
@@ -214,7 +214,7 @@ class Mobility:
         return not works and not self.movable(name)
 
     def misplaced(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return why a vehicle cannot be where it says; empty if it can."""
+        """Return why a vehicle cannot be where it says; None if it can."""
         try:
             self._context.planner.standing(vehicle, self._context.view(vehicle))
         except TooFarError as error:
@@ -224,7 +224,7 @@ class Mobility:
         return None
 
     def why_it_stays(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return why a vehicle cannot start to drive for its order; empty if it can."""
+        """Return why a vehicle cannot start to drive for its order; None if it can."""
         view = self._context.view(vehicle)
         if not view.availability.can_take_order:
             return Reason(R.ROBOT, view.availability.reason)
@@ -480,7 +480,7 @@ class Driving:
             self.end_early(drive, partial=True)
 
     def wait_reason(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return what a vehicle waits for with its order; empty if it does not wait."""
+        """Return what a vehicle waits for with its order; None if it does not wait."""
         drive = self._drives.sent.get(vehicle.key)
         if drive and drive.relocation:
             return Reason(R.MAKES_ROOM_FIRST)
@@ -512,13 +512,13 @@ class Driving:
         )
 
     def obstacle(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return, as a predicate, why its drive or position keeps a vehicle from orders; or empty."""
+        """Return, as a predicate, why its drive or position keeps a vehicle from orders; or None."""
         if self._traffic.route_of(vehicle.name):
             return Reason(R.MAKES_ROOM)
         return self.positions.obstacle(vehicle)
 
     def stopped(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return, as a predicate, why a stop keeps a vehicle from new orders; empty if none does."""
+        """Return, as a predicate, why a stop keeps a vehicle from new orders; None if none does."""
         stop = self._stops.stop_of(vehicle)
         return Reason(R.IS_STOPPED, stop.text) if stop else None
 

@@ -88,7 +88,7 @@ def _one_by_one(policy: Iterable[FailureStep]) -> Iterator[FailureStep]:
 
 
 def _objection(step: FailureStep, situation: Situation) -> Reason | None:
-    """Return why a measure does not apply; empty if it does."""
+    """Return why a measure does not apply; None if it does."""
     if step.do.last:
         return None
     if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):

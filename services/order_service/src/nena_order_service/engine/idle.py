@@ -96,7 +96,7 @@ class IdleVehicles:
             self._attend(vehicle, seen, record, round_)
 
     def note(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return why an idle vehicle cannot recharge or park although it should; empty otherwise."""
+        """Return why an idle vehicle cannot recharge or park although it should; None otherwise."""
         record = self._idle.get(vehicle.name)
         if record and record.note and record.parking_note:
             return Reason(R.ALL, record.note, record.parking_note)

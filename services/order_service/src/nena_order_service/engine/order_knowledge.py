@@ -50,7 +50,7 @@ class OrderFit:
         self.records.change(vehicle.key, acceptable_order_types=types)
 
     def why_unsuitable(self, order: TransportOrder, vehicle: FleetVehicle) -> Reason | None:
-        """Return, as a predicate, why a vehicle must not execute an order; empty if it may."""
+        """Return, as a predicate, why a vehicle must not execute an order; None if it may."""
         if vehicle.name in order.status.excluded_vehicles:
             return Reason(R.FAILED_BEFORE)
         why = self.sequences.why_unsuitable(order, vehicle.name)
@@ -97,7 +97,7 @@ class OrderKnowledge:
         return (*excluded, meant) if meant and meant not in excluded else excluded
 
     def why_unsuitable(self, order: TransportOrder, vehicle: str) -> Reason | None:
-        """Return, as a predicate, why a vehicle must never execute an order; empty if it may."""
+        """Return, as a predicate, why a vehicle must never execute an order; None if it may."""
         known = self._registry.named(vehicle)
         return None if known is None or order.status.automatic else self._fit.why_unsuitable(order, known)
 

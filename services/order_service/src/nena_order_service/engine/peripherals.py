@@ -175,7 +175,7 @@ class Peripherals:
         return Reason(R.TO_EXECUTE, operation=status.operation)
 
     def note(self, vehicle: str) -> Reason | None:
-        """Return for which device a vehicle waits; empty if it waits for none."""
+        """Return for which device a vehicle waits; None if it waits for none."""
         job = self._jobs.named(self.waiting.get(vehicle, ""))
         return self.wait_for(job) if job else None
 

@@ -103,7 +103,7 @@ class Positions:
             self._doubted[vehicle.name] = self._clock.monotonic()
 
     def unseen(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return, as a predicate, that others are not kept away from a vehicle that reports; or empty."""
+        """Return, as a predicate, that others are not kept away from a vehicle that reports; or None."""
         unseen = self._counts(vehicle) and vehicle.name not in self._traffic
         return Reason(R.UNSEEN_BY_TRAFFIC) if unseen and self._view(vehicle).link in SPEAKS else None
 
@@ -113,7 +113,7 @@ class Positions:
         return sighting is not None and sighting.standing is not None and vehicle.name in self._traffic
 
     def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> Reason | None:
-        """Return, as a predicate, why a vehicle's level or position keeps it from taking orders; or empty.
+        """Return, as a predicate, why a vehicle's level or position keeps it from taking orders; or None.
 
         ``working``: it already has an order, which it finishes at TO_BE_RESPECTED, too.
         """

@@ -226,7 +226,7 @@ class Stops:
         return VehicleStop(name=stop.name, by=stop.by, reason=stop.reason, area=stop.area is not None)
 
     def why(self, vehicle: FleetVehicle) -> Reason | None:
-        """Return why a vehicle does not drive for its order because of a stop; empty if it may."""
+        """Return why a vehicle does not drive for its order because of a stop; None if it may."""
         if not self._stops:
             return None
         if stop := self.stop_of(vehicle):
@@ -335,7 +335,7 @@ class Stops:
         return vehicle.key not in self._state.vehicles and self._context.fleet.connected_for() >= patience
 
     def _why_not_paused(self, vehicle: FleetVehicle, view: RobotView) -> Reason | None:
-        """Return, as a predicate, why a robot does not report that it is paused; empty if it does."""
+        """Return, as a predicate, why a robot does not report that it is paused; None if it does."""
         if view.link is not LinkStatus.UNKNOWN:
             if view.link is not LinkStatus.ONLINE or view.state is None or view.stale:
                 return view.availability.reason or Reason.of(f"is {view.link}")

@@ -323,7 +323,7 @@ class OrderExecution:
     def at_end_with_nodes(self, state: State) -> Reason | None:
         """Return, as a predicate, why the order of a robot at its last node is not finished.
 
-        Empty unless the robot still reports nodes or edges.
+        None unless the robot still reports nodes or edges.
         """
         last = self.vda_order.nodes[-1]
         at_end = (state.last_node_id, state.last_node_sequence_id) == (last.node_id, last.sequence_id)

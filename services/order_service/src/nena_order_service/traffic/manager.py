@@ -248,7 +248,7 @@ class TrafficManager:
         return (route and route.refusal) or self._refusals.get(vehicle)
 
     def why_waiting(self, vehicle: str) -> Reason | None:
-        """Return why a vehicle waits for traffic; empty if it does not."""
+        """Return why a vehicle waits for traffic; None if it does not."""
         refusal = self.refusal(vehicle)
         return refusal.in_words() if refusal else None
 
@@ -282,7 +282,7 @@ class TrafficManager:
                     yield vehicle
 
     def sharing(self, vehicle: str) -> Reason | None:
-        """Return, as a predicate, which vehicle stands on the same resource; empty if there is none."""
+        """Return, as a predicate, which vehicle stands on the same resource; None if there is none."""
         shared = self.scheduler.sharing(vehicle) if vehicle in self.scheduler else None
         return Reason(R.SHARES, at=shared[1], vehicle=shared[0]) if shared else None
 

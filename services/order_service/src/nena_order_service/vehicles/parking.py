@@ -39,7 +39,7 @@ class Prospect:
     """Whether others are asked to make room if there is no other route to a position."""
 
     def why_not(self, point: str) -> Reason | None:
-        """Return why the vehicle cannot park at a point; empty if it can."""
+        """Return why the vehicle cannot park at a point; None if it can."""
         if self.taken(point):
             return Reason(R.IS_TAKEN)
         if self.cost(point) == inf:

@@ -26,7 +26,7 @@ class FleetVehicle:
     model: Vehicle | None
     """Its data in the plant model; None: it is not in the model."""
     obstacle: Reason | None = None
-    """Why it never gets orders, as a predicate; empty if it may."""
+    """Why it never gets orders, as a predicate; None if it may."""
 
 
 class VehicleRegistry:
@@ -147,7 +147,7 @@ def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
 
 
 def why_not_on(map_id: str, state: State) -> Reason | None:
-    """Return, as a predicate, why a robot cannot drive on a map; empty if it can, or reports no maps."""
+    """Return, as a predicate, why a robot cannot drive on a map; None if it can, or reports no maps."""
     if not state.maps or not map_id:
         return None
     versions = [each for each in state.maps if each.map_id == map_id]
