@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from nena_order_service.api.orders import delivery_status
 from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView, VdaOrderPhase
+from nena_shared.fleet_api.reasons import Reason
 from nena_shared.fleet_api.transport_order import DeliveryPhase
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.topics import RobotKey
@@ -14,14 +15,14 @@ VIEW = RobotView(
     key=RobotKey("NeNa", "V-1"),
     link=LinkStatus.ONLINE,
     vehicle_state=VehicleState.EXECUTING,
-    availability=Availability(can_take_order=False, reason="has an order"),
+    availability=Availability(can_take_order=False, reason=Reason.of("has an order")),
     state=None,
     state_at=None,
     factsheet=None,
     malformed=0,
     order_id="T-1-0",
     order_phase=VdaOrderPhase.SENT,
-    wait_reason="no state echoes it yet",
+    wait_reason=Reason.of("no state echoes it yet"),
 )
 
 

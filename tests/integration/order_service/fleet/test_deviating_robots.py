@@ -83,7 +83,7 @@ async def test_a_robot_with_unreadable_messages_is_not_silent(broker: Broker, in
 
         def reason() -> str:
             robot.report()
-            return fleet.fleet.view(ROBOT).availability.reason
+            return str(fleet.fleet.view(ROBOT).availability.reason)
 
         await until(lambda: "are unreadable" in reason(), what="a reason")
         assert reason() == (

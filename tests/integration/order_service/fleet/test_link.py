@@ -121,7 +121,7 @@ async def test_an_order_that_is_never_acknowledged_fails(hasty_fleet: WiredFleet
     fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
     failed = await fleet.wait_for("VdaOrderFailed")
     assert isinstance(failed, VdaOrderFailed)
-    assert failed.reason == "the order was sent 5 times, but the robot never accepted it"
+    assert str(failed.reason) == "the order was sent 5 times, but the robot never accepted it"
     await until(lambda: robot.received["m"] == 5, what="each sending at the robot")
 
 
@@ -222,7 +222,7 @@ async def test_a_vda_order_outlives_a_restart_of_the_broker(own_broker: Broker, 
         fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B", "C"))
         await fleet.wait_for("VdaOrderAccepted")
         own_broker.kill()
-        await until(lambda: "no connection" in fleet.fleet.view(ROBOT).wait_reason, what="the note")
+        await until(lambda: "no connection" in str(fleet.fleet.view(ROBOT).wait_reason), what="the note")
         fleet.fleet.cancel_vda_order(ROBOT)
         own_broker.restart()
         await until(lambda: robot.link.state.connects >= 2, what="the robot's return")

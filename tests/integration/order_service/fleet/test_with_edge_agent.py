@@ -80,7 +80,7 @@ async def test_an_operation_that_the_robot_cannot_do_is_refused(
         await start(fleet, "m-0", "C", "dance")
         failed = await fleet.wait_for("VdaOrderFailed")
     assert isinstance(failed, VdaOrderFailed)
-    assert failed.reason == (
+    assert str(failed.reason) == (
         "the robot cannot execute the order: its factsheet does not list the action 'dance'"
     )
 

@@ -10,6 +10,7 @@ from nena_order_service.engine.status import essentials, vehicle_status
 from nena_order_service.fleet.position import RobotProfile
 from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.vehicle import (
     ANY_ORDER_TYPE,
     IntegrationLevel,
@@ -105,14 +106,14 @@ def view(**fields: Any) -> RobotView:
         key=key,
         link=LinkStatus.ONLINE,
         vehicle_state=VehicleState.IDLE,
-        availability=Availability(can_take_order=True, reason=""),
+        availability=Availability(can_take_order=True, reason=Reason(ReasonCode.IS_FREE)),
         state=state(robot=key, **fields),
         state_at=0.0,
         factsheet=None,
         malformed=0,
         order_id=None,
         order_phase=None,
-        wait_reason="",
+        wait_reason=None,
     )
 
 
