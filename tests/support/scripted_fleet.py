@@ -29,6 +29,7 @@ from nena_order_service.routing.router import RouteFinder, Router
 from nena_order_service.store.database import Changes, Unfinished
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
+from nena_shared.fleet_api.reasons import Reason, ReasonCode
 from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.plant import PlantModel, Vehicle
@@ -199,20 +200,26 @@ class ScriptedFleet:
         busy = robot in self.missions
         free = here and not busy and robot.serial_number not in self.out_of_order
         told = here and robot.serial_number not in self.mute
+        note = self.notes.get(robot.serial_number)
         return RobotView(
             key=robot,
             link=self._link(robot.serial_number),
             vehicle_state=_vehicle_state(free=free, busy=here and busy),
-            availability=Availability(free, "" if free else "is busy" if busy else "is offline"),
+            availability=Availability(free, self._reason(robot.serial_number, free=free, busy=busy)),
             state=self._state(robot) if told else None,
             state_at=self.engine.clock.monotonic() + 0.001 if here and self.engine else None,
             factsheet=self.factsheets.get(robot.serial_number),
             order_id=None,
             order_phase=None,
-            wait_reason=self.notes.get(robot.serial_number, "") if busy else "",
+            wait_reason=Reason.of(note) if busy and note else None,
             malformed=0,
             stale=robot.serial_number in self.stale,
         )
+
+    def _reason(self, name: str, *, free: bool, busy: bool) -> Reason:
+        if name in self.at and name in self.mute | self.stale:
+            return Reason(ReasonCode.STATELESS)
+        return Reason.of("is free" if free else "is busy" if busy else "is offline")
 
     def _link(self, name: str) -> LinkStatus:
         if name in self.at:

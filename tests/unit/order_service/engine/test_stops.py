@@ -180,8 +180,8 @@ async def restarted_engine(fleet: ScriptedFleet) -> Engine:
     ("fleet", "reason"),
     [
         (ScriptedFleet({}, unheard={"V1"}), "has not confirmed the pause yet"),
-        (ScriptedFleet({"V1": "P-0-0"}, mute={"V1"}), "is ONLINE"),
-        (ScriptedFleet({"V1": "P-0-0"}, stale={"V1"}), "is ONLINE"),
+        (ScriptedFleet({"V1": "P-0-0"}, mute={"V1"}), "has not reported its state yet"),
+        (ScriptedFleet({"V1": "P-0-0"}, stale={"V1"}), "has not reported its state yet"),
     ],
     ids=["unheard", "without a state", "stale"],
 )

@@ -338,7 +338,7 @@ class Stops:
         """Return, as a predicate, why a robot does not report that it is paused; None if it does."""
         if view.link is not LinkStatus.UNKNOWN:
             if view.link is not LinkStatus.ONLINE or view.state is None or view.stale:
-                return view.availability.reason or Reason.of(f"is {view.link}")
+                return view.availability.reason
             if view.state.paused:
                 return None
         attempt = self._attempts.get(vehicle.key)
