@@ -39,7 +39,7 @@ async def test_an_order_waits_until_its_type_is_accepted_also_after_a_restart() 
     engine.look()
     said = "accepts no orders of type 'Transport', only 'Charge', 'Park'"
     assert status_of(engine, "T").reason == f"waits for a vehicle: each of them {said}"
-    assert "of types that it does not accept" in engine.status(vehicle).reason
+    assert "no waiting order suits it" in engine.status(vehicle).reason
 
     engine.accept_order_types(vehicle, ())
     assert status_of(engine, "T").reason.endswith("each of them accepts no orders of any type")
